@@ -1,0 +1,119 @@
+"""The condensed contact problem: its data, the four states, Coulomb's law at the nodes, the residual.
+
+Notation of Ahn & Barber (2008): ``v``, ``w`` are the tangential and normal displacements of a contact
+node, ``Q``, ``P`` the tangential and normal reactions on the body (``P > 0`` is compression), and
+
+    r = sum_k lambda_k r*_k + K u,   r = [Q; P],   u = [v; w]        (eqs. 11 and 12).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class State(IntEnum):
+    """The four states of a contact node, numbered as in section 2 of the paper."""
+
+    STICK = 1
+    SEPARATION = 2
+    FORWARD_SLIP = 3
+    BACKWARD_SLIP = 4
+
+
+STATE_NAMES = {s: s.name.lower().replace("_", " ") for s in State}
+
+
+@dataclass(frozen=True)
+class ContactSystem:
+    """An elastic body (or half of a mirror-symmetric one) condensed to its N contact nodes.
+
+    Attributes:
+        x: (N,) position along the contact edge, increasing.
+        points: (N, 2) coordinates of the nodes.
+        weight: (N,) integral of N_i over the modelled contact edge: tractions are Q/weight, P/weight.
+        K: (2N, 2N) condensed stiffness, symmetric, order [v; w] (eq. 12). For ``kind = "normal"``
+            (N, N), the tangential displacements having been eliminated at Q = 0.
+        r_star: (n_loads, 2N) reactions to each unit load with all contact nodes held (eq. 11);
+            (n_loads, N) for ``kind = "normal"``.
+        load_names: n_loads names.
+        f: (N,) coefficient of friction.
+        g0: (N,) initial gap, >= 0.
+        held: (2N,) contact degrees of freedom fixed by symmetry or support.
+        rigid: (2N, n) rigid motions on the contact that supports and symmetry leave, each with
+            largest entry 1; n may be 0.
+        half: True when the nodes are the half x >= 0 of a contact symmetric about x = 0.
+        kind: "frictional" or "normal".
+        slip_map: for ``kind = "normal"`` (N, N + n_loads), with v = slip_map @ [w; lambda]; else None.
+        load_compliance: (n_loads, n_loads) work-conjugate displacement of load k under unit load l,
+            contact held.
+        load_sign: (n_loads,) -1 for force-like loads, +1 for prescribed displacements:
+            load_displacement = load_compliance @ lambda + load_sign * (r_star @ u).
+        scene_toml: text of the scene that the system was condensed from, "" when made by hand.
+    """
+
+    x: Array
+    points: Array
+    weight: Array
+    K: Array
+    r_star: Array
+    load_names: tuple[str, ...]
+    f: Array
+    g0: Array
+    held: NDArray[np.bool_]
+    rigid: Array
+    half: bool = False
+    kind: str = "frictional"
+    slip_map: Array | None = None
+    load_compliance: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    load_sign: Array = field(default_factory=lambda: np.zeros(0))
+    scene_toml: str = ""
+
+    @property
+    def n(self) -> int:
+        """Number N of contact nodes in the model."""
+        return len(self.x)
+
+
+@dataclass
+class ContactState:
+    """Displacements, reactions and states of all contact nodes at one instant.
+
+    Attributes:
+        u: (2N,) displacements [v; w].
+        r: (2N,) reactions [Q; P] on the body.
+        state: (N,) values of :class:`State`.
+    """
+
+    u: Array
+    r: Array
+    state: NDArray[np.int8]
+
+    @property
+    def v(self) -> Array:
+        """(N,) tangential displacement."""
+        return self.u[: len(self.state)]
+
+    @property
+    def w(self) -> Array:
+        """(N,) normal displacement, away from the plane."""
+        return self.u[len(self.state) :]
+
+    @property
+    def Q(self) -> Array:
+        """(N,) tangential reaction on the body."""
+        return self.r[: len(self.state)]
+
+    @property
+    def P(self) -> Array:
+        """(N,) normal reaction on the body, compression positive."""
+        return self.r[len(self.state) :]
+
+    def copy(self) -> ContactState:
+        """Return an independent copy."""
+        return ContactState(self.u.copy(), self.r.copy(), self.state.copy())
