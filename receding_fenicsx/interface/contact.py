@@ -8,11 +8,13 @@ node, ``Q``, ``P`` the tangential and normal reactions on the body (``P > 0`` is
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
 
 Array = NDArray[np.float64]
 
@@ -117,3 +119,158 @@ class ContactState:
     def copy(self) -> ContactState:
         """Return an independent copy."""
         return ContactState(self.u.copy(), self.r.copy(), self.state.copy())
+
+
+@dataclass
+class Leg:
+    """One straight piece of the load path, traced by any method.
+
+    Attributes:
+        end: state at its end.
+        dissipation: (N,) frictional dissipation at each node.
+        work: integral of sum_k lambda_k r*_k . du along the leg, for the energy identity.
+        residual: largest residual of the contact law over ``force_scale``.
+        force_scale: largest nodal force of the history so far.
+        samples: (s, state) pairs, s increasing to 1.
+        events: (s, node, old state, new state), s not decreasing.
+        sweeps: Gauss-Seidel sweeps spent.
+    """
+
+    end: ContactState
+    dissipation: Array
+    work: float = 0.0
+    residual: float = 0.0
+    force_scale: float = 0.0
+    samples: list[tuple[float, ContactState]] = field(default_factory=list)
+    events: list[tuple[float, int, int, int]] = field(default_factory=list)
+    sweeps: int = 0
+
+
+def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
+    """Return r = sum_k lambda_k r*_k + K u (eq. 11), evaluated afresh.
+
+    Args:
+        system: the condensed body.
+        load: (n_loads,) load factors.
+        u: displacements in the order of ``system.K``.
+
+    Returns:
+        Reactions in the same order.
+    """
+    return load @ system.r_star + system.K @ u
+
+
+def law_residual(
+    system: ContactSystem, r: Array, u: Array, slip: Array, stiffness: tuple[Array, Array]
+) -> Array:
+    """Return the natural-map residual of the contact law, node by node, as a force.
+
+    Normal: P - max(0, P - k_n g). Tangential: Q - clip(Q - k_t dv, -f P+, f P+), P+ = max(P, 0).
+    Both vanish exactly when Signorini's and Coulomb's conditions hold (eqs. 4 to 10).
+
+    Args:
+        system: the condensed body, ``kind = "frictional"``.
+        r: (2N,) reactions.
+        u: (2N,) displacements.
+        slip: (N,) tangential displacement of the step or segment, from the point of first contact for
+            a node that was open at its start.
+        stiffness: (N,) tangential and normal stiffness that weigh a displacement against a force.
+
+    Returns:
+        (2N,) absolute residual, tangential part first; zero at held degrees of freedom.
+    """
+    n = system.n
+    k_t, k_n = stiffness
+    Q, P = r[:n], r[n:]
+    limit = system.f * np.maximum(P, 0.0)
+    tangential = np.abs(Q - np.clip(Q - k_t * slip, -limit, limit))
+    normal = np.abs(P - np.maximum(0.0, P - k_n * (system.g0 + u[n:])))
+    both = np.concatenate([tangential, normal])
+    both[system.held] = 0.0
+    return both
+
+
+def local_stiffness(system: ContactSystem) -> tuple[Array, Array]:
+    """Return the diagonals (K_tt)_ii and (K_nn)_ii, the local stiffnesses k_i of the residual."""
+    diagonal = np.diagonal(system.K)
+    return diagonal[: system.n].copy(), diagonal[system.n :].copy()
+
+
+def eliminate_tangential(system: ContactSystem) -> ContactSystem:
+    """Condense a frictionless contact (f = 0 at every node) to its normal displacements.
+
+    With Q = 0 eq. (11) gives v = -K_tt^+ (K_tn w + sum lambda Q*), hence
+    K = K_nn - K_nt K_tt^+ K_tn and r* = P* - K_nt K_tt^+ Q*. A body that is free to slide has a
+    rigid motion in K_tt; it is pinned at v = 0 on average, which is allowed only when no load has
+    a resultant along it.
+
+    Args:
+        system: ``kind = "frictional"``, f = 0 everywhere.
+
+    Returns:
+        The system of ``kind = "normal"`` with its ``slip_map``.
+
+    Raises:
+        InputError: if a load pushes the body along a rigid motion that nothing resists.
+    """
+    n = system.n
+    free = np.flatnonzero(~system.held[:n])
+    K_tt = system.K[np.ix_(free, free)]
+    K_tn = system.K[free, n:]
+    Q_star = system.r_star[:, free].T
+    slides = _tangential_rigid(system, free)
+    if slides is not None:
+        resultant = np.abs(slides @ Q_star)
+        if np.any(resultant > SLIDE_TOLERANCE * np.abs(Q_star).sum(axis=0)):
+            name = system.load_names[int(np.argmax(resultant))]
+            raise InputError(
+                f"load '{name}' pushes the frictionless body along the plane and nothing resists it: "
+                "add a [[support]] or friction"
+            )
+        K_tt = K_tt + np.outer(slides, slides) * (np.trace(K_tt) / len(free))
+    mapped = -np.linalg.solve(K_tt, np.hstack([K_tn, Q_star]))
+    slip_map = np.zeros((n, n + len(system.load_names)))
+    slip_map[free] = mapped
+    K = system.K[n:, n:] + K_tn.T @ mapped[:, :n]
+    return replace(
+        system,
+        K=0.5 * (K + K.T),
+        r_star=system.r_star[:, n:] + (K_tn.T @ mapped[:, n:]).T,
+        kind="normal",
+        slip_map=slip_map,
+    )
+
+
+SLIDE_TOLERANCE = 1e-10
+"""Load resultant along a free rigid sliding, over the sum of its reactions, that counts as zero."""
+
+
+def _tangential_rigid(system: ContactSystem, free: NDArray[np.intp]) -> Array | None:
+    """Return the unit vector of a rigid motion with w = 0 on the free tangential nodes, or None."""
+    n = system.n
+    if system.rigid.shape[1] == 0:
+        return None
+    # combinations of the rigid modes whose normal part vanishes
+    _, values, right = np.linalg.svd(system.rigid[n:])
+    rank = int(np.sum(values > SLIDE_TOLERANCE * max(1.0, values.max(initial=0.0))))
+    null = right[rank:]
+    if len(null) == 0:
+        return None
+    mode = (system.rigid[:n] @ null.T)[free, 0]
+    return mode / np.linalg.norm(mode)
+
+
+def frictional_form(system: ContactSystem) -> ContactSystem:
+    """Return a system of ``kind = "normal"`` in the 2N layout that the solvers share.
+
+    The eliminated tangential degrees of freedom become held ones without stiffness or coupling.
+    """
+    if system.kind == "frictional":
+        return system
+    n, n_loads = system.n, len(system.load_names)
+    K = np.zeros((2 * n, 2 * n))
+    K[n:, n:] = system.K
+    held = system.held.copy()
+    held[:n] = True
+    r_star = np.hstack([np.zeros((n_loads, n)), system.r_star])
+    return replace(system, K=K, r_star=r_star, held=held, kind="frictional")

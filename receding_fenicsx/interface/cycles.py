@@ -1,0 +1,150 @@
+"""Quantities of whole cycles: the steady state, its kind, trends and power laws."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.contact import Array
+
+RATCHET_TOLERANCE = 1e-6
+"""Displacement gained per period over the largest slip range of a cycle that counts as ratchetting."""
+
+SHAKEDOWN_TOLERANCE = 1e-6
+"""Dissipation of a cycle over that of cycle 1 below which the contact has shaken down."""
+
+
+@dataclass(frozen=True)
+class PowerLaw:
+    """Least-squares fit of |y| = c N^exponent.
+
+    Attributes:
+        exponent: slope of log |y| over log N.
+        uncertainty: its standard error.
+    """
+
+    exponent: float
+    uncertainty: float
+
+
+def fit_power_law(N: Array, y: Array) -> PowerLaw:
+    """Fit |y| = c N^exponent through non-zero values (the paper's Fig. 8).
+
+    Raises:
+        ValueError: fewer than three non-zero values.
+    """
+    N, y = np.asarray(N, float), np.abs(np.asarray(y, float))
+    used = y > 0.0
+    if used.sum() < 3:
+        raise ValueError("a power law needs at least three non-zero values")
+    (slope, _), covariance = np.polyfit(np.log(N[used]), np.log(y[used]), 1, cov=True)
+    return PowerLaw(float(slope), float(np.sqrt(covariance[0, 0])))
+
+
+def limit_of_decay(values: Array) -> tuple[str, float, float]:
+    """Extrapolate a slowly converging sequence from its last differences.
+
+    The differences are fitted over the second half of the sequence by a power N^-m and by a rate
+    exp(-a N); the better fit is summed to infinity.
+
+    Args:
+        values: (n,) sequence, n >= 8.
+
+    Returns:
+        "power" or "rate", the exponent (negative) or the factor per term, and the limit; the limit
+        is nan when the fitted differences have no finite sum.
+    """
+    steps = np.diff(values)
+    N = np.arange(2, len(values) + 1, dtype=float)
+    keep = (N > len(values) / 2) & (steps != 0.0)
+    if keep.sum() < 3:
+        return "rate", 0.0, float(values[-1])
+    log_steps = np.log(np.abs(steps[keep]))
+    fits = {name: np.polyfit(t, log_steps, 1, full=True) for name, t in
+            (("power", np.log(N[keep])), ("rate", N[keep]))}
+    name = min(fits, key=lambda key: float(fits[key][1][0]) if len(fits[key][1]) else 0.0)
+    slope = float(fits[name][0][0])
+    last, n = float(steps[-1]), float(N[-1])
+    if name == "power":
+        rest = last * n / (-slope - 1.0) if slope < -1.0 else np.nan
+        return name, slope, float(values[-1] + rest)
+    ratio = float(np.exp(slope))
+    rest = last * ratio / (1.0 - ratio) if ratio < 1.0 else np.nan
+    return name, ratio, float(values[-1] + rest)
+
+
+class SteadyWatch:
+    """Compares the ends of successive cycles and says when, and how, the response repeats itself.
+
+    A_n = max |r(end of cycle n) - r(end of n - T)| / max |r| for T = 1 and 2 cycles. The state is
+    steady at the first n with A_n below the tolerance for two periods running.
+    """
+
+    def __init__(self, tolerance: float) -> None:
+        """Start with no cycles seen; ``tolerance`` bounds A_n."""
+        self.tolerance = tolerance
+        self.ends: list[tuple[Array, Array]] = []
+        self.change: list[float] = []
+        self.change_2: list[float] = []
+        self.cycle, self.period, self.kind = -1, 1, "not reached"
+
+    def start(self, r: Array, v: Array) -> None:
+        """Remember the start of cycle 1."""
+        self.ends = [(r.copy(), v.copy())]
+
+    def add(self, r: Array, v: Array, slip_range: float, dissipation: float, first: float) -> bool:
+        """Take the end of the next cycle; return True once a steady state has been found.
+
+        Args:
+            r: reactions at the end of the cycle.
+            v: (N,) tangential displacements there.
+            slip_range: largest range of v of any node within the cycle.
+            dissipation: dissipation of this cycle.
+            first: dissipation of cycle 1.
+        """
+        scale = float(np.abs(r).max())
+        self.change.append(_relative(r, self.ends[-1][0], scale))
+        self.change_2.append(_relative(r, self.ends[-2][0], scale) if len(self.ends) > 1 else np.inf)
+        self.ends = [*self.ends[-2:], (r.copy(), v.copy())]
+        if self.cycle < 0:
+            for period, needed, change in ((1, 2, self.change), (2, 4, self.change_2)):
+                if len(change) >= needed and max(change[-needed:]) < self.tolerance:
+                    self.cycle, self.period = len(self.change), period
+                    gain = np.abs(v - self.ends[-1 - period][1]).max()
+                    self.kind = _kind(float(gain), slip_range, dissipation, first)
+                    break
+        return self.cycle >= 0
+
+
+def _relative(a: Array, b: Array, scale: float) -> float:
+    return float(np.abs(a - b).max()) / scale if scale > 0.0 else 0.0
+
+
+def _kind(gain: float, slip_range: float, dissipation: float, first: float) -> str:
+    """Name the steady state (section 1.2 of the paper)."""
+    if slip_range > 0.0 and gain > RATCHET_TOLERANCE * slip_range:
+        return "ratchetting"
+    if slip_range == 0.0 or dissipation <= SHAKEDOWN_TOLERANCE * first:
+        return "shakedown"
+    return "cyclic slip"
+
+
+def slip_exponents(
+    slip_increment: Array, cycles: tuple[int, int], nodes: NDArray[np.bool_]
+) -> list[PowerLaw]:
+    """Fit the slip increment per cycle over a range of cycles at each of the chosen nodes.
+
+    Args:
+        slip_increment: (n, N) slip increments, row 0 being cycle 1.
+        cycles: first and last cycle of the fit, inclusive.
+        nodes: (N,) nodes to fit; nodes that do not move in every one of the cycles are passed over.
+
+    Returns:
+        One fit per node.
+    """
+    N = np.arange(cycles[0], min(cycles[1], len(slip_increment)) + 1)
+    rows = slip_increment[N - 1]
+    moving = nodes & np.all(rows != 0.0, axis=0)
+    return [fit_power_law(N, rows[:, i]) for i in np.flatnonzero(moving)]

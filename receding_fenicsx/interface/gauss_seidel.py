@@ -1,0 +1,383 @@
+"""The frictional Gauss-Seidel method of Ahn & Barber (2008), section 2.2 and Fig. 3.
+
+The displacements of one node at a time are updated, those of the others held. At each node the last
+state is assumed, its equations (4), (6), (8) or (10) are solved, the inequalities (5), (7), (9), (10)
+are checked, and on a violation the state is changed and the node solved again. Sweeps end when
+eq. (16) *and* the residual of the contact law, evaluated afresh, are under their tolerances.
+
+Two optional accelerations leave the answer alone: over-relaxation of slipping and separated
+nodes, and a polish: once the states have settled, one direct solve with these states.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.linalg.blas import daxpy
+
+from receding_fenicsx.errors import NotConverged
+from receding_fenicsx.interface.contact import (
+    Array,
+    ContactState,
+    ContactSystem,
+    Leg,
+    State,
+    law_residual,
+    local_stiffness,
+    reactions,
+)
+
+STICK, SEPARATION = int(State.STICK), int(State.SEPARATION)
+FORWARD, BACKWARD = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)
+
+SETTLE_SWEEPS = 2
+"""Sweeps without a change of state after which a polish is tried."""
+
+CHECK_SWEEPS = 10
+"""Sweeps between two evaluations of the residual when eq. (16) alone is not yet met."""
+
+
+@dataclass(frozen=True)
+class GaussSeidelOptions:
+    """Options of the sweeps.
+
+    Attributes:
+        over_relaxation: factor on the update of slipping and separated nodes; 1 is plain.
+        polish: solve directly once the states have settled.
+        change_tolerance: eq. (16), last change of a displacement over the step's largest displacement.
+        residual_tolerance: residual of the contact law over the history's largest nodal force.
+        max_sweeps: sweeps after which the step is given up with an error.
+    """
+
+    over_relaxation: float = 1.5
+    polish: bool = True
+    change_tolerance: float = 1e-10
+    residual_tolerance: float = 1e-12
+    max_sweeps: int = 20000
+
+
+@dataclass(frozen=True)
+class Step:
+    """An accepted load step.
+
+    Attributes:
+        end: displacements, reactions and states at the end of the step.
+        dissipation: (N,) frictional dissipation, -(Q_old + Q_new)/2 (v_new - v_start).
+        residual: residual of the contact law over ``force_scale``.
+        force_scale: largest nodal force of the history so far.
+        sweeps: number of sweeps.
+    """
+
+    end: ContactState
+    dissipation: Array
+    residual: float
+    force_scale: float
+    sweeps: int
+
+
+def solve_step(
+    system: ContactSystem,
+    start: ContactState,
+    load: Array,
+    options: GaussSeidelOptions,
+    force_scale: float = 0.0,
+) -> Step:
+    """Advance the contact from ``start`` to the load factors ``load`` in one step.
+
+    Args:
+        system: the condensed body, ``kind = "frictional"``.
+        start: state at the start of the step.
+        load: (n_loads,) load factors at the end of the step.
+        options: tolerances and accelerations.
+        force_scale: largest nodal force of the history so far.
+
+    Returns:
+        The accepted step.
+
+    Raises:
+        NotConverged: the sweeps ran out; the message holds the residual and the worst node.
+    """
+    sweeper = _Sweeper(system, start, load, options)
+    stiffness = local_stiffness(system)
+    omega = options.over_relaxation
+    settled = since_check = 0
+    residual, worst, best = np.inf, 0, np.inf
+    for sweep in range(1, options.max_sweeps + 1):
+        changed, change = sweeper.sweep(omega)
+        settled = 0 if changed else settled + 1
+        since_check += 1
+        if options.polish and settled >= SETTLE_SWEEPS:
+            sweeper.polish()
+            settled = 0
+        elif (
+            change > options.change_tolerance
+            and since_check < CHECK_SWEEPS
+            and sweep < options.max_sweeps
+        ):
+            continue
+        since_check = 0
+        residual, worst, scale = sweeper.residual(stiffness, force_scale)
+        if residual <= options.residual_tolerance and (
+            change <= options.change_tolerance or sweeper.polished
+        ):
+            return sweeper.accept(residual, scale, sweep)
+        # over-relaxation has no convergence proof with friction: return to plain sweeps on growth
+        if residual > 10 * best:
+            omega = 1.0
+        best = min(best, residual)
+    node = worst % system.n
+    raise NotConverged(
+        f"Gauss-Seidel stopped after {options.max_sweeps} sweeps at load factors {load.tolist()}: "
+        f"residual {residual:.1e} at node {node} (x = {system.x[node]:.6g}), tolerance "
+        f"{options.residual_tolerance:.1e}; take more steps per leg, more sweeps, or method events"
+    )
+
+
+def trace_leg(
+    system: ContactSystem,
+    start: ContactState,
+    ends: tuple[Array, Array],
+    options: GaussSeidelOptions,
+    steps: int,
+    force_scale: float,
+) -> Leg:
+    """Follow one leg in ``steps`` equal load steps.
+
+    Args:
+        system: the condensed body, ``kind = "frictional"``.
+        start: state at the leg's start.
+        ends: load factors at its start and end, (n_loads,) each.
+        options: tolerances and accelerations.
+        steps: number of load steps.
+        force_scale: largest nodal force of the history so far.
+
+    Returns:
+        The traced leg, with one sample and the changes of state per step.
+
+    Raises:
+        NotConverged: a step's sweeps ran out.
+    """
+    n = system.n
+    leg = Leg(end=start, dissipation=np.zeros(n), force_scale=force_scale)
+    load = ends[0]
+    for k in range(1, steps + 1):
+        s = k / steps
+        next_load = ends[1] if k == steps else (1.0 - s) * ends[0] + s * ends[1]
+        step = solve_step(system, leg.end, next_load, options, leg.force_scale)
+        leg.work += float(0.5 * (load + next_load) @ system.r_star @ (step.end.u - leg.end.u))
+        leg.events += [
+            (s, int(i), int(leg.end.state[i]), int(step.end.state[i]))
+            for i in np.flatnonzero(leg.end.state != step.end.state)
+        ]
+        leg.dissipation = leg.dissipation + step.dissipation
+        leg.residual = max(leg.residual, step.residual)
+        leg.sweeps += step.sweeps
+        leg.force_scale = step.force_scale
+        leg.samples.append((s, step.end))
+        leg.end, load = step.end, next_load
+    return leg
+
+
+def local_solution(
+    Q0: float, P0: float, k_t: float, k_n: float, c: float, f: float, w_c: float, v_ref: float,
+    state: int,
+) -> tuple[int, float, float]:
+    """Solve one node by the paper's rule: assume the last state, check, change, solve again.
+
+    With the other nodes held the reactions are Q = Q0 + k_t v + c w and P = P0 + c v + k_n w.
+
+    Args:
+        Q0, P0: reactions at v = w = 0.
+        k_t, k_n, c: diagonal 2 x 2 block of K.
+        f: coefficient of friction.
+        w_c: normal displacement at which the gap closes, -g0.
+        v_ref: tangential displacement that the slip of this step is counted from.
+        state: state assumed first.
+
+    Returns:
+        State, v and w. If no state satisfies all inequalities (possible only for f |c| > k_t) the
+        last one tried is returned; the residual then keeps the step from being accepted.
+    """
+    for _ in range(4):
+        if state == SEPARATION:
+            det = k_t * k_n - c * c
+            v = (-Q0 * k_n + P0 * c) / det
+            w = (-P0 * k_t + Q0 * c) / det
+            if w >= w_c:
+                return SEPARATION, v, w
+            state = STICK
+        elif state == STICK:
+            P = P0 + c * v_ref + k_n * w_c
+            if P <= 0.0:
+                state = SEPARATION
+                continue
+            Q = Q0 + k_t * v_ref + c * w_c
+            if Q > f * P:
+                state = BACKWARD
+            elif Q < -f * P:
+                state = FORWARD
+            else:
+                return STICK, v_ref, w_c
+        else:
+            sign = 1.0 if state == FORWARD else -1.0
+            v = -(Q0 + c * w_c + sign * f * (P0 + k_n * w_c)) / (k_t + sign * f * c)
+            if P0 + c * v + k_n * w_c <= 0.0:
+                state = SEPARATION
+            elif sign * (v - v_ref) >= 0.0:
+                return state, v, w_c
+            else:
+                state = STICK
+    return STICK, v_ref, w_c
+
+
+class _Sweeper:
+    """The working arrays of one step: displacements, reactions kept up by columns, states."""
+
+    def __init__(
+        self, system: ContactSystem, start: ContactState, load: Array, options: GaussSeidelOptions
+    ) -> None:
+        self.system, self.start, self.load, self.options = system, start, load, options
+        n = system.n
+        self.u = start.u.copy()
+        self.r = reactions(system, load, self.u)
+        self.state = start.state.astype(int).tolist()
+        self.v_ref = start.v.tolist()
+        self.gap = (system.g0 + start.w).tolist()
+        self.was_open = [s == SEPARATION for s in self.state]
+        diagonal = np.diagonal(system.K)
+        self.k_t, self.k_n = diagonal[:n].tolist(), diagonal[n:].tolist()
+        self.c = system.K[np.arange(n), np.arange(n) + n].tolist()
+        self.f, self.w_c = system.f.tolist(), (-system.g0).tolist()
+        self.held_t, self.held_n = system.held[:n].tolist(), system.held[n:].tolist()
+        self.polished = False
+
+    def sweep(self, omega: float) -> tuple[bool, float]:
+        """Update every node once; return whether a state changed and eq. (16)'s largest change."""
+        u, r, K, n = self.u, self.r, self.system.K, self.system.n
+        largest = 0.0
+        changed = self.polished = False
+        for i in range(n):
+            v, w, last = float(u[i]), float(u[n + i]), self.state[i]
+            if self.held_n[i]:
+                continue
+            k_t, k_n, c = self.k_t[i], self.k_n[i], self.c[i]
+            Q0 = float(r[i]) - k_t * v - c * w
+            P0 = float(r[n + i]) - c * v - k_n * w
+            if self.held_t[i]:
+                state, v_new, w_new = self._held_tangentially(i, P0)
+            else:
+                if self.was_open[i]:
+                    self._touch_down(i, Q0, P0)
+                state, v_new, w_new = local_solution(
+                    Q0, P0, k_t, k_n, c, self.f[i], self.w_c[i], self.v_ref[i], last
+                )
+            if state != last:
+                self.state[i] = state
+                changed = True
+            elif omega != 1.0 and state != STICK:
+                v_new, w_new = self._relax(i, state, omega, (v, w), (v_new, w_new))
+            if v_new != v:
+                daxpy(K[i], r, a=v_new - v)
+                u[i] = v_new
+                largest = max(largest, abs(v_new - v))
+            if w_new != w:
+                daxpy(K[n + i], r, a=w_new - w)
+                u[n + i] = w_new
+                largest = max(largest, abs(w_new - w))
+        scale = float(np.abs(u).max())
+        return changed, largest / scale if scale > 0.0 else 0.0
+
+    def _held_tangentially(self, i: int, P0: float) -> tuple[int, float, float]:
+        """Solve a node whose tangential displacement is fixed: Signorini's law alone."""
+        v, w = float(self.u[i]), self.w_c[i]
+        if P0 + self.c[i] * v + self.k_n[i] * w > 0.0:
+            return STICK, v, w
+        return SEPARATION, v, -(P0 + self.c[i] * v) / self.k_n[i]
+
+    def _touch_down(self, i: int, Q0: float, P0: float) -> None:
+        """Set v_ref to the estimated point of first contact on a straight path (section 2.2)."""
+        k_t, k_n, c = self.k_t[i], self.k_n[i], self.c[i]
+        det = k_t * k_n - c * c
+        v0 = (-Q0 * k_n + P0 * c) / det
+        trial_gap = (-P0 * k_t + Q0 * c) / det - self.w_c[i]
+        if trial_gap < 0.0:
+            v, gap = float(self.start.u[i]), max(self.gap[i], 0.0)
+            self.v_ref[i] = v + (v0 - v) * gap / (gap - trial_gap)
+
+    def _relax(
+        self, i: int, state: int, omega: float, old: tuple[float, float], new: tuple[float, float]
+    ) -> tuple[float, float]:
+        """Over-relax the update unless that breaks the state's own inequality."""
+        v = old[0] + omega * (new[0] - old[0])
+        if state == SEPARATION:
+            w = old[1] + omega * (new[1] - old[1])
+            return (v if not self.held_t[i] else new[0], w) if w >= self.w_c[i] else new
+        forward = v >= self.v_ref[i]
+        return (v, new[1]) if forward == (state == FORWARD) else new
+
+    def polish(self) -> None:
+        """Solve directly with the present states; keep the answer if it betters the residual."""
+        n, K = self.system.n, self.system.K
+        state = np.array(self.state)
+        stiffness = local_stiffness(self.system)
+        before = self.residual(stiffness, 0.0)[0]
+        u = self.u.copy()
+        contact = state != SEPARATION
+        u[n:][contact & ~self.system.held[n:]] = -self.system.g0[contact & ~self.system.held[n:]]
+        stick = (state == STICK) & ~self.system.held[:n]
+        u[:n][stick] = np.array(self.v_ref)[stick]
+        free_t = np.flatnonzero((state != STICK) & ~self.system.held[:n])
+        free_n = np.flatnonzero((state == SEPARATION) & ~self.system.held[n:])
+        free = np.concatenate([free_t, n + free_n])
+        sign = np.where(state == FORWARD, 1.0, np.where(state == BACKWARD, -1.0, 0.0))
+        f = (sign * self.system.f)[free_t, None]
+        rows = np.vstack([K[free_t] + f * K[n + free_t], K[n + free_n]])
+        r = reactions(self.system, self.load, u)
+        rhs = np.concatenate([r[free_t] + f[:, 0] * r[n + free_t], r[n + free_n]])
+        if len(free):
+            try:
+                u[free] -= np.linalg.solve(rows[:, free], rhs)
+            except np.linalg.LinAlgError:
+                return
+        kept = self.u, self.r, list(self.v_ref)
+        self.u, self.r = u, reactions(self.system, self.load, u)
+        for i in np.flatnonzero(self.was_open):
+            if not self.held_t[i]:
+                self._touch_down_at(int(i))
+        if self.residual(stiffness, 0.0)[0] < before:
+            self.polished = True
+        else:
+            self.u, self.r, self.v_ref = kept
+
+    def _touch_down_at(self, i: int) -> None:
+        """Recompute v_ref of node i from the present displacements."""
+        n = self.system.n
+        v, w = float(self.u[i]), float(self.u[n + i])
+        Q0 = float(self.r[i]) - self.k_t[i] * v - self.c[i] * w
+        P0 = float(self.r[n + i]) - self.c[i] * v - self.k_n[i] * w
+        self._touch_down(i, Q0, P0)
+
+    def residual(
+        self, stiffness: tuple[Array, Array], force_scale: float
+    ) -> tuple[float, int, float]:
+        """Return the fresh relative residual, its worst entry, and the force scale."""
+        r = reactions(self.system, self.load, self.u)
+        scale = max(force_scale, float(np.abs(r).max()))
+        slip = self.u[: self.system.n] - np.array(self.v_ref)
+        both = law_residual(self.system, r, self.u, slip, stiffness)
+        worst = int(np.argmax(both))
+        return (float(both[worst]) / scale if scale > 0.0 else 0.0), worst, scale
+
+    def accept(self, residual: float, scale: float, sweeps: int) -> Step:
+        """Return the step with fresh reactions and its dissipation."""
+        n = self.system.n
+        r = reactions(self.system, self.load, self.u)
+        end = ContactState(self.u, r, np.array(self.state, dtype=np.int8))
+        v_start = np.array(self.v_ref)
+        touched = np.array(self.was_open) & (end.state != SEPARATION)
+        Q_old = np.where(touched, 0.0, self.start.Q)
+        slip = np.where(end.state == SEPARATION, 0.0, end.v - v_start)
+        slip[self.system.held[:n]] = 0.0
+        return Step(end, -0.5 * (Q_old + end.Q) * slip, residual, scale, sweeps)
+

@@ -1,0 +1,69 @@
+"""From the modelled half of a mirror-symmetric contact to the whole contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.contact import Array, ContactSystem, State
+
+AXIS_TOLERANCE = 1e-12
+"""Distance from the axis, over the contact's length, below which a node lies on it."""
+
+
+@dataclass(frozen=True)
+class Mirror:
+    """Maps nodal arrays of the model to the whole contact; the identity for a whole model.
+
+    Attributes:
+        index: (M,) modelled node behind each node of the whole contact.
+        left: (M,) True for reflected nodes.
+        axis: (M,) True for the node on the axis of a half model.
+        factor: 2 for a half model, else 1: whole-contact energies over modelled ones.
+    """
+
+    index: NDArray[np.intp]
+    left: NDArray[np.bool_]
+    axis: NDArray[np.bool_]
+    factor: float
+
+    def even(self, a: Array) -> Array:
+        """Return w-like values (last axis over nodes): equal on both sides."""
+        return a[..., self.index]
+
+    def odd(self, a: Array) -> Array:
+        """Return v-like values: opposite on the two sides, zero on the axis."""
+        values = np.where(self.left, -a[..., self.index], a[..., self.index])
+        return np.where(self.axis, 0.0, values)
+
+    def total(self, a: Array) -> Array:
+        """Return P-like nodal totals: even, the axis node's doubled."""
+        return np.where(self.axis, 2.0, 1.0) * a[..., self.index]
+
+    def states(self, a: NDArray[np.int8]) -> NDArray[np.int8]:
+        """Return states: forward and backward slip change places on reflected nodes."""
+        swapped = SWAPPED[a]
+        return np.where(self.left, swapped[..., self.index], a[..., self.index])
+
+    def nodes(self, i: int) -> list[tuple[int, bool]]:
+        """Return the whole-contact nodes of modelled node i, each with whether it is reflected."""
+        return [(int(j), bool(self.left[j])) for j in np.flatnonzero(self.index == i)]
+
+
+SWAPPED = np.array([0, State.STICK, State.SEPARATION, State.BACKWARD_SLIP, State.FORWARD_SLIP], np.int8)
+"""State of the mirror image of a node in each state."""
+
+
+def mirror_of(system: ContactSystem) -> Mirror:
+    """Return the map from the modelled nodes to the whole contact."""
+    n = system.n
+    if not system.half:
+        none = np.zeros(n, dtype=bool)
+        return Mirror(np.arange(n), none, none.copy(), 1.0)
+    on_axis = np.abs(system.x) <= AXIS_TOLERANCE * np.abs(system.x).max()
+    reflected = np.flatnonzero(~on_axis)[::-1]
+    index = np.concatenate([reflected, np.arange(n)])
+    left = np.arange(len(index)) < len(reflected)
+    return Mirror(index, left, on_axis[index] & ~left, 2.0)

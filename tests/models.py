@@ -1,0 +1,84 @@
+"""Condensed systems made without FEniCSx: an own finite-element block, and random matrices.
+
+The assembly below shares nothing with the package: bilinear squares integrated by hand-written
+Gauss quadrature, condensed by SciPy. It is the independent reference of the interface tests.
+"""
+
+import numpy as np
+import scipy.sparse as sp
+import scipy.sparse.linalg as spla
+
+from receding_fenicsx.interface.contact import ContactSystem
+
+
+def q1_stiffness(hx: float, hy: float, young: float, poisson: float) -> np.ndarray:
+    """Return the (8, 8) plane-strain stiffness of one rectangle, dofs (ux, uy) per corner."""
+    lam = young * poisson / ((1 + poisson) * (1 - 2 * poisson))
+    mu = young / (2 * (1 + poisson))
+    D = np.array([[lam + 2 * mu, lam, 0], [lam, lam + 2 * mu, 0], [0, 0, mu]])
+    corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    k = np.zeros((8, 8))
+    for a in (-1, 1):
+        for b in (-1, 1):
+            xi, eta = a / np.sqrt(3), b / np.sqrt(3)
+            dx = corners[:, 0] * (1 + eta * corners[:, 1]) / 4 * 2 / hx
+            dy = corners[:, 1] * (1 + xi * corners[:, 0]) / 4 * 2 / hy
+            B = np.zeros((3, 8))
+            B[0, 0::2] = dx
+            B[1, 1::2] = dy
+            B[2, 0::2] = dy
+            B[2, 1::2] = dx
+            k += B.T @ D @ B * hx * hy / 4
+    return k
+
+
+def block_system(
+    nx: int, ny: int, f: float = 0.35, poisson: float = 0.3, half: bool = True, young: float = 1.0
+) -> ContactSystem:
+    """Condense the paper's block (width 4, height 1, pressure 1 on |x| < 1) to its bottom nodes.
+
+    Args:
+        nx: elements along the modelled width; a multiple of 2 (half) or 4 (whole).
+        ny: elements over the height.
+        f: coefficient of friction.
+        poisson: Poisson's ratio.
+        half: model x >= 0 with symmetry on the axis.
+        young: Young's modulus.
+    """
+    x0, width = (0.0, 2.0) if half else (-2.0, 4.0)
+    hx, hy = width / nx, 1.0 / ny
+    node = np.arange((nx + 1) * (ny + 1)).reshape(ny + 1, nx + 1)
+    cells = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], -1).reshape(-1, 4)
+    dofs = (2 * cells[:, :, None] + np.arange(2)).reshape(-1, 8)
+    k = q1_stiffness(hx, hy, young, poisson)
+    rows, cols = np.repeat(dofs, 8, axis=1).ravel(), np.tile(dofs, (1, 8)).ravel()
+    A = sp.csr_matrix((np.tile(k.ravel(), len(cells)), (rows, cols)))
+    xs = x0 + hx * np.arange(nx + 1)
+    force = np.zeros(A.shape[0])
+    for i in range(nx):
+        if abs(xs[i] + hx / 2) < 1:
+            force[2 * node[ny, i : i + 2] + 1] -= hx / 2
+    contact = np.concatenate([2 * node[0], 2 * node[0] + 1])
+    fixed = 2 * node[1:, 0] if half else np.array([], dtype=int)
+    inner = np.setdiff1d(np.arange(A.shape[0]), np.concatenate([contact, fixed]))
+    solve = spla.splu(A[inner][:, inner].tocsc())
+    coupling = A[inner][:, contact].toarray()
+    lifted = solve.solve(coupling)
+    pushed = solve.solve(force[inner])
+    K = A[contact][:, contact].toarray() - coupling.T @ lifted
+    r_star = coupling.T @ pushed - force[contact]
+    n = nx + 1
+    held = np.zeros(2 * n, dtype=bool)
+    held[0] = half
+    weight = np.full(n, hx)
+    weight[[0, -1]] = hx / 2
+    one, zero = np.ones(n), np.zeros(n)
+    modes = [np.concatenate([zero, one])]
+    if not half:
+        modes += [np.concatenate([one, zero]), np.concatenate([zero, xs])]
+    return ContactSystem(
+        x=xs, points=np.stack([xs, zero], 1), weight=weight, K=0.5 * (K + K.T), r_star=r_star[None],
+        load_names=("p0",), f=np.full(n, f), g0=zero.copy(), held=held,
+        rigid=np.stack(modes, 1) / np.abs(np.stack(modes, 1)).max(0), half=half,
+        load_compliance=np.array([[force[inner] @ pushed]]), load_sign=np.array([-1.0]),
+    )
