@@ -2,10 +2,16 @@
 
 from __future__ import annotations
 
+import difflib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene import Scene
+
+KINDS = ("monotonic", "cyclic", "table")
 
 
 @dataclass(frozen=True)
@@ -26,3 +32,177 @@ class History:
     loop: NDArray[np.float64]
     cycles: int = 0
     until_steady: bool = False
+
+
+def from_scene(scene: Scene) -> History:
+    """Make the load history of a scene.
+
+    * "monotonic": path 0 to ``maximum``, no cycles.
+    * "cyclic": path 0 to ``maximum``, every cycle ``maximum``, ``minimum``, ``maximum``.
+    * "table": path from zero load through ``rows``, every cycle from the last row through ``cycle_rows``
+      and back to it.
+
+    Args:
+        scene: the scene; the columns of the history are its loads in their order there.
+
+    Returns:
+        The history.
+
+    Raises:
+        InputError: the history drives no load or not every one, or its table has no meaning.
+    """
+    options = scene.history
+    names = tuple(load.name for load in scene.loads)
+    if options.kind not in KINDS:
+        raise InputError(
+            f'[history] kind: "{options.kind}" is unknown; use one of {", ".join(KINDS)}'
+        )
+    if options.until not in (None, "steady"):
+        raise InputError(
+            f'[history] until: "{options.until}" is unknown; use "steady" or leave it out'
+        )
+    if options.kind == "table":
+        return _from_table(scene, names)
+    for key in ("columns", "rows", "cycle_rows"):
+        if getattr(options, key):
+            raise InputError(
+                f'[history] {key}: belongs to kind = "table"; this history is "{options.kind}"'
+            )
+    driven = options.load
+    if driven is None:
+        if len(names) != 1:
+            raise InputError(
+                "[history] load: the scene has several loads; name the one that is driven"
+            )
+        driven = names[0]
+    _check_driven((driven,), names, "load")
+    if not options.maximum > 0.0:
+        raise InputError(
+            f"[history] maximum: must be positive, not {options.maximum:g}, or nothing is ever loaded; "
+            "turn the load's own sign instead"
+        )
+    path = np.array([[0.0], [options.maximum]])
+    if options.kind == "monotonic":
+        return History(names, path, np.zeros((0, 1)))
+    if options.minimum >= options.maximum:
+        raise InputError(
+            f"[history] minimum: {options.minimum:g} is not below maximum = {options.maximum:g}; lower it"
+        )
+    _check_cycles(options.cycles)
+    loop = np.array([[options.maximum], [options.minimum], [options.maximum]])
+    return History(names, path, loop, options.cycles, options.until == "steady")
+
+
+def leg_number(history: History, name: str, cycle: int = 1) -> int:
+    """Number of a leg within a cycle from its name on the command line.
+
+    Args:
+        history: the history.
+        name: "loading", "unloading", or the number itself.
+        cycle: cycle that the leg belongs to; 0 is the path from rest.
+
+    Returns:
+        Index of the leg, from 0: in a cycle, "unloading" is the first leg and "loading" the last one.
+
+    Raises:
+        InputError: the cycle has no such leg.
+    """
+    if not 0 <= cycle <= history.cycles:
+        raise InputError(
+            f"cycle {cycle} does not occur: the history has cycles 0 to {history.cycles}"
+        )
+    polyline = history.path if cycle == 0 else history.loop
+    n = len(polyline) - 1
+    size = np.abs(polyline).sum(axis=1)
+    if name in ("loading", "unloading"):
+        rises = size[1:] > size[:-1]
+        legs = [k for k in range(n) if rises[k] == (name == "loading")]
+        if len(legs) != 1:
+            raise InputError(
+                f"cycle {cycle} has {len(legs)} {name} legs; give the leg's number, 0 to {n - 1}"
+            )
+        return legs[0]
+    if not name.isdecimal() or int(name) >= n:
+        raise InputError(
+            f"leg '{name}': cycle {cycle} has legs 0 to {n - 1}; give one of them, or loading or unloading"
+        )
+    return int(name)
+
+
+def _from_table(scene: Scene, names: tuple[str, ...]) -> History:
+    options = scene.history
+    if options.load is not None:
+        raise InputError(
+            '[history] load: a table drives its columns; use columns = ["..."] instead'
+        )
+    if not options.columns:
+        raise InputError("[history] columns: is missing; name the load of each column")
+    if len(set(options.columns)) < len(options.columns):
+        raise InputError("[history] columns: a load is named twice; name each once")
+    _check_driven(options.columns, names, "columns")
+    rows = _table(options.rows, options.columns, "rows")
+    if not len(rows):
+        raise InputError(
+            "[history] rows: is missing; give the load factors up to the cycles' start"
+        )
+    if np.any(rows[0] != 0.0):
+        rows = np.vstack([np.zeros_like(rows[:1]), rows])
+    if not np.any(rows):
+        raise InputError("[history] rows: all load factors are zero; nothing is ever loaded")
+    _check_moves(rows, "rows")
+    loop = _table(options.cycle_rows, options.columns, "cycle_rows")
+    order = [options.columns.index(name) for name in names]
+    if not len(loop):
+        return History(names, rows[:, order], np.zeros((0, len(names))))
+    if np.any(loop[-1] != rows[-1]):
+        raise InputError(
+            f"[history] cycle_rows: is not closed: ends at {loop[-1].tolist()}, but rows end at "
+            f"{rows[-1].tolist()}; end it there"
+        )
+    if np.any(loop[0] != rows[-1]) or len(loop) == 1:
+        loop = np.vstack([rows[-1:], loop])
+    _check_moves(loop, "cycle_rows")
+    _check_cycles(options.cycles)
+    return History(names, rows[:, order], loop[:, order], options.cycles, options.until == "steady")
+
+
+def _table(
+    rows: tuple[tuple[float, ...], ...], columns: tuple[str, ...], key: str
+) -> NDArray[np.float64]:
+    for i, row in enumerate(rows):
+        if len(row) != len(columns):
+            raise InputError(
+                f"[history] {key} row {i + 1}: has {len(row)} value(s) for {len(columns)} column(s); "
+                "give one a column"
+            )
+    return np.array(rows, dtype=float).reshape(len(rows), len(columns))
+
+
+def _check_moves(rows: NDArray[np.float64], key: str) -> None:
+    still = np.flatnonzero(np.all(np.diff(rows, axis=0) == 0.0, axis=1))
+    if len(still):
+        raise InputError(
+            f"[history] {key}: the load factors {rows[still[0]].tolist()} stand twice in a row; drop one"
+        )
+
+
+def _check_cycles(cycles: int) -> None:
+    if cycles < 1:
+        raise InputError(
+            f'[history] cycles: must be at least 1, not {cycles}; or use kind = "monotonic"'
+        )
+
+
+def _check_driven(driven: tuple[str, ...], names: tuple[str, ...], key: str) -> None:
+    for name in driven:
+        if name not in names:
+            close = difflib.get_close_matches(name, names, n=1) or names
+            raise InputError(
+                f"[history] {key}: no load is named '{name}'; did you mean '{close[0]}'?"
+            )
+    for name in names:
+        if name not in driven:
+            raise InputError(
+                f"load '{name}': is not driven by the history; leave it out, or use kind = \"table\" with "
+                "a column for it"
+            )

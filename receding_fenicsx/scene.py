@@ -1,11 +1,27 @@
-"""What is modelled: the scene's dataclasses, read from TOML, validated with clear messages."""
+"""What is modelled: the scene's dataclasses, and the values of profiles along its edges.
+
+Reading and writing TOML is in :mod:`receding_fenicsx.scene_file`, the checks and the test for mirror
+symmetry in :mod:`receding_fenicsx.scene_checks`.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.expressions import evaluate_expression
+
+Array = NDArray[np.float64]
+
 Profile = float | str | dict[str, list[float]]
 """A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""
+
+EDGES = ("bottom", "top", "left", "right")
+"""Edges of a rectangle; "bottom" is y = 0 and x = 0 is the centre."""
+HORIZONTAL = ("bottom", "top")
 
 
 @dataclass(frozen=True)
@@ -49,7 +65,10 @@ class Contact:
 
 @dataclass(frozen=True)
 class Load:
-    """One named load with load factor lambda; exactly one of pressure, traction, displacement or force."""
+    """One named load with load factor lambda: exactly one of pressure (on the body) and traction (global axes).
+
+    ``span`` runs along the edge: x on "bottom" and "top"; on "left" and "right" it is y less half the height.
+    """
 
     name: str
     edge: str
@@ -120,3 +139,50 @@ class Scene:
     history: HistoryOptions = field(default_factory=HistoryOptions)
     solver: SolverOptions = field(default_factory=SolverOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
+
+    def validate(self) -> None:
+        """Raise InputError (one line: key, what is wrong, what to do) when the scene cannot be modelled."""
+        from receding_fenicsx.scene_checks import validate
+
+        validate(self)
+
+
+def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
+    """Evaluate a profile: constant, expression, or piecewise linear table held constant outside its ends.
+
+    Args:
+        profile: number, expression or table.
+        x: points.
+        y: second coordinate of the points, for expressions that use it.
+
+    Returns:
+        Values, of the shape of ``x``.
+
+    Raises:
+        InputError: the expression cannot be read, or its value is not finite at one of the points.
+    """
+    points = np.asarray(x, dtype=float)
+    if isinstance(profile, str):
+        return evaluate_expression(
+            profile, points, None if y is None else np.asarray(y, dtype=float)
+        )
+    if isinstance(profile, dict):
+        return np.interp(points, profile["x"], profile["value"])
+    return np.full(points.shape, float(profile))
+
+
+def edge_range(scene: Scene, edge: str) -> tuple[float, float]:
+    """Ends of an edge, measured along it from the body's centre: what a ``span`` is compared with."""
+    if edge not in EDGES:
+        raise InputError(f"'{edge}' is no edge of a rectangle; use one of {', '.join(EDGES)}")
+    half = 0.5 * (scene.body.width if edge in HORIZONTAL else scene.body.height)
+    return -half, half
+
+
+def edge_points(scene: Scene, edge: str, along: ArrayLike) -> tuple[Array, Array]:
+    """Coordinates (x, y) of the points of an edge at the positions ``along`` from its centre."""
+    t = np.asarray(along, dtype=float)
+    if edge in HORIZONTAL:
+        return t, np.full(t.shape, 0.0 if edge == "bottom" else scene.body.height)
+    side = -0.5 if edge == "left" else 0.5
+    return np.full(t.shape, side * scene.body.width), t + 0.5 * scene.body.height

@@ -1,0 +1,155 @@
+"""Safe evaluation of the small formulas that a scene may hold, such as ``"0.3 + 0.1*cos(pi*x)"``.
+
+The text is parsed with :mod:`ast` and only the nodes named below are walked; nothing is ever passed to
+``eval``, so a scene file from elsewhere cannot run code.
+"""
+
+from __future__ import annotations
+
+import ast
+import difflib
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
+
+Array = NDArray[np.float64]
+
+MAX_LENGTH = 1000
+"""Longest expression, in characters: keeps the parser away from its recursion limit."""
+
+
+def _fold(pairwise: np.ufunc) -> Callable[..., Array]:
+    def folded(*values: Array) -> Array:
+        result = values[0]
+        for value in values[1:]:
+            result = pairwise(result, value)
+        return result
+
+    return folded
+
+
+FUNCTIONS: dict[str, tuple[Callable[..., Array], int, int]] = {
+    "sqrt": (np.sqrt, 1, 1),
+    "sin": (np.sin, 1, 1),
+    "cos": (np.cos, 1, 1),
+    "exp": (np.exp, 1, 1),
+    "log": (np.log, 1, 1),
+    "tanh": (np.tanh, 1, 1),
+    "abs": (np.abs, 1, 1),
+    "min": (_fold(np.minimum), 2, 20),
+    "max": (_fold(np.maximum), 2, 20),
+    "where": (lambda test, yes, no: np.where(test != 0, yes, no), 3, 3),
+}
+"""Known functions: what they do, the least and the greatest number of arguments."""
+
+BINARY: dict[type[ast.operator], Callable[[Array, Array], Array]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+}
+
+COMPARE: dict[type[ast.cmpop], Callable[[Array, Array], NDArray[np.bool_]]] = {
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+    ast.Eq: np.equal,
+    ast.NotEq: np.not_equal,
+}
+
+
+def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
+    """Evaluate an expression in ``x`` (and ``y``) at many points.
+
+    Known are numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 where true, 0 elsewhere) and
+    ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
+
+    Args:
+        text: the expression.
+        x: points.
+        y: second coordinate of the points; the expression may not name ``y`` when this is None.
+
+    Returns:
+        Values, of the shape of ``x``.
+
+    Raises:
+        InputError: the text is not such an expression, or its value is not finite somewhere.
+    """
+    if len(text) > MAX_LENGTH:
+        raise InputError(f"expression of {len(text)} characters: at most {MAX_LENGTH} are allowed")
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise InputError(
+            f"'{text}' is not an expression; write for example \"0.3 + 0.1*cos(pi*x)\""
+        ) from None
+    names = {"x": np.asarray(x, dtype=float), "pi": np.float64(np.pi)}
+    if y is not None:
+        names["y"] = np.asarray(y, dtype=float)
+    with np.errstate(all="ignore"):
+        try:
+            value = _walk(tree.body, names, text)
+        except RecursionError:
+            raise InputError(f"'{text}': nested too deeply") from None
+    result = np.broadcast_to(np.asarray(value, dtype=float), np.shape(x)).copy()
+    bad = ~np.isfinite(result)
+    if np.any(bad):
+        where = np.asarray(x, dtype=float)[bad].flat[0]
+        raise InputError(
+            f"'{text}' is not a finite number at x = {where:.6g}; change the expression"
+        )
+    return result
+
+
+def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
+    """Value of one node of the parsed expression."""
+    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
+        try:
+            return np.asarray(float(node.value))
+        except OverflowError:
+            raise InputError(f"'{text}': a number is too large") from None
+    if isinstance(node, ast.Name):
+        if node.id in names:
+            return names[node.id]
+        raise InputError(f"'{text}': {_unknown(node.id, [*names, *FUNCTIONS])}")
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
+        value = _walk(node.operand, names, text)
+        return -value if isinstance(node.op, ast.USub) else value
+    if isinstance(node, ast.BinOp) and type(node.op) in BINARY:
+        left, right = _walk(node.left, names, text), _walk(node.right, names, text)
+        return np.asarray(BINARY[type(node.op)](left, right), dtype=float)
+    if isinstance(node, ast.Compare) and all(type(op) in COMPARE for op in node.ops):
+        values = [_walk(term, names, text) for term in (node.left, *node.comparators)]
+        truth = np.asarray(1.0)
+        for op, left, right in zip(node.ops, values, values[1:], strict=False):
+            truth = truth * COMPARE[type(op)](left, right)
+        return truth
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+        if node.func.id not in FUNCTIONS:
+            raise InputError(f"'{text}': {_unknown(node.func.id, list(FUNCTIONS))}")
+        function, least, most = FUNCTIONS[node.func.id]
+        if not least <= len(node.args) <= most:
+            count = str(least) if least == most else f"{least} to {most}"
+            raise InputError(
+                f"'{text}': {node.func.id}() takes {count} argument(s), not {len(node.args)}"
+            )
+        arguments = [_walk(a, names, text) for a in node.args]
+        return np.asarray(function(*arguments), dtype=float)
+    hint = " (write ** for a power)" if "^" in text else ""
+    raise InputError(
+        f"'{text}': '{ast.unparse(node)}' is not allowed in an expression{hint}; use numbers, x, y, pi, "
+        f"+ - * / **, comparisons and {', '.join(FUNCTIONS)}"
+    )
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    close = difflib.get_close_matches(name, known, n=1)
+    guess = f"did you mean '{close[0]}'?" if close else f"known are {', '.join(known)}"
+    if name == "y":
+        guess = "only x may be used here"
+    return f"unknown name '{name}'; {guess}"

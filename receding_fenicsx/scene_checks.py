@@ -1,0 +1,367 @@
+"""Checks of a scene's meaning, and the test for mirror symmetry about x = 0.
+
+Every message is one line: the table and key, what is wrong, what to do.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene import (
+    EDGES,
+    HORIZONTAL,
+    Contact,
+    Load,
+    Profile,
+    Scene,
+    Support,
+    edge_points,
+    edge_range,
+    evaluate,
+)
+
+Array = NDArray[np.float64]
+
+LEAST_CONTACT_ELEMENTS = 4
+"""Fewer elements on the contact edge cannot show stick, slip and separation side by side."""
+MOST_CONTACT_ELEMENTS = 20000
+"""The condensed stiffness of more would fill tens of gigabytes."""
+LENGTH_TOLERANCE = 1e-9
+"""Positions closer than this, over the edge's length, are the same."""
+SYMMETRY_TOLERANCE = 1e-12
+"""Largest difference of mirrored values, over the largest value, that still counts as symmetric."""
+LOAD_SAMPLES = 401
+"""Points along an edge at which load profiles are looked at (odd: one lies at the centre)."""
+
+
+def validate(scene: Scene) -> None:
+    """Check that a scene can be modelled.
+
+    Args:
+        scene: the scene.
+
+    Raises:
+        InputError: a value has no meaning, contradicts another one, or asks for what is not available.
+    """
+    _check_finite(scene, "scene")
+    _check_body(scene)
+    _check_mesh(scene)
+    _check_contact(scene)
+    for load in scene.loads:
+        _check_load(scene, load)
+    _check_load_names(scene)
+    for support in scene.supports:
+        _check_support(scene, support)
+    _check_solver(scene)
+    # the history's own checks are those of making it
+    from receding_fenicsx.history import from_scene
+
+    from_scene(scene)
+    if scene.history.initial_slip is not None:
+        x = contact_samples(scene, scene.contacts[0])
+        _values(scene.history.initial_slip, x, None, "[history] initial_slip")
+    _check_output(scene)
+
+
+def is_mirror_symmetric(scene: Scene) -> bool:
+    """Say whether the whole scene is its own mirror image about x = 0, so that half of it will do.
+
+    Pressures, friction and gap must be even in x, the x-component of tractions and the initial slip odd,
+    the y-component even; every support needs its image. Expressions are compared at sample points.
+
+    Args:
+        scene: a valid scene.
+
+    Returns:
+        True when mesh, supports, contact, every load by itself and the initial slip are symmetric.
+    """
+    for contact in scene.contacts:
+        if contact.edge not in HORIZONTAL or not _span_is_even(scene, contact.edge, contact.span):
+            return False
+        x = contact_samples(scene, contact)
+        if not all(_is_even(evaluate(p, x)) for p in (contact.friction, contact.initial_gap)):
+            return False
+        slip = scene.history.initial_slip
+        if slip is not None and not _is_even(evaluate(slip, x), sign=-1.0):
+            return False
+    for load in scene.loads:
+        if load.edge not in HORIZONTAL or not _span_is_even(scene, load.edge, load.span):
+            return False
+        x, y = edge_points(scene, load.edge, _load_samples(scene, load))
+        if load.pressure is not None and not _is_even(evaluate(load.pressure, x, y)):
+            return False
+        if load.traction is not None:
+            tx, ty = (evaluate(part, x, y) for part in load.traction)
+            scale = max(np.abs(tx).max(), np.abs(ty).max())
+            if not (_is_even(tx, -1.0, scale) and _is_even(ty, 1.0, scale)):
+                return False
+    return Counter(_support_key(s) for s in scene.supports) == Counter(
+        _support_key(s, mirrored=True) for s in scene.supports
+    )
+
+
+def contact_samples(scene: Scene, contact: Contact) -> Array:
+    """Positions of the nodes that a contact edge will have, nominally equally spaced."""
+    low, high = contact.span or edge_range(scene, contact.edge)
+    n = scene.mesh.degree * scene.mesh.contact_elements
+    return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, n + 1)
+
+
+def _load_samples(scene: Scene, load: Load) -> Array:
+    low, high = load.span or edge_range(scene, load.edge)
+    return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, LOAD_SAMPLES)
+
+
+def _is_even(values: Array, sign: float = 1.0, scale: float | None = None) -> bool:
+    """Whether values at points symmetric about 0 are even (sign 1) or odd (sign -1)."""
+    scale = float(np.abs(values).max()) if scale is None else scale
+    return bool(np.all(np.abs(values - sign * values[::-1]) <= SYMMETRY_TOLERANCE * scale))
+
+
+def _span_is_even(scene: Scene, edge: str, span: tuple[float, float] | None) -> bool:
+    low, high = edge_range(scene, edge)
+    return span is None or abs(span[0] + span[1]) <= SYMMETRY_TOLERANCE * (high - low)
+
+
+def _support_key(support: Support, mirrored: bool = False) -> tuple[object, ...]:
+    swap = {"left": "right", "right": "left"} if mirrored else {}
+    edge = swap.get(support.edge or "", support.edge)
+    point = support.point
+    if mirrored and point is not None:
+        point = (0.0 - point[0], point[1])
+    return edge, point, "".join(sorted(support.fix))
+
+
+def _check_finite(value: object, where: str) -> None:
+    """Refuse NaN and infinity, also in scenes made in Python."""
+    if isinstance(value, float) and not math.isfinite(value):
+        raise InputError(f"{where}: must be a finite number, not {value}")
+    if isinstance(value, dict):
+        for key, item in value.items():
+            _check_finite(item, f"{where}.{key}")
+    elif isinstance(value, list | tuple):
+        for item in value:
+            _check_finite(item, where)
+    elif hasattr(value, "__dataclass_fields__"):
+        for key in value.__dataclass_fields__:
+            _check_finite(getattr(value, key), key if where == "scene" else f"[{where}] {key}")
+
+
+def _check_positive(value: float, where: str) -> None:
+    if not value > 0.0:
+        raise InputError(f"{where}: must be positive, not {value:g}")
+
+
+def _check_choice(value: object, choices: tuple[str, ...], where: str) -> None:
+    if value not in choices:
+        raise InputError(f'{where}: "{value}" is unknown; use one of {", ".join(choices)}')
+
+
+def _check_body(scene: Scene) -> None:
+    body, material = scene.body, scene.material
+    if body.mesh is not None:
+        raise InputError("[body] mesh: a user's own mesh is not available yet; leave it out")
+    _check_choice(body.shape, ("rectangle",), "[body] shape")
+    _check_positive(body.width, "[body] width")
+    _check_positive(body.height, "[body] height")
+    _check_positive(material.young, "[material] young")
+    if material.kinematics == "axisymmetric":
+        raise InputError(
+            "[material] kinematics: axisymmetric is not available yet; use plane strain or stress"
+        )
+    _check_choice(material.kinematics, ("plane strain", "plane stress"), "[material] kinematics")
+    limit, text = (0.5, "below 0.5") if material.kinematics == "plane strain" else (1.0, "below 1")
+    if not -1.0 < material.poisson < limit:
+        raise InputError(
+            f"[material] poisson: must lie above -1 and {text} in {material.kinematics}, "
+            f"not {material.poisson:g}"
+        )
+
+
+def _check_mesh(scene: Scene) -> None:
+    mesh = scene.mesh
+    n = mesh.contact_elements
+    if not LEAST_CONTACT_ELEMENTS <= n <= MOST_CONTACT_ELEMENTS:
+        raise InputError(
+            f"[mesh] contact_elements: {n} is too {'few' if n < LEAST_CONTACT_ELEMENTS else 'many'}; "
+            f"use {LEAST_CONTACT_ELEMENTS} to {MOST_CONTACT_ELEMENTS}"
+        )
+    if n % 2:
+        raise InputError(
+            f"[mesh] contact_elements: {n} is odd; use an even number, half of them on each side of x = 0"
+        )
+    _check_choice(mesh.cell, ("triangle", "quadrilateral"), "[mesh] cell")
+    if mesh.degree not in (1, 2):
+        raise InputError(f"[mesh] degree: {mesh.degree} is not available; use 1 or 2")
+    if not 1.0 <= mesh.growth <= 3.0:
+        raise InputError(
+            f"[mesh] growth: {mesh.growth:g} is no size ratio of layers; use 1 (uniform) to 3"
+        )
+
+
+def _check_contact(scene: Scene) -> None:
+    if not scene.contacts:
+        raise InputError("[contact]: the scene has none; add one")
+    if len(scene.contacts) > 1:
+        raise InputError("[[contact]]: several contact edges are not available yet; keep one")
+    contact = scene.contacts[0]
+    _check_edge(contact.edge, "[contact] edge")
+    if contact.edge != "bottom":
+        raise InputError(
+            f'[contact] edge: contact on "{contact.edge}" is not available yet; turn the scene so that '
+            'it is "bottom"'
+        )
+    _check_span(scene, contact.edge, contact.span, "[contact] span")
+    x = contact_samples(scene, contact)
+    for profile, key in ((contact.friction, "friction"), (contact.initial_gap, "initial_gap")):
+        values = _values(profile, x, None, f"[contact] {key}")
+        if values.min() < 0.0:
+            at = x[np.argmin(values)]
+            raise InputError(
+                f"[contact] {key}: is {values.min():g} at x = {at:.6g}; it must not be negative"
+            )
+
+
+def _check_edge(edge: str, where: str) -> None:
+    if "." in edge:
+        raise InputError(
+            f'{where}: "{edge}" names a body; two bodies are not available yet, write the edge alone'
+        )
+    _check_choice(edge, EDGES, where)
+
+
+def _check_span(scene: Scene, edge: str, span: tuple[float, float] | None, where: str) -> None:
+    if span is None:
+        return
+    low, high = edge_range(scene, edge)
+    slack = LENGTH_TOLERANCE * (high - low)
+    if not span[1] - span[0] > slack:
+        raise InputError(
+            f"{where}: [{span[0]:g}, {span[1]:g}] is empty; write [lower end, upper end]"
+        )
+    if span[0] < low - slack or span[1] > high + slack:
+        raise InputError(
+            f'{where}: [{span[0]:g}, {span[1]:g}] reaches beyond edge "{edge}", which runs from {low:g} to '
+            f"{high:g}; shorten it"
+        )
+
+
+def _values(profile: Profile, x: Array, y: Array | None, where: str) -> Array:
+    """Values of a profile at its points, with the key put in front of any complaint."""
+    if isinstance(profile, dict):
+        table = np.asarray(profile["x"], dtype=float), np.asarray(profile["value"], dtype=float)
+        if len(table[0]) != len(table[1]) or len(table[0]) < 2:
+            raise InputError(
+                f"{where}: a table needs two lists of equal length (at least 2), not {len(table[0])} "
+                f"and {len(table[1])} values"
+            )
+        if np.any(np.diff(table[0]) <= 0.0):
+            raise InputError(f"{where}: x of the table must increase from value to value; sort it")
+    try:
+        return evaluate(profile, x, y)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+
+
+def _check_load(scene: Scene, load: Load) -> None:
+    where = f"load '{load.name}'"
+    _check_edge(load.edge, f"{where} edge")
+    _check_span(scene, load.edge, load.span, f"{where} span")
+    if (load.pressure is None) == (load.traction is None):
+        have = "both" if load.pressure is not None else "neither"
+        raise InputError(f"{where}: has {have} of pressure and traction; give exactly one of them")
+    for contact in scene.contacts:
+        if load.edge == contact.edge:
+            whole = edge_range(scene, load.edge)
+            (a, b), (c, d) = load.span or whole, contact.span or whole
+            if min(b, d) - max(a, c) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
+                raise InputError(
+                    f'{where}: lies on the contact edge "{load.edge}" where the contact is; use another '
+                    "edge, or a span beside the contact's"
+                )
+    x, y = edge_points(scene, load.edge, _load_samples(scene, load))
+    parts = (load.traction[0], load.traction[1]) if load.traction else (load.pressure,)
+    key = "traction" if load.traction else "pressure"
+    if load.edge not in HORIZONTAL and any(isinstance(p, dict) for p in parts):
+        raise InputError(
+            f'{where} {key}: a table in x has no meaning on edge "{load.edge}"; use an expression in y'
+        )
+    if all(np.all(_values(p, x, y, f"{where} {key}") == 0.0) for p in parts if p is not None):
+        raise InputError(
+            f"{where} {key}: is zero everywhere; give it a value or leave the load out"
+        )
+
+
+def _check_load_names(scene: Scene) -> None:
+    if not scene.loads:
+        raise InputError("[[load]]: the scene has none; add one")
+    names = [load.name for load in scene.loads]
+    for name in names:
+        if not name.strip():
+            raise InputError("[[load]] name: is empty; give the load a name")
+        if names.count(name) > 1:
+            raise InputError(f"load '{name}': {names.count(name)} loads have this name; rename one")
+
+
+def _check_support(scene: Scene, support: Support) -> None:
+    where = "[[support]]"
+    if sorted(support.fix) not in (["x"], ["y"], ["x", "y"]):
+        raise InputError(f'{where} fix: "{support.fix}" is unknown; use one of x, y, xy')
+    if (support.edge is None) == (support.point is None):
+        have = "both" if support.edge is not None else "neither"
+        raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
+    if support.edge is not None:
+        _check_edge(support.edge, f"{where} edge")
+        if any(support.edge == contact.edge and contact.span is None for contact in scene.contacts):
+            raise InputError(
+                f'{where} edge: "{support.edge}" is the contact edge; hold another one'
+            )
+        return
+    assert support.point is not None
+    x, y = support.point
+    half, height = 0.5 * scene.body.width, scene.body.height
+    slack = LENGTH_TOLERANCE * max(scene.body.width, height)
+    if abs(x) > half + slack or not -slack <= y <= height + slack:
+        raise InputError(
+            f"{where} point: ({x:g}, {y:g}) lies outside the body, which fills |x| <= {half:g}, "
+            f"0 <= y <= {height:g}"
+        )
+
+
+def _check_solver(scene: Scene) -> None:
+    solver = scene.solver
+    _check_choice(solver.method, ("gauss-seidel", "events"), "[solver] method")
+    _check_choice(solver.symmetry, ("auto", "none"), "[solver] symmetry")
+    for key in (
+        "steps_per_leg",
+        "max_sweeps",
+        "change_tolerance",
+        "residual_tolerance",
+        "steady_tolerance",
+    ):
+        _check_positive(getattr(solver, key), f"[solver] {key}")
+    for key in ("change_tolerance", "residual_tolerance", "steady_tolerance"):
+        if getattr(solver, key) >= 1.0:
+            raise InputError(f"[solver] {key}: is relative, so it must be below 1")
+    if not 0.0 < solver.over_relaxation < 2.0:
+        raise InputError(
+            f"[solver] over_relaxation: must lie between 0 and 2, not {solver.over_relaxation:g}; "
+            "1 is none, 1.5 often fastest"
+        )
+
+
+def _check_output(scene: Scene) -> None:
+    output = scene.output
+    _check_positive(output.samples_per_leg, "[output] samples_per_leg")
+    if isinstance(output.cycles, tuple):
+        cycles = 0 if scene.history.kind == "monotonic" else scene.history.cycles
+        for number in output.cycles:
+            if not 0 <= number <= cycles:
+                raise InputError(
+                    f"[output] cycles: cycle {number} does not occur; the history has cycles 0 to {cycles}"
+                )
