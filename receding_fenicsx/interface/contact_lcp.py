@@ -1,0 +1,119 @@
+"""The contact law of many nodes at once as a linear complementarity problem.
+
+With the slip split into v = z+ - z- and the gap g, Coulomb's and Signorini's conditions at a node are
+
+    A = Q + f P >= 0  with  z+,     B = f P - Q >= 0  with  z-,     P >= 0  with  g,
+
+each pair complementary (A. Klarbring, 1986). A node that is known to be in contact on one side of the
+friction cone keeps one pair. Works for rates (which way do nodes on a limit go?) and for the
+static problem of a first load alike.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface import complementarity
+from receding_fenicsx.interface.contact import Array, ContactSystem, State
+
+Indices = NDArray[np.intp]
+
+DECIDE_TOLERANCE = 1e-12
+"""Part of the largest variable below which a complementary variable counts as zero."""
+
+
+@dataclass(frozen=True)
+class Undecided:
+    """Nodes whose state the problem has to find; every other node keeps its own.
+
+    Attributes:
+        forward: nodes in contact at A = 0: stick or forward slip.
+        backward: nodes in contact at B = 0: stick or backward slip.
+        touching: nodes with neither gap nor pressure: any state.
+        smooth: nodes without friction or held tangentially, neither gap nor pressure.
+    """
+
+    forward: Indices
+    backward: Indices
+    touching: Indices
+    smooth: Indices
+
+    @property
+    def nodes(self) -> Indices:
+        """All of them, sorted."""
+        return np.sort(np.concatenate([self.forward, self.backward, self.touching, self.smooth]))
+
+
+def solve_states(
+    system: ContactSystem, r0: Array, undecided: Undecided, open_dofs: Indices
+) -> NDArray[np.int8] | None:
+    """Find the states of the undecided nodes.
+
+    Args:
+        system: the condensed body in 2N form.
+        r0: (2N,) reactions (or their rates) with no further displacement.
+        undecided: the nodes to decide.
+        open_dofs: degrees of freedom (of the 2N) that move freely at zero reaction.
+
+    Returns:
+        (N,) states of the undecided nodes, 0 elsewhere; None when no solution was found.
+    """
+    n = system.n
+    a, b, c, d = undecided.forward, undecided.backward, undecided.touching, undecided.smooth
+    v_nodes = np.concatenate([a, b, c])
+    rows = np.concatenate([v_nodes, n + v_nodes, n + d])
+    S, s = _eliminate(system.K, r0, rows, open_dofs)
+    m, k = len(v_nodes), len(c)
+    f = system.f[v_nodes]
+    row_t, row_n = np.arange(m), m + np.arange(m)
+    tail = 2 * m + np.arange(len(d))
+    last = m - k + np.arange(k)
+    # unknowns: slip of a, of b reversed, z+ and z- and gap of c, gap of d
+    columns = np.hstack([
+        S[:, row_t[: len(a)]],
+        -S[:, row_t[len(a) : m - k]],
+        S[:, row_t[last]],
+        -S[:, row_t[last]],
+        S[:, row_n[last]],
+        S[:, tail],
+    ])
+
+    def combine(x: Array) -> Array:
+        fP = (f * x[row_n].T).T
+        A, B = x[row_t] + fP, fP - x[row_t]
+        return np.concatenate([A[: len(a)], B[len(a) : m - k], A[last], B[last], x[row_n[last]], x[tail]])
+
+    z = complementarity.solve(combine(columns), combine(s))
+    if z is None:
+        return None
+    state = np.zeros(n, dtype=np.int8)
+    stiffness = np.abs(np.diagonal(system.K))
+    ends = np.cumsum([0, len(a), len(b), k, k, k, len(d)])
+    za, zb, plus, minus, gap, gap_d = (z[i:j] for i, j in zip(ends[:-1], ends[1:], strict=True))
+    small = DECIDE_TOLERANCE * max(float(np.abs(z).max(initial=0.0)), np.finfo(float).tiny)
+    state[a] = np.where(za > small, State.FORWARD_SLIP, State.STICK)
+    state[b] = np.where(zb > small, State.BACKWARD_SLIP, State.STICK)
+    y = combine(columns) @ z + combine(s)
+    P_c, P_d = y[ends[4] : ends[5]], y[ends[5] :]
+    force = DECIDE_TOLERANCE * max(float(np.abs(y).max(initial=0.0)), small * float(stiffness.max()))
+    slip = np.where(plus > minus + small, State.FORWARD_SLIP,
+                    np.where(minus > plus + small, State.BACKWARD_SLIP, State.STICK))
+    state[c] = np.where((gap > small) | (P_c <= force), State.SEPARATION, slip)
+    state[d] = np.where((gap_d > small) | (P_d <= force), State.SEPARATION, State.STICK)
+    return state
+
+
+def _eliminate(K: Array, r0: Array, rows: Indices, free: Indices) -> tuple[Array, Array]:
+    """Return stiffness and reactions at ``rows`` once the ``free`` dofs have moved to zero reaction."""
+    S, s = K[np.ix_(rows, rows)], r0[rows]
+    if len(free) == 0:
+        return S, s
+    coupling = K[np.ix_(free, rows)]
+    factor = sla.cho_factor(K[np.ix_(free, free)])
+    return S - coupling.T @ sla.cho_solve(factor, coupling), s - coupling.T @ sla.cho_solve(
+        factor, r0[free]
+    )

@@ -1,0 +1,572 @@
+"""Exact evolution: from one change of state to the next, without time steps.
+
+Between two changes of state the discrete problem is linear in the load. On each segment the rates of
+all quantities are known, the segment ends where a stuck node reaches its friction limit, a pressure
+or a gap reaches zero, and the dissipation -integral Q dv is a sum of exact quadratics.
+
+Quantities are kept in one vector y = [v, gap, A, B], A = Q + f P, B = f P - Q (P in place of A at nodes
+without friction), see :mod:`receding_fenicsx.interface.rates`.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.interface import gauss_seidel
+from receding_fenicsx.interface.contact import (
+    Array,
+    ContactState,
+    ContactSystem,
+    Leg,
+    State,
+    law_residual,
+    local_stiffness,
+    reactions,
+)
+from receding_fenicsx.interface.contact_lcp import Undecided, solve_states
+from receding_fenicsx.interface.rates import (
+    BACKWARD,
+    FORWARD,
+    SEPARATION,
+    STICK,
+    SingularExchange,
+    Tableau,
+)
+
+States = NDArray[np.int8]
+
+LIMIT_TOLERANCE = 1e-12
+"""Distance from a limit, over the largest nodal force, up to which a node sits on it."""
+
+RATE_TOLERANCE = 1e-11
+"""Rate over the largest rate (both as forces) below which it is taken for zero."""
+
+TIE_TOLERANCE = 1e-13
+"""Part of the leg within which events happen together."""
+
+APEX = 1e-9
+"""Load left, as a part of the leg's first load, at which a leg to complete unloading is closed."""
+
+ALL_AT_ONCE = 3
+"""Rounds in which all violating nodes change state together; afterwards only the worst does."""
+
+CACHED_BYTES = 2**26
+"""Memory for the rates of sets of states that have been met before."""
+
+EVENT_RESIDUAL = 1e-11
+"""Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
+
+CHECKED_EVENTS = 32
+"""Events a leg, evenly spread, at which the residual is evaluated afresh beside the leg's end."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Rates along a leg in one set of states, ready for the event search.
+
+    Attributes:
+        q: (4N,) rates of y per unit of s.
+        falling: labels of quantities that must stay >= 0 and fall.
+        time: (len(falling),) -1 / rate of each.
+        slipping: nodes that slip.
+        limit: (len(slipping),) labels of B or A, equal to 2 f P there.
+        speed: (len(slipping),) |rate of v|.
+        reversed_nodes: slipping nodes whose rate contradicts their state.
+        scale: largest rate as a force.
+    """
+
+    q: Array
+    falling: NDArray[np.intp]
+    time: Array
+    slipping: NDArray[np.intp]
+    limit: NDArray[np.intp]
+    speed: Array
+    reversed_nodes: NDArray[np.intp]
+    scale: float
+
+
+class EventPath:
+    """Follows legs exactly; keeps the tableau and the rates of known states from leg to leg."""
+
+    def __init__(self, system: ContactSystem, check_all: bool = False) -> None:
+        """Prepare for ``system`` in 2N form.
+
+        Args:
+            system: the condensed body, ``kind = "frictional"``.
+            check_all: evaluate the residual afresh after every event.
+        """
+        self.system, self.check_all = system, check_all
+        n = system.n
+        loose = ~system.held[:n]
+        normal = ~system.held[n:]
+        self.frictional = loose & normal & (system.f > 0.0)
+        self.smooth = normal & ~self.frictional
+        self.stiffness = local_stiffness(system)
+        force = 1.0 / np.maximum(1.0, system.f)
+        # brings every entry of y to the size of a nodal force
+        self.weight = np.concatenate([*self.stiffness, force, force])
+        self.tableau: Tableau | None = None
+        self.cache: OrderedDict[bytes, Array] = OrderedDict()
+        self.segments: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
+        rigid_w = system.rigid[n:]
+        self.lifts_freely = bool(np.any(np.all(rigid_w > 0.0, axis=0) | np.all(rigid_w < 0.0, axis=0)))
+        self.trials = 0
+
+    # -- one leg ---------------------------------------------------------------------------------
+
+    def trace_leg(
+        self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
+    ) -> Leg:
+        """Follow one leg from its start to its end.
+
+        Args:
+            start: state at the start.
+            ends: (n_loads,) load factors at the start and at the end.
+            force_scale: largest nodal force of the history so far.
+            samples: number of evenly spaced states to keep, the last one at s = 1; 0 for none.
+
+        Returns:
+            The traced leg.
+
+        Raises:
+            NoEquilibrium: lift-off or gross sliding, with the load factor where it happens.
+            NoQuasiStaticContinuation: the rate problem has no solution.
+            SolveError: the residual of the contact law is above its tolerance.
+        """
+        a, b = ends
+        if not np.any(a) and not np.any(self.system.g0) and not np.any(start.r):
+            return self._from_rest(start, b, force_scale, samples)
+        walk = _Walk(self, start, a, b, force_scale, samples)
+        apex = not np.any(b) and not np.any(self.system.g0) and self.lifts_freely
+        walk.run(1.0 - APEX if apex else 1.0)
+        return walk.finish(apex)
+
+    def _from_rest(self, start: ContactState, load: Array, force_scale: float, samples: int) -> Leg:
+        """First loading from rest: the solution is proportional to the load (section 1.1)."""
+        end = self.static(start, load)
+        if end is None:
+            raise NoEquilibrium(
+                f"no equilibrium under the load factors {load.tolist()}: the loads lift or slide the body "
+                "off the plane; check their signs, or add a [[support]]"
+            )
+        change = end.u - start.u
+        n = self.system.n
+        scale = max(force_scale, float(np.abs(end.r).max()))
+        slip = np.where(end.state == SEPARATION, 0.0, change[:n])
+        leg = Leg(
+            end=end,
+            dissipation=-0.5 * end.Q * np.where(self.system.held[:n], 0.0, slip),
+            work=0.5 * float(load @ self.system.r_star @ change),
+            residual=_relative_residual(self.system, end, change[:n], self.stiffness, scale),
+            force_scale=scale,
+        )
+        for j in range(1, samples + 1):
+            s = j / samples
+            leg.samples.append((s, ContactState(start.u + s * change, s * end.r, end.state)))
+        changed = np.flatnonzero(end.state != start.state)
+        leg.events = [(0.0, int(i), int(start.state[i]), int(end.state[i])) for i in changed]
+        return leg
+
+    def static(self, start: ContactState, load: Array) -> ContactState | None:
+        """Solve one static problem from ``start`` to ``load``; None when there is no solution found.
+
+        Gauss-Seidel with polish comes first, the finite method when it does not converge.
+        """
+        system, n = self.system, self.system.n
+        options = gauss_seidel.GaussSeidelOptions(max_sweeps=max(400, 4 * n), residual_tolerance=1e-13)
+        try:
+            return gauss_seidel.solve_step(system, start, load, options).end
+        except SolveError:
+            pass
+        all_nodes = np.arange(n)
+        nothing = np.zeros(0, dtype=np.intp)
+        u0 = np.concatenate([start.v, np.where(system.held[n:], start.w, -system.g0)])
+        kinds = Undecided(nothing, nothing, all_nodes[self.frictional], all_nodes[self.smooth])
+        free_v = np.flatnonzero(~system.held[:n] & ~self.frictional)
+        state = solve_states(system, reactions(system, load, u0), kinds, free_v)
+        if state is None:
+            return None
+        state[state == 0] = STICK
+        return self._settle(ContactState(u0, start.r, state), load)
+
+    def _settle(self, trial: ContactState, load: Array) -> ContactState | None:
+        """Return the state with displacements that satisfy its equations, None if the law is broken."""
+        try:
+            tableau = self._tableau(trial.state)
+        except SingularExchange:
+            return None
+        state, u = trial, trial.u.copy()
+        for _ in range(2):
+            state = ContactState(u, reactions(self.system, load, u), trial.state)
+            u = u + self._correction(tableau, state)
+        end = ContactState(u, reactions(self.system, load, u), trial.state)
+        slip = end.v - trial.v
+        scale = float(np.abs(end.r).max())
+        residual = _relative_residual(self.system, end, slip, self.stiffness, scale)
+        return end if residual <= EVENT_RESIDUAL else None
+
+    # -- rates ---------------------------------------------------------------------------------------
+
+    def _tableau(self, state: States) -> Tableau:
+        if self.tableau is None:
+            self.tableau = Tableau(self.system, state)
+        else:
+            self.tableau.move_to(state)
+        return self.tableau
+
+    def segment(self, state: States, direction: Array) -> Segment:
+        """Return the rates in the given states along a leg whose loads change by ``direction``."""
+        key = state.tobytes()
+        known = self.segments.get((key, direction.tobytes()))
+        if known is not None:
+            return known
+        rates = self.cache.get(key)
+        if rates is None:
+            self.trials += 1
+            rates = self._tableau(state).rates()[: 4 * self.system.n]
+            self.cache[key] = rates
+            if len(self.cache) * rates.nbytes > CACHED_BYTES:
+                self.cache.popitem(last=False)
+        made = self._make_segment(state, rates @ direction)
+        self.segments[key, direction.tobytes()] = made
+        if len(self.segments) * 2 * made.q.nbytes > CACHED_BYTES:
+            self.segments.popitem(last=False)
+        return made
+
+    def _make_segment(self, state: States, q: Array) -> Segment:
+        n = self.system.n
+        scale = float(np.abs(q * self.weight).max())
+        threshold = RATE_TOLERANCE * scale / self.weight
+        falling = np.flatnonzero(self.bounded(state) & (q < -threshold))
+        sign = (state == FORWARD).astype(float) - (state == BACKWARD)
+        slipping = np.flatnonzero(sign)
+        speed = sign[slipping] * q[slipping]
+        limit = slipping + np.where(sign[slipping] > 0.0, 3 * n, 2 * n)
+        wrong = slipping[speed < -threshold[slipping]]
+        return Segment(q, falling, -1.0 / q[falling], slipping, limit, speed, wrong, scale)
+
+    def bounded(self, state: States) -> NDArray[np.bool_]:
+        """Return (4N,) which quantities must stay >= 0 in the given states."""
+        open_ = state == SEPARATION
+        contact = (self.frictional | self.smooth) & ~open_
+        return np.concatenate([
+            np.zeros(len(state), dtype=bool),
+            open_,
+            contact & (state != FORWARD),
+            contact & self.frictional & (state != BACKWARD),
+        ])
+
+    def _correction(self, tableau: Tableau, state: ContactState) -> Array:
+        """Return the (2N,) change of displacement that brings every input back to its exact value."""
+        n, f = self.system.n, self.system.f
+        Q, P = state.Q, state.P
+        contact = state.state != SEPARATION
+        open_f = ~contact & self.frictional
+        at_A = self.frictional & (open_f | (state.state == FORWARD))
+        at_B = self.frictional & (open_f | (state.state == BACKWARD))
+        at_P = ~contact & self.smooth
+        labels = [np.flatnonzero(at_A) + 2 * n, np.flatnonzero(at_B) + 3 * n, np.flatnonzero(at_P) + 2 * n]
+        change = [-(Q + f * P)[at_A], -(f * P - Q)[at_B], -P[at_P]]
+        free = np.flatnonzero(~self.system.held[:n] & ~self.frictional)
+        labels.append(free + 4 * n)
+        change.append(-Q[free])
+        return tableau.response(np.concatenate(labels), np.concatenate(change))[: 2 * n]
+
+    def correct(self, state: ContactState, load: Array) -> ContactState:
+        """Return the state with round-off of the path removed: one step of iterative refinement."""
+        tableau = self._tableau(state.state)
+        fresh = ContactState(state.u, reactions(self.system, load, state.u), state.state)
+        u = state.u + self._correction(tableau, fresh)
+        return ContactState(u, reactions(self.system, load, u), state.state)
+
+    def values(self, state: ContactState) -> Array:
+        """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""
+        n, f = self.system.n, self.system.f
+        A, B = state.Q + f * state.P, f * state.P - state.Q
+        A = np.where(self.smooth, state.P, A)
+        contact = state.state != SEPARATION
+        gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
+        A = np.where(contact & (state.state != FORWARD), A, 0.0)
+        B = np.where(contact & self.frictional & (state.state != BACKWARD), B, 0.0)
+        y = np.concatenate([state.v, gap, A, B])
+        mask = self.bounded(state.state)
+        y[mask] = np.maximum(y[mask], 0.0)
+        return y
+
+    # -- changes of state ---------------------------------------------------------------------------
+
+    def undecided(self, y: Array, state: States, force_scale: float) -> Undecided:
+        """Return the nodes that sit on a limit, sorted by which limit."""
+        n = self.system.n
+        on = (y * self.weight <= LIMIT_TOLERANCE * force_scale).reshape(4, n)
+        contact = state != SEPARATION
+        touching = np.where(contact, on[2] & (on[3] | ~self.frictional), on[1])
+        F = self.frictional & contact & ~touching
+        return Undecided(
+            np.flatnonzero(F & ((state == FORWARD) | (on[2] & (state == STICK)))),
+            np.flatnonzero(F & ((state == BACKWARD) | (on[3] & (state == STICK)))),
+            np.flatnonzero(self.frictional & touching),
+            np.flatnonzero(self.smooth & touching),
+        )
+
+
+class _Walk:
+    """One leg under way."""
+
+    def __init__(
+        self, path: EventPath, start: ContactState, a: Array, b: Array, force_scale: float, samples: int
+    ) -> None:
+        self.path, self.system, self.a, self.b = path, path.system, a, b
+        self.direction = b - a
+        self.s, self.start = 0.0, start
+        self.state = start.state.copy()
+        self.y = path.values(start)
+        self.force_scale = max(force_scale, float(np.abs(start.r).max()))
+        self.sample_at = [j / samples for j in range(1, samples + 1)]
+        n = self.system.n
+        self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=self.force_scale)
+        self.to_check: list[tuple[float, Array, States, Array]] = []
+        self.work_u: Array = np.zeros(n)
+
+    def load(self, s: float) -> Array:
+        """Return the load factors at s."""
+        return (1.0 - s) * self.a + s * self.b
+
+    def run(self, s_end: float) -> None:
+        """Go from event to event up to ``s_end``."""
+        path, y = self.path, self.y
+        segment = self._consistent()
+        dissipation = self.leg.dissipation
+        self.work = 0.0
+        while True:
+            remaining = s_end - self.s
+            times = y[segment.falling] * segment.time
+            first = float(times.min()) if len(times) else np.inf
+            ds = min(max(first, 0.0), remaining)
+            if self.sample_at and self.sample_at[0] <= self.s + ds:
+                self._sample(segment, self.s + ds)
+            if ds > 0.0:
+                half = 0.5 * ds
+                before = y[segment.limit]
+                y += ds * segment.q
+                # forward: Q = -B/2, backward: Q = A/2, so -Q dv = (2 f P)/2 |dv|
+                dissipation[segment.slipping] += (
+                    0.5 * half * segment.speed * (before + y[segment.limit])
+                )
+                self.work += self._work(segment, ds)
+                self.s += ds
+                if self._wants_check():
+                    slip = ds * segment.q[: self.system.n]
+                    self.to_check.append((self.s, y.copy(), self.state.copy(), slip))
+            if first >= remaining:
+                self.s = s_end
+                return
+            hit = segment.falling[times <= first + TIE_TOLERANCE]
+            y[hit] = 0.0
+            segment = self._consistent(hit, segment)
+
+    def _work(self, segment: Segment, ds: float) -> float:
+        """Return the integral of sum lambda r* . du over the segment."""
+        middle = self.load(self.s + 0.5 * ds)
+        return ds * float(middle @ self.system.r_star @ segment.q[: 2 * self.system.n])
+
+    def _wants_check(self) -> bool:
+        if self.path.check_all:
+            return True
+        return len(self.to_check) < CHECKED_EVENTS and self.s * CHECKED_EVENTS >= len(self.to_check)
+
+    def _sample(self, segment: Segment, s_to: float) -> None:
+        """Keep the states asked for on the present segment."""
+        n = self.system.n
+        while self.sample_at and self.sample_at[0] <= s_to:
+            s = self.sample_at.pop(0)
+            y = self.y + (s - self.s) * segment.q
+            u = np.concatenate([y[:n], y[n : 2 * n] - self.system.g0])
+            r = reactions(self.system, self.load(s), u)
+            self.leg.samples.append((s, ContactState(u, r, self.state.copy())))
+
+    # -- consistent rates ------------------------------------------------------------------------
+
+    def _consistent(
+        self, hit: NDArray[np.intp] | None = None, segment: Segment | None = None
+    ) -> Segment:
+        """Change states until no node on a limit is driven across it.
+
+        All violating nodes change at first, then the worst one; when a set of states comes back,
+        the finite method decides.
+        """
+        path, state, y = self.path, self.state, self.y
+        before = state.copy()
+        seen = {state.tobytes()}
+        rounds = 0
+        if hit is not None and segment is not None:
+            self._change(hit, segment)
+            seen.add(state.tobytes())
+        try:
+            while True:
+                segment = path.segment(state, self.direction)
+                violating = self._violations(segment)
+                if len(violating) == 0:
+                    break
+                rounds += 1
+                if rounds > ALL_AT_ONCE:
+                    badness = np.abs(segment.q[violating]) * path.weight[violating]
+                    violating = violating[[int(np.argmax(badness))]]
+                self._change(violating, segment)
+                if state.tobytes() in seen or rounds > len(state):
+                    segment = self._finite(before)
+                    break
+                seen.add(state.tobytes())
+        except SingularExchange:
+            state[:] = before
+            segment = self._finite(before)
+        changed = np.flatnonzero(state != before)
+        self.leg.events += [(self.s, int(i), int(before[i]), int(state[i])) for i in changed]
+        return segment
+
+    def _violations(self, segment: Segment) -> NDArray[np.intp]:
+        """Return labels of quantities on their limit that are driven across it."""
+        y, weight = self.y, self.path.weight
+        fall = segment.falling
+        on_limit = fall[y[fall] * weight[fall] <= LIMIT_TOLERANCE * self.force_scale]
+        return np.concatenate([segment.reversed_nodes, on_limit])
+
+    def _change(self, labels: NDArray[np.intp], segment: Segment) -> None:
+        """Give each node of the violated quantities the state on the other side of its limit."""
+        n, state = self.system.n, self.state
+        limit = LIMIT_TOLERANCE * self.force_scale
+        chosen = {int(label) % n: [] for label in labels}  # type: dict[int, list[int]]
+        for label in labels.tolist():
+            chosen[label % n].append(label // n)
+        for i, kinds in chosen.items():
+            old = state[i]
+            if not self.path.frictional[i]:
+                state[i] = SEPARATION if old == STICK else STICK
+            elif old == SEPARATION:
+                state[i] = STICK
+            elif old in (FORWARD, BACKWARD):
+                state[i] = STICK if 0 in kinds else SEPARATION
+            elif len(kinds) == 2:
+                state[i] = SEPARATION
+            else:
+                state[i] = FORWARD if kinds[0] == 2 else BACKWARD
+            if state[i] != SEPARATION:
+                on = self.y[[2 * n + i, 3 * n + i]] * self.path.weight[[2 * n + i, 3 * n + i]] <= limit
+                self.y[[2 * n + i, 3 * n + i]] = np.where(on, 0.0, self.y[[2 * n + i, 3 * n + i]])
+            else:
+                self.y[[2 * n + i, 3 * n + i]] = 0.0
+
+    def _finite(self, before: States) -> Segment:
+        """Decide the nodes on limits by linear complementarity; explain when nothing is possible."""
+        path, system, n = self.path, self.system, self.system.n
+        undecided = path.undecided(self.y, before, self.force_scale)
+        free_v = np.flatnonzero(~system.held[:n] & ~path.frictional)
+        decided_open = (before == SEPARATION) & ~np.isin(np.arange(n), undecided.nodes)
+        open_n = np.flatnonzero(decided_open & ~system.held[n:])
+        open_t = np.flatnonzero(decided_open & path.frictional)
+        free = np.concatenate([open_t, free_v, n + open_n])
+        try:
+            found = solve_states(system, self.direction @ system.r_star, undecided, free)
+        except np.linalg.LinAlgError:
+            found = None
+        if found is not None:
+            self.state[:] = np.where(found > 0, found, before)
+            try:
+                segment = path.segment(self.state, self.direction)
+                if len(self._violations(segment)) == 0:
+                    return segment
+            except SingularExchange:
+                pass
+        raise self._explain(before, undecided.nodes)
+
+    def _explain(self, before: States, nodes: NDArray[np.intp]) -> SolveError:
+        """Return the error for a load at which the path ends."""
+        load = ", ".join(f"{value:.9g}" for value in self.load(self.s))
+        where = f"at load factors [{load}] (s = {self.s:.9g} of the leg)"
+        contact = before != SEPARATION
+        loose = contact & self.path.frictional
+        reach = self.y.reshape(4, -1)[:, loose]
+        limit = LIMIT_TOLERANCE * self.force_scale
+        if np.all(self.y.reshape(4, -1)[2:][:, contact].sum(axis=0) <= limit):
+            return NoEquilibrium(f"lift-off {where}: no pressure is left on the contact; beyond it nothing holds")
+        if loose.any() and (np.all(reach[2] <= limit) or np.all(reach[3] <= limit)):
+            return NoEquilibrium(
+                f"gross sliding {where}: every node in contact is at the friction limit in the same direction"
+            )
+        listed = ", ".join(str(i) for i in nodes[:12].tolist()) + (" ..." if len(nodes) > 12 else "")
+        return NoQuasiStaticContinuation(
+            f"no quasi-static continuation {where}: the rates of nodes [{listed}] have no solution; "
+            "the body jumps here; reduce the friction or the load range"
+        )
+
+    # -- the end -------------------------------------------------------------------------------------
+
+    def finish(self, apex: bool) -> Leg:
+        """Return the leg: fresh reactions, round-off removed, residual checked."""
+        path, leg, n, system = self.path, self.leg, self.system.n, self.system
+        u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
+        load = self.load(self.s)
+        end = ContactState(u, reactions(system, load, u), self.state.copy())
+        end = path.correct(end, load)
+        self._check(end)
+        if apex:
+            end = ContactState(self._rest(end), np.zeros(2 * n), end.state)
+            leg.samples += [(s, end) for s in self.sample_at]
+        leg.end, leg.work, leg.force_scale = end, self.work, self.force_scale
+        return leg
+
+    def _rest(self, end: ContactState) -> Array:
+        """Return the displacements of the unloaded body: the rigid sliding that has been reached."""
+        n = self.system.n
+        u = np.zeros(2 * n)
+        rigid = self.system.rigid
+        slides = [m for m in rigid.T if not np.any(m[n:]) and np.ptp(m[:n]) == 0.0]
+        if slides:
+            u[:n] = end.v.mean()
+        u[:n][self.system.held[:n]] = end.v[self.system.held[:n]]
+        return u
+
+    def _check(self, end: ContactState) -> None:
+        """Evaluate the residual afresh at the end and at the chosen events."""
+        n, system = self.system.n, self.system
+        self.force_scale = max(self.force_scale, float(np.abs(end.r).max()))
+        worst = _relative_residual(system, end, np.zeros(n), self.path.stiffness, self.force_scale)
+        # slip at the end itself is zero: sliding nodes are checked against their limits alone
+        worst = max(0.0, self._slipless(end))
+        for s, y, state, slip in self.to_check:
+            u = np.concatenate([y[:n], y[n : 2 * n] - system.g0])
+            r = reactions(system, self.load(s), u)
+            moved = np.where((state == FORWARD) | (state == BACKWARD), slip, 0.0)
+            self.force_scale = max(self.force_scale, float(np.abs(r).max()))
+            now = ContactState(u, r, state)
+            worst = max(worst, _relative_residual(system, now, moved, self.path.stiffness, self.force_scale))
+        self.leg.residual = worst
+        if worst > EVENT_RESIDUAL:
+            raise SolveError(
+                f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: residual "
+                f"{worst:.1e} over {EVENT_RESIDUAL:.0e}; use method gauss-seidel and report this scene"
+            )
+
+    def _slipless(self, end: ContactState) -> float:
+        """Return the residual at the end, a slipping node being required to sit on its limit."""
+        f = self.system.f
+        sign = (end.state == FORWARD).astype(float) - (end.state == BACKWARD)
+        worst = _relative_residual(
+            self.system, end, np.zeros(self.system.n), self.path.stiffness, self.force_scale
+        )
+        on_limit = np.abs(end.Q + sign * f * end.P)[sign != 0.0]
+        return max(worst, float(on_limit.max(initial=0.0)) / self.force_scale)
+
+
+def _relative_residual(
+    system: ContactSystem, state: ContactState, slip: Array, stiffness: tuple[Array, Array], scale: float
+) -> float:
+    """Return the largest entry of the law's residual over the force scale."""
+    if scale == 0.0:
+        return 0.0
+    return float(law_residual(system, state.r, state.u, slip, stiffness).max()) / scale
