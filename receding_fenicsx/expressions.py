@@ -1,7 +1,7 @@
 """Safe evaluation of the small formulas that a scene may hold, such as ``"0.3 + 0.1*cos(pi*x)"``.
 
-The text is parsed with :mod:`ast` and only the nodes named below are walked; nothing is ever passed to
-``eval``, so a scene file from elsewhere cannot run code.
+The text is parsed with :mod:`ast` and only the nodes named below are walked; nothing is ever passed
+to ``eval``, so a scene file from elsewhere cannot run code.
 """
 
 from __future__ import annotations
@@ -66,8 +66,8 @@ COMPARE: dict[type[ast.cmpop], Callable[[Array, Array], NDArray[np.bool_]]] = {
 def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
     """Evaluate an expression in ``x`` (and ``y``) at many points.
 
-    Known are numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 where true, 0 elsewhere) and
-    ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
+    Known are numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 where true, 0 elsewhere)
+    and ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
 
     Args:
         text: the expression.
@@ -88,7 +88,7 @@ def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
         raise InputError(
             f"'{text}' is not an expression; write for example \"0.3 + 0.1*cos(pi*x)\""
         ) from None
-    names = {"x": np.asarray(x, dtype=float), "pi": np.float64(np.pi)}
+    names: dict[str, Array] = {"x": np.asarray(x, dtype=float), "pi": np.asarray(np.pi)}
     if y is not None:
         names["y"] = np.asarray(y, dtype=float)
     with np.errstate(all="ignore"):
@@ -108,11 +108,13 @@ def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
 
 def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
     """Value of one node of the parsed expression."""
-    if isinstance(node, ast.Constant) and type(node.value) in (int, float):
-        try:
-            return np.asarray(float(node.value))
-        except OverflowError:
-            raise InputError(f"'{text}': a number is too large") from None
+    if isinstance(node, ast.Constant):
+        number = node.value
+        if isinstance(number, int | float) and not isinstance(number, bool):
+            try:
+                return np.asarray(float(number))
+            except OverflowError:
+                raise InputError(f"'{text}': a number is too large") from None
     if isinstance(node, ast.Name):
         if node.id in names:
             return names[node.id]
@@ -142,8 +144,8 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
         return np.asarray(function(*arguments), dtype=float)
     hint = " (write ** for a power)" if "^" in text else ""
     raise InputError(
-        f"'{text}': '{ast.unparse(node)}' is not allowed in an expression{hint}; use numbers, x, y, pi, "
-        f"+ - * / **, comparisons and {', '.join(FUNCTIONS)}"
+        f"'{text}': '{ast.unparse(node)}' is not allowed in an expression{hint}; use numbers, x, "
+        f"y, pi, + - * / **, comparisons and {', '.join(FUNCTIONS)}"
     )
 
 

@@ -39,8 +39,8 @@ def from_scene(scene: Scene) -> History:
 
     * "monotonic": path 0 to ``maximum``, no cycles.
     * "cyclic": path 0 to ``maximum``, every cycle ``maximum``, ``minimum``, ``maximum``.
-    * "table": path from zero load through ``rows``, every cycle from the last row through ``cycle_rows``
-      and back to it.
+    * "table": path from zero load through ``rows``, every cycle from the last row through
+      ``cycle_rows`` and back to it.
 
     Args:
         scene: the scene; the columns of the history are its loads in their order there.
@@ -78,15 +78,16 @@ def from_scene(scene: Scene) -> History:
     _check_driven((driven,), names, "load")
     if not options.maximum > 0.0:
         raise InputError(
-            f"[history] maximum: must be positive, not {options.maximum:g}, or nothing is ever loaded; "
-            "turn the load's own sign instead"
+            f"[history] maximum: must be positive, not {options.maximum:g}, or nothing is ever "
+            "loaded; turn the load's own sign instead"
         )
     path = np.array([[0.0], [options.maximum]])
     if options.kind == "monotonic":
         return History(names, path, np.zeros((0, 1)))
     if options.minimum >= options.maximum:
         raise InputError(
-            f"[history] minimum: {options.minimum:g} is not below maximum = {options.maximum:g}; lower it"
+            f"[history] minimum: {options.minimum:g} is not below maximum = {options.maximum:g}; "
+            "lower it"
         )
     _check_cycles(options.cycles)
     loop = np.array([[options.maximum], [options.minimum], [options.maximum]])
@@ -102,7 +103,7 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
         cycle: cycle that the leg belongs to; 0 is the path from rest.
 
     Returns:
-        Index of the leg, from 0: in a cycle, "unloading" is the first leg and "loading" the last one.
+        Index of the leg, from 0: in a cycle, "unloading" is the first leg and "loading" the last.
 
     Raises:
         InputError: the cycle has no such leg.
@@ -124,7 +125,8 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
         return legs[0]
     if not name.isdecimal() or int(name) >= n:
         raise InputError(
-            f"leg '{name}': cycle {cycle} has legs 0 to {n - 1}; give one of them, or loading or unloading"
+            f"leg '{name}': cycle {cycle} has legs 0 to {n - 1}; give one of them, or loading or "
+            "unloading"
         )
     return int(name)
 
@@ -172,8 +174,8 @@ def _table(
     for i, row in enumerate(rows):
         if len(row) != len(columns):
             raise InputError(
-                f"[history] {key} row {i + 1}: has {len(row)} value(s) for {len(columns)} column(s); "
-                "give one a column"
+                f"[history] {key} row {i + 1}: has {len(row)} value(s) for {len(columns)} "
+                "column(s); give one a column"
             )
     return np.array(rows, dtype=float).reshape(len(rows), len(columns))
 
@@ -182,7 +184,8 @@ def _check_moves(rows: NDArray[np.float64], key: str) -> None:
     still = np.flatnonzero(np.all(np.diff(rows, axis=0) == 0.0, axis=1))
     if len(still):
         raise InputError(
-            f"[history] {key}: the load factors {rows[still[0]].tolist()} stand twice in a row; drop one"
+            f"[history] {key}: the load factors {rows[still[0]].tolist()} stand twice in a row; "
+            "drop one"
         )
 
 
@@ -203,6 +206,6 @@ def _check_driven(driven: tuple[str, ...], names: tuple[str, ...], key: str) -> 
     for name in names:
         if name not in driven:
             raise InputError(
-                f"load '{name}': is not driven by the history; leave it out, or use kind = \"table\" with "
-                "a column for it"
+                f"load '{name}': is not driven by the history; leave it out, or use "
+                'kind = "table" with a column for it'
             )

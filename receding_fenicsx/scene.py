@@ -1,7 +1,7 @@
 """What is modelled: the scene's dataclasses, and the values of profiles along its edges.
 
-Reading and writing TOML is in :mod:`receding_fenicsx.scene_file`, the checks and the test for mirror
-symmetry in :mod:`receding_fenicsx.scene_checks`.
+Reading and writing TOML is in :mod:`receding_fenicsx.scene_file`, the checks and the test for
+mirror symmetry in :mod:`receding_fenicsx.scene_checks`.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ class Material:
 
 @dataclass(frozen=True)
 class MeshOptions:
-    """How the body is meshed; ``growth`` is the size ratio between neighbouring layers, 1 = uniform."""
+    """How the body is meshed; ``growth`` is the size ratio of neighbouring layers, 1 = uniform."""
 
     contact_elements: int = 160
     cell: str = "triangle"
@@ -65,9 +65,9 @@ class Contact:
 
 @dataclass(frozen=True)
 class Load:
-    """One named load with load factor lambda: exactly one of pressure (on the body) and traction (global axes).
+    """One named load with its load factor: exactly one of pressure and traction (global axes).
 
-    ``span`` runs along the edge: x on "bottom" and "top"; on "left" and "right" it is y less half the height.
+    ``span`` runs along the edge: x on "bottom" and "top", y less half the height on the others.
     """
 
     name: str
@@ -119,7 +119,7 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """What is kept of the history: samples a leg, and which cycles (all, or a list; None = default)."""
+    """What is kept of the history: samples a leg, and which cycles ("all", list, None: default)."""
 
     samples_per_leg: int = 40
     cycles: tuple[int, ...] | str | None = None
@@ -141,14 +141,14 @@ class Scene:
     output: OutputOptions = field(default_factory=OutputOptions)
 
     def validate(self) -> None:
-        """Raise InputError (one line: key, what is wrong, what to do) when the scene cannot be modelled."""
+        """Raise InputError, one line, when the scene cannot be modelled."""
         from receding_fenicsx.scene_checks import validate
 
         validate(self)
 
 
 def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
-    """Evaluate a profile: constant, expression, or piecewise linear table held constant outside its ends.
+    """Evaluate a profile: constant, expression, or linear table held constant beyond its ends.
 
     Args:
         profile: number, expression or table.
@@ -172,7 +172,7 @@ def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Arra
 
 
 def edge_range(scene: Scene, edge: str) -> tuple[float, float]:
-    """Ends of an edge, measured along it from the body's centre: what a ``span`` is compared with."""
+    """Ends of an edge, measured along it from the body's centre, as a ``span`` is."""
     if edge not in EDGES:
         raise InputError(f"'{edge}' is no edge of a rectangle; use one of {', '.join(EDGES)}")
     half = 0.5 * (scene.body.width if edge in HORIZONTAL else scene.body.height)

@@ -46,7 +46,8 @@ def validate(scene: Scene) -> None:
         scene: the scene.
 
     Raises:
-        InputError: a value has no meaning, contradicts another one, or asks for what is not available.
+        InputError: a value has no meaning, contradicts another one, or asks for what is not
+            available.
     """
     _check_finite(scene, "scene")
     _check_body(scene)
@@ -71,8 +72,9 @@ def validate(scene: Scene) -> None:
 def is_mirror_symmetric(scene: Scene) -> bool:
     """Say whether the whole scene is its own mirror image about x = 0, so that half of it will do.
 
-    Pressures, friction and gap must be even in x, the x-component of tractions and the initial slip odd,
-    the y-component even; every support needs its image. Expressions are compared at sample points.
+    Pressures, friction and gap must be even in x, the x-component of tractions and the initial slip
+    odd, the y-component even; every support needs its image. Expressions are compared at sample
+    points.
 
     Args:
         scene: a valid scene.
@@ -188,12 +190,14 @@ def _check_mesh(scene: Scene) -> None:
     n = mesh.contact_elements
     if not LEAST_CONTACT_ELEMENTS <= n <= MOST_CONTACT_ELEMENTS:
         raise InputError(
-            f"[mesh] contact_elements: {n} is too {'few' if n < LEAST_CONTACT_ELEMENTS else 'many'}; "
+            f"[mesh] contact_elements: {n} is too "
+            f"{'few' if n < LEAST_CONTACT_ELEMENTS else 'many'}; "
             f"use {LEAST_CONTACT_ELEMENTS} to {MOST_CONTACT_ELEMENTS}"
         )
     if n % 2:
         raise InputError(
-            f"[mesh] contact_elements: {n} is odd; use an even number, half of them on each side of x = 0"
+            f"[mesh] contact_elements: {n} is odd; use an even number, half of them on each side "
+            "of x = 0"
         )
     _check_choice(mesh.cell, ("triangle", "quadrilateral"), "[mesh] cell")
     if mesh.degree not in (1, 2):
@@ -211,11 +215,6 @@ def _check_contact(scene: Scene) -> None:
         raise InputError("[[contact]]: several contact edges are not available yet; keep one")
     contact = scene.contacts[0]
     _check_edge(contact.edge, "[contact] edge")
-    if contact.edge != "bottom":
-        raise InputError(
-            f'[contact] edge: contact on "{contact.edge}" is not available yet; turn the scene so that '
-            'it is "bottom"'
-        )
     _check_span(scene, contact.edge, contact.span, "[contact] span")
     x = contact_samples(scene, contact)
     for profile, key in ((contact.friction, "friction"), (contact.initial_gap, "initial_gap")):
@@ -230,7 +229,8 @@ def _check_contact(scene: Scene) -> None:
 def _check_edge(edge: str, where: str) -> None:
     if "." in edge:
         raise InputError(
-            f'{where}: "{edge}" names a body; two bodies are not available yet, write the edge alone'
+            f'{where}: "{edge}" names a body; two bodies are not available yet, write the edge '
+            "alone"
         )
     _check_choice(edge, EDGES, where)
 
@@ -246,8 +246,8 @@ def _check_span(scene: Scene, edge: str, span: tuple[float, float] | None, where
         )
     if span[0] < low - slack or span[1] > high + slack:
         raise InputError(
-            f'{where}: [{span[0]:g}, {span[1]:g}] reaches beyond edge "{edge}", which runs from {low:g} to '
-            f"{high:g}; shorten it"
+            f'{where}: [{span[0]:g}, {span[1]:g}] reaches beyond edge "{edge}", which runs from '
+            f"{low:g} to {high:g}; shorten it"
         )
 
 
@@ -257,8 +257,8 @@ def _values(profile: Profile, x: Array, y: Array | None, where: str) -> Array:
         table = np.asarray(profile["x"], dtype=float), np.asarray(profile["value"], dtype=float)
         if len(table[0]) != len(table[1]) or len(table[0]) < 2:
             raise InputError(
-                f"{where}: a table needs two lists of equal length (at least 2), not {len(table[0])} "
-                f"and {len(table[1])} values"
+                f"{where}: a table needs two lists of equal length (at least 2), not "
+                f"{len(table[0])} and {len(table[1])} values"
             )
         if np.any(np.diff(table[0]) <= 0.0):
             raise InputError(f"{where}: x of the table must increase from value to value; sort it")
@@ -281,20 +281,21 @@ def _check_load(scene: Scene, load: Load) -> None:
             (a, b), (c, d) = load.span or whole, contact.span or whole
             if min(b, d) - max(a, c) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
                 raise InputError(
-                    f'{where}: lies on the contact edge "{load.edge}" where the contact is; use another '
-                    "edge, or a span beside the contact's"
+                    f'{where}: lies on the contact edge "{load.edge}" where the contact is; use '
+                    "another edge, or a span beside the contact's"
                 )
-    x, y = edge_points(scene, load.edge, _load_samples(scene, load))
+    along = _load_samples(scene, load)
+    x, y = edge_points(scene, load.edge, along)
     parts = (load.traction[0], load.traction[1]) if load.traction else (load.pressure,)
-    key = "traction" if load.traction else "pressure"
-    if load.edge not in HORIZONTAL and any(isinstance(p, dict) for p in parts):
-        raise InputError(
-            f'{where} {key}: a table in x has no meaning on edge "{load.edge}"; use an expression in y'
-        )
-    if all(np.all(_values(p, x, y, f"{where} {key}") == 0.0) for p in parts if p is not None):
-        raise InputError(
-            f"{where} {key}: is zero everywhere; give it a value or leave the load out"
-        )
+    key = f"{where} traction" if load.traction else f"{where} pressure"
+    zero = True
+    for part in parts:
+        if part is not None:
+            # a table runs along the edge, an expression knows x and y
+            values = _values(part, along if isinstance(part, dict) else x, y, key)
+            zero = zero and not np.any(values)
+    if zero:
+        raise InputError(f"{key}: is zero everywhere; give it a value or leave the load out")
 
 
 def _check_load_names(scene: Scene) -> None:
@@ -363,5 +364,6 @@ def _check_output(scene: Scene) -> None:
         for number in output.cycles:
             if not 0 <= number <= cycles:
                 raise InputError(
-                    f"[output] cycles: cycle {number} does not occur; the history has cycles 0 to {cycles}"
+                    f"[output] cycles: cycle {number} does not occur; the history has cycles 0 to "
+                    f"{cycles}"
                 )

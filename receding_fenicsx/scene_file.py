@@ -32,7 +32,7 @@ TABLES: dict[str, type] = {
     "solver": SolverOptions,
     "output": OutputOptions,
 }
-"""Tables that occur once, and the dataclass of each (the attribute of the scene has the table's name)."""
+"""Tables that occur once, and the dataclass of each; the scene's attribute has the table's name."""
 
 ARRAYS: dict[str, tuple[type, str]] = {
     "contact": (Contact, "contacts"),
@@ -100,15 +100,16 @@ def from_toml(text: str, overrides: Iterable[str] = ()) -> Scene:
 def apply_override(raw: dict[str, Any], override: str) -> None:
     """Change one value of a parsed scene file in place.
 
-    The value is read as TOML; text that is not TOML (a word, an expression) is taken as a string, so that
-    no quotes need to be passed through a shell.
+    The value is read as TOML; text that is not TOML (a word, an expression) is taken as a string,
+    so that no quotes need to be passed through a shell.
 
     Args:
         raw: the parsed file.
         override: ``table.key=value``, ``load.NAME.key=value`` or ``title=value``.
 
     Raises:
-        InputError: the text has no such form, or names a table or load that the scene does not have.
+        InputError: the text has no such form, or names a table or load that the scene does not
+            have.
     """
     key, equals, text = override.partition("=")
     names = [part.strip() for part in key.split(".")]
@@ -148,7 +149,8 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
         tables = _as_list(raw.setdefault(names[0], {}), names[0])
         if len(tables) != 1:
             raise InputError(
-                f"--set {override}: the scene has {len(tables)} [[{names[0]}]] tables; edit the file"
+                f"--set {override}: the scene has {len(tables)} [[{names[0]}]] tables; edit the "
+                "file"
             )
         tables[0][names[1]] = value
         return
@@ -171,9 +173,9 @@ def to_toml(scene: Scene) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _lines(table: object) -> list[str]:
+def _lines(table: Any) -> list[str]:
     """One line a field; None and empty sequences have no TOML value and are left out."""
-    fields = ((f.name, getattr(table, f.name)) for f in dataclasses.fields(table))  # type: ignore[arg-type]
+    fields = ((f.name, getattr(table, f.name)) for f in dataclasses.fields(table))
     return [
         f"{name} = {_text(value)}" for name, value in fields if value is not None and value != ()
     ]

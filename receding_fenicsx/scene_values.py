@@ -1,4 +1,4 @@
-"""Readers of single TOML values: each returns the value in its Python type or says what is wrong with it."""
+"""Readers of single TOML values: each returns the value or says what is wrong with it."""
 
 from __future__ import annotations
 

@@ -1,0 +1,113 @@
+"""Files that are either whole or not there: written beside their place, then renamed into it."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from receding_fenicsx.errors import InputError
+
+
+@contextmanager
+def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
+    """Give a name beside ``path`` to write to; on leaving it is flushed to disk and renamed.
+
+    Args:
+        path: where the finished file shall be.
+        overwrite: replace a file that is there already.
+
+    Yields:
+        The name to write to.
+
+    Raises:
+        InputError: the file is there already, or its folder cannot be written to.
+    """
+    path = Path(path)
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the name of a file")
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: is there already; choose another name or ask to overwrite it")
+    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        yield beside
+        _sync(beside)
+        os.replace(beside, path)
+        _sync(path.parent)
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be written ({error.strerror or error}); choose another place"
+        ) from None
+    finally:
+        beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def new_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
+    """Give an empty folder beside ``path`` to fill; on leaving without an error it is renamed.
+
+    Args:
+        path: where the finished folder shall be.
+        overwrite: replace what an earlier run left there (it must hold a ``summary.json``).
+
+    Yields:
+        The folder to fill; it is removed when anything goes wrong.
+
+    Raises:
+        InputError: the folder is there already and holds something, or cannot be made.
+    """
+    path = Path(path)
+    check_folder(path, overwrite)
+    beside = path.absolute().with_name(f".{path.absolute().name}.{os.getpid()}.tmp")
+    old = beside.with_suffix(".old")
+    try:
+        beside.parent.mkdir(parents=True, exist_ok=True)
+        shutil.rmtree(beside, ignore_errors=True)
+        beside.mkdir()
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be made ({error.strerror}); choose another folder"
+        ) from None
+    try:
+        yield beside
+        check_folder(path, overwrite)
+        if path.exists():
+            os.replace(path, old)
+        os.replace(beside, path)
+        _sync(beside.parent)
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
+        shutil.rmtree(old, ignore_errors=True)
+
+
+def check_folder(path: Path, overwrite: bool = False) -> None:
+    """Raise InputError unless a run's folder may be made at ``path``."""
+    path = Path(path)
+    if not path.exists():
+        return
+    if not path.is_dir():
+        raise InputError(f"{path}: is a file; give a folder that is not there yet")
+    try:
+        empty = not any(path.iterdir())
+    except OSError as error:
+        raise InputError(
+            f"{path}: cannot be read ({error.strerror}); choose another folder"
+        ) from None
+    if empty:
+        return
+    if not overwrite:
+        raise InputError(f"{path}: is there already; choose another folder or give --overwrite")
+    if not (path / "summary.json").is_file():
+        raise InputError(
+            f"{path}: holds no earlier run, so it is not replaced; choose another folder"
+        )
+
+
+def _sync(path: Path) -> None:
+    handle = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(handle)
+    finally:
+        os.close(handle)
