@@ -28,7 +28,13 @@ class InputError(RecedingError):
 
 
 class SolveError(RecedingError):
-    """A solver did not reach an answer that satisfies its own checks (exit code 1)."""
+    """A solver did not reach an answer that satisfies its own checks (exit code 1).
+
+    Attributes:
+        record: the ``Record`` of the history up to the leg that failed, where there is one.
+    """
+
+    record: object | None = None
 
 
 class NotConverged(SolveError):

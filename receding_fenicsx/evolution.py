@@ -6,9 +6,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.history import History
-from receding_fenicsx.interface import gauss_seidel
 from receding_fenicsx.interface.contact import (
     Array,
     ContactState,
@@ -18,6 +17,8 @@ from receding_fenicsx.interface.contact import (
     frictional_form,
 )
 from receding_fenicsx.interface.cycles import SteadyWatch
+from receding_fenicsx.interface.events import EventPath
+from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, GaussSeidelPath
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.output.collect import Change, Instant, Kept, events_table, states_table
 from receding_fenicsx.output.record import Cycles, Record, Steady
@@ -62,13 +63,18 @@ def evolve(
         )
     run = _Run(system, history, solver or SolverOptions(), output or OutputOptions())
     run.rest(initial_slip)
-    run.cycle(0)
-    for number in range(1, history.cycles + 1 if len(history.loop) else 1):
-        run.cycle(number)
-        if progress is not None:
-            progress(number, history.cycles, f"change {run.watch.change[-1]:.1e}")
-        if run.watch.cycle >= 0 and history.until_steady:
-            break
+    try:
+        run.cycle(0)
+        for number in range(1, history.cycles + 1 if len(history.loop) else 1):
+            run.cycle(number)
+            if progress is not None:
+                progress(number, history.cycles, f"change {run.watch.change[-1]:.1e}")
+            if run.watch.cycle >= 0 and history.until_steady:
+                break
+    except SolveError as error:
+        error.record = run.record()
+        raise
+    run.sample_last()
     return run.record()
 
 
@@ -80,6 +86,7 @@ class _Run:
     ) -> None:
         self.system, self.history, self.solver, self.output = system, history, solver, output
         self.model = frictional_form(system)
+        self.tracer = _tracer(self.model, solver)
         self.turning: list[Instant] = []
         self.kept: dict[int, Kept] = {}
         self.dissipation: list[Array] = []
@@ -91,6 +98,7 @@ class _Run:
     def rest(self, initial_slip: Array | None) -> None:
         """Lay the unloaded body on the plane."""
         n = self.system.n
+        self.has_initial_slip = initial_slip is not None
         v = np.zeros(n) if initial_slip is None else np.array(initial_slip, dtype=float)
         if v.shape != (n,):
             raise InputError(f"initial_slip has shape {v.shape}, expected ({n},)")
@@ -101,22 +109,25 @@ class _Run:
 
     def cycle(self, number: int) -> None:
         """Trace the legs of one cycle and collect its quantities."""
-        polyline = self.history.path if number == 0 else self.history.loop
         dissipation = np.zeros(self.system.n)
+        wanted = self._wanted(number)
+        self.last = number, self.now, self.load, self.force_scale
         kept = Kept()
         corners = [self._instant(number, 0, 0.0, self.load, self.now)]
-        for k, (a, b) in enumerate(zip(polyline[:-1], polyline[1:], strict=True)):
-            leg = self._trace(a, b)
+        for k, (a, b) in enumerate(self._legs(number)):
+            try:
+                leg = self._trace(number, k, a, b, self.output.samples_per_leg if wanted else 0)
+            except SolveError as error:
+                error.args = (f"cycle {number}, leg {k}: {error}",)
+                raise
+            self._take(leg)
             dissipation += leg.dissipation
             self.now, self.load = leg.end, b
             corners.append(self._instant(number, k, 1.0, b, leg.end))
-            for s, state in _thin(leg.samples, self.output.samples_per_leg):
-                kept.instants.append(self._instant(number, k, s, (1 - s) * a + s * b, state))
-            kept.changes += [
-                Change(number, k, s, (1 - s) * a + s * b, *rest) for s, *rest in leg.events
-            ]
-        self.turning += corners[1:]
-        self._keep(number, kept)
+            self.turning.append(corners[-1])
+            self._keep(kept, number, k, (a, b), leg)
+        if wanted:
+            self.kept[number] = kept
         self.dissipation.append(dissipation)
         v = np.array([corner.v for corner in corners])
         self.slip.append(v[-1] - v[0])
@@ -127,34 +138,60 @@ class _Run:
             slip_range = float(np.ptp(v, axis=0).max())
             self.watch.add(self.now.r, v[-1], slip_range, float(last), float(first))
 
+    def sample_last(self) -> None:
+        """Trace the last cycle once more from its start, for its samples, unless they are kept."""
+        number, state, load, scale = self.last
+        if number in self.kept or self.output.cycles is not None:
+            return
+        kept = Kept()
+        end = self.now, self.load, self.force_scale
+        self.now, self.load, self.force_scale = state, load, scale
+        for k, (a, b) in enumerate(self._legs(number)):
+            leg = self._trace(number, k, a, b, self.output.samples_per_leg)
+            self._keep(kept, number, k, (a, b), leg)
+            self.now, self.load, self.force_scale = leg.end, b, leg.force_scale
+        self.kept[number] = kept
+        self.now, self.load, self.force_scale = end
+
+    def _legs(self, number: int) -> list[tuple[Array, Array]]:
+        polyline = self.history.path if number == 0 else self.history.loop
+        return list(zip(polyline[:-1], polyline[1:], strict=True))
+
+    def _wanted(self, number: int) -> bool:
+        """Return whether the cycle's samples were asked for by number."""
+        wanted = DEFAULT_KEPT if self.output.cycles is None else self.output.cycles
+        return wanted == "all" or number in wanted
+
+    def _keep(
+        self, kept: Kept, number: int, k: int, ends: tuple[Array, Array], leg: Leg
+    ) -> None:
+        """Add a leg's samples and events to what is kept of its cycle."""
+        a, b = ends
+        for s, state in leg.samples:
+            kept.instants.append(self._instant(number, k, s, (1 - s) * a + s * b, state))
+        kept.changes += [
+            Change(number, k, s, (1 - s) * a + s * b, *rest) for s, *rest in leg.events
+        ]
+
     def _instant(self, cycle: int, leg: int, s: float, load: Array, state: ContactState) -> Instant:
         v = state.v
         if self.system.slip_map is not None:
             v = self.system.slip_map @ np.concatenate([state.w, load])
         return Instant(cycle, leg, s, load, v, state)
 
-    def _trace(self, a: Array, b: Array) -> Leg:
-        """Trace one leg by the chosen method, and check its energy identity."""
-        leg = gauss_seidel.trace_leg(
-            self.model,
-            self.now,
-            (a, b),
-            gauss_seidel.GaussSeidelOptions(
-                over_relaxation=self.solver.over_relaxation,
-                polish=self.solver.polish,
-                change_tolerance=self.solver.change_tolerance,
-                residual_tolerance=self.solver.residual_tolerance,
-                max_sweeps=self.solver.max_sweeps,
-            ),
-            self.solver.steps_per_leg,
-            self.force_scale,
-        )
+    def _trace(self, number: int, k: int, a: Array, b: Array, samples: int) -> Leg:
+        """Trace one leg by the chosen method."""
+        if number == 0 and k == 0 and self.has_initial_slip:
+            return self.tracer.static_leg(self.now, (a, b), self.force_scale)
+        return self.tracer.trace_leg(self.now, (a, b), self.force_scale, samples)
+
+    def _take(self, leg: Leg) -> None:
+        """Take over a leg's checks: residual, energy identity, counts."""
         self.force_scale = leg.force_scale
         self.residual = max(self.residual, leg.residual)
         self.energy_error = max(self.energy_error, self._energy_error(leg))
         self.sweeps += leg.sweeps
         self.n_events += len(leg.events)
-        return leg
 
     def _energy_error(self, leg: Leg) -> float:
         """Return the relative error of D + change of (1/2 u K u) + integral lambda r* . du = 0."""
@@ -163,13 +200,6 @@ class _Run:
         D = float(leg.dissipation.sum())
         scale = abs(D) + abs(stored)
         return abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0
-
-    def _keep(self, number: int, kept: Kept) -> None:
-        """Keep this cycle, and drop the one before it unless it was asked for."""
-        wanted = DEFAULT_KEPT if self.output.cycles is None else self.output.cycles
-        if wanted != "all" and number - 1 not in wanted:
-            self.kept.pop(number - 1, None)
-        self.kept[number] = kept
 
     def record(self) -> Record:
         """Return everything collected, for the whole contact."""
@@ -201,7 +231,7 @@ class _Run:
                 dissipation_density=mirror.total(D) / np.where(weight > 0.0, weight, np.inf),
                 slip_increment=mirror.odd(slip),
             ),
-            dissipation_first_loading=mirror.factor * float(self.dissipation[0].sum()),
+            dissipation_first_loading=mirror.factor * float(np.sum(self.dissipation[:1])),
             steady=Steady(
                 reached=self.watch.cycle >= 0,
                 cycle=self.watch.cycle,
@@ -216,11 +246,16 @@ class _Run:
         )
 
 
-def _thin(
-    samples: list[tuple[float, ContactState]], wanted: int
-) -> list[tuple[float, ContactState]]:
-    """Return at most ``wanted`` of the samples, evenly spread, the last one always among them."""
-    if len(samples) <= wanted:
-        return samples
-    chosen = {round((j + 1) * len(samples) / wanted) - 1 for j in range(wanted)}
-    return [samples[j] for j in sorted(chosen)]
+
+def _tracer(system: ContactSystem, solver: SolverOptions) -> GaussSeidelPath | EventPath:
+    """Return what follows the legs by the method asked for."""
+    if solver.method == "events":
+        return EventPath(system)
+    options = GaussSeidelOptions(
+        over_relaxation=solver.over_relaxation,
+        polish=solver.polish,
+        change_tolerance=solver.change_tolerance,
+        residual_tolerance=solver.residual_tolerance,
+        max_sweeps=solver.max_sweeps,
+    )
+    return GaussSeidelPath(system, options, solver.steps_per_leg)

@@ -139,12 +139,58 @@ class EventPath:
             SolveError: the residual of the contact law is above its tolerance.
         """
         a, b = ends
-        if not np.any(a) and not np.any(self.system.g0) and not np.any(start.r):
+        if self._is_unloaded(a) and not np.any(start.r):
             return self._from_rest(start, b, force_scale, samples)
+        crossing = self._crosses_zero(a, b)
+        if crossing is not None:
+            return self._through_zero(start, ends, crossing, force_scale, samples)
         walk = _Walk(self, start, a, b, force_scale, samples)
-        apex = not np.any(b) and not np.any(self.system.g0) and self.lifts_freely
+        apex = self._is_unloaded(b) and self.lifts_freely
         walk.run(1.0 - APEX if apex else 1.0)
         return walk.finish(apex)
+
+    def static_leg(
+        self, start: ContactState, ends: tuple[Array, Array], force_scale: float
+    ) -> Leg:
+        """Jump to the end of a leg: a static problem with slip counted from ``start``."""
+        return self._from_rest(start, ends[1], force_scale, 0)
+
+    def _is_unloaded(self, load: Array) -> bool:
+        """Return whether all loads vanish on a contact that fits without gaps."""
+        return not np.any(load) and not np.any(self.system.g0)
+
+    def _crosses_zero(self, a: Array, b: Array) -> float | None:
+        """Return the s inside the leg at which all loads vanish together, or None."""
+        if not self._is_unloaded(np.zeros_like(a)) or not self.lifts_freely:
+            return None
+        s = float(a @ (a - b)) / float((a - b) @ (a - b))
+        at_s = (1.0 - s) * a + s * b
+        return s if 0.0 < s < 1.0 and np.abs(at_s).max() <= APEX * np.abs(a).max() else None
+
+    def _through_zero(
+        self,
+        start: ContactState,
+        ends: tuple[Array, Array],
+        s0: float,
+        force_scale: float,
+        samples: int,
+    ) -> Leg:
+        """Follow a leg through complete unloading as two."""
+        zero = np.zeros_like(ends[0])
+        first = self.trace_leg(start, (ends[0], zero), force_scale, samples)
+        second = self.trace_leg(first.end, (zero, ends[1]), first.force_scale, samples)
+        both = [(s * s0, state) for s, state in first.samples]
+        both += [(s0 + s * (1.0 - s0), state) for s, state in second.samples]
+        return Leg(
+            end=second.end,
+            dissipation=first.dissipation + second.dissipation,
+            work=first.work + second.work,
+            residual=max(first.residual, second.residual),
+            force_scale=second.force_scale,
+            samples=both,
+            events=[(s * s0, *rest) for s, *rest in first.events]
+            + [(s0 + s * (1.0 - s0), *rest) for s, *rest in second.events],
+        )
 
     def _from_rest(self, start: ContactState, load: Array, force_scale: float, samples: int) -> Leg:
         """First loading from rest: the solution is proportional to the load (section 1.1)."""

@@ -134,49 +134,74 @@ def solve_step(
     )
 
 
-def trace_leg(
-    system: ContactSystem,
-    start: ContactState,
-    ends: tuple[Array, Array],
-    options: GaussSeidelOptions,
-    steps: int,
-    force_scale: float,
-) -> Leg:
-    """Follow one leg in ``steps`` equal load steps.
+@dataclass(frozen=True)
+class GaussSeidelPath:
+    """Follows legs in equal load steps.
 
-    Args:
+    Attributes:
         system: the condensed body, ``kind = "frictional"``.
-        start: state at the leg's start.
-        ends: load factors at its start and end, (n_loads,) each.
         options: tolerances and accelerations.
-        steps: number of load steps.
-        force_scale: largest nodal force of the history so far.
-
-    Returns:
-        The traced leg, with one sample and the changes of state per step.
-
-    Raises:
-        NotConverged: a step's sweeps ran out.
+        steps: load steps a leg.
     """
-    n = system.n
-    leg = Leg(end=start, dissipation=np.zeros(n), force_scale=force_scale)
-    load = ends[0]
-    for k in range(1, steps + 1):
-        s = k / steps
-        next_load = ends[1] if k == steps else (1.0 - s) * ends[0] + s * ends[1]
-        step = solve_step(system, leg.end, next_load, options, leg.force_scale)
-        leg.work += float(0.5 * (load + next_load) @ system.r_star @ (step.end.u - leg.end.u))
-        leg.events += [
-            (s, int(i), int(leg.end.state[i]), int(step.end.state[i]))
-            for i in np.flatnonzero(leg.end.state != step.end.state)
-        ]
-        leg.dissipation = leg.dissipation + step.dissipation
-        leg.residual = max(leg.residual, step.residual)
-        leg.sweeps += step.sweeps
-        leg.force_scale = step.force_scale
-        leg.samples.append((s, step.end))
-        leg.end, load = step.end, next_load
-    return leg
+
+    system: ContactSystem
+    options: GaussSeidelOptions
+    steps: int
+
+    def trace_leg(
+        self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
+    ) -> Leg:
+        """Follow one leg; events are the changes of state seen at the ends of the steps.
+
+        Args:
+            start: state at the leg's start.
+            ends: (n_loads,) load factors at its start and at its end.
+            force_scale: largest nodal force of the history so far.
+            samples: number of states to keep, at the ends of steps, the last one at s = 1.
+
+        Returns:
+            The traced leg.
+
+        Raises:
+            NotConverged: a step's sweeps ran out.
+        """
+        return self._steps(start, ends, force_scale, samples, self.steps)
+
+    def static_leg(
+        self, start: ContactState, ends: tuple[Array, Array], force_scale: float
+    ) -> Leg:
+        """Jump to the end of a leg in one step: a static problem with slip counted from ``start``."""
+        return self._steps(start, ends, force_scale, 1, 1)
+
+    def _steps(
+        self,
+        start: ContactState,
+        ends: tuple[Array, Array],
+        force_scale: float,
+        samples: int,
+        steps: int,
+    ) -> Leg:
+        system = self.system
+        leg = Leg(end=start, dissipation=np.zeros(system.n), force_scale=force_scale)
+        kept = {round((j + 1) * steps / samples) for j in range(samples)}
+        load = ends[0]
+        for k in range(1, steps + 1):
+            s = k / steps
+            next_load = ends[1] if k == steps else (1.0 - s) * ends[0] + s * ends[1]
+            step = solve_step(system, leg.end, next_load, self.options, leg.force_scale)
+            leg.work += float(0.5 * (load + next_load) @ system.r_star @ (step.end.u - leg.end.u))
+            leg.events += [
+                (s, int(i), int(leg.end.state[i]), int(step.end.state[i]))
+                for i in np.flatnonzero(leg.end.state != step.end.state)
+            ]
+            leg.dissipation = leg.dissipation + step.dissipation
+            leg.residual = max(leg.residual, step.residual)
+            leg.sweeps += step.sweeps
+            leg.force_scale = step.force_scale
+            if k in kept:
+                leg.samples.append((s, step.end))
+            leg.end, load = step.end, next_load
+        return leg
 
 
 def local_solution(

@@ -172,12 +172,8 @@ class Tableau:
         Raises:
             SingularExchange: a motion of the body is left without stiffness.
         """
-        changed = np.flatnonzero(state != self.state)
-        if 3 * len(changed) > len(state):
-            self.build(state)
-            return
         try:
-            for i in changed.tolist():
+            for i in np.flatnonzero(state != self.state).tolist():
                 self._change(i, int(state[i]))
         except SingularExchange:
             # the order of exchanges may pass a singular set of states on the way to a regular one
