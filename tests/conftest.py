@@ -1,0 +1,282 @@
+"""Pytest on one rank or many: all ranks see the same outcomes, rank 0 reports, nobody hangs.
+
+After each phase of each test the ranks exchange their outcomes by a non-blocking collective on a
+communicator of their own. The worst outcome becomes that of every rank, so that they stay in step.
+A rank that has failed waits for the others for ``rank_wait`` seconds only: if they do not come they
+are held in a collective that will never be complete, so it prints its traceback and ends the job.
+"""
+
+from __future__ import annotations
+
+import array
+import atexit
+import contextlib
+import faulthandler
+import io
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import threading
+import time
+import zlib
+from collections.abc import Callable, Generator
+from pathlib import Path
+from typing import NoReturn
+
+# Before NumPy loads, for those who call pytest themselves.
+os.environ.setdefault("OMP_NUM_THREADS", "1")
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+os.environ.setdefault("MPLBACKEND", "Agg")
+
+with contextlib.suppress(ImportError):
+    import dolfinx_solver  # noqa: F401 - PyPI's stack wants to be loaded before mpi4py
+
+from mpi4py import MPI
+
+import pytest
+
+POLL_SECONDS = 0.001
+EXIT_WAIT_SECONDS = 5.0
+"""A rank's wait for the others once pytest has ended."""
+COLLECTION_WAIT_SECONDS = 60.0
+"""A failing rank's wait for ranks that are still collecting: they may be importing DOLFINx."""
+
+PASSED, SKIPPED, FAILED = range(3)
+OUTCOMES = ("passed", "skipped", "failed")
+
+comm = MPI.COMM_WORLD.Dup()
+stderr_stream = sys.__stderr__
+"""Set to the terminal's own stream once pytest has configured its capture."""
+failures: list[str] = []
+"""Texts of the failures so far: an aborted session has no closing report."""
+
+
+class OtherRankTerminal(io.StringIO):
+    """Terminal of the ranks that do not report; only the stack dump of pytest-timeout gets through.
+
+    pytest-timeout writes from its timer's thread, everything else from the main one.
+    """
+
+    def write(self, text: str) -> int:
+        """Write the text if it is a stack dump."""
+        if threading.current_thread() is not threading.main_thread():
+            say(text)
+        return len(text)
+
+
+def say(text: str) -> None:
+    """Write to the terminal's own error stream, whichever rank this is."""
+    if stderr_stream is not None:
+        stderr_stream.write(text)
+        stderr_stream.flush()
+
+
+def abort(reason: str) -> NoReturn:
+    """Print the failures so far and the reason, and end the job on every rank."""
+    text = "\n".join([*failures, f"aborted by rank {comm.rank}: {reason}"])
+    say(f"\n{text}\n")
+    comm.Abort(1)
+    raise SystemExit(1)
+
+
+def exchange(step: str, outcome: int, patience: float) -> list[int] | None:
+    """Give every rank the outcomes of all ranks in a step of the session.
+
+    Args:
+        step: what this rank has just ended; all ranks must be at the same step.
+        outcome: PASSED, SKIPPED, FAILED or any larger number for a failure.
+        patience: how many seconds a rank that has failed waits for the others. A rank that has not
+            failed waits until the others come; pytest-timeout or another rank's patience ends that.
+
+    Returns:
+        The outcome of each rank, or None if the others did not come.
+    """
+    mine = array.array("q", [zlib.crc32(step.encode()), outcome])
+    gathered = array.array("q", [0] * (2 * comm.size))
+    request = comm.Iallgather([mine, MPI.INT64_T], [gathered, MPI.INT64_T])
+    begin = time.monotonic()
+    while not request.Test():
+        if outcome >= FAILED and time.monotonic() - begin > patience:
+            return None
+        time.sleep(POLL_SECONDS)
+    if len(set(gathered[::2])) > 1:
+        say(f"\nthe ranks are out of step: rank {comm.rank} is at {step}\n")
+        time.sleep(0.5)  # lets every rank say where it is
+        abort("the ranks are out of step")
+    return list(gathered[1::2])
+
+
+@atexit.register
+def leave_together() -> None:
+    """End the job if this rank ends while others go on: MPI's end would wait for them for ever."""
+    if comm.size > 1 and exchange("the end of the program", FAILED, EXIT_WAIT_SECONDS) is None:
+        abort("pytest ended here, and the other ranks go on")
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Add the patience of a failing rank."""
+    parser.addini("rank_wait", "seconds that a failing rank waits for the others", default="5")
+
+
+@pytest.hookimpl(trylast=True)  # after the terminal's own
+def pytest_configure(config: pytest.Config) -> None:
+    """Let rank 0 alone report, and let a rank that mpirun ends show where it was."""
+    global stderr_stream
+    if comm.size == 1:
+        return
+    stderr_stream = os.fdopen(os.dup(2), "w")
+    faulthandler.register(signal.SIGTERM, file=stderr_stream, chain=True)
+    if comm.rank > 0:
+        config.get_terminal_writer()._file = OtherRankTerminal()
+
+
+def pytest_collectreport(report: pytest.CollectReport) -> None:
+    """Remember what could not be collected."""
+    if report.failed:
+        failures.append(f"collecting {report.nodeid} on rank {comm.rank}:\n{report.longreprtext}")
+
+
+def pytest_collection_finish(session: pytest.Session) -> None:
+    """Stop on every rank if any rank could not collect, or collected other tests."""
+    if comm.size == 1:
+        return
+    status = FAILED if failures else PASSED
+    outcomes = exchange("the end of collection", status, COLLECTION_WAIT_SECONDS)
+    if outcomes is None:
+        abort("could not collect the tests, and the other ranks are still collecting")
+    names = "\n".join(item.nodeid for item in session.items)
+    everywhere = comm.allgather((zlib.crc32(names.encode()), failures))
+    if max(outcomes) == FAILED:
+        if status == PASSED:
+            texts = [text for _, others in everywhere for text in others]
+            raise session.Interrupted("\n".join(["another rank could not collect", *texts]))
+    elif len({checksum for checksum, _ in everywhere}) > 1:
+        raise session.Interrupted("the ranks collected different tests")
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_runtest_makereport(
+    item: pytest.Item,
+) -> Generator[None, pytest.TestReport, pytest.TestReport]:
+    """Make the outcome of a test's phase the worst one of all ranks."""
+    report = yield
+    if comm.size > 1:
+        agree(report, float(item.config.getini("rank_wait")))
+    return report
+
+
+def agree(report: pytest.TestReport, patience: float) -> None:
+    """Exchange a report's outcome, and change the report to the worst one of all ranks.
+
+    Args:
+        report: this rank's report of one phase (setup, call or teardown) of a test.
+        patience: how many seconds a rank that has failed waits for the others.
+    """
+    own = OUTCOMES.index(report.outcome)
+    step = f"the {report.when} of {report.nodeid}"
+    outcomes = exchange(step, own, patience)
+    if outcomes is None:
+        failures.append(f"{report.nodeid} failed on rank {comm.rank}:\n{failure_text(report)}")
+        abort(f"{step} failed here, and the other ranks did not come within {patience:g} s")
+    worst = max(outcomes)
+    if worst == PASSED:
+        return
+    xfail = getattr(report, "wasxfail", None)
+    reason = report.longrepr if own == SKIPPED and xfail is None else failure_text(report)
+    crash = getattr(report.longrepr, "reprcrash", None)
+    headline = str(crash.message).partition("\n")[0] if crash else ""
+    everyone = comm.allgather((reason, xfail, headline))
+    others = {
+        rank: everyone[rank]
+        for rank in range(comm.size)
+        if outcomes[rank] == worst and rank != comm.rank
+    }
+    if own == worst:
+        if worst == FAILED:
+            # Every rank's failure is shown once, also where all fail for the same reason.
+            texts = {str(text): rank for rank, (text, *_) in reversed(others.items())}
+            texts.pop(failure_text(report), None)
+            report.sections.extend((f"on rank {rank}", text) for text, rank in texts.items())
+    else:
+        report.outcome = OUTCOMES[worst]
+        if worst == FAILED:
+            report.longrepr = "\n".join(
+                f"on rank {rank}: {headline}\n{text}"
+                for rank, (text, _, headline) in others.items()
+            )
+            if hasattr(report, "wasxfail"):
+                del report.wasxfail
+        else:
+            report.longrepr, xfail, _ = others[min(others)]
+            if xfail is not None:
+                report.wasxfail = xfail  # type: ignore[attr-defined]
+    if worst == FAILED:
+        failures.append(f"{report.nodeid} failed:\n{failure_text(report)}")
+
+
+def failure_text(report: pytest.TestReport) -> str:
+    """Return a report's traceback and what the test had printed."""
+    captured = [f"--- {name}\n{text}" for name, text in report.sections if text]
+    return "\n".join([report.longreprtext, *captured])
+
+
+def pytest_internalerror(excrepr: object) -> None:
+    """Show an error of pytest itself where the terminal would not."""
+    if comm.rank > 0:
+        say(f"\npytest failed on rank {comm.rank}:\n{excrepr}\n")
+
+
+@pytest.hookimpl(wrapper=True, tryfirst=True)
+def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> Generator[None, None, None]:
+    """End every rank with the same exit code, and no rank while others still test."""
+    if comm.size > 1:
+        patience = float(session.config.getini("rank_wait"))
+        codes = exchange("the end of the session", int(exitstatus) * FAILED, patience)
+        if codes is None:
+            abort(f"pytest ended here with exit code {int(exitstatus)} while the others go on")
+        session.exitstatus = max(codes) // FAILED
+    yield
+
+
+@pytest.fixture
+def shared_tmp_path(tmp_path: Path) -> Path:
+    """A temporary folder that is the same one on every rank."""
+    return Path(comm.bcast(str(tmp_path)))
+
+
+@pytest.fixture
+def mpirun() -> Callable[..., subprocess.CompletedProcess[str]]:
+    """Run this interpreter under MPI: ``mpirun(2, "-m", "receding_fenicsx", "check", path)``.
+
+    Further keywords go to ``subprocess.run``. Skips the test where it runs under MPI itself.
+    """
+    if comm.size > 1:
+        pytest.skip("starts mpirun itself")
+    beside = Path(sys.executable).with_name(
+        "mpiexec"
+    )  # PyPI's MPI cannot be started by another one
+    program = str(beside) if beside.exists() else shutil.which("mpirun.openmpi") or "mpirun"
+    environment = outer_environment()
+
+    def run(
+        ranks: int, *arguments: str | Path, timeout: float = 120, **options: object
+    ) -> subprocess.CompletedProcess[str]:
+        command = [program, "-n", str(ranks), sys.executable, *map(str, arguments)]
+        options = {"env": environment, "capture_output": True, "text": True, **options}
+        return subprocess.run(command, check=False, timeout=timeout, **options)  # type: ignore[call-overload]
+
+    return run
+
+
+def outer_environment() -> dict[str, str]:
+    """Return the environment without what Open MPI put into it for this very process."""
+    inner = ("PMIX_", "OMPI_COMM_", "OMPI_MCA_ess", "OMPI_MCA_orte", "OMPI_MCA_pmix", "OPAL_")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith(inner)}
+    return environment | {
+        "OMPI_ALLOW_RUN_AS_ROOT": "1",
+        "OMPI_ALLOW_RUN_AS_ROOT_CONFIRM": "1",
+        "OMPI_MCA_rmaps_base_oversubscribe": "1",
+        "OMPI_MCA_hwloc_base_binding_policy": "none",
+    }

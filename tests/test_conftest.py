@@ -1,0 +1,190 @@
+"""The suite's own promise under MPI: started on small test files, each in a job of two ranks."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+Session = Callable[..., subprocess.CompletedProcess[str]]
+
+HEAD = """
+import pathlib, sys, time
+import pytest
+from mpi4py import MPI
+comm = MPI.COMM_WORLD
+rank = comm.rank
+"""
+RANK_WAIT = 2
+NO_HANG = 30
+"""Seconds: several times what a job takes here, a small part of what a hanging one would."""
+
+
+@pytest.fixture
+def session(mpirun: Session, tmp_path: Path) -> Session:
+    """Run pytest on two ranks on a file of the given text, under the conftest of this folder."""
+    shutil.copy(Path(__file__).with_name("conftest.py"), tmp_path)
+    (tmp_path / "pytest.ini").write_text(f"[pytest]\nrank_wait = {RANK_WAIT}\n")
+
+    def run(text: str, *options: str) -> subprocess.CompletedProcess[str]:
+        (tmp_path / "test_it.py").write_text(HEAD + text)
+        return mpirun(
+            2,
+            *("-m", "pytest", "-p", "no:cacheprovider", "--color=no"),
+            *options,
+            cwd=tmp_path,
+            timeout=NO_HANG,
+        )
+
+    return run
+
+
+def test_the_ranks_agree_on_each_outcome_and_the_session_goes_on(session: Session) -> None:
+    done = session(
+        """
+def test_both_fail():
+    assert rank > 5, "both of them"
+
+def test_rank_1_fails():
+    print("printed by rank", rank)
+    assert rank == 0, "rank 1 alone"
+
+def test_rank_0_fails():
+    assert rank == 1, "rank 0 alone"
+
+def test_rank_1_skips():
+    if rank == 1:
+        pytest.skip("not here")
+
+@pytest.fixture
+def broken():
+    if rank == 1:
+        raise OSError("no fixture on rank 1")
+
+def test_fixture_fails_on_rank_1(broken):
+    comm.Barrier()
+
+@pytest.mark.xfail(strict=False, reason="known")
+def test_rank_1_fails_as_expected():
+    assert rank == 0
+
+def test_one_folder_for_all(shared_tmp_path):
+    (shared_tmp_path / f"from_{rank}").touch()
+    comm.Barrier()
+    assert sorted(p.name for p in shared_tmp_path.iterdir()) == ["from_0", "from_1"]
+
+def test_still_in_step():
+    assert comm.allreduce(1) == 2
+"""
+    )
+    out = done.stdout
+    assert done.returncode == 1
+    assert out.count("3 failed, 2 passed, 1 skipped, 1 xfailed, 1 error in") == 1, out
+    assert out.count("FAILED test_it.py::test_both_fail") == 1
+    assert "on rank 1: AssertionError: rank 1 alone" in out
+    assert "printed by rank 1" in out
+    assert "rank 0 alone" in out
+    assert "no fixture on rank 1" in out
+
+
+def test_passing_session_ends_with_zero(session: Session) -> None:
+    done = session("def test_it():\n    comm.Barrier()\n")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("1 passed in") == 1
+
+
+def test_failing_rank_ends_the_job_when_the_other_waits_in_a_barrier(session: Session) -> None:
+    begin = time.monotonic()
+    done = session(
+        """
+def test_fails_on_both():
+    assert False, "an earlier failure"
+
+def test_rank_1_never_comes():
+    assert rank == 0, "rank 1 broke here"
+    comm.Barrier()
+"""
+    )
+    assert done.returncode != 0
+    assert "AssertionError: rank 1 broke here" in done.stderr
+    assert "an earlier failure" in done.stderr  # the aborted session has no report of its own
+    assert "comm.Barrier" not in done.stdout
+    assert "test_it.py" in done.stderr and "test_rank_1_never_comes" in done.stderr
+    assert time.monotonic() - begin > RANK_WAIT
+
+
+def test_failing_fixture_ends_the_job_when_the_other_waits_in_the_test(session: Session) -> None:
+    done = session(
+        """
+@pytest.fixture
+def shared():
+    if rank == 0:
+        raise OSError("no fixture on rank 0")
+    return comm.bcast(None)
+
+def test_it(shared):
+    pass
+"""
+    )
+    assert done.returncode != 0
+    assert "no fixture on rank 0" in done.stderr
+
+
+def test_rank_that_dies_ends_the_job(session: Session) -> None:
+    done = session(
+        """
+def test_it():
+    if rank == 1:
+        import os
+        os._exit(7)
+    comm.Barrier()
+"""
+    )
+    assert done.returncode == 7
+
+
+def test_rank_that_hangs_ends_the_job_and_shows_where(session: Session) -> None:
+    done = session(
+        """
+def test_it():
+    if rank == 1:
+        endless()
+
+def endless():
+    while True:
+        time.sleep(0.1)
+""",
+        "--timeout=3",
+        "--timeout-method=thread",
+    )
+    assert done.returncode != 0
+    assert "in endless" in done.stdout + done.stderr
+
+
+def test_error_of_collection_on_one_rank_stops_all(session: Session) -> None:
+    done = session("if rank == 1:\n    import no_such_module\n\ndef test_it(): pass\n")
+    assert done.returncode == pytest.ExitCode.INTERRUPTED
+    assert "No module named 'no_such_module'" in done.stdout
+
+
+def test_other_tests_on_each_rank_stop_all(session: Session) -> None:
+    done = session("if rank == 1:\n    def test_more(): pass\n\ndef test_it(): pass\n")
+    assert done.returncode == pytest.ExitCode.INTERRUPTED
+    assert "the ranks collected different tests" in done.stdout
+
+
+def test_exit_on_one_rank_ends_the_job(session: Session) -> None:
+    done = session(
+        """
+def test_it():
+    if rank == 1:
+        pytest.exit("rank 1 has had enough", returncode=3)
+    comm.Barrier()
+"""
+    )
+    assert done.returncode != 0
+    assert "while the others go on" in done.stderr
