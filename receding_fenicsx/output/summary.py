@@ -1,0 +1,122 @@
+"""``summary.json``: a record's headline numbers, for people and for other programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.contact import State
+from receding_fenicsx.interface.zones import contact_half_width, stick_half_width, zones
+from receding_fenicsx.output.atomic import new_file
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.reference import paper_table
+from receding_fenicsx.scene_file import from_toml
+
+
+def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Make the summary of a record; lengths and tractions are in the scene's units.
+
+    Args:
+        record: the record.
+        extra: further keys, such as timings and versions; they win over the record's own.
+
+    Returns:
+        What ``summary.json`` holds: numbers, strings, lists and dictionaries.
+    """
+    title = from_toml(record.scene_toml).title if record.scene_toml else ""
+    steady = record.steady
+    return {
+        "title": title,
+        "method": record.method,
+        "nodes": len(record.x),
+        "dofs": 2 * len(record.x),
+        "modelled_nodes": record.modelled_nodes,
+        "modelled_dofs": record.modelled_dofs,
+        "symmetry": "mirror" if record.half else "none",
+        "turning_points": [_turning_point(record, i) for i in range(len(record.turning_points.s))],
+        "dissipation_first_loading": float(record.dissipation_first_loading),
+        "dissipation_per_cycle": record.cycles.dissipation.tolist(),
+        "slip_per_cycle_max": slip_per_cycle_max(record),
+        "steady": {
+            "reached": bool(steady.reached),
+            "cycle": int(steady.cycle),
+            "kind": steady.kind,
+            "period": int(steady.period),
+        },
+        "residual_max": float(record.residual_max),
+        "energy_error_max": float(record.energy_error_max),
+        "events": int(record.n_events),
+        "sweeps": int(record.sweeps),
+        "paper": paper_table(record),
+        **(extra or {}),
+    }
+
+
+def slip_per_cycle_max(record: Record) -> list[float]:
+    """Largest change of v over each cycle among the nodes in contact at its end."""
+    table = record.turning_points
+    values = []
+    for row, slip in enumerate(record.cycles.slip_increment):
+        end = np.flatnonzero(table.cycle == row + 1)[-1]
+        touching = table.state[end] != State.SEPARATION
+        values.append(float(np.abs(slip[touching]).max(initial=0.0)))
+    return values
+
+
+def write_summary(path: Path, summary: Mapping[str, Any], overwrite: bool = False) -> None:
+    """Write a summary as JSON; values that are not finite become null."""
+    with new_file(path, overwrite) as beside:
+        text = json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False)
+        beside.write_text(text + "\n", encoding="utf-8")
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Read a summary.
+
+    Raises:
+        InputError: there is no such file, or it is not a summary.
+    """
+    try:
+        summary = json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; give the folder of a finished run") from None
+    except (OSError, ValueError):
+        raise InputError(f"{path}: is damaged or no JSON file; run the scene again") from None
+    if not isinstance(summary, dict) or "turning_points" not in summary:
+        raise InputError(f"{path}: is no summary of a run; run the scene again")
+    return summary
+
+
+def _turning_point(record: Record, i: int) -> dict[str, Any]:
+    table = record.turning_points
+    x, state = record.x, table.state[i]
+    return {
+        "cycle": int(table.cycle[i]),
+        "leg": int(table.leg[i]),
+        "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
+        "zones": [list(zone) for zone in zones(x, state)],
+        "contact_half_width": contact_half_width(x, state),
+        "stick_half_width": stick_half_width(x, state, record.f),
+        "p_max": float(table.p[i].max()),
+        "q_min": float(table.q[i].min()),
+        "q_max": float(table.q[i].max()),
+    }
+
+
+def _finite(value: Any) -> Any:
+    """The value with every number that JSON cannot hold replaced by None."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
