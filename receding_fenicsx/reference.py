@@ -89,7 +89,7 @@ STICK, OPEN, FORWARD, BACKWARD = (
     STATE_NAMES[s] for s in (State.STICK, State.SEPARATION, State.FORWARD_SLIP, State.BACKWARD_SLIP)
 )
 LOADING = [OPEN, BACKWARD, STICK, FORWARD, OPEN]
-"""First loading from x < 0 to x > 0 (section 3, Fig. 4): the slip beside the stick zone is outwards."""
+"""First loading from x < 0 to x > 0 (section 3, Fig. 4): both slips are outwards."""
 UNLOADING_HALF = [STICK, FORWARD, STICK, BACKWARD, OPEN]
 """Unloading from the centre to x > 0 (section 3.1, Fig. 5); the mirror image on the other half."""
 

@@ -1,18 +1,25 @@
 """What is modelled: the scene's dataclasses, and the values of profiles along its edges.
 
 Reading and writing TOML is in :mod:`receding_fenicsx.scene_file`, the checks and the test for
-mirror symmetry in :mod:`receding_fenicsx.scene_checks`.
+mirror symmetry in :mod:`receding_fenicsx.scene_checks`; their public functions are also found here.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.expressions import evaluate_expression
+
+if TYPE_CHECKING:
+    from receding_fenicsx.scene_checks import is_mirror_symmetric as is_mirror_symmetric
+    from receding_fenicsx.scene_file import from_toml as from_toml
+    from receding_fenicsx.scene_file import read_scene as read_scene
+    from receding_fenicsx.scene_file import to_toml as to_toml
 
 Array = NDArray[np.float64]
 
@@ -186,3 +193,16 @@ def edge_points(scene: Scene, edge: str, along: ArrayLike) -> tuple[Array, Array
         return t, np.full(t.shape, 0.0 if edge == "bottom" else scene.body.height)
     side = -0.5 if edge == "left" else 0.5
     return np.full(t.shape, side * scene.body.width), t + 0.5 * scene.body.height
+
+
+def __getattr__(name: str) -> Any:
+    """Find the functions of the modules that build on this one, loaded when first asked for."""
+    if name in ("read_scene", "from_toml", "to_toml"):
+        from receding_fenicsx import scene_file
+
+        return getattr(scene_file, name)
+    if name == "is_mirror_symmetric":
+        from receding_fenicsx.scene_checks import is_mirror_symmetric
+
+        return is_mirror_symmetric
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
