@@ -1,0 +1,150 @@
+"""The only place that knows which DOLFINx version is running: one function for each call that changed.
+
+Written and tested with 0.5.2; the branches for 0.7 to 0.11 follow those releases' documentation.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import dolfinx
+import numpy as np
+import ufl
+from dolfinx import cpp, fem
+from dolfinx import mesh as dmesh
+from dolfinx.fem import petsc as fem_petsc
+from mpi4py import MPI
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+VERSION: tuple[int, int] = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])  # type: ignore[assignment]
+"""Major and minor version of the running DOLFINx."""
+
+TENSOR_ORDER = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
+"""DOLFINx's order of a cell's vertices, from an order around the cell; the same in every version."""
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Keep the C compiler's command lines, logged by the root logger, off the terminal."""
+    before = logging.root.manager.disable
+    logging.disable(max(before, logging.INFO))
+    try:
+        yield
+    finally:
+        logging.disable(before)
+
+
+def compile_form(form: ufl.Form) -> Any:
+    """Compile a form, or load it from the cache."""
+    with _quiet():
+        return fem.form(form)
+
+
+def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
+    """Return the continuous Lagrange space of plane displacements."""
+    with _quiet():
+        if VERSION < (0, 7):  # 0.7 took VectorFunctionSpace away in favour of a shape in the element
+            return fem.VectorFunctionSpace(mesh, ("Lagrange", degree), dim=2)
+        return fem.functionspace(mesh, ("Lagrange", degree, (2,)))
+
+
+def scalar_space(mesh: dmesh.Mesh, family: str, degree: int) -> fem.FunctionSpace:
+    """Return the scalar space of ``family`` "Lagrange" or "DG"."""
+    with _quiet():
+        if VERSION < (0, 7):  # 0.7 replaced the class that users called by a function
+            return fem.FunctionSpace(mesh, (family, degree))
+        return fem.functionspace(mesh, (family, degree))
+
+
+def create_mesh(comm: MPI.Comm, cell: str, cells: Ints, points: Array) -> dmesh.Mesh:
+    """Distribute a mesh of straight-sided cells.
+
+    Args:
+        comm: communicator.
+        cell: "triangle" or "quadrilateral".
+        cells: (n, 3 or 4) point numbers around each cell; empty on all ranks but 0.
+        points: (m, 2) coordinates; empty on all ranks but 0.
+    """
+    ordered = np.ascontiguousarray(cells[:, TENSOR_ORDER[cell]])
+    if VERSION < (0, 7):  # before basix.ufl, the coordinate element is ufl's own
+        shape = ufl.Cell(cell, geometric_dimension=2)
+        domain = ufl.Mesh(ufl.VectorElement(ufl.FiniteElement("Lagrange", shape, 1)))
+        return dmesh.create_mesh(comm, ordered, points, domain)
+    import basix.ufl
+
+    element = basix.ufl.element("Lagrange", cell, 1, shape=(2,))
+    if VERSION < (0, 10):  # 0.10 swapped points and element
+        return dmesh.create_mesh(comm, ordered, points, ufl.Mesh(element))
+    return dmesh.create_mesh(comm, ordered, ufl.Mesh(element), points)
+
+
+def tag_entities(mesh: dmesh.Mesh, dim: int, entities: Ints, values: NDArray[np.int32]) -> Any:
+    """Tag cells or facets that rank 0 gives by the point numbers of :func:`create_mesh`.
+
+    Args:
+        mesh: the mesh.
+        dim: dimension of the entities.
+        entities: (n, vertices) point numbers, cells in order around them; empty on all ranks but 0.
+        values: (n,) tags.
+    """
+    if dim == 2:
+        cell = {3: "triangle", 4: "quadrilateral"}[entities.shape[1]]
+        entities = entities[:, TENSOR_ORDER[cell]]
+    entities = np.ascontiguousarray(entities, dtype=np.int64)
+    mesh.topology.create_connectivity(dim, 0)
+    mesh.topology.create_connectivity(dim, mesh.topology.dim)
+    if VERSION < (0, 6):  # the C++ mesh was `_mesh` before it became `_cpp_object`
+        owned, tags = cpp.io.distribute_entity_data(mesh._mesh, dim, entities, values)
+        adjacency = cpp.graph.AdjacencyList_int32(owned)
+        return dmesh.meshtags_from_entities(mesh, dim, adjacency, tags.astype(np.int32))
+    if VERSION < (0, 9):  # 0.9 wrapped the function in Python
+        owned, tags = cpp.io.distribute_entity_data(mesh._cpp_object, dim, entities, values)
+    else:
+        from dolfinx.io.utils import distribute_entity_data
+
+        owned, tags = distribute_entity_data(mesh, dim, entities, values)
+    from dolfinx.graph import adjacencylist
+
+    return dmesh.meshtags_from_entities(mesh, dim, adjacencylist(owned), tags.astype(np.int32))
+
+
+def assemble_matrix(form: Any) -> PETSc.Mat:
+    """Assemble a bilinear form without boundary conditions."""
+    matrix = fem_petsc.assemble_matrix(form)
+    matrix.assemble()
+    return matrix
+
+
+def owned_values(function: fem.Function) -> Array:
+    """Return a view of the owned entries of a function's array; ghosts need `scatter_forward` afterwards."""
+    dofmap = function.function_space.dofmap
+    return function.x.array[: dofmap.index_map.size_local * dofmap.index_map_bs]
+
+
+def evaluate_in_cells(expression: ufl.core.expr.Expr, points: Array, space: fem.FunctionSpace) -> Array:
+    """Evaluate an expression at reference points of all owned cells.
+
+    Args:
+        expression: expression in functions of ``space``.
+        points: (n, 2) reference points.
+        space: the space, for its mesh.
+
+    Returns:
+        (cells, n, components) values.
+    """
+    topology = space.mesh.topology
+    cells = np.arange(topology.index_map(topology.dim).size_local, dtype=np.int32)
+    with _quiet():
+        compiled = fem.Expression(expression, points)
+    if VERSION < (0, 7):  # 0.7 added the mesh to the arguments of eval
+        values = compiled.eval(cells)
+    else:
+        values = compiled.eval(space.mesh, cells)
+    return np.asarray(values).reshape(len(cells), len(points), -1)

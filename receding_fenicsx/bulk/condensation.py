@@ -1,0 +1,263 @@
+"""Static condensation of the body onto its contact nodes (eqs. 11 and 12).
+
+With the contact C and the interior I, and forces r of the plane on the body,
+
+    K = A_CC - A_CI A_II^-1 A_IC,    r*_k = A_CI A_II^-1 f_k,I - f_k,C.
+
+MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks. petsc4py does not
+wrap that part of PETSc, so its C functions are called through ctypes. Route "solve" needs nothing but a
+factorisation of A_II and is 5 to 20 times slower: a fallback and a check.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from petsc4py import PETSc
+
+from receding_fenicsx.bulk.elasticity import Bulk, constrained, gather_contact, interior_solver, owned_contact
+from receding_fenicsx.errors import InputError, SolveError, on_root
+from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.scene import evaluate
+
+Array = NDArray[np.float64]
+
+RIGID_TOLERANCE = 1e-12
+"""Largest force of a rigid motion over the largest row sum of |K|."""
+PROBE_TOLERANCE = 1e-10
+"""Largest error of K times a probe, found by a solve, over the largest row sum of |K|."""
+BLOCK = 64
+"""Right-hand sides solved for together."""
+ORDERINGS = {"amd": 0, "amf": 2, "scotch": 3, "pord": 4, "metis": 5, "qamd": 6, "automatic": 7}
+"""MUMPS's numbers (ICNTL(7)) of fill-reducing orderings."""
+ORDERING = "automatic"
+"""The ordering that is used."""
+
+
+def condense(bulk: Bulk, route: str = "schur") -> ContactSystem | None:
+    """Condense the body to its contact nodes.
+
+    Args:
+        bulk: the discretised body.
+        route: "schur" or "solve".
+
+    Returns:
+        The condensed system on rank 0, None on the others.
+
+    Raises:
+        SolveError: the factorisation failed, or K does not keep the rigid motions or does not agree with a
+            solve; on all ranks.
+    """
+    if route not in ("schur", "solve"):
+        raise InputError(f"route = '{route}' is unknown; use \"schur\" or \"solve\"")
+    condensed = _by_schur(bulk) if route == "schur" else _by_solves(bulk)
+    return on_root(bulk.comm, lambda: _system(bulk, *condensed))
+
+
+def _system(bulk: Bulk, K: Array, held: Array, compliance: Array, probe: tuple[Array, Array] | None) -> ContactSystem:
+    """Turn components, check, scale by Young's modulus and add the contact's data; on rank 0."""
+    contact = bulk.contact
+    K = contact.to_local(contact.to_local(K).T)
+    K = 0.5 * (K + K.T)
+    scale = np.abs(K).sum(axis=1).max()
+    if probe is not None:
+        u, force = (contact.to_local(part) for part in probe)
+        error = np.abs(K @ u - force).max() / (scale * np.abs(u).max())
+        if not error <= PROBE_TOLERANCE:
+            raise SolveError(f"the condensed stiffness differs from a solve by {error:.1e}; use the route \"solve\"")
+    error = np.abs(K @ contact.null).max(initial=0.0) / scale
+    if not error <= RIGID_TOLERANCE:
+        raise SolveError(
+            f"the condensed stiffness resists a rigid motion by {error:.1e} of its size (at most {RIGID_TOLERANCE:g}); "
+            "check the mesh for degenerate cells"
+        )
+    description = bulk.scene.contacts[0]
+    f, g0 = evaluate(description.friction, contact.x), evaluate(description.initial_gap, contact.x)
+    for key, values in (("friction", f), ("initial_gap", g0)):
+        if np.any(values < 0.0):
+            i = int(np.argmin(values))
+            raise InputError(f"contact.{key} is {values[i]:g} at x = {contact.x[i]:g}; it must not be negative")
+    return ContactSystem(
+        x=contact.x,
+        points=contact.points,
+        weight=contact.weight,
+        K=bulk.young * K,
+        r_star=contact.to_local(held).T.copy(),
+        load_names=bulk.load_names,
+        f=f,
+        g0=g0,
+        held=contact.held,
+        rigid=contact.rigid,
+        half=bulk.body.half,
+        load_compliance=compliance / bulk.young,
+        load_sign=-np.ones(len(bulk.loads)),
+        scene_toml=_toml(bulk),
+    )
+
+
+def _toml(bulk: Bulk) -> str:
+    from receding_fenicsx.scene_file import to_toml
+
+    return to_toml(bulk.scene)
+
+
+def _held_response(bulk: Bulk, solve: Any) -> tuple[Array, Array]:
+    """Return, with all contact nodes held, their reactions (2N, n_loads; rank 0) and the loads' compliance.
+
+    Args:
+        bulk: the body.
+        solve: function (rhs, x) that solves A_II x_I = rhs_I, with x_C = 0.
+    """
+    n = len(bulk.loads)
+    start = bulk.stiffness.getOwnershipRange()[0]
+    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]]) - start
+    rhs, x, force = (bulk.stiffness.createVecLeft() for _ in range(3))
+    rows = np.zeros((rhs.getLocalSize(), n))
+    compliance = np.zeros((n, n))
+    for k, load in enumerate(bulk.loads):
+        load.copy(rhs)
+        rhs.getArray()[off] = 0.0
+        solve(rhs, x)
+        bulk.stiffness.mult(x, force)
+        force.axpy(-1.0, load)
+        rows[:, k] = force.getArray(readonly=True)
+        compliance[:, k] = [other.dot(x) for other in bulk.loads]
+    for vector in (rhs, x, force):
+        vector.destroy()
+    gathered = gather_contact(bulk, rows)
+    return np.zeros((0, 0)) if gathered is None else gathered, 0.5 * (compliance + compliance.T)
+
+
+def _by_schur(bulk: Bulk) -> tuple[Array, Array, Array, tuple[Array, Array] | None]:
+    """Return K and r* in [x; y] components, the compliance, and a probe (u, K u) found by a solve."""
+    matrix = constrained(bulk, bulk.fixed) if bulk.comm.allreduce(len(bulk.fixed)) else bulk.stiffness
+    matrix.setOption(PETSc.Mat.Option.SPD, True)
+    pc = PETSc.PC().create(bulk.comm)
+    pc.setOperators(matrix)
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    factor = pc.getFactorMatrix()
+    factor.setMumpsIcntl(28, 1)  # sequential analysis: the parallel one knows no Schur complement
+    factor.setMumpsIcntl(7, ORDERINGS[ORDERING])
+    root = bulk.comm.rank == 0
+    indices = bulk.contact.dofs if root else np.empty(0)
+    where = PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=bulk.comm)
+    _call("MatFactorSetSchurIS", factor.handle, where.handle)
+    try:
+        pc.setUp()
+    except PETSc.Error as caught:
+        raise SolveError(
+            f"MUMPS could not factorise the body's stiffness (INFOG(1) = {factor.getMumpsInfog(1)}, "
+            f"INFOG(2) = {factor.getMumpsInfog(2)}); check the mesh and the supports"
+        ) from caught
+    if factor.getMumpsInfog(1) < 0:
+        raise SolveError(
+            f"MUMPS could not factorise the body's stiffness (INFOG(1) = {factor.getMumpsInfog(1)}, "
+            f"INFOG(2) = {factor.getMumpsInfog(2)}); check the mesh and the supports"
+        )
+    K = _schur_complement(factor, len(indices), bulk.comm.size) if root else np.zeros((0, 0))
+    factor.setMumpsIcntl(26, 0)  # solve with A_II alone
+    held, compliance = _held_response(bulk, factor.solve)
+    probe = _probe(bulk, matrix, factor.solve)
+    for thing in (where, pc) if matrix is bulk.stiffness else (where, pc, matrix):
+        thing.destroy()
+    return K, held, compliance, probe
+
+
+def _probe(bulk: Bulk, matrix: PETSc.Mat, solve: Any) -> tuple[Array, Array] | None:
+    """Return contact displacements and the forces K u that a solve gives for them, [x; y], on rank 0."""
+    start = matrix.getOwnershipRange()[0]
+    dofs, places = owned_contact(bulk)
+    u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
+    x, rhs, inner = (matrix.createVecLeft() for _ in range(3))
+    x.set(0.0)
+    x.getArray()[dofs - start] = u[places]
+    matrix.mult(x, rhs)
+    rhs.getArray()[dofs - start] = 0.0
+    solve(rhs, inner)
+    x.axpy(-1.0, inner)
+    matrix.mult(x, rhs)
+    force = gather_contact(bulk, rhs.getArray(readonly=True)[:, None])
+    for vector in (x, rhs, inner):
+        vector.destroy()
+    return None if force is None else (u, force[:, 0])
+
+
+def _by_solves(bulk: Bulk) -> tuple[Array, Array, Array, None]:
+    """Return K and r* in [x; y] components and the compliance, by solves with A_II in blocks."""
+    solver = interior_solver(bulk)
+    factor = solver.getPC().getFactorMatrix()
+    start = bulk.stiffness.getOwnershipRange()[0]
+    dofs, places = owned_contact(bulk)
+    off = np.concatenate([bulk.fixed, dofs]) - start
+    size = len(bulk.contact.dofs)
+    K = np.zeros((size, size))
+    sizes = bulk.stiffness.getSizes()[0]
+    for first in range(0, size, BLOCK):
+        columns = np.arange(first, min(first + BLOCK, size))
+        unit = PETSc.Mat().createDense((sizes, len(columns)), comm=bulk.comm)
+        unit.setUp()
+        inside = (places >= columns[0]) & (places <= columns[-1])
+        unit.getDenseArray()[dofs[inside] - start, places[inside] - first] = 1.0
+        unit.assemble()
+        force = bulk.stiffness.matMult(unit)
+        direct = force.getDenseArray().copy()
+        rhs = force.duplicate(copy=True)
+        rhs.getDenseArray()[off] = 0.0
+        rhs.assemble()
+        inner = rhs.duplicate()
+        inner.assemble()
+        factor.matSolve(rhs, inner)
+        back = bulk.stiffness.matMult(inner)
+        gathered = gather_contact(bulk, direct - back.getDenseArray())
+        if gathered is not None:
+            K[:, columns] = gathered
+        for thing in (unit, force, rhs, inner, back):
+            thing.destroy()
+    held, compliance = _held_response(bulk, solver.solve)
+    solver.destroy()
+    return K, held, compliance, None
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    """Return libpetsc, reached through petsc4py's module, with the functions used here declared."""
+    library = ctypes.CDLL(PETSc.__file__)
+    pointer = ctypes.c_void_p
+    for name, arguments in {
+        "MatFactorSetSchurIS": [pointer, pointer],
+        "MatFactorGetSchurComplement": [pointer, ctypes.POINTER(pointer), ctypes.POINTER(ctypes.c_int)],
+        "MatFactorRestoreSchurComplement": [pointer, ctypes.POINTER(pointer), ctypes.c_int],
+        "MatDenseGetArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
+        "MatDenseRestoreArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
+    }.items():
+        function = getattr(library, name)
+        function.argtypes = arguments
+        function.restype = ctypes.c_int
+    return library
+
+
+def _call(name: str, *arguments: Any) -> None:
+    """Call a function of PETSc and raise when it reports an error."""
+    code = getattr(_library(), name)(*arguments)
+    if code:
+        raise SolveError(f"PETSc's {name} failed with code {code}; use the route \"solve\"")
+
+
+def _schur_complement(factor: PETSc.Mat, size: int, ranks: int) -> Array:
+    """Copy the Schur complement out of a factor; MUMPS fills one triangle of it only."""
+    matrix, status = ctypes.c_void_p(), ctypes.c_int()
+    values = ctypes.POINTER(ctypes.c_double)()
+    _call("MatFactorGetSchurComplement", factor.handle, ctypes.byref(matrix), ctypes.byref(status))
+    _call("MatDenseGetArrayRead", matrix, ctypes.byref(values))
+    by_column = np.ctypeslib.as_array(values, (size, size)).T.copy()
+    _call("MatDenseRestoreArrayRead", matrix, ctypes.byref(values))
+    _call("MatFactorRestoreSchurComplement", factor.handle, ctypes.byref(matrix), status)
+    # measured, not documented: the lower triangle on one rank, the upper one on more
+    triangle = np.tril(by_column) if ranks == 1 else np.triu(by_column)
+    return triangle + triangle.T - np.diag(np.diagonal(triangle))

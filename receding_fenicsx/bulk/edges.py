@@ -1,0 +1,123 @@
+"""Edges of the body: their facets, positions along them, and integrals of nodal shape functions over them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.meshing import BodyMesh
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+GAUSS_POINTS = 8
+"""Gauss points on a facet: at order 2, loads that are polynomials of degree 13 are integrated exactly."""
+
+
+@dataclass(frozen=True)
+class EdgeFacets:
+    """Straight boundary facets whose cell this rank owns.
+
+    Attributes:
+        points: (n, nodes, 2) coordinates of a facet's nodes: both ends, and at order 2 the middle.
+        nodes: (n, nodes) their global numbers.
+        outward: (n, 2) unit normals.
+    """
+
+    points: Array
+    nodes: Ints
+    outward: Array
+
+    def __len__(self) -> int:
+        """Return the number of facets."""
+        return len(self.nodes)
+
+
+def edge_facets(
+    space: fem.FunctionSpace, body: BodyMesh, edge: str, span: tuple[float, float] | None = None
+) -> EdgeFacets:
+    """Find this rank's facets of a named edge.
+
+    Args:
+        space: displacement space.
+        body: the mesh.
+        edge: name; an edge that the (half) body lacks has no facets.
+        span: keep the facets between these positions along the edge, which are vertices.
+
+    Returns:
+        The facets.
+    """
+    topology = body.mesh.topology
+    topology.create_connectivity(1, 2)
+    topology.create_connectivity(2, 1)
+    cell_of, facets_of = topology.connectivity(1, 2), topology.connectivity(2, 1)
+    owned = topology.index_map(2).size_local
+    coordinates = space.tabulate_dof_coordinates()[:, :2]
+    sides = {"triangle": 3, "quadrilateral": 4}[body.cell]
+    closure = [space.dofmap.dof_layout.entity_closure_dofs(1, i) for i in range(sides)]
+    local, outward = [], []
+    for facet in body.facet_tags.find(body.groups[edge]) if edge in body.groups else ():
+        cell = cell_of.links(facet)[0]
+        if cell >= owned:
+            continue
+        cell_nodes = space.dofmap.cell_dofs(cell)
+        nodes = cell_nodes[closure[int(np.flatnonzero(facets_of.links(cell) == facet)[0])]]
+        a, b = coordinates[nodes[:2]]
+        normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
+        inside = normal @ (coordinates[cell_nodes].mean(axis=0) - a)
+        local.append(nodes)
+        outward.append(-normal if inside > 0.0 else normal)
+    if not local:
+        return EdgeFacets(np.empty((0, 2, 2)), np.empty((0, 2), dtype=np.int64), np.empty((0, 2)))
+    numbers = np.array(local, dtype=np.int32)
+    nodes = space.dofmap.index_map.local_to_global(numbers.ravel()).reshape(numbers.shape)
+    found = EdgeFacets(coordinates[numbers], nodes.astype(np.int64), np.array(outward) + 0.0)
+    if span is None:
+        return found
+    middle = positions(found.points[:, :2].mean(axis=1), found.outward[0], body.centre)
+    inside = (middle > span[0]) & (middle < span[1])
+    return EdgeFacets(found.points[inside], found.nodes[inside], found.outward[inside])
+
+
+def positions(points: Array, normal: Array, centre: Array) -> Array:
+    """Return the positions of points along an edge from the body's centre, growing rightwards or upwards.
+
+    Args:
+        points: (n, 2) points.
+        normal: (2,) unit normal of the edge, of either sign.
+        centre: (2,) the body's centre.
+    """
+    direction = np.array([normal[1], -normal[0]])
+    larger = direction[np.argmax(np.abs(direction))]
+    direction = direction * np.sign(larger) + 0.0
+    return (points - centre) @ direction
+
+
+def integrate(facets: EdgeFacets, traction: Callable[[Array, Array], Array]) -> Array:
+    """Integrate a traction times each nodal shape function by Gauss's rule.
+
+    Args:
+        facets: the facets.
+        traction: function of points (m, 2) and outward normals (m, 2) that returns (m, k) values.
+
+    Returns:
+        (n, nodes, k) nodal forces.
+    """
+    position, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
+    s, weight = 0.5 * (1.0 + position), 0.5 * weight
+    n, nodes = facets.nodes.shape
+    if nodes == 2:
+        shape = np.array([1.0 - s, s])
+    else:
+        shape = np.array([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)])
+    a, b = facets.points[:, 0], facets.points[:, 1]
+    points = a[:, None, :] + s[None, :, None] * (b - a)[:, None, :]
+    normals = np.repeat(facets.outward, GAUSS_POINTS, axis=0)
+    values = np.asarray(traction(points.reshape(-1, 2), normals))
+    values = values.reshape(n, GAUSS_POINTS, values.shape[-1])
+    length = np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1])
+    return length[:, None, None] * np.einsum("iq,q,nqk->nik", shape, weight, values)
