@@ -11,7 +11,7 @@ without friction), see :mod:`receding_fenicsx.interface.rates`.
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -34,8 +34,11 @@ from receding_fenicsx.interface.rates import (
     FORWARD,
     SEPARATION,
     STICK,
+    A,
+    B,
     SingularExchange,
     Tableau,
+    V,
 )
 
 States = NDArray[np.int8]
@@ -46,11 +49,14 @@ LIMIT_TOLERANCE = 1e-12
 RATE_TOLERANCE = 1e-11
 """Rate over the largest rate (both as forces) below which it is taken for zero."""
 
-TIE_TOLERANCE = 1e-13
-"""Part of the leg within which events happen together."""
+CLOSE_EVENTS = 1e-9
+"""Part of the leg within which the next event makes all nodes on limits be looked at together."""
 
 APEX = 1e-9
 """Load left, as a part of the leg's first load, at which a leg to complete unloading is closed."""
+
+STANDING_EVENTS = 20
+"""Events per node within ``CLOSE_EVENTS`` of one place after which the path counts as stuck there."""
 
 ALL_AT_ONCE = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
@@ -61,8 +67,13 @@ CACHED_BYTES = 2**26
 EVENT_RESIDUAL = 1e-11
 """Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
 
+CORRECTED_LEGS = 10
+"""Legs between two corrections of round-off once all sets of states on the way are known."""
+
 CHECKED_EVENTS = 32
-"""Events a leg, evenly spread, at which the residual is evaluated afresh beside the leg's end."""
+"""Events, evenly spread over a leg with new sets of states, whose residual is evaluated afresh.
+
+The residual at the end of every leg is always evaluated afresh."""
 
 
 @dataclass(frozen=True)
@@ -73,21 +84,20 @@ class Segment:
         q: (4N,) rates of y per unit of s.
         falling: labels of quantities that must stay >= 0 and fall.
         time: (len(falling),) -1 / rate of each.
-        slipping: nodes that slip.
-        limit: (len(slipping),) labels of B or A, equal to 2 f P there.
-        speed: (len(slipping),) |rate of v|.
+        dissipating: (4N,) |rate of v|/2 at the label of 2 f P (B or A) of slipping nodes, else 0.
         reversed_nodes: slipping nodes whose rate contradicts their state.
-        scale: largest rate as a force.
+        stroke: (n_loads,) rate of r*_k . u, for the work of the loads.
+        next: by the label of the quantity that reached its limit, what came of it: states, segment
+            and change (node, old, new).
     """
 
     q: Array
     falling: NDArray[np.intp]
     time: Array
-    slipping: NDArray[np.intp]
-    limit: NDArray[np.intp]
-    speed: Array
+    dissipating: Array
     reversed_nodes: NDArray[np.intp]
-    scale: float
+    stroke: Array
+    next: dict[int, tuple[States, Segment, tuple[int, int, int]]] = field(default_factory=dict)
 
 
 class EventPath:
@@ -115,7 +125,7 @@ class EventPath:
         self.segments: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
         rigid_w = system.rigid[n:]
         self.lifts_freely = bool(np.any(np.all(rigid_w > 0.0, axis=0) | np.all(rigid_w < 0.0, axis=0)))
-        self.trials = 0
+        self.trials = self.legs_since_correction = 0
 
     # -- one leg ---------------------------------------------------------------------------------
 
@@ -292,9 +302,11 @@ class EventPath:
         sign = (state == FORWARD).astype(float) - (state == BACKWARD)
         slipping = np.flatnonzero(sign)
         speed = sign[slipping] * q[slipping]
-        limit = slipping + np.where(sign[slipping] > 0.0, 3 * n, 2 * n)
+        dissipating = np.zeros(4 * n)
+        dissipating[slipping + np.where(sign[slipping] > 0.0, 3 * n, 2 * n)] = 0.5 * speed
         wrong = slipping[speed < -threshold[slipping]]
-        return Segment(q, falling, -1.0 / q[falling], slipping, limit, speed, wrong, scale)
+        stroke = self.system.r_star @ q[: 2 * n]
+        return Segment(q, falling, -1.0 / q[falling], dissipating, wrong, stroke)
 
     def bounded(self, state: States) -> NDArray[np.bool_]:
         """Return (4N,) which quantities must stay >= 0 in the given states."""
@@ -333,13 +345,13 @@ class EventPath:
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""
         n, f = self.system.n, self.system.f
-        A, B = state.Q + f * state.P, f * state.P - state.Q
-        A = np.where(self.smooth, state.P, A)
+        forward = np.where(self.smooth, state.P, state.Q + f * state.P)
+        backward = f * state.P - state.Q
         contact = state.state != SEPARATION
         gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
-        A = np.where(contact & (state.state != FORWARD), A, 0.0)
-        B = np.where(contact & self.frictional & (state.state != BACKWARD), B, 0.0)
-        y = np.concatenate([state.v, gap, A, B])
+        forward = np.where(contact & (state.state != FORWARD), forward, 0.0)
+        backward = np.where(contact & self.frictional & (state.state != BACKWARD), backward, 0.0)
+        y = np.concatenate([state.v, gap, forward, backward])
         mask = self.bounded(state.state)
         y[mask] = np.maximum(y[mask], 0.0)
         return y
@@ -369,7 +381,8 @@ class _Walk:
     ) -> None:
         self.path, self.system, self.a, self.b = path, path.system, a, b
         self.direction = b - a
-        self.s, self.start = 0.0, start
+        self.s, self.trials_before = 0.0, path.trials
+        self.progress_at, self.standing = 0.0, 0
         self.state = start.state.copy()
         self.y = path.values(start)
         self.force_scale = max(force_scale, float(np.abs(start.r).max()))
@@ -377,7 +390,8 @@ class _Walk:
         n = self.system.n
         self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=self.force_scale)
         self.to_check: list[tuple[float, Array, States, Array]] = []
-        self.work_u: Array = np.zeros(n)
+        self.work = 0.0
+        self.dissipation = np.zeros(4 * n)
 
     def load(self, s: float) -> Array:
         """Return the load factors at s."""
@@ -385,46 +399,78 @@ class _Walk:
 
     def run(self, s_end: float) -> None:
         """Go from event to event up to ``s_end``."""
-        path, y = self.path, self.y
+        y = self.y
         segment = self._consistent()
-        dissipation = self.leg.dissipation
-        self.work = 0.0
+        looked_at = True
         while True:
-            remaining = s_end - self.s
             times = y[segment.falling] * segment.time
-            first = float(times.min()) if len(times) else np.inf
-            ds = min(max(first, 0.0), remaining)
+            k = int(times.argmin()) if len(times) else -1
+            first = float(times[k]) if k >= 0 else np.inf
+            if first < CLOSE_EVENTS and not looked_at:
+                segment, looked_at = self._consistent(), True
+                continue
+            ds = min(max(first, 0.0), s_end - self.s)
             if self.sample_at and self.sample_at[0] <= self.s + ds:
                 self._sample(segment, self.s + ds)
-            if ds > 0.0:
-                half = 0.5 * ds
-                before = y[segment.limit]
-                y += ds * segment.q
-                # forward: Q = -B/2, backward: Q = A/2, so -Q dv = (2 f P)/2 |dv|
-                dissipation[segment.slipping] += (
-                    0.5 * half * segment.speed * (before + y[segment.limit])
-                )
-                self.work += self._work(segment, ds)
-                self.s += ds
-                if self._wants_check():
-                    slip = ds * segment.q[: self.system.n]
-                    self.to_check.append((self.s, y.copy(), self.state.copy(), slip))
-            if first >= remaining:
+            last = first >= s_end - self.s
+            self._advance(segment, ds)
+            if last:
                 self.s = s_end
                 return
-            hit = segment.falling[times <= first + TIE_TOLERANCE]
-            y[hit] = 0.0
-            segment = self._consistent(hit, segment)
+            self._watch_progress()
+            segment, looked_at = self._event(int(segment.falling[k]), segment)
 
-    def _work(self, segment: Segment, ds: float) -> float:
-        """Return the integral of sum lambda r* . du over the segment."""
-        middle = self.load(self.s + 0.5 * ds)
-        return ds * float(middle @ self.system.r_star @ segment.q[: 2 * self.system.n])
+    def _advance(self, segment: Segment, ds: float) -> None:
+        """Move on by ds: values, exact dissipation and work."""
+        y = self.y
+        half = 0.5 * ds
+        step = half * segment.q
+        y += step
+        # forward: Q = -B/2, backward: Q = A/2, so -Q dv = (2 f P)/2 |dv|, linear: its middle counts
+        self.dissipation += ds * (segment.dissipating * y)
+        y += step
+        self.work += ds * float(self.load(self.s + half) @ segment.stroke)
+        self.s += ds
+        if self._wants_check():
+            slip = ds * segment.q[: self.system.n]
+            self.to_check.append((self.s, y.copy(), self.state.copy(), slip))
+
+    def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
+        """Pass the event at which a quantity reached its limit; return the new rates.
+
+        Returns:
+            The next segment, and whether all nodes on limits have been looked at.
+        """
+        self.y[label] = 0.0
+        known = segment.next.get(label)
+        if known is not None:
+            self.state, following, change = known
+            self.leg.events.append((self.s, *change))
+            return following, False
+        count = len(self.leg.events)
+        following = self._consistent(label, segment)
+        changes = self.leg.events[count:]
+        # other nodes may have changed because they sat on limits by chance: not to be repeated
+        if len(changes) == 1 and changes[0][1] == label % self.system.n:
+            segment.next[label] = self.state, following, changes[0][1:]
+        return following, True
+
+    def _watch_progress(self) -> None:
+        """Raise when events follow each other without end at one place of the leg."""
+        if self.s - self.progress_at > CLOSE_EVENTS:
+            self.progress_at, self.standing = self.s, 0
+        self.standing += 1
+        if self.standing > STANDING_EVENTS * self.system.n:
+            raise self._explain(self.state, np.zeros(0, dtype=np.intp))
+
+    def _is_new(self) -> bool:
+        """Return whether this leg has met sets of states without known rates."""
+        return self.path.trials > self.trials_before
 
     def _wants_check(self) -> bool:
         if self.path.check_all:
             return True
-        return len(self.to_check) < CHECKED_EVENTS and self.s * CHECKED_EVENTS >= len(self.to_check)
+        return self._is_new() and len(self.to_check) < CHECKED_EVENTS and self.s * CHECKED_EVENTS >= len(self.to_check)
 
     def _sample(self, segment: Segment, s_to: float) -> None:
         """Keep the states asked for on the present segment."""
@@ -439,19 +485,19 @@ class _Walk:
     # -- consistent rates ------------------------------------------------------------------------
 
     def _consistent(
-        self, hit: NDArray[np.intp] | None = None, segment: Segment | None = None
+        self, hit: int | None = None, segment: Segment | None = None
     ) -> Segment:
         """Change states until no node on a limit is driven across it.
 
         All violating nodes change at first, then the worst one; when a set of states comes back,
         the finite method decides.
         """
-        path, state, y = self.path, self.state, self.y
-        before = state.copy()
+        path, before = self.path, self.state
+        self.state = state = before.copy()
         seen = {state.tobytes()}
         rounds = 0
         if hit is not None and segment is not None:
-            self._change(hit, segment)
+            self._change(np.array([hit]), segment)
             seen.add(state.tobytes())
         try:
             while True:
@@ -484,11 +530,10 @@ class _Walk:
 
     def _change(self, labels: NDArray[np.intp], segment: Segment) -> None:
         """Give each node of the violated quantities the state on the other side of its limit."""
-        n, state = self.system.n, self.state
-        limit = LIMIT_TOLERANCE * self.force_scale
-        chosen = {int(label) % n: [] for label in labels}  # type: dict[int, list[int]]
+        n, state, y = self.system.n, self.state, self.y
+        chosen: dict[int, list[int]] = {}
         for label in labels.tolist():
-            chosen[label % n].append(label // n)
+            chosen.setdefault(label % n, []).append(label // n)
         for i, kinds in chosen.items():
             old = state[i]
             if not self.path.frictional[i]:
@@ -496,16 +541,18 @@ class _Walk:
             elif old == SEPARATION:
                 state[i] = STICK
             elif old in (FORWARD, BACKWARD):
-                state[i] = STICK if 0 in kinds else SEPARATION
+                state[i] = STICK if V in kinds else SEPARATION
             elif len(kinds) == 2:
                 state[i] = SEPARATION
             else:
-                state[i] = FORWARD if kinds[0] == 2 else BACKWARD
-            if state[i] != SEPARATION:
-                on = self.y[[2 * n + i, 3 * n + i]] * self.path.weight[[2 * n + i, 3 * n + i]] <= limit
-                self.y[[2 * n + i, 3 * n + i]] = np.where(on, 0.0, self.y[[2 * n + i, 3 * n + i]])
-            else:
-                self.y[[2 * n + i, 3 * n + i]] = 0.0
+                state[i] = FORWARD if kinds[0] == A else BACKWARD
+        # what the new states fix, and what is within round-off of its limit, is exactly zero
+        nodes = np.fromiter(chosen, dtype=np.intp)
+        open_ = state[nodes] == SEPARATION
+        for kind in (A, B):
+            at = kind * n + nodes
+            on = y[at] * self.path.weight[at] <= LIMIT_TOLERANCE * self.force_scale
+            y[at[on | open_]] = 0.0
 
     def _finite(self, before: States) -> Segment:
         """Decide the nodes on limits by linear complementarity; explain when nothing is possible."""
@@ -558,11 +605,15 @@ class _Walk:
         u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
         load = self.load(self.s)
         end = ContactState(u, reactions(system, load, u), self.state.copy())
-        end = path.correct(end, load)
+        path.legs_since_correction += 1
+        if self._is_new() or path.legs_since_correction >= CORRECTED_LEGS:
+            end = path.correct(end, load)
+            path.legs_since_correction = 0
         self._check(end)
         if apex:
             end = ContactState(self._rest(end), np.zeros(2 * n), end.state)
             leg.samples += [(s, end) for s in self.sample_at]
+        leg.dissipation = self.dissipation[2 * n : 3 * n] + self.dissipation[3 * n :]
         leg.end, leg.work, leg.force_scale = end, self.work, self.force_scale
         return leg
 
@@ -581,9 +632,7 @@ class _Walk:
         """Evaluate the residual afresh at the end and at the chosen events."""
         n, system = self.system.n, self.system
         self.force_scale = max(self.force_scale, float(np.abs(end.r).max()))
-        worst = _relative_residual(system, end, np.zeros(n), self.path.stiffness, self.force_scale)
-        # slip at the end itself is zero: sliding nodes are checked against their limits alone
-        worst = max(0.0, self._slipless(end))
+        worst = self._slipless(end)
         for s, y, state, slip in self.to_check:
             u = np.concatenate([y[:n], y[n : 2 * n] - system.g0])
             r = reactions(system, self.load(s), u)
