@@ -23,7 +23,7 @@ import time
 import zlib
 from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import NoReturn
+from typing import Literal, NoReturn
 
 # Before NumPy loads, for those who call pytest themselves.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -44,7 +44,7 @@ COLLECTION_WAIT_SECONDS = 60.0
 """A failing rank's wait for ranks that are still collecting: they may be importing DOLFINx."""
 
 PASSED, SKIPPED, FAILED = range(3)
-OUTCOMES = ("passed", "skipped", "failed")
+OUTCOMES: tuple[Literal["passed", "skipped", "failed"], ...] = ("passed", "skipped", "failed")
 
 comm = MPI.COMM_WORLD.Dup()
 stderr_stream = sys.__stderr__
@@ -211,7 +211,7 @@ def agree(report: pytest.TestReport, patience: float) -> None:
         else:
             report.longrepr, xfail, _ = others[min(others)]
             if xfail is not None:
-                report.wasxfail = xfail  # type: ignore[attr-defined]
+                report.wasxfail = xfail
     if worst == FAILED:
         failures.append(f"{report.nodeid} failed:\n{failure_text(report)}")
 
