@@ -30,6 +30,9 @@ Progress = Callable[[int, int, str], None]
 DEFAULT_KEPT = (0, 1, 2, 9)
 """Cycles that get samples and events by default, beside the last one."""
 
+ENERGY_FLOOR = 1e-4
+"""Energy of a leg, over the largest of any leg so far, under which its identity is not relative to itself."""
+
 
 def evolve(
     system: ContactSystem,
@@ -91,7 +94,7 @@ class _Run:
         self.kept: dict[int, Kept] = {}
         self.dissipation: list[Array] = []
         self.slip: list[Array] = []
-        self.residual = self.energy_error = self.force_scale = 0.0
+        self.residual = self.energy_error = self.force_scale = self.energy_scale = 0.0
         self.sweeps = self.n_events = 0
         self.watch = SteadyWatch(solver.steady_tolerance)
 
@@ -198,7 +201,8 @@ class _Run:
         K = self.model.K
         stored = 0.5 * float((leg.end.u - self.now.u) @ K @ (leg.end.u + self.now.u))
         D = float(leg.dissipation.sum())
-        scale = abs(D) + abs(stored)
+        self.energy_scale = max(self.energy_scale, abs(D) + abs(stored))
+        scale = max(abs(D) + abs(stored), ENERGY_FLOOR * self.energy_scale)
         return abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0
 
     def record(self) -> Record:

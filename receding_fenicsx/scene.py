@@ -113,13 +113,13 @@ class HistoryOptions:
 class SolverOptions:
     """Method and tolerances, each relative to the scene's own scales."""
 
-    method: str = "gauss-seidel"
+    method: str = "events"
     steps_per_leg: int = 40
     symmetry: str = "auto"
     over_relaxation: float = 1.5
     polish: bool = True
     change_tolerance: float = 1e-10
-    residual_tolerance: float = 1e-10
+    residual_tolerance: float = 1e-12
     max_sweeps: int = 20000
     steady_tolerance: float = 1e-8
 

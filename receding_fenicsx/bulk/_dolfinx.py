@@ -1,4 +1,4 @@
-"""The only place that knows which DOLFINx version is running: one function for each call that changed.
+"""The only place that knows which DOLFINx version is running: a function for each changed call.
 
 Written and tested with 0.5.2; the branches for 0.7 to 0.11 follow those releases' documentation.
 """
@@ -10,15 +10,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import dolfinx
 import numpy as np
 import ufl
 from dolfinx import cpp, fem
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
-from mpi4py import MPI
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -27,7 +28,7 @@ VERSION: tuple[int, int] = tuple(int(part) for part in dolfinx.__version__.split
 """Major and minor version of the running DOLFINx."""
 
 TENSOR_ORDER = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
-"""DOLFINx's order of a cell's vertices, from an order around the cell; the same in every version."""
+"""DOLFINx's order of a cell's vertices, from an order around the cell."""
 
 
 @contextmanager
@@ -50,7 +51,10 @@ def compile_form(form: ufl.Form) -> Any:
 def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     """Return the continuous Lagrange space of plane displacements."""
     with _quiet():
-        if VERSION < (0, 7):  # 0.7 took VectorFunctionSpace away in favour of a shape in the element
+        if VERSION < (
+            0,
+            7,
+        ):  # 0.7 took VectorFunctionSpace away in favour of a shape in the element
             return fem.VectorFunctionSpace(mesh, ("Lagrange", degree), dim=2)
         return fem.functionspace(mesh, ("Lagrange", degree, (2,)))
 
@@ -123,12 +127,14 @@ def assemble_matrix(form: Any) -> PETSc.Mat:
 
 
 def owned_values(function: fem.Function) -> Array:
-    """Return a view of the owned entries of a function's array; ghosts need `scatter_forward` afterwards."""
+    """Return a view of the owned entries of a function's array; ghosts are left."""
     dofmap = function.function_space.dofmap
     return function.x.array[: dofmap.index_map.size_local * dofmap.index_map_bs]
 
 
-def evaluate_in_cells(expression: ufl.core.expr.Expr, points: Array, space: fem.FunctionSpace) -> Array:
+def evaluate_in_cells(
+    expression: ufl.core.expr.Expr, points: Array, space: fem.FunctionSpace
+) -> Array:
     """Evaluate an expression at reference points of all owned cells.
 
     Args:

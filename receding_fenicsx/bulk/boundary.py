@@ -9,7 +9,8 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, integrate, positions
-from receding_fenicsx.bulk.meshing import POSITION_TOLERANCE, BodyMesh
+from receding_fenicsx.bulk.meshing import BodyMesh
+from receding_fenicsx.bulk.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.errors import InputError, on_all
 from receding_fenicsx.scene import Scene
 
@@ -35,7 +36,8 @@ class ContactNodes:
         normal: (2,) unit vector n into the body.
         weight: (N,) integral of N_i over the modelled contact edge.
         held: (2N,) degrees of freedom [v; w] fixed by symmetry or supports.
-        rigid: (2N, n) rigid motions [v; w] that supports and symmetry leave, each with largest entry 1.
+        rigid: (2N, n) rigid motions [v; w] that supports and symmetry leave, each with largest
+            entry 1.
         null: (2N, m) the same with ``held`` disregarded: null vectors of the condensed stiffness.
     """
 
@@ -66,10 +68,14 @@ class ContactNodes:
 def _turn(values: Array, rotation: Array) -> Array:
     """Apply a 2 x 2 matrix to the two halves of the first axis."""
     a, b = np.split(values, 2)
-    return np.concatenate([rotation[0, 0] * a + rotation[0, 1] * b, rotation[1, 0] * a + rotation[1, 1] * b])
+    return np.concatenate(
+        [rotation[0, 0] * a + rotation[0, 1] * b, rotation[1, 0] * a + rotation[1, 1] * b]
+    )
 
 
-def find_contact(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[ContactNodes, Ints]:
+def find_contact(
+    scene: Scene, space: fem.FunctionSpace, body: BodyMesh
+) -> tuple[ContactNodes, Ints]:
     """Find the contact nodes and what is held.
 
     Args:
@@ -78,25 +84,29 @@ def find_contact(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tupl
         body: the mesh.
 
     Returns:
-        The contact nodes, and the global degrees of freedom off the contact that symmetry and supports hold;
-        both alike on every rank.
+        The contact nodes, and the global degrees of freedom off the contact that symmetry and
+        supports hold; both alike on every rank.
 
     Raises:
-        InputError: an edge that is not straight, a span without facets, a support that meets no node.
+        InputError: an edge that is not straight, a span without facets, a support without nodes.
     """
     comm, contact = body.mesh.comm, scene.contacts[0]
     facets = on_all(comm, lambda: edge_facets(space, body, contact.edge, contact.span))
     every = [part for part in comm.allgather(facets) if len(part)]
     if not every:
-        raise InputError(f"contact: no part of edge '{contact.edge}' lies in its span; move the span")
-    facets = EdgeFacets(*(np.concatenate([getattr(p, a) for p in every]) for a in ("points", "nodes", "outward")))
+        raise InputError(
+            f"contact: no part of edge '{contact.edge}' lies in its span; move the span"
+        )
+    facets = EdgeFacets(
+        *(np.concatenate([getattr(p, a) for p in every]) for a in ("points", "nodes", "outward"))
+    )
     normal = -facets.outward[0] + 0.0
     if np.abs(facets.outward + normal).max() > NORMAL_TOLERANCE:
-        raise InputError(f"contact.edge = '{contact.edge}' is not straight; only straight contact edges can be modelled")
+        raise InputError(f"contact.edge = '{contact.edge}' is not straight; it has to be")
     weights = integrate(facets, lambda points, normals: np.ones((len(points), 1)))[:, :, 0]
     node, first, inverse = np.unique(facets.nodes.ravel(), return_index=True, return_inverse=True)
     points = facets.points.reshape(-1, 2)[first]
-    weight = np.bincount(inverse.ravel(), weights=weights.ravel())
+    weight = np.bincount(inverse.ravel(), weights=weights.ravel()).astype(float)
     x = positions(points, normal, body.centre)
     order = np.argsort(x)
     node, points, x, weight = node[order], points[order], x[order], weight[order]
@@ -123,7 +133,7 @@ def find_contact(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tupl
 
 
 def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints, Array]:
-    """Return all held degrees of freedom, unique and sorted, and the places (n, 2) of their nodes, on every rank."""
+    """Return all held degrees of freedom, sorted, and their nodes' places (n, 2); on every rank."""
     comm = body.mesh.comm
     near = POSITION_TOLERANCE * body.size
     nodes = space.dofmap.index_map.size_local
@@ -137,10 +147,14 @@ def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints,
             found.append((facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES["x"]))
         for support in scene.supports:
             if support.fix not in AXES:
-                raise InputError(f"support.fix = '{support.fix}' is unknown; use \"x\", \"y\" or \"xy\"")
+                raise InputError(
+                    f'support.fix = \'{support.fix}\' is unknown; use "x", "y" or "xy"'
+                )
             if support.edge is not None:
                 facets = edge_facets(space, body, support.edge)
-                found.append((facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES[support.fix]))
+                found.append(
+                    (facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES[support.fix])
+                )
             elif support.point is not None:
                 at = np.flatnonzero(np.hypot(*(coordinates - np.array(support.point)).T) <= near)
                 found.append((start + at.astype(np.int64), coordinates[at], AXES[support.fix]))
@@ -150,9 +164,13 @@ def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints,
 
     parts = comm.allgather(on_all(comm, search))
     for k, support in enumerate(scene.supports, start=int(body.half)):
-        mirrored = body.half and (support.edge == "left" or (support.point is not None and support.point[0] < -near))
+        mirrored = body.half and (
+            support.edge == "left" or (support.point is not None and support.point[0] < -near)
+        )
         if not mirrored and not any(len(part[k][0]) for part in parts):
-            raise InputError(f"support at {support.edge or support.point}: no node of the mesh lies there; move it")
+            raise InputError(
+                f"support at {support.edge or support.point}: no node lies there; move it"
+            )
     dofs = [np.empty(0, dtype=np.int64)]
     places = [np.empty((0, 2))]
     for part in parts:
@@ -174,14 +192,18 @@ def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> N
         axes.setdefault(place[int(dof // 2)], set()).add(int(dof % 2))
     for i, fixed in axes.items():
         for k, direction in enumerate((tangent, normal)):
-            held[k * n + i] = len(fixed) == 2 or abs(direction[next(iter(fixed))]) > 1.0 - NORMAL_TOLERANCE
+            held[k * n + i] = (
+                len(fixed) == 2 or abs(direction[next(iter(fixed))]) > 1.0 - NORMAL_TOLERANCE
+            )
         if not (held[i] or held[n + i]):
-            raise InputError('support: it holds a contact node obliquely to the contact edge; fix "xy" or move it')
+            raise InputError(
+                'support: it holds a contact node obliquely to its edge; fix "xy" or move it'
+            )
     return held
 
 
 def _motions(points: Array, pivot: Array, size: float) -> Array:
-    """Return (n, 2, 3) displacements of points in the motions right, up and rotation about a pivot."""
+    """Return (n, 2, 3) displacements of points moved right, up, and about a pivot."""
     motions = np.zeros((len(points), 2, 3))
     motions[:, 0, 0] = motions[:, 1, 1] = 1.0
     motions[:, 0, 2] = -(points[:, 1] - pivot[1]) / size
@@ -190,8 +212,10 @@ def _motions(points: Array, pivot: Array, size: float) -> Array:
 
 
 def _left(constraints: Array) -> Array:
-    """Return (3, n) combinations of the three motions on which all constraints (m, 3) vanish, in echelon form."""
-    _, values, right = np.linalg.svd(np.vstack([constraints, np.zeros((3, 3))]), full_matrices=False)
+    """Return (3, n) motions on which all constraints (m, 3) vanish, in echelon form."""
+    _, values, right = np.linalg.svd(
+        np.vstack([constraints, np.zeros((3, 3))]), full_matrices=False
+    )
     basis = right[int(np.sum(values > MOTION_TOLERANCE * max(1.0, values[0]))) :]
     row = 0
     for column in range(3):

@@ -4,9 +4,9 @@ With the contact C and the interior I, and forces r of the plane on the body,
 
     K = A_CC - A_CI A_II^-1 A_IC,    r*_k = A_CI A_II^-1 f_k,I - f_k,C.
 
-MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks. petsc4py does not
-wrap that part of PETSc, so its C functions are called through ctypes. Route "solve" needs nothing but a
-factorisation of A_II and is 5 to 20 times slower: a fallback and a check.
+MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks.
+petsc4py does not wrap that part of PETSc, so its C functions are called through ctypes. Route
+"solve" needs nothing but a factorisation of A_II and is slower: a fallback and a check.
 """
 
 from __future__ import annotations
@@ -15,11 +15,18 @@ import ctypes
 from functools import cache
 from typing import Any
 
-import numpy as np
-from numpy.typing import NDArray
 from petsc4py import PETSc
 
-from receding_fenicsx.bulk.elasticity import Bulk, constrained, gather_contact, interior_solver, owned_contact
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.elasticity import (
+    Bulk,
+    constrained,
+    gather_contact,
+    interior_solver,
+    owned_contact,
+)
 from receding_fenicsx.errors import InputError, SolveError, on_root
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.scene import evaluate
@@ -49,17 +56,19 @@ def condense(bulk: Bulk, route: str = "schur") -> ContactSystem | None:
         The condensed system on rank 0, None on the others.
 
     Raises:
-        SolveError: the factorisation failed, or K does not keep the rigid motions or does not agree with a
-            solve; on all ranks.
+        SolveError: the factorisation failed, or K does not keep the rigid motions or does not agree
+            with a solve; on all ranks.
     """
     if route not in ("schur", "solve"):
-        raise InputError(f"route = '{route}' is unknown; use \"schur\" or \"solve\"")
+        raise InputError(f'route = \'{route}\' is unknown; use "schur" or "solve"')
     condensed = _by_schur(bulk) if route == "schur" else _by_solves(bulk)
     return on_root(bulk.comm, lambda: _system(bulk, *condensed))
 
 
-def _system(bulk: Bulk, K: Array, held: Array, compliance: Array, probe: tuple[Array, Array] | None) -> ContactSystem:
-    """Turn components, check, scale by Young's modulus and add the contact's data; on rank 0."""
+def _system(
+    bulk: Bulk, K: Array, held: Array, compliance: Array, probe: tuple[Array, Array] | None
+) -> ContactSystem:
+    """Turn components, check, scale by Young's modulus, add the contact's data; on rank 0."""
     contact = bulk.contact
     K = contact.to_local(contact.to_local(K).T)
     K = 0.5 * (K + K.T)
@@ -68,7 +77,9 @@ def _system(bulk: Bulk, K: Array, held: Array, compliance: Array, probe: tuple[A
         u, force = (contact.to_local(part) for part in probe)
         error = np.abs(K @ u - force).max() / (scale * np.abs(u).max())
         if not error <= PROBE_TOLERANCE:
-            raise SolveError(f"the condensed stiffness differs from a solve by {error:.1e}; use the route \"solve\"")
+            raise SolveError(
+                f'the condensed stiffness differs from a solve by {error:.1e}; use the route "solve"'
+            )
     error = np.abs(K @ contact.null).max(initial=0.0) / scale
     if not error <= RIGID_TOLERANCE:
         raise SolveError(
@@ -80,7 +91,9 @@ def _system(bulk: Bulk, K: Array, held: Array, compliance: Array, probe: tuple[A
     for key, values in (("friction", f), ("initial_gap", g0)):
         if np.any(values < 0.0):
             i = int(np.argmin(values))
-            raise InputError(f"contact.{key} is {values[i]:g} at x = {contact.x[i]:g}; it must not be negative")
+            raise InputError(
+                f"contact.{key} is {values[i]:g} at x = {contact.x[i]:g}; it must not be negative"
+            )
     return ContactSystem(
         x=contact.x,
         points=contact.points,
@@ -106,7 +119,7 @@ def _toml(bulk: Bulk) -> str:
 
 
 def _held_response(bulk: Bulk, solve: Any) -> tuple[Array, Array]:
-    """Return, with all contact nodes held, their reactions (2N, n_loads; rank 0) and the loads' compliance.
+    """Return the loads' reactions (2N, n_loads; rank 0) and compliance, all contact nodes held.
 
     Args:
         bulk: the body.
@@ -133,8 +146,10 @@ def _held_response(bulk: Bulk, solve: Any) -> tuple[Array, Array]:
 
 
 def _by_schur(bulk: Bulk) -> tuple[Array, Array, Array, tuple[Array, Array] | None]:
-    """Return K and r* in [x; y] components, the compliance, and a probe (u, K u) found by a solve."""
-    matrix = constrained(bulk, bulk.fixed) if bulk.comm.allreduce(len(bulk.fixed)) else bulk.stiffness
+    """Return K, r* in [x; y] components, the compliance, and a probe (u, K u) by a solve."""
+    matrix = (
+        constrained(bulk, bulk.fixed) if bulk.comm.allreduce(len(bulk.fixed)) else bulk.stiffness
+    )
     matrix.setOption(PETSc.Mat.Option.SPD, True)
     pc = PETSc.PC().create(bulk.comm)
     pc.setOperators(matrix)
@@ -170,7 +185,7 @@ def _by_schur(bulk: Bulk) -> tuple[Array, Array, Array, tuple[Array, Array] | No
 
 
 def _probe(bulk: Bulk, matrix: PETSc.Mat, solve: Any) -> tuple[Array, Array] | None:
-    """Return contact displacements and the forces K u that a solve gives for them, [x; y], on rank 0."""
+    """Return contact displacements u and the forces K u by a solve, [x; y], on rank 0."""
     start = matrix.getOwnershipRange()[0]
     dofs, places = owned_contact(bulk)
     u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
@@ -231,7 +246,11 @@ def _library() -> ctypes.CDLL:
     pointer = ctypes.c_void_p
     for name, arguments in {
         "MatFactorSetSchurIS": [pointer, pointer],
-        "MatFactorGetSchurComplement": [pointer, ctypes.POINTER(pointer), ctypes.POINTER(ctypes.c_int)],
+        "MatFactorGetSchurComplement": [
+            pointer,
+            ctypes.POINTER(pointer),
+            ctypes.POINTER(ctypes.c_int),
+        ],
         "MatFactorRestoreSchurComplement": [pointer, ctypes.POINTER(pointer), ctypes.c_int],
         "MatDenseGetArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
         "MatDenseRestoreArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
@@ -246,7 +265,7 @@ def _call(name: str, *arguments: Any) -> None:
     """Call a function of PETSc and raise when it reports an error."""
     code = getattr(_library(), name)(*arguments)
     if code:
-        raise SolveError(f"PETSc's {name} failed with code {code}; use the route \"solve\"")
+        raise SolveError(f'PETSc\'s {name} failed with code {code}; use the route "solve"')
 
 
 def _schur_complement(factor: PETSc.Mat, size: int, ranks: int) -> Array:

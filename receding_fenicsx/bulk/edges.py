@@ -1,4 +1,4 @@
-"""Edges of the body: their facets, positions along them, and integrals of nodal shape functions over them."""
+"""Edges of the body: facets, positions along an edge, integrals of nodal shape functions."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 GAUSS_POINTS = 8
-"""Gauss points on a facet: at order 2, loads that are polynomials of degree 13 are integrated exactly."""
+"""Gauss points on a facet: at order 2, polynomial loads of degree 13 are integrated exactly."""
 
 
 @dataclass(frozen=True)
@@ -84,7 +84,7 @@ def edge_facets(
 
 
 def positions(points: Array, normal: Array, centre: Array) -> Array:
-    """Return the positions of points along an edge from the body's centre, growing rightwards or upwards.
+    """Return positions along an edge from the body's centre, growing rightwards or upwards.
 
     Args:
         points: (n, 2) points.

@@ -1,7 +1,8 @@
-"""Plane linear elasticity of the body: stiffness, loads, and back from the contact to displacements and stresses.
+"""Plane linear elasticity: stiffness and loads, and back from the contact to fields.
 
-The matrix A is assembled for Young's modulus 1 (it then depends on the mesh's shape and on Poisson's ratio only)
-and without boundary conditions: E A u are the nodal forces that hold the displacements u.
+The matrix A is assembled for Young's modulus 1 (it then depends on the mesh's shape and on
+Poisson's ratio only) and without boundary conditions: E A u are the nodal forces that hold the
+displacements u.
 """
 
 from __future__ import annotations
@@ -10,19 +11,20 @@ import time
 from dataclasses import dataclass, field
 from typing import Any
 
+from mpi4py import MPI
+from petsc4py import PETSc
+
 import numpy as np
 import ufl
 from dolfinx import fem
-from mpi4py import MPI
 from numpy.typing import NDArray
-from petsc4py import PETSc
 
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.boundary import ContactNodes, find_contact
-from receding_fenicsx.bulk.edges import edge_facets, integrate
+from receding_fenicsx.bulk.loads import add_load
 from receding_fenicsx.bulk.meshing import BodyMesh
-from receding_fenicsx.errors import InputError, on_all
-from receding_fenicsx.scene import Load, Profile, Scene, evaluate
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -47,7 +49,8 @@ class Bulk:
         stiffness: A, for Young's modulus 1, without boundary conditions.
         load_names: names of the loads.
         loads: nodal forces of each load with factor 1.
-        fixed: degrees of freedom off the contact that symmetry and supports hold, this rank's own, global numbers.
+        fixed: degrees of freedom off the contact that symmetry and supports hold, this rank's own
+            by their global numbers.
         contact: the contact nodes.
         seconds: time spent on "forms" (compiling or loading them) and on "assemble".
         interior: solver with contact and supports held, made when first asked for.
@@ -115,7 +118,9 @@ def build(scene: Scene, body: BodyMesh, half: bool) -> Bulk:
         InputError: a material, load or support that cannot be modelled; on all ranks.
     """
     if half != body.half:
-        raise InputError("build: the mesh is of the other kind (half or whole body); make it with the same `half`")
+        raise InputError(
+            "build: the mesh is of the other kind (half or whole body); make it with the same `half`"
+        )
     clock = time.perf_counter()
     lame = lame_constants(scene)
     if scene.mesh.degree not in (1, 2):
@@ -136,7 +141,7 @@ def build(scene: Scene, body: BodyMesh, half: bool) -> Bulk:
         vector.set(0.0)
         for load in scene.loads:
             if load.name == name:
-                _add_load(vector, space, body, load)
+                add_load(vector, space, body, load)
         loads.append(vector)
     seconds["assemble"] = time.perf_counter() - clock
     return Bulk(scene, body, space, stiffness, names, loads, fixed, contact, seconds)
@@ -148,15 +153,19 @@ def warm_up(comm: MPI.Comm, cell: str, degree: int) -> float:
     around = [0, 1, 2] if cell == "triangle" else [0, 1, 3, 2]
     # one cell a rank: meshes with fewer cells than ranks cannot be partitioned everywhere
     one = 0 if comm.rank else comm.size
-    points = np.concatenate([CORNERS[cell] + [2.0 * i, 0.0] for i in range(one)] or [np.empty((0, 2))])
-    cells = np.array([np.add(around, len(around) * i) for i in range(one)], dtype=np.int64).reshape(-1, len(around))
+    points = np.concatenate(
+        [CORNERS[cell] + [2.0 * i, 0.0] for i in range(one)] or [np.empty((0, 2))]
+    )
+    cells = np.array([np.add(around, len(around) * i) for i in range(one)], dtype=np.int64).reshape(
+        -1, len(around)
+    )
     space = _dolfinx.vector_space(_dolfinx.create_mesh(comm, cell, cells, points), degree)
     stiffness_form(space, 1.0, 1.0)
     return time.perf_counter() - clock
 
 
 def lame_constants(scene: Scene) -> tuple[float, float]:
-    """Return Lame's lambda and mu for E = 1; in plane stress lambda is the one that acts in the plane."""
+    """Return Lame's lambda and mu for E = 1; in plane stress, lambda as it acts in the plane."""
     material = scene.material
     nu = material.poisson
     if not material.young > 0.0:
@@ -169,7 +178,7 @@ def lame_constants(scene: Scene) -> tuple[float, float]:
     if material.kinematics == "plane stress":
         return nu / (1.0 - nu**2), mu
     raise InputError(
-        f"material.kinematics = '{material.kinematics}' is not available; use \"plane strain\" or \"plane stress\""
+        f'material.kinematics = \'{material.kinematics}\' is not available; use "plane strain" or "plane stress"'
     )
 
 
@@ -255,14 +264,18 @@ def stresses(bulk: Bulk, displacement: fem.Function) -> Stresses:
     linear = _dolfinx.scalar_space(bulk.body.mesh, "Lagrange", 1)
     cells = range(len(gradient))
     cell_dofs = np.array([constant.dofmap.cell_dofs(c)[0] for c in cells], dtype=np.int32)
-    vertex_dofs = np.array([linear.dofmap.cell_dofs(c) for c in cells], dtype=np.int32).reshape(-1, len(corners))
+    vertex_dofs = np.array([linear.dofmap.cell_dofs(c) for c in cells], dtype=np.int32).reshape(
+        -1, len(corners)
+    )
     count = _sum_at_vertices(linear, vertex_dofs, np.ones(vertex_dofs.shape))
     in_cells, at_vertices = {}, {}
     for name, value in _components(bulk, gradient).items():
         in_cells[name] = fem.Function(constant, name=name)
         in_cells[name].x.array[cell_dofs] = value[:, -1]
         at_vertices[name] = fem.Function(linear, name=name)
-        _dolfinx.owned_values(at_vertices[name])[:] = _sum_at_vertices(linear, vertex_dofs, value[:, :-1]) / count
+        _dolfinx.owned_values(at_vertices[name])[:] = (
+            _sum_at_vertices(linear, vertex_dofs, value[:, :-1]) / count
+        )
         in_cells[name].x.scatter_forward()
         at_vertices[name].x.scatter_forward()
     return Stresses(in_cells, at_vertices)
@@ -276,7 +289,11 @@ def _components(bulk: Bulk, gradient: Array) -> dict[str, Array]:
     sxx = lam * (exx + eyy) + 2.0 * mu * exx
     syy = lam * (exx + eyy) + 2.0 * mu * eyy
     sxy = mu * (gradient[..., 1] + gradient[..., 2])
-    szz = material.poisson * (sxx + syy) if material.kinematics == "plane strain" else np.zeros_like(sxx)
+    szz = (
+        material.poisson * (sxx + syy)
+        if material.kinematics == "plane strain"
+        else np.zeros_like(sxx)
+    )
     pairs = (sxx - syy) ** 2 + (syy - szz) ** 2 + (szz - sxx) ** 2
     von_mises = np.sqrt(0.5 * pairs + 3.0 * sxy**2)
     max_shear = np.hypot(0.5 * (sxx - syy), sxy)
@@ -286,7 +303,9 @@ def _components(bulk: Bulk, gradient: Array) -> dict[str, Array]:
 def _sum_at_vertices(space: fem.FunctionSpace, local: NDArray[np.int32], values: Array) -> Array:
     """Sum values given cell by cell, over all ranks' cells, at this rank's own vertices."""
     index_map = space.dofmap.index_map
-    total = PETSc.Vec().createMPI((index_map.size_local, index_map.size_global), comm=space.mesh.comm)
+    total = PETSc.Vec().createMPI(
+        (index_map.size_local, index_map.size_global), comm=space.mesh.comm
+    )
     numbers = index_map.local_to_global(local.ravel()).astype(PETSc.IntType)
     total.setValues(numbers, values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
     total.assemble()
@@ -317,7 +336,7 @@ def constrained(bulk: Bulk, held: Ints) -> PETSc.Mat:
 
 
 def owned_contact(bulk: Bulk) -> tuple[Ints, Ints]:
-    """Return this rank's own contact degrees of freedom (global) and their places in the order [u_x; u_y]."""
+    """Return this rank's contact degrees of freedom (global) and their places in [u_x; u_y]."""
     start, end = bulk.stiffness.getOwnershipRange()
     dofs = bulk.contact.dofs
     places = np.flatnonzero((dofs >= start) & (dofs < end))
@@ -325,7 +344,7 @@ def owned_contact(bulk: Bulk) -> tuple[Ints, Ints]:
 
 
 def gather_contact(bulk: Bulk, rows: Array) -> Array | None:
-    """Gather the contact rows of (owned rows, n) values on rank 0 as (2N, n), order [u_x; u_y]; None elsewhere."""
+    """Gather the contact rows of (owned rows, n) values on rank 0 as (2N, n), [u_x; u_y]."""
     dofs, places = owned_contact(bulk)
     start = bulk.stiffness.getOwnershipRange()[0]
     parts = bulk.comm.gather((places, rows[dofs - start]), root=0)
@@ -335,37 +354,3 @@ def gather_contact(bulk: Bulk, rows: Array) -> Array | None:
     for where, part in parts:
         gathered[where] = part
     return gathered
-
-
-def _add_load(vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, load: Load) -> None:
-    """Add the nodal forces of a load."""
-    comm = body.mesh.comm
-
-    def forces() -> tuple[Ints, Array]:
-        facets = edge_facets(space, body, load.edge, load.span)
-        return facets.nodes, integrate(facets, lambda points, normals: _traction(load, body, points, normals))
-
-    nodes, values = on_all(comm, forces)
-    absent = body.half and (load.edge == "left" or (load.span is not None and load.span[1] <= 0.0))
-    if comm.allreduce(len(nodes)) == 0 and not absent:
-        raise InputError(f"load.{load.name}: no part of edge '{load.edge}' lies in its span; move the span")
-    rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
-    vector.setValues(rows.ravel(), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
-    vector.assemble()
-
-
-def _traction(load: Load, body: BodyMesh, points: Array, normals: Array) -> Array:
-    """Return the traction (n, 2) of a load at points of its edge."""
-    x, y = points[:, 0], points[:, 1]
-
-    def value(profile: Profile) -> Array:
-        # a table runs along the edge, an expression knows x and y
-        if isinstance(profile, dict) and load.edge in ("left", "right"):
-            return evaluate(profile, y - body.centre[1])
-        return evaluate(profile, x, y)
-
-    if load.pressure is not None:
-        return -value(load.pressure)[:, None] * normals
-    if load.traction is None:
-        raise InputError(f"load.{load.name} has neither pressure nor traction; give one of them")
-    return np.column_stack([value(component) for component in load.traction])

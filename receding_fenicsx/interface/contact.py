@@ -160,6 +160,25 @@ def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
     return load @ system.r_star + system.K @ u
 
 
+OPEN_SCALE = 1e-2
+"""Part of the reactions with all nodes held that counts as force scale where nothing presses."""
+
+
+def largest_force(system: ContactSystem, load: Array, r: Array, so_far: float) -> float:
+    """Return the history's largest nodal force, the scale of every residual and force tolerance.
+
+    An open contact has no force of its own: there the held reactions sum lambda r* set the scale.
+
+    Args:
+        system: the condensed body.
+        load: (n_loads,) load factors.
+        r: reactions at this instant.
+        so_far: largest force before it.
+    """
+    held = float(np.abs(load @ system.r_star).max(initial=0.0))
+    return max(so_far, float(np.abs(r).max(initial=0.0)), OPEN_SCALE * held)
+
+
 def law_residual(
     system: ContactSystem, r: Array, u: Array, slip: Array, stiffness: tuple[Array, Array]
 ) -> Array:

@@ -24,6 +24,7 @@ from receding_fenicsx.interface.contact import (
     ContactSystem,
     Leg,
     State,
+    largest_force,
     law_residual,
     local_stiffness,
     reactions,
@@ -63,6 +64,9 @@ ALL_AT_ONCE = 3
 
 CACHED_BYTES = 2**26
 """Memory for the rates of sets of states that have been met before."""
+
+RIGID_TOLERANCE = 1e-8
+"""Distance from a unit rigid motion within which a motion of the contact is rigid."""
 
 EVENT_RESIDUAL = 1e-11
 """Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
@@ -123,8 +127,8 @@ class EventPath:
         self.tableau: Tableau | None = None
         self.cache: OrderedDict[bytes, Array] = OrderedDict()
         self.segments: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
-        rigid_w = system.rigid[n:]
-        self.lifts_freely = bool(np.any(np.all(rigid_w > 0.0, axis=0) | np.all(rigid_w < 0.0, axis=0)))
+        self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
+        self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
         self.trials = self.legs_since_correction = 0
 
     # -- one leg ---------------------------------------------------------------------------------
@@ -212,7 +216,7 @@ class EventPath:
             )
         change = end.u - start.u
         n = self.system.n
-        scale = max(force_scale, float(np.abs(end.r).max()))
+        scale = largest_force(self.system, load, end.r, force_scale)
         slip = np.where(end.state == SEPARATION, 0.0, change[:n])
         leg = Leg(
             end=end,
@@ -262,7 +266,7 @@ class EventPath:
             u = u + self._correction(tableau, state)
         end = ContactState(u, reactions(self.system, load, u), trial.state)
         slip = end.v - trial.v
-        scale = float(np.abs(end.r).max())
+        scale = largest_force(self.system, load, end.r, 0.0)
         residual = _relative_residual(self.system, end, slip, self.stiffness, scale)
         return end if residual <= EVENT_RESIDUAL else None
 
@@ -385,7 +389,7 @@ class _Walk:
         self.progress_at, self.standing = 0.0, 0
         self.state = start.state.copy()
         self.y = path.values(start)
-        self.force_scale = max(force_scale, float(np.abs(start.r).max()))
+        self.force_scale = largest_force(self.system, a, start.r, force_scale)
         self.sample_at = [j / samples for j in range(1, samples + 1)]
         n = self.system.n
         self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=self.force_scale)
@@ -579,15 +583,16 @@ class _Walk:
 
     def _explain(self, before: States, nodes: NDArray[np.intp]) -> SolveError:
         """Return the error for a load at which the path ends."""
+        path = self.path
         load = ", ".join(f"{value:.9g}" for value in self.load(self.s))
         where = f"at load factors [{load}] (s = {self.s:.9g} of the leg)"
         contact = before != SEPARATION
-        loose = contact & self.path.frictional
+        loose = contact & path.frictional
         reach = self.y.reshape(4, -1)[:, loose]
         limit = LIMIT_TOLERANCE * self.force_scale
-        if np.all(self.y.reshape(4, -1)[2:][:, contact].sum(axis=0) <= limit):
+        if path.lifts_freely and np.all(self.y.reshape(4, -1)[2:][:, contact].sum(axis=0) <= limit):
             return NoEquilibrium(f"lift-off {where}: no pressure is left on the contact; beyond it nothing holds")
-        if loose.any() and (np.all(reach[2] <= limit) or np.all(reach[3] <= limit)):
+        if path.slides_freely and loose.any() and (np.all(reach[2] <= limit) or np.all(reach[3] <= limit)):
             return NoEquilibrium(
                 f"gross sliding {where}: every node in contact is at the friction limit in the same direction"
             )
@@ -621,9 +626,7 @@ class _Walk:
         """Return the displacements of the unloaded body: the rigid sliding that has been reached."""
         n = self.system.n
         u = np.zeros(2 * n)
-        rigid = self.system.rigid
-        slides = [m for m in rigid.T if not np.any(m[n:]) and np.ptp(m[:n]) == 0.0]
-        if slides:
+        if self.path.slides_freely:
             u[:n] = end.v.mean()
         u[:n][self.system.held[:n]] = end.v[self.system.held[:n]]
         return u
@@ -631,13 +634,13 @@ class _Walk:
     def _check(self, end: ContactState) -> None:
         """Evaluate the residual afresh at the end and at the chosen events."""
         n, system = self.system.n, self.system
-        self.force_scale = max(self.force_scale, float(np.abs(end.r).max()))
+        self.force_scale = largest_force(system, self.load(self.s), end.r, self.force_scale)
         worst = self._slipless(end)
         for s, y, state, slip in self.to_check:
             u = np.concatenate([y[:n], y[n : 2 * n] - system.g0])
             r = reactions(system, self.load(s), u)
             moved = np.where((state == FORWARD) | (state == BACKWARD), slip, 0.0)
-            self.force_scale = max(self.force_scale, float(np.abs(r).max()))
+            self.force_scale = largest_force(system, self.load(s), r, self.force_scale)
             now = ContactState(u, r, state)
             worst = max(worst, _relative_residual(system, now, moved, self.path.stiffness, self.force_scale))
         self.leg.residual = worst
@@ -656,6 +659,14 @@ class _Walk:
         )
         on_limit = np.abs(end.Q + sign * f * end.P)[sign != 0.0]
         return max(worst, float(on_limit.max(initial=0.0)) / self.force_scale)
+
+
+def _has_rigid(system: ContactSystem, motion: Array) -> bool:
+    """Return whether ``motion`` of the contact nodes is a combination of the rigid ones left free."""
+    if system.rigid.shape[1] == 0:
+        return False
+    weights = np.linalg.lstsq(system.rigid, motion, rcond=None)[0]
+    return bool(np.abs(system.rigid @ weights - motion).max() <= RIGID_TOLERANCE)
 
 
 def _relative_residual(

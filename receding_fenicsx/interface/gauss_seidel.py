@@ -23,6 +23,7 @@ from receding_fenicsx.interface.contact import (
     ContactSystem,
     Leg,
     State,
+    largest_force,
     law_residual,
     local_stiffness,
     reactions,
@@ -388,7 +389,7 @@ class _Sweeper:
     ) -> tuple[float, int, float]:
         """Return the fresh relative residual, its worst entry, and the force scale."""
         r = reactions(self.system, self.load, self.u)
-        scale = max(force_scale, float(np.abs(r).max()))
+        scale = largest_force(self.system, self.load, r, force_scale)
         slip = self.u[: self.system.n] - np.array(self.v_ref)
         both = law_residual(self.system, r, self.u, slip, stiffness)
         worst = int(np.argmax(both))

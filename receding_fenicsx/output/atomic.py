@@ -26,10 +26,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
         InputError: the file is there already, or its folder cannot be written to.
     """
     path = Path(path)
-    if path.is_dir():
-        raise InputError(f"{path}: is a folder; give the name of a file")
-    if path.exists() and not overwrite:
-        raise InputError(f"{path}: is there already; choose another name or ask to overwrite it")
+    check_file(path, overwrite)
     beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         yield beside
@@ -80,6 +77,16 @@ def new_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
     finally:
         shutil.rmtree(beside, ignore_errors=True)
         shutil.rmtree(old, ignore_errors=True)
+
+
+def check_file(path: Path, overwrite: bool = False) -> None:
+    """Raise InputError unless a file may be made at ``path``."""
+    if path.is_dir():
+        raise InputError(f"{path}: is a folder; give the name of a file")
+    if path.exists() and not overwrite:
+        raise InputError(f"{path}: is there already; choose another name or give --overwrite")
+    if not path.parent.is_dir():
+        raise InputError(f"{path}: its folder does not exist; make it first")
 
 
 def check_folder(path: Path, overwrite: bool = False) -> None:
