@@ -1,0 +1,276 @@
+"""The command line, ``receding-fenicsx``; under ``mpirun`` all ranks run it together."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import sys
+import time
+import traceback
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from receding_fenicsx import __version__
+from receding_fenicsx.errors import POLL_SECONDS, InputError, RecedingError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+PROGRAM = "receding-fenicsx"
+RANK_WAIT_SECONDS = 10.0
+"""How long a failing rank waits for the others to fail too before it ends the whole job."""
+INTERRUPTED = 130
+"""Exit code after Ctrl-C, by the shell's convention 128 + SIGINT."""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run the command line.
+
+    Args:
+        argv: arguments; those of the process when left out.
+
+    Returns:
+        The exit code. 1: a solver failed or something is missing, 2: bad input, 130: interrupted.
+    """
+    comm = _world()
+    with contextlib.suppress(ValueError):  # signals belong to the main thread
+        signal.signal(signal.SIGTERM, _terminated)
+    try:
+        options = _parser(comm).parse_args(argv)
+        return int(options.work(options, comm) or 0)
+    except RecedingError as error:
+        return _fail(comm, f"error: {error}".replace("\n", " "), error.exit_code)
+    except KeyboardInterrupt:
+        return _fail(comm, "interrupted", INTERRUPTED)
+    except BrokenPipeError:
+        # whoever read the output has enough of it
+        sys.stdout = None
+        return 0
+    except Exception as error:
+        traceback.print_exc()
+        text = f"internal error: {type(error).__name__}: {error}; please report the lines above"
+        return _fail(comm, text, 1)
+
+
+def _world() -> MPI.Comm | None:
+    """All processes of the job; None where there is no MPI (some commands do without)."""
+    with contextlib.suppress(ImportError):
+        import dolfinx_solver  # noqa: F401 - PyPI's stack wants to be loaded before mpi4py
+    try:
+        from mpi4py import MPI
+    except ImportError:
+        return None
+    return MPI.COMM_WORLD
+
+
+def _terminated(number: int, frame: FrameType | None) -> NoReturn:
+    """Leave through the clean-up of unfinished files."""
+    raise SystemExit(128 + number)
+
+
+def _fail(comm: MPI.Comm | None, text: str, code: int) -> int:
+    """Say why on rank 0 and return the exit code; a rank that failed alone ends the job."""
+    if comm is None or comm.size == 1:
+        print(f"{PROGRAM}: {text}", file=sys.stderr)
+        return code
+    if comm.rank == 0:
+        print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)
+    together = comm.Ibarrier()
+    end = time.monotonic() + RANK_WAIT_SECONDS
+    while not together.Test():
+        if time.monotonic() > end:
+            if comm.rank != 0:
+                print(f"{PROGRAM}: rank {comm.rank}: {text}", file=sys.stderr, flush=True)
+            comm.Abort(code)
+        time.sleep(POLL_SECONDS)
+    return code
+
+
+class _Parser(argparse.ArgumentParser):
+    """Raises instead of printing on every rank; prints help on rank 0 only."""
+
+    root = True
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if self.root and message:
+            print(message, end="", file=file or sys.stderr)
+
+
+def _parser(comm: MPI.Comm | None) -> argparse.ArgumentParser:
+    kind = type("Parser", (_Parser,), {"root": comm is None or comm.rank == 0})
+    parser = kind(
+        prog=PROGRAM,
+        description="Frictional receding contact under cyclic loading.",
+        allow_abbrev=False,
+    )
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
+
+    def command(name: str, work: Callable[..., int | None], text: str) -> argparse.ArgumentParser:
+        added = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+        added.set_defaults(work=work)
+        return added
+
+    def scene_arguments(added: argparse.ArgumentParser) -> None:
+        added.add_argument("scene", metavar="SCENE.toml", help="what is modelled")
+        added.add_argument(
+            "--set",
+            action="append",
+            default=[],
+            metavar="TABLE.KEY=VALUE",
+            dest="overrides",
+            help="change a value of the scene (load.NAME.key=value for loads); may be repeated",
+        )
+
+    added = command("run", _run, "go the whole way: mesh, condense, evolve, write and draw")
+    scene_arguments(added)
+    added.add_argument("--out", required=True, metavar="DIR", help="folder for what is found")
+    added.add_argument("--overwrite", action="store_true", help="replace an earlier run")
+    added.add_argument("--resume", action="store_true", help="go on with an interrupted run")
+
+    added = command("condense", _condense, "condense the body to its contact nodes and save that")
+    scene_arguments(added)
+    added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the system")
+    added.add_argument("--overwrite", action="store_true", help="replace the file")
+
+    added = command("plot", _plot, "draw the figures of a finished run again")
+    added.add_argument("folder", metavar="DIR", help="folder of the run")
+
+    added = command("snapshot", _snapshot, "draw the body of a finished run at one instant")
+    added.add_argument("folder", metavar="DIR", help="folder of the run")
+    added.add_argument("--cycle", type=int, required=True, metavar="N", help="0: first loading")
+    added.add_argument(
+        "--leg", required=True, metavar="loading|unloading|K", help="part of the cycle"
+    )
+    added.add_argument("--at", type=float, default=1.0, metavar="S", help="0 to 1 along the leg")
+
+    scene_arguments(command("check", _check, "look whether a scene can be modelled, no more"))
+    command("doctor", _doctor, "show what is installed and whether it works")
+    return parser
+
+
+def _is_root(comm: MPI.Comm | None) -> bool:
+    return comm is None or comm.rank == 0
+
+
+def _needed(comm: MPI.Comm | None) -> MPI.Comm:
+    if comm is None:
+        raise RecedingError("mpi4py is not installed; see receding-fenicsx doctor")
+    return comm
+
+
+class _Progress:
+    """One line on the terminal that is written over again and again; nothing elsewhere."""
+
+    def __init__(self, comm: MPI.Comm | None) -> None:
+        self.shown = _is_root(comm) and sys.stderr.isatty()
+
+    def __enter__(self) -> Callable[[str], None]:
+        return self.say
+
+    def __exit__(self, *_: object) -> None:
+        if self.shown:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+    def say(self, text: str) -> None:
+        """Show what is being done."""
+        if self.shown:
+            print(f"\r\033[K{text[:78]}", end="", file=sys.stderr, flush=True)
+
+
+def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import study
+    from receding_fenicsx.output.summary import read_summary
+    from receding_fenicsx.output.table import run_table
+    from receding_fenicsx.scene_file import read_scene
+
+    if options.resume:
+        raise InputError("--resume is not available yet; run the scene again without it")
+    scene = read_scene(options.scene, options.overrides)
+    with _Progress(comm) as say:
+        study.run(scene, options.out, _needed(comm), options.overwrite, progress=say)
+    if _is_root(comm):
+        print(run_table(read_summary(Path(options.out) / "summary.json")))
+        print(f"written to {options.out}")
+
+
+def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import errors, study
+    from receding_fenicsx.output.atomic import check_file
+    from receding_fenicsx.output.files import write_system
+    from receding_fenicsx.scene_file import read_scene
+
+    scene = read_scene(options.scene, options.overrides)
+    comm, path = _needed(comm), Path(options.out)
+    errors.on_root(comm, lambda: check_file(path, options.overwrite))
+    with _Progress(comm) as say:
+        system = study.condense(scene, comm, say)
+
+    def write() -> None:
+        assert system is not None
+        write_system(path, system, options.overwrite)
+        which = "half" if system.half else "whole"
+        print(f"{system.n} contact nodes of the {which} body, written to {path}")
+
+    errors.on_root(comm, write)
+
+
+def _plot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import study
+    from receding_fenicsx.output.files import read_record
+
+    record = read_record(Path(options.folder) / "record.h5")
+    if _is_root(comm):
+        for path in study.plot(record, Path(options.folder) / "figures"):
+            print(path)
+
+
+def _snapshot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import study
+
+    with _Progress(comm) as say:
+        made = study.snapshot(
+            options.folder, options.cycle, options.leg, options.at, _needed(comm), say
+        )
+    for path in made or ():
+        print(path)
+
+
+def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx.history import from_scene
+    from receding_fenicsx.scene_checks import is_mirror_symmetric
+    from receding_fenicsx.scene_file import read_scene
+
+    scene = read_scene(options.scene, options.overrides)
+    half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
+    nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
+    loads = ", ".join(load.name for load in scene.loads)
+    if _is_root(comm):
+        print(
+            f"{options.scene}: can be modelled; {nodes} contact nodes, "
+            f"{'half of the' if half else 'the whole'} body, loads {loads}, "
+            f"{from_scene(scene).cycles} cycles"
+        )
+
+
+def _doctor(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
+    from receding_fenicsx.environment import examine
+
+    missing = False
+    if _is_root(comm):
+        findings = examine()
+        width = max(len(f.name) for f in findings)
+        for finding in findings:
+            text = finding.version if finding.version is not None else f"MISSING: {finding.advice}"
+            print(f"{finding.name:{width}}  {text}")
+        missing = any(finding.version is None for finding in findings)
+        print("something that is needed is missing" if missing else "all that is needed is there")
+    if comm is not None:
+        missing = comm.bcast(missing, root=0)
+    return 1 if missing else 0

@@ -1,0 +1,90 @@
+"""The short table that a run prints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+
+def run_table(summary: Mapping[str, Any]) -> str:
+    """Put a summary into a few lines.
+
+    Args:
+        summary: what ``summary.json`` holds.
+
+    Returns:
+        Text: turning points of the first loading and of the first and last cycles, dissipation,
+        steady state, residual, timings, and the comparison with the paper where there is one.
+    """
+    points = summary["turning_points"]
+    last = max((p["cycle"] for p in points), default=0)
+    header = [
+        "cycle",
+        "load",
+        "contact",
+        "stick",
+        "p_max",
+        "q_max",
+        "zones (x > 0, from the centre)",
+    ]
+    rows = [
+        [
+            str(p["cycle"]),
+            " ".join(f"{name}={value:.4g}" for name, value in p["load"].items()),
+            f"{p['contact_half_width']:.4f}",
+            f"{p['stick_half_width']:.4f}",
+            f"{p['p_max']:.4f}",
+            f"{max(abs(p['q_min']), abs(p['q_max'])):.4f}",
+            _right(p["zones"]),
+        ]
+        for p in points
+        if p["cycle"] in (0, 1, last)
+    ]
+    lines = [
+        f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
+        f"{summary['modelled_nodes']} modelled, method {summary['method']}",
+        *_columns([header, *rows]),
+    ]
+    D = summary["dissipation_per_cycle"]
+    if D and D[0]:
+        lines.append(f"dissipation of cycle {len(D)} over cycle 1: {D[-1] / D[0]:.5f}")
+    if D:
+        steady = summary["steady"]
+        when = (
+            f", from cycle {steady['cycle']}, period {steady['period']}"
+            if steady["reached"]
+            else ""
+        )
+        lines.append(f"steady state: {steady['kind']}{when}")
+    lines.append(
+        f"largest residual {summary['residual_max']:.1e}, events {summary['events']}, "
+        f"sweeps {summary['sweeps']}"
+    )
+    for row in summary.get("paper") or []:
+        verdict = {True: "agrees", False: "DIFFERS", None: "too few cycles"}[row["agrees"]]
+        lines += [
+            f"paper: {row['quantity']}: {_value(row['paper'])}",
+            f"       here {_value(row['ours'])}: {verdict}",
+        ]
+    if "timings" in summary:
+        times = ", ".join(f"{name} {seconds:.2f}" for name, seconds in summary["timings"].items())
+        lines.append(f"seconds: {times}; {summary['peak_memory_MB']:.0f} MB")
+    return "\n".join(lines)
+
+
+def _right(zones: list[list[Any]]) -> str:
+    """The zones from the centre to the right end."""
+    centre = 0.5 * (zones[0][1] + zones[-1][2])
+    return " | ".join(f"{name} to {end:.4f}" for name, _, end in zones if end > centre)
+
+
+def _value(value: object) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else str(value)
+
+
+def _columns(rows: list[list[str]]) -> list[str]:
+    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
+    return [
+        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]

@@ -1,0 +1,321 @@
+"""The whole way: mesh, assemble, condense, evolve, pictures, files; the time of each stage."""
+
+from __future__ import annotations
+
+import resource
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack, contextmanager
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import numpy as np
+
+from receding_fenicsx import errors, history
+from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.output import files, summary
+from receding_fenicsx.output.atomic import check_folder, new_folder
+from receding_fenicsx.output.collect import Instant
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.replay import state_at
+from receding_fenicsx.scene import Scene, evaluate
+from receding_fenicsx.scene_checks import is_mirror_symmetric
+from receding_fenicsx.scene_file import from_toml
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from receding_fenicsx.bulk.elasticity import Bulk
+    from receding_fenicsx.interface.contact import ContactSystem
+
+T = TypeVar("T")
+
+Say = Callable[[str], None]
+"""Told what is being done, on rank 0."""
+
+STAGES = ("mesh", "assemble", "condense", "evolve", "pictures")
+
+
+class Timer:
+    """Seconds spent in each stage."""
+
+    def __init__(self, say: Say | None = None) -> None:
+        """Start with nothing spent; ``say`` is told the name of each stage as it begins."""
+        self.seconds = dict.fromkeys(STAGES, 0.0)
+        self.say = say
+
+    @contextmanager
+    def __call__(self, stage: str) -> Iterator[None]:
+        """Add the time spent inside to a stage."""
+        if self.say is not None:
+            self.say(stage)
+        begin = time.perf_counter()
+        yield
+        self.seconds[stage] += time.perf_counter() - begin
+
+
+def run(
+    scene: Scene,
+    out: str | Path | None = None,
+    comm: MPI.Comm | None = None,
+    overwrite: bool = False,
+    pictures: bool = True,
+    progress: Say | None = None,
+) -> Record | None:
+    """Go the whole way from a scene to its record; all ranks call this together.
+
+    Args:
+        scene: what is modelled.
+        out: folder for ``record.h5``, ``summary.json``, ``system.h5`` and the pictures; it appears
+            when all of it is written. None writes nothing.
+        comm: communicator; all processes of the job when left out.
+        overwrite: replace the folder of an earlier run.
+        pictures: draw figures and snapshots; needs ``out``.
+        progress: told on rank 0 what is being done.
+
+    Returns:
+        The record on rank 0, None on the others.
+
+    Raises:
+        RecedingError: on all ranks alike.
+    """
+    scene.validate()
+    comm = comm or _world()
+    timer = Timer(progress if comm.rank == 0 else None)
+    with _folder(comm, out, overwrite) as folder:
+        bulk = _bulk(scene, comm, timer)
+        try:
+            with timer("condense"):
+                system = _condense(bulk)
+            with timer("evolve"):
+                record = errors.on_root(comm, lambda: _evolve(scene, _given(system), timer.say))
+            with timer("pictures"):
+                if pictures and out is not None and _can_draw():
+                    _pictures(scene, bulk, system, record, folder)
+            extra = {"bulk_dofs": bulk.dofs, **_costs(comm, timer)}
+        finally:
+            bulk.destroy()
+        if out is not None:
+            errors.on_root(comm, lambda: _write(_given(folder), record, system, extra))
+    return record
+
+
+def condense(
+    scene: Scene, comm: MPI.Comm | None = None, progress: Say | None = None
+) -> ContactSystem | None:
+    """Mesh, assemble and condense a scene; all ranks call this together.
+
+    Returns:
+        The condensed system on rank 0, None on the others.
+    """
+    scene.validate()
+    comm = comm or _world()
+    timer = Timer(progress if comm.rank == 0 else None)
+    bulk = _bulk(scene, comm, timer)
+    try:
+        with timer("condense"):
+            return _condense(bulk)
+    finally:
+        bulk.destroy()
+
+
+def snapshot(
+    folder: str | Path,
+    cycle: int,
+    leg: str,
+    at: float = 1.0,
+    comm: MPI.Comm | None = None,
+    progress: Say | None = None,
+) -> list[Path] | None:
+    """Draw the body at one instant of a finished run; all ranks call this together.
+
+    Args:
+        folder: folder of the run; pictures go to its ``snapshots``.
+        cycle: cycle, 0 for the first loading.
+        leg: "loading", "unloading" or the number of the leg in the cycle.
+        at: position along the leg, in [0, 1].
+        comm: communicator; all processes of the job when left out.
+        progress: told on rank 0 what is being done.
+
+    Returns:
+        The files that were made, on rank 0; None on the others.
+    """
+    snapshots = _drawing("snapshots")
+    comm = comm or _world()
+    folder = Path(folder)
+    timer = Timer(progress if comm.rank == 0 else None)
+
+    def find() -> tuple[str, Instant]:
+        record = files.read_record(folder / "record.h5")
+        scene = from_toml(record.scene_toml)
+        system = files.read_system(folder / "system.h5", scene)
+        return record.scene_toml, instant_of(scene, system, record, cycle, leg, at)
+
+    text, instant = comm.bcast(errors.on_root(comm, find))
+    bulk = _bulk(from_toml(text), comm, timer)
+    try:
+        with timer("pictures"):
+            return snapshots.snapshot(bulk, instant, folder / "snapshots")
+    finally:
+        bulk.destroy()
+
+
+def instant_of(
+    scene: Scene, system: ContactSystem, record: Record, cycle: int, leg: str, at: float = 1.0
+) -> Instant:
+    """Find the state of the modelled contact nodes at one instant of a scene's record.
+
+    Args:
+        scene: the scene.
+        system: its condensed system.
+        record: its record.
+        cycle: cycle, 0 for the first loading.
+        leg: "loading", "unloading" or the number of the leg in the cycle.
+        at: position along the leg, in [0, 1].
+
+    Returns:
+        The instant, replayed from the turning point before it.
+    """
+    path = history.from_scene(scene)
+    number = history.leg_number(path, leg, cycle)
+    if scene.history.initial_slip is not None and (cycle, number) == (0, 0) and at < 1.0:
+        raise InputError(
+            "the first leg of a history with initial_slip is one jump; only its end is known, at 1"
+        )
+    return state_at(record, system, path, scene.solver, (cycle, number, at))
+
+
+def _world() -> MPI.Comm:
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+@contextmanager
+def _folder(comm: MPI.Comm, out: str | Path | None, overwrite: bool) -> Iterator[Path | None]:
+    """Open and close the run's folder on rank 0; its errors are raised on all ranks."""
+    if out is None:
+        yield None
+        return
+    with ExitStack() as stack:
+        errors.on_root(comm, lambda: check_folder(Path(out), overwrite))
+        opened = new_folder(Path(out), overwrite)
+        folder = errors.on_root(comm, lambda: stack.enter_context(opened))
+        yield folder
+        errors.on_root(comm, stack.close)
+
+
+def _bulk(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk:
+    from receding_fenicsx.bulk import elasticity, meshing
+
+    half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
+    with timer("mesh"):
+        body = meshing.make_mesh(comm, scene, half)
+    with timer("assemble"):
+        return elasticity.build(scene, body, half)
+
+
+def _condense(bulk: Bulk) -> ContactSystem | None:
+    from receding_fenicsx.bulk import condensation
+
+    return condensation.condense(bulk)
+
+
+def _evolve(scene: Scene, system: ContactSystem, say: Say | None) -> Record:
+    slip = scene.history.initial_slip
+
+    def progress(cycle: int, cycles: int, message: str) -> None:
+        if say is not None:
+            say(f"evolve: cycle {cycle} of {cycles}, {message}")
+
+    return evolve(
+        system,
+        history.from_scene(scene),
+        scene.solver,
+        scene.output,
+        None if slip is None else evaluate(slip, system.x),
+        progress,
+    )
+
+
+def _pictures(
+    scene: Scene,
+    bulk: Bulk,
+    system: ContactSystem | None,
+    record: Record | None,
+    folder: Path | None,
+) -> None:
+    """Draw the figures on rank 0 and the default snapshots on all ranks together."""
+    figures, snapshots = _drawing("figures"), _drawing("snapshots")
+
+    def draw() -> list[Instant]:
+        figures.plot_all(_given(record), _given(folder) / "figures")
+        return default_instants(scene, _given(system), _given(record))
+
+    instants, place = bulk.comm.bcast((errors.on_root(bulk.comm, draw), folder))
+    for instant in instants:
+        snapshots.snapshot(bulk, instant, place / "snapshots")
+
+
+def default_instants(scene: Scene, system: ContactSystem, record: Record) -> list[Instant]:
+    """Turning points of the first loading and of the first and last cycles, for snapshots."""
+    table = record.turning_points
+    chosen = sorted({0, 1, int(table.cycle.max(initial=0))})
+    return [
+        instant_of(scene, system, record, int(table.cycle[i]), str(int(table.leg[i])))
+        for i in np.flatnonzero(np.isin(table.cycle, chosen))
+    ]
+
+
+def plot(record: Record, folder: Path) -> list[Path]:
+    """Draw all figures of a record into a folder; return their files."""
+    made: list[Path] = _drawing("figures").plot_all(record, folder)
+    return made
+
+
+def _can_draw() -> bool:
+    return all(find_spec(f"receding_fenicsx.output.{n}") for n in ("figures", "snapshots"))
+
+
+def _drawing(name: str) -> ModuleType:
+    """Load a module that draws, only when something is drawn: it may load VTK."""
+    place = f"receding_fenicsx.output.{name}"
+    try:
+        return import_module(place)
+    except ModuleNotFoundError as error:
+        if error.name != place:
+            raise RecedingError(f"{name}: {error}; see receding-fenicsx doctor") from None
+        raise InputError(f"{name} are not available yet") from None
+
+
+def _costs(comm: MPI.Comm, timer: Timer) -> dict[str, Any]:
+    """Timings, memory of all ranks together, versions; collective."""
+    from receding_fenicsx import environment
+
+    # Linux counts in kB, macOS in bytes
+    unit = 2.0**20 if sys.platform == "darwin" else 2.0**10
+    memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit)
+    return {
+        "ranks": comm.size,
+        "timings": dict(timer.seconds),
+        "peak_memory_MB": memory,
+        "versions": environment.versions(),
+    }
+
+
+def _write(
+    folder: Path, record: Record | None, system: ContactSystem | None, extra: dict[str, Any]
+) -> None:
+    files.write_record(folder / "record.h5", _given(record))
+    files.write_system(folder / "system.h5", _given(system))
+    summary.write_summary(folder / "summary.json", summary.summarise(_given(record), extra))
+
+
+def _given(value: T | None) -> T:
+    assert value is not None
+    return value
