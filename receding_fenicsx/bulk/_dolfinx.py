@@ -30,6 +30,12 @@ VERSION: tuple[int, int] = tuple(int(part) for part in dolfinx.__version__.split
 TENSOR_ORDER = {"triangle": [0, 1, 2], "quadrilateral": [0, 1, 3, 2]}
 """DOLFINx's order of a cell's vertices, from an order around the cell."""
 
+REFERENCE_CORNERS = {
+    "triangle": np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+    "quadrilateral": np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]),
+}
+"""Reference vertices of a cell, in DOLFINx's order."""
+
 
 @contextmanager
 def _quiet() -> Iterator[None]:

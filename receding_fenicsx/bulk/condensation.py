@@ -12,6 +12,7 @@ petsc4py does not wrap that part of PETSc, so its C functions are called through
 from __future__ import annotations
 
 import ctypes
+from dataclasses import dataclass
 from functools import cache
 from typing import Any
 
@@ -20,7 +21,7 @@ from petsc4py import PETSc
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.elasticity import (
+from receding_fenicsx.bulk.body import (
     Bulk,
     constrained,
     gather_contact,
@@ -30,6 +31,7 @@ from receding_fenicsx.bulk.elasticity import (
 from receding_fenicsx.errors import InputError, SolveError, on_root
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.scene import evaluate
+from receding_fenicsx.scene_file import to_toml
 
 Array = NDArray[np.float64]
 
@@ -62,29 +64,45 @@ def condense(bulk: Bulk, route: str = "schur") -> ContactSystem | None:
     if route not in ("schur", "solve"):
         raise InputError(f'route = \'{route}\' is unknown; use "schur" or "solve"')
     condensed = _by_schur(bulk) if route == "schur" else _by_solves(bulk)
-    return on_root(bulk.comm, lambda: _system(bulk, *condensed))
+    return on_root(bulk.comm, lambda: _system(bulk, condensed))
 
 
-def _system(
-    bulk: Bulk, K: Array, held: Array, compliance: Array, probe: tuple[Array, Array] | None
-) -> ContactSystem:
+@dataclass(frozen=True)
+class Condensed:
+    """What a route gives, in [x; y] components and for E = 1; arrays of the contact on rank 0 only.
+
+    Attributes:
+        K: (2N, 2N) stiffness.
+        held: (2N, n_loads) reactions r* to the loads, all contact nodes held.
+        compliance: (n_loads, n_loads) displacement of load k under load l, contact nodes held.
+        probe: contact displacements u and the forces K u, found by a solve.
+    """
+
+    K: Array | None
+    held: Array | None
+    compliance: Array
+    probe: tuple[Array, Array] | None = None
+
+
+def _system(bulk: Bulk, condensed: Condensed) -> ContactSystem:
     """Turn components, check, scale by Young's modulus, add the contact's data; on rank 0."""
     contact = bulk.contact
-    K = contact.to_local(contact.to_local(K).T)
+    assert condensed.K is not None and condensed.held is not None
+    K = contact.to_local(contact.to_local(condensed.K).T)
     K = 0.5 * (K + K.T)
     scale = np.abs(K).sum(axis=1).max()
-    if probe is not None:
-        u, force = (contact.to_local(part) for part in probe)
+    if condensed.probe is not None:
+        u, force = (contact.to_local(part) for part in condensed.probe)
         error = np.abs(K @ u - force).max() / (scale * np.abs(u).max())
         if not error <= PROBE_TOLERANCE:
             raise SolveError(
-                f'the condensed stiffness differs from a solve by {error:.1e}; use the route "solve"'
+                f'the condensed stiffness is off by {error:.1e} from a solve; use route "solve"'
             )
     error = np.abs(K @ contact.null).max(initial=0.0) / scale
     if not error <= RIGID_TOLERANCE:
         raise SolveError(
-            f"the condensed stiffness resists a rigid motion by {error:.1e} of its size (at most {RIGID_TOLERANCE:g}); "
-            "check the mesh for degenerate cells"
+            f"the condensed stiffness resists a rigid motion by {error:.1e} of its size "
+            f"(at most {RIGID_TOLERANCE:g}); check the mesh for degenerate cells"
         )
     description = bulk.scene.contacts[0]
     f, g0 = evaluate(description.friction, contact.x), evaluate(description.initial_gap, contact.x)
@@ -99,26 +117,20 @@ def _system(
         points=contact.points,
         weight=contact.weight,
         K=bulk.young * K,
-        r_star=contact.to_local(held).T.copy(),
+        r_star=contact.to_local(condensed.held).T.copy(),
         load_names=bulk.load_names,
         f=f,
         g0=g0,
         held=contact.held,
         rigid=contact.rigid,
         half=bulk.body.half,
-        load_compliance=compliance / bulk.young,
+        load_compliance=condensed.compliance / bulk.young,
         load_sign=-np.ones(len(bulk.loads)),
-        scene_toml=_toml(bulk),
+        scene_toml=to_toml(bulk.scene),
     )
 
 
-def _toml(bulk: Bulk) -> str:
-    from receding_fenicsx.scene_file import to_toml
-
-    return to_toml(bulk.scene)
-
-
-def _held_response(bulk: Bulk, solve: Any) -> tuple[Array, Array]:
+def _held_response(bulk: Bulk, solve: Any) -> tuple[Array | None, Array]:
     """Return the loads' reactions (2N, n_loads; rank 0) and compliance, all contact nodes held.
 
     Args:
@@ -141,15 +153,13 @@ def _held_response(bulk: Bulk, solve: Any) -> tuple[Array, Array]:
         compliance[:, k] = [other.dot(x) for other in bulk.loads]
     for vector in (rhs, x, force):
         vector.destroy()
-    gathered = gather_contact(bulk, rows)
-    return np.zeros((0, 0)) if gathered is None else gathered, 0.5 * (compliance + compliance.T)
+    return gather_contact(bulk, rows), 0.5 * (compliance + compliance.T)
 
 
-def _by_schur(bulk: Bulk) -> tuple[Array, Array, Array, tuple[Array, Array] | None]:
-    """Return K, r* in [x; y] components, the compliance, and a probe (u, K u) by a solve."""
-    matrix = (
-        constrained(bulk, bulk.fixed) if bulk.comm.allreduce(len(bulk.fixed)) else bulk.stiffness
-    )
+def _by_schur(bulk: Bulk) -> Condensed:
+    """Condense by the Schur complement that MUMPS makes."""
+    supported = bulk.comm.allreduce(len(bulk.fixed)) > 0
+    matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness
     matrix.setOption(PETSc.Mat.Option.SPD, True)
     pc = PETSc.PC().create(bulk.comm)
     pc.setOperators(matrix)
@@ -159,29 +169,29 @@ def _by_schur(bulk: Bulk) -> tuple[Array, Array, Array, tuple[Array, Array] | No
     factor = pc.getFactorMatrix()
     factor.setMumpsIcntl(28, 1)  # sequential analysis: the parallel one knows no Schur complement
     factor.setMumpsIcntl(7, ORDERINGS[ORDERING])
-    root = bulk.comm.rank == 0
-    indices = bulk.contact.dofs if root else np.empty(0)
+    # MUMPS in PETSc wants all of them on rank 0
+    indices = bulk.contact.dofs if bulk.comm.rank == 0 else np.empty(0)
     where = PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=bulk.comm)
     _call("MatFactorSetSchurIS", factor.handle, where.handle)
+    failure: PETSc.Error | None = None
     try:
         pc.setUp()
     except PETSc.Error as caught:
+        failure = caught
+    if failure is not None or factor.getMumpsInfog(1) < 0:
         raise SolveError(
-            f"MUMPS could not factorise the body's stiffness (INFOG(1) = {factor.getMumpsInfog(1)}, "
-            f"INFOG(2) = {factor.getMumpsInfog(2)}); check the mesh and the supports"
-        ) from caught
-    if factor.getMumpsInfog(1) < 0:
-        raise SolveError(
-            f"MUMPS could not factorise the body's stiffness (INFOG(1) = {factor.getMumpsInfog(1)}, "
-            f"INFOG(2) = {factor.getMumpsInfog(2)}); check the mesh and the supports"
-        )
-    K = _schur_complement(factor, len(indices), bulk.comm.size) if root else np.zeros((0, 0))
+            f"MUMPS could not factorise the stiffness (INFOG(1) = {factor.getMumpsInfog(1)}, "
+            f"INFOG(2) = {factor.getMumpsInfog(2)}); check the supports and the memory"
+        ) from failure
+    K = on_root(bulk.comm, lambda: _schur_complement(factor, len(indices), bulk.comm.size))
     factor.setMumpsIcntl(26, 0)  # solve with A_II alone
     held, compliance = _held_response(bulk, factor.solve)
     probe = _probe(bulk, matrix, factor.solve)
-    for thing in (where, pc) if matrix is bulk.stiffness else (where, pc, matrix):
-        thing.destroy()
-    return K, held, compliance, probe
+    where.destroy()
+    pc.destroy()
+    if supported:
+        matrix.destroy()
+    return Condensed(K, held, compliance, probe)
 
 
 def _probe(bulk: Bulk, matrix: PETSc.Mat, solve: Any) -> tuple[Array, Array] | None:
@@ -203,8 +213,8 @@ def _probe(bulk: Bulk, matrix: PETSc.Mat, solve: Any) -> tuple[Array, Array] | N
     return None if force is None else (u, force[:, 0])
 
 
-def _by_solves(bulk: Bulk) -> tuple[Array, Array, Array, None]:
-    """Return K and r* in [x; y] components and the compliance, by solves with A_II in blocks."""
+def _by_solves(bulk: Bulk) -> Condensed:
+    """Condense by solves with A_II for blocks of right-hand sides."""
     solver = interior_solver(bulk)
     factor = solver.getPC().getFactorMatrix()
     start = bulk.stiffness.getOwnershipRange()[0]
@@ -236,7 +246,7 @@ def _by_solves(bulk: Bulk) -> tuple[Array, Array, Array, None]:
             thing.destroy()
     held, compliance = _held_response(bulk, solver.solve)
     solver.destroy()
-    return K, held, compliance, None
+    return Condensed(K, held, compliance)
 
 
 @cache

@@ -1,0 +1,113 @@
+"""The discretised body: its data, and the linear algebra that condensation and fields share."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.boundary import ContactNodes
+from receding_fenicsx.bulk.meshing import BodyMesh
+from receding_fenicsx.scene import Scene
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass
+class Bulk:
+    """The discretised body.
+
+    Attributes:
+        scene: what it was built from.
+        body: its mesh.
+        space: displacements.
+        stiffness: A, for Young's modulus 1, without boundary conditions.
+        load_names: names of the loads.
+        loads: nodal forces of each load with factor 1.
+        fixed: degrees of freedom off the contact that symmetry and supports hold, this rank's own
+            by their global numbers.
+        contact: the contact nodes.
+        seconds: time spent on "forms" (compiling or loading them) and on "assemble".
+        interior: solver with contact and supports held, made when first asked for.
+    """
+
+    scene: Scene
+    body: BodyMesh
+    space: fem.FunctionSpace
+    stiffness: PETSc.Mat
+    load_names: tuple[str, ...]
+    loads: list[PETSc.Vec]
+    fixed: Ints
+    contact: ContactNodes
+    seconds: dict[str, float] = field(default_factory=dict)
+    interior: PETSc.KSP | None = None
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Communicator of the mesh."""
+        return self.body.mesh.comm
+
+    @property
+    def young(self) -> float:
+        """Young's modulus."""
+        return self.scene.material.young
+
+    @property
+    def dofs(self) -> int:
+        """Number of displacement degrees of freedom."""
+        return self.stiffness.getSize()[0]
+
+    def destroy(self) -> None:
+        """Free PETSc's objects; on all ranks together."""
+        for thing in (self.stiffness, self.interior, *self.loads):
+            if thing is not None:
+                thing.destroy()
+        self.interior, self.loads = None, []
+
+
+def constrained(bulk: Bulk, held: Ints) -> PETSc.Mat:
+    """Return a copy of A with the rows and columns of ``held`` (this rank's) as in the identity."""
+    matrix = bulk.stiffness.copy()
+    matrix.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
+    return matrix
+
+
+def interior_solver(bulk: Bulk) -> PETSc.KSP:
+    """Return a factored solver for A with supports, symmetry and all contact nodes held."""
+    matrix = constrained(bulk, np.concatenate([bulk.fixed, owned_contact(bulk)[0]]))
+    matrix.setOption(PETSc.Mat.Option.SPD, True)
+    solver = PETSc.KSP().create(bulk.comm)
+    solver.setOperators(matrix)
+    solver.setType("preonly")
+    solver.getPC().setType("cholesky")
+    solver.getPC().setFactorSolverType("mumps")
+    solver.setUp()
+    matrix.destroy()
+    return solver
+
+
+def owned_contact(bulk: Bulk) -> tuple[Ints, Ints]:
+    """Return this rank's contact degrees of freedom (global) and their places in [u_x; u_y]."""
+    start, end = bulk.stiffness.getOwnershipRange()
+    dofs = bulk.contact.dofs
+    places = np.flatnonzero((dofs >= start) & (dofs < end))
+    return dofs[places], places
+
+
+def gather_contact(bulk: Bulk, rows: Array) -> Array | None:
+    """Gather the contact rows of (owned rows, n) values on rank 0 as (2N, n), [u_x; u_y]."""
+    dofs, places = owned_contact(bulk)
+    start = bulk.stiffness.getOwnershipRange()[0]
+    parts = bulk.comm.gather((places, rows[dofs - start]), root=0)
+    if parts is None:
+        return None
+    gathered = np.zeros((len(bulk.contact.dofs), rows.shape[1]))
+    for where, part in parts:
+        gathered[where] = part
+    return gathered

@@ -1,0 +1,66 @@
+"""Nodal forces of the loads: tractions and pressures on edges or spans of edges."""
+
+from __future__ import annotations
+
+from petsc4py import PETSc
+
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.edges import edge_facets, integrate
+from receding_fenicsx.bulk.meshing import BodyMesh
+from receding_fenicsx.errors import InputError, on_all
+from receding_fenicsx.scene import Load, Profile, evaluate
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+def add_load(vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, load: Load) -> None:
+    """Add the nodal forces of a load with factor 1.
+
+    Args:
+        vector: nodal forces.
+        space: displacement space.
+        body: the mesh.
+        load: the load; on a half body, only its part at x >= 0 is there.
+
+    Raises:
+        InputError: no facet lies in the load's span, or its profile cannot be evaluated; on all
+            ranks.
+    """
+    comm = body.mesh.comm
+
+    def forces() -> tuple[Ints, Array]:
+        facets = edge_facets(space, body, load.edge, load.span)
+        return facets.nodes, integrate(facets, lambda *at: _traction(load, body, *at))
+
+    nodes, values = on_all(comm, forces)
+    left = load.edge == "left" or (
+        load.edge != "right" and load.span is not None and load.span[1] <= 0.0
+    )
+    if comm.allreduce(len(nodes)) == 0 and not (body.half and left):
+        raise InputError(
+            f"load.{load.name}: no part of edge '{load.edge}' lies in its span; move the span"
+        )
+    rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
+    vector.setValues(rows.ravel(), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
+    vector.assemble()
+
+
+def _traction(load: Load, body: BodyMesh, points: Array, normals: Array) -> Array:
+    """Return the traction (n, 2) of a load at points of its edge with these outward normals."""
+    x, y = points[:, 0], points[:, 1]
+
+    def value(profile: Profile) -> Array:
+        # a table runs along the edge, an expression knows x and y
+        if isinstance(profile, dict) and load.edge in ("left", "right"):
+            return evaluate(profile, y - body.centre[1])
+        return evaluate(profile, x, y)
+
+    if load.pressure is not None:
+        return -value(load.pressure)[:, None] * normals
+    if load.traction is None:
+        raise InputError(f"load.{load.name} has neither pressure nor traction; give one of them")
+    return np.column_stack([value(component) for component in load.traction])

@@ -1,0 +1,100 @@
+"""Stresses of a displacement field, for pictures and files."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+import ufl
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.material import lame_constants
+
+Array = NDArray[np.float64]
+
+STRESSES = ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear")
+"""Names of the stresses; "max_shear" is the largest shear in the plane."""
+
+
+@dataclass(frozen=True)
+class Stresses:
+    """Stresses of a displacement field, each by its name in ``STRESSES``.
+
+    Attributes:
+        cell: piecewise constant functions: the stress at each cell's midpoint.
+        nodal: continuous functions of degree 1: averages over the cells around a vertex.
+    """
+
+    cell: dict[str, fem.Function]
+    nodal: dict[str, fem.Function]
+
+
+def stresses(bulk: Bulk, displacement: fem.Function) -> Stresses:
+    """Return the stresses of a displacement field, at midpoints of cells and averaged at vertices.
+
+    Args:
+        bulk: the body.
+        displacement: field in its space, ghosts up to date.
+
+    Returns:
+        The stresses, ghosts up to date.
+    """
+    corners = _dolfinx.REFERENCE_CORNERS[bulk.body.cell]
+    points = np.vstack([corners, corners.mean(axis=0)])
+    gradient = _dolfinx.evaluate_in_cells(ufl.grad(displacement), points, bulk.space)
+    constant = _dolfinx.scalar_space(bulk.body.mesh, "DG", 0)
+    linear = _dolfinx.scalar_space(bulk.body.mesh, "Lagrange", 1)
+    cell_dofs = _cell_dofs(constant, len(gradient))[:, 0]
+    vertex_dofs = _cell_dofs(linear, len(gradient))
+    count = _sum_at_vertices(linear, vertex_dofs, np.ones(vertex_dofs.shape))
+    in_cells, at_vertices = {}, {}
+    for name, value in _components(bulk, gradient).items():
+        in_cells[name] = fem.Function(constant, name=name)
+        in_cells[name].x.array[cell_dofs] = value[:, -1]
+        in_cells[name].x.scatter_forward()
+        total = _sum_at_vertices(linear, vertex_dofs, value[:, :-1])
+        at_vertices[name] = fem.Function(linear, name=name)
+        _dolfinx.owned_values(at_vertices[name])[:] = total / count
+        at_vertices[name].x.scatter_forward()
+    return Stresses(in_cells, at_vertices)
+
+
+def _components(bulk: Bulk, gradient: Array) -> dict[str, Array]:
+    """Return each stress of ``STRESSES`` from displacement gradients (..., [xx, xy, yx, yy])."""
+    material = bulk.scene.material
+    lam, mu = (material.young * constant for constant in lame_constants(material))
+    exx, eyy = gradient[..., 0], gradient[..., 3]
+    sxx = lam * (exx + eyy) + 2.0 * mu * exx
+    syy = lam * (exx + eyy) + 2.0 * mu * eyy
+    sxy = mu * (gradient[..., 1] + gradient[..., 2])
+    plane_strain = material.kinematics == "plane strain"
+    szz = material.poisson * (sxx + syy) if plane_strain else np.zeros_like(sxx)
+    pairs = (sxx - syy) ** 2 + (syy - szz) ** 2 + (szz - sxx) ** 2
+    von_mises = np.sqrt(0.5 * pairs + 3.0 * sxy**2)
+    max_shear = np.hypot(0.5 * (sxx - syy), sxy)
+    return dict(zip(STRESSES, (sxx, syy, szz, sxy, von_mises, max_shear), strict=True))
+
+
+def _cell_dofs(space: fem.FunctionSpace, cells: int) -> NDArray[np.int32]:
+    """Return the local degrees of freedom of the first ``cells`` cells, (cells, n)."""
+    width = space.dofmap.dof_layout.num_dofs
+    dofs = [space.dofmap.cell_dofs(c) for c in range(cells)]
+    return np.array(dofs, dtype=np.int32).reshape(cells, width)
+
+
+def _sum_at_vertices(space: fem.FunctionSpace, local: NDArray[np.int32], values: Array) -> Array:
+    """Sum values given cell by cell, over all ranks' cells, at this rank's own vertices."""
+    index_map = space.dofmap.index_map
+    sizes = (index_map.size_local, index_map.size_global)
+    total = PETSc.Vec().createMPI(sizes, comm=space.mesh.comm)
+    numbers = index_map.local_to_global(local.ravel()).astype(PETSc.IntType)
+    total.setValues(numbers, values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
+    total.assemble()
+    result = total.getArray().copy()
+    total.destroy()
+    return result
