@@ -8,7 +8,7 @@ Source: R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear Complementarity Probl
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 import numpy as np
 
@@ -23,16 +23,14 @@ CHECK_TOLERANCE = 1e-9
 ENUMERATED = 12
 """Largest number of complementary pairs that :func:`enumerate_all` goes through."""
 
-COVERING_VECTORS = 8
-"""Covering vectors that are tried before an answer is given up: all ones, then random ones."""
 
-
-def solve(M: Array, q: Array) -> Array | None:
+def solve(M: Array, q: Array, covers: Iterable[Array]) -> Array | None:
     """Return a solution z, or None when Lemke's method ends on rays and no enumeration finds one.
 
     Args:
         M: (n, n) matrix.
         q: (n,) vector.
+        covers: covering vectors to try in turn, (n,) positive each.
 
     Returns:
         (n,) solution; None proves nonexistence only for n <= ``ENUMERATED``.
@@ -49,10 +47,8 @@ def solve(M: Array, q: Array) -> Array | None:
     if size == 0.0:
         return np.zeros(n)
     b = b / size
-    random = np.random.default_rng(0)
-    for attempt in range(COVERING_VECTORS):
-        cover = np.ones(n) if attempt == 0 else random.uniform(0.1, 1.0, n)
-        z = lemke(scaled, b, cover)
+    for cover in covers:
+        z = lemke(scaled, b, d * cover / np.abs(d * cover).max())
         if z is not None and is_solution(scaled, b, z):
             return d * z * size
     if n <= ENUMERATED:

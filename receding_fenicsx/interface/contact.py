@@ -179,6 +179,13 @@ def largest_force(system: ContactSystem, load: Array, r: Array, so_far: float) -
     return max(so_far, float(np.abs(r).max(initial=0.0)), OPEN_SCALE * held)
 
 
+def round_off(system: ContactSystem, u: Array, force_scale: float) -> float:
+    """Return the relative residual that the digits of u alone can leave: eps max(|K| |u|) / scale."""
+    if force_scale == 0.0:
+        return 0.0
+    return float(np.finfo(float).eps * (np.abs(system.K) @ np.abs(u)).max()) / force_scale
+
+
 def law_residual(
     system: ContactSystem, r: Array, u: Array, slip: Array, stiffness: tuple[Array, Array]
 ) -> Array:

@@ -25,6 +25,12 @@ Indices = NDArray[np.intp]
 DECIDE_TOLERANCE = 1e-12
 """Part of the largest variable below which a complementary variable counts as zero."""
 
+COVERS = 8
+"""Covering vectors of Lemke's method that are tried: an added pressure, uniform and then random.
+
+An added pressure keeps A + B = 2 f P, so that every point of Lemke's path is a frictional contact
+too; vectors without that property end on rays where a solution exists."""
+
 
 @dataclass(frozen=True)
 class Undecided:
@@ -87,7 +93,13 @@ def solve_states(
         A, B = x[row_t] + fP, fP - x[row_t]
         return np.concatenate([A[: len(a)], B[len(a) : m - k], A[last], B[last], x[row_n[last]], x[tail]])
 
-    z = complementarity.solve(combine(columns), combine(s))
+    random = np.random.default_rng(0)
+    covers = []
+    for attempt in range(COVERS):
+        pressing = np.ones(len(rows)) if attempt == 0 else random.uniform(0.1, 1.0, len(rows))
+        pressing[row_t] = 0.0
+        covers.append(combine(pressing))
+    z = complementarity.solve(combine(columns), combine(s), covers)
     if z is None:
         return None
     state = np.zeros(n, dtype=np.int8)

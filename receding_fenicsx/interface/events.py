@@ -28,11 +28,13 @@ from receding_fenicsx.interface.contact import (
     law_residual,
     local_stiffness,
     reactions,
+    round_off,
 )
 from receding_fenicsx.interface.contact_lcp import Undecided, solve_states
 from receding_fenicsx.interface.rates import (
     BACKWARD,
     FORWARD,
+    REACTION,
     SEPARATION,
     STICK,
     A,
@@ -64,6 +66,9 @@ ALL_AT_ONCE = 3
 
 CACHED_BYTES = 2**26
 """Memory for the rates of sets of states that have been met before."""
+
+REFINED_ABOVE = 1e-13
+"""Round-off of the residual above which rates are refined once: stiff, nearly incompressible bodies."""
 
 RIGID_TOLERANCE = 1e-8
 """Distance from a unit rigid motion within which a motion of the contact is rigid."""
@@ -129,6 +134,7 @@ class EventPath:
         self.segments: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
         self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
         self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
+        self.ill_conditioned = False
         self.trials = self.legs_since_correction = 0
 
     # -- one leg ---------------------------------------------------------------------------------
@@ -218,6 +224,7 @@ class EventPath:
         n = self.system.n
         scale = largest_force(self.system, load, end.r, force_scale)
         slip = np.where(end.state == SEPARATION, 0.0, change[:n])
+        self.ill_conditioned |= round_off(self.system, end.u, scale) > REFINED_ABOVE
         leg = Leg(
             end=end,
             dissipation=-0.5 * end.Q * np.where(self.system.held[:n], 0.0, slip),
@@ -260,10 +267,9 @@ class EventPath:
             tableau = self._tableau(trial.state)
         except SingularExchange:
             return None
-        state, u = trial, trial.u.copy()
+        u = trial.u.copy()
         for _ in range(2):
-            state = ContactState(u, reactions(self.system, load, u), trial.state)
-            u = u + self._correction(tableau, state)
+            u = u + self._correction(tableau, trial.state, reactions(self.system, load, u))
         end = ContactState(u, reactions(self.system, load, u), trial.state)
         slip = end.v - trial.v
         scale = largest_force(self.system, load, end.r, 0.0)
@@ -288,7 +294,10 @@ class EventPath:
         rates = self.cache.get(key)
         if rates is None:
             self.trials += 1
-            rates = self._tableau(state).rates()[: 4 * self.system.n]
+            tableau = self._tableau(state)
+            rates = tableau.rates()[: 4 * self.system.n]
+            if self.ill_conditioned:
+                rates = self._refined(tableau, state, rates)
             self.cache[key] = rates
             if len(self.cache) * rates.nbytes > CACHED_BYTES:
                 self.cache.popitem(last=False)
@@ -323,28 +332,53 @@ class EventPath:
             contact & self.frictional & (state != BACKWARD),
         ])
 
-    def _correction(self, tableau: Tableau, state: ContactState) -> Array:
-        """Return the (2N,) change of displacement that brings every input back to its exact value."""
-        n, f = self.system.n, self.system.f
-        Q, P = state.Q, state.P
-        contact = state.state != SEPARATION
-        open_f = ~contact & self.frictional
-        at_A = self.frictional & (open_f | (state.state == FORWARD))
-        at_B = self.frictional & (open_f | (state.state == BACKWARD))
-        at_P = ~contact & self.smooth
-        labels = [np.flatnonzero(at_A) + 2 * n, np.flatnonzero(at_B) + 3 * n, np.flatnonzero(at_P) + 2 * n]
-        change = [-(Q + f * P)[at_A], -(f * P - Q)[at_B], -P[at_P]]
-        free = np.flatnonzero(~self.system.held[:n] & ~self.frictional)
-        labels.append(free + 4 * n)
-        change.append(-Q[free])
+    def _correction(self, tableau: Tableau, state: States, r: Array) -> Array:
+        """Return the change of displacement that brings every input back to zero.
+
+        Args:
+            tableau: in these states.
+            state: (N,) states.
+            r: (2N,) reactions, or (2N, k) rates of reaction.
+
+        Returns:
+            (2N,) or (2N, k) change of displacement.
+        """
+        n = self.system.n
+        f = self.system.f if r.ndim == 1 else self.system.f[:, None]
+        Q, P = r[:n], r[n:]
+        open_ = state == SEPARATION
+        nodes = (
+            np.flatnonzero(self.frictional & (open_ | (state == FORWARD))),
+            np.flatnonzero(self.frictional & (open_ | (state == BACKWARD))),
+            np.flatnonzero(self.smooth & open_),
+            np.flatnonzero(~self.system.held[:n] & ~self.frictional),
+        )
+        quantities = (Q + f * P, f * P - Q, P, Q)
+        kinds = (A, B, A, REACTION)
+        labels = [kind * n + i for kind, i in zip(kinds, nodes, strict=True)]
+        change = [-quantity[i] for quantity, i in zip(quantities, nodes, strict=True)]
         return tableau.response(np.concatenate(labels), np.concatenate(change))[: 2 * n]
 
     def correct(self, state: ContactState, load: Array) -> ContactState:
         """Return the state with round-off of the path removed: one step of iterative refinement."""
         tableau = self._tableau(state.state)
-        fresh = ContactState(state.u, reactions(self.system, load, state.u), state.state)
-        u = state.u + self._correction(tableau, fresh)
+        r = reactions(self.system, load, state.u)
+        u = state.u + self._correction(tableau, state.state, r)
         return ContactState(u, reactions(self.system, load, u), state.state)
+
+    def _refined(self, tableau: Tableau, state: States, rates: Array) -> Array:
+        """Return rates after one step of iterative refinement, for ill-conditioned bodies."""
+        n = self.system.n
+        du = rates[: 2 * n]
+        dr = self.system.r_star.T + self.system.K @ du
+        du = du + self._correction(tableau, state, dr)
+        dr = self.system.r_star.T + self.system.K @ du
+        f, contact = self.system.f[:, None], (state != SEPARATION)[:, None]
+        forward = np.where(self.smooth[:, None], dr[n:], dr[:n] + f * dr[n:])
+        backward = f * dr[n:] - dr[:n]
+        stick_a = contact & (state != FORWARD)[:, None]
+        stick_b = contact & (self.frictional & (state != BACKWARD))[:, None]
+        return np.vstack([du, np.where(stick_a, forward, 0.0), np.where(stick_b, backward, 0.0)])
 
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""
@@ -611,7 +645,8 @@ class _Walk:
         load = self.load(self.s)
         end = ContactState(u, reactions(system, load, u), self.state.copy())
         path.legs_since_correction += 1
-        if self._is_new() or path.legs_since_correction >= CORRECTED_LEGS:
+        due = path.ill_conditioned or path.legs_since_correction >= CORRECTED_LEGS
+        if self._is_new() or due:
             end = path.correct(end, load)
             path.legs_since_correction = 0
         self._check(end)

@@ -23,7 +23,8 @@ from scipy.linalg.blas import dgemm
 
 from receding_fenicsx.interface.contact import Array, ContactSystem, State
 
-V, W, A, B = range(4)
+V, W, A, B, REACTION = range(5)
+"""Kinds of quantity; REACTION is Q of a node without friction, an input for good."""
 STICK, SEPARATION = int(State.STICK), int(State.SEPARATION)
 FORWARD, BACKWARD = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)
 
@@ -97,7 +98,7 @@ class Tableau:
         self._stuck_loads = np.ascontiguousarray(force[:, 2 * n :])
         self._stuck_columns = np.concatenate([V * n + F, W * n + F, W * n + S, V * n + Z])
         # the reaction of a frictionless node's tangential freedom is an input for good
-        self._stuck_rows = np.concatenate([A * n + F, B * n + F, A * n + S, 4 * n + Z])
+        self._stuck_rows = np.concatenate([A * n + F, B * n + F, A * n + S, REACTION * n + Z])
         self._weight = np.abs(np.diagonal(system.K))
         m = len(dofs)
         self._U, self._V = np.zeros((m, PENDING), order="F"), np.zeros((PENDING, m))
@@ -121,7 +122,7 @@ class Tableau:
         Z = np.flatnonzero(self.free_v)
         row_of = {int(label): k for k, label in enumerate(self._stuck_rows)}
         column_of = {int(label): k for k, label in enumerate(self._stuck_columns)}
-        rows = np.array([row_of[label] for label in outputs] + [row_of[4 * n + int(z)] for z in Z], int)
+        rows = np.array([row_of[label] for label in outputs] + [row_of[REACTION * n + int(z)] for z in Z], int)
         columns = np.array(
             [column_of[label] for label in inputs] + [column_of[V * n + int(z)] for z in Z], int
         )
@@ -231,15 +232,18 @@ class Tableau:
         return rates
 
     def response(self, labels: NDArray[np.intp], change: Array) -> Array:
-        """Return the (5N,) change of every output when inputs change by a finite amount.
+        """Return the change of every output when inputs change by a finite amount.
 
         Args:
             labels: labels of the changed inputs.
-            change: their changes.
+            change: their changes, (k,) or (k, c) for c cases at once.
+
+        Returns:
+            (5N,) or (5N, c).
         """
         self._flush()
-        out = np.zeros(5 * self.system.n)
-        x = np.zeros(self._T.shape[1])
+        out = np.zeros((5 * self.system.n, *change.shape[1:]))
+        x = np.zeros((self._T.shape[1], *change.shape[1:]))
         x[self._column_of[labels]] = change
         out[self.row_label] = self._T @ x
         return out

@@ -1,0 +1,89 @@
+"""The contact law checked on a record by code that shares nothing with the solvers.
+
+Only the definitions of the paper's eqs. (4) to (12) are used, each written out for one instant.
+"""
+
+import numpy as np
+
+from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.output.record import Record
+
+
+def worst_violation(system: ContactSystem, record: Record) -> float:
+    """Return the largest violation, as a force over the largest force, of any law at any kept instant.
+
+    For whole models (``half = False``) of kind "frictional"; instants are the record's samples.
+    """
+    s, n = record.samples, system.n
+    K, f = np.asarray(system.K), system.f
+    # a contact that opens altogether has no force of its own: the held reactions are the scale then
+    scale = max(np.abs(s.P).max(), np.abs(s.Q).max(), 0.01 * np.abs(s.load @ system.r_star).max())
+    worst = 0.0
+    for j in range(len(s.s)):
+        u = np.concatenate([s.v[j], s.w[j]])
+        r = K @ u
+        for k in range(len(system.load_names)):
+            r = r + s.load[j, k] * system.r_star[k]
+        Q, P, gap = s.Q[j], s.P[j], s.w[j] + system.g0
+        equilibrium = np.concatenate([r[:n] - Q, r[n:] - P])
+        equilibrium[system.held] = 0.0
+        k_n = np.diagonal(K)[n:]
+        laws = [
+            np.abs(equilibrium).max(),  # eq. (11)
+            np.maximum(-P, 0.0).max(),  # compression only
+            np.maximum(-gap * k_n, 0.0).max(),  # no penetration
+            np.minimum(np.abs(P), np.abs(gap) * k_n).max(),  # one of them vanishes
+        ]
+        free = ~system.held[:n]
+        laws.append(np.maximum(np.abs(Q) - f * np.abs(P), 0.0)[free].max(initial=0.0))
+        slips = free & (f > 0)
+        laws.append(np.abs(Q + f * P)[slips & (s.state[j] == 3)].max(initial=0.0))
+        laws.append(np.abs(Q - f * P)[slips & (s.state[j] == 4)].max(initial=0.0))
+        worst = max(worst, *laws)
+    return float(worst / scale) if scale > 0 else 0.0
+
+
+def worst_slip(system: ContactSystem, record: Record) -> float:
+    """Return the largest slip, as a force over the largest, against its direction or in a stuck node.
+
+    Compared are neighbouring samples of a leg between which no event lies.
+    """
+    s, e = record.samples, record.events
+    k_t = np.diagonal(np.asarray(system.K))[: system.n]
+    scale = max(np.abs(s.P).max(), np.abs(s.Q).max(), 0.01 * np.abs(s.load @ system.r_star).max())
+    worst = 0.0
+    for j in range(len(s.s) - 1):
+        if (s.cycle[j], s.leg[j]) != (s.cycle[j + 1], s.leg[j + 1]):
+            continue
+        here = (e.cycle == s.cycle[j]) & (e.leg == s.leg[j])
+        if np.any(here & (e.s >= s.s[j] - 1e-12) & (e.s <= s.s[j + 1] + 1e-12)):
+            continue
+        dv = (s.v[j + 1] - s.v[j]) * k_t
+        state = s.state[j]
+        wrong = [
+            np.abs(dv[state == 1]).max(initial=0.0),
+            np.maximum(-dv[(state == 3) & (system.f > 0)], 0.0).max(initial=0.0),
+            np.maximum(dv[(state == 4) & (system.f > 0)], 0.0).max(initial=0.0),
+        ]
+        worst = max(worst, *wrong)
+    return float(worst / scale) if scale > 0 else 0.0
+
+
+def random_system(seed: int, n: int, margin: float, n_loads: int = 2) -> ContactSystem:
+    """Return a random positive definite system with f |row of K_tn|_1 = margin * min eig K_tt at most.
+
+    Loads press mostly, so that contact, slip and separation all occur.
+    """
+    rng = np.random.default_rng(seed)
+    G = rng.standard_normal((2 * n, 3 * n))
+    K = G @ G.T / (3 * n) + 0.2 * np.eye(2 * n)
+    K_tn = K[:n, n:]
+    f = margin * np.linalg.eigvalsh(K[:n, :n]).min() / np.abs(K_tn).sum(axis=1).max()
+    r_star = rng.standard_normal((n_loads, 2 * n))
+    r_star[0, n:] = np.abs(r_star[0, n:]) + 0.3
+    return ContactSystem(
+        x=np.arange(n, dtype=float), points=np.stack([np.arange(n), np.zeros(n)], 1).astype(float),
+        weight=np.ones(n), K=0.5 * (K + K.T), r_star=r_star,
+        load_names=tuple(f"load{k}" for k in range(n_loads)), f=np.full(n, f), g0=np.zeros(n),
+        held=np.zeros(2 * n, dtype=bool), rigid=np.zeros((2 * n, 0)),
+    )
