@@ -1,0 +1,471 @@
+import dataclasses
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from models import block_system
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import from_scene
+from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.zones import zones
+from receding_fenicsx.output.atomic import new_file, new_folder
+from receding_fenicsx.output.files import (
+    digest,
+    read_record,
+    read_system,
+    write_record,
+    write_system,
+)
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.summary import read_summary, summarise, write_summary
+from receding_fenicsx.output.table import run_table
+from receding_fenicsx.reference import is_papers_block, paper_table
+from receding_fenicsx.replay import state_at
+from receding_fenicsx.scene_file import from_toml, to_toml
+
+BLOCK = (Path(__file__).parents[1] / "demos" / "block.toml").read_text()
+SHORT = ["history.cycles=3", "solver.method=events", "output.samples_per_leg=8"]
+
+
+def system_of(text: str, half: bool = True, elements: int = 80) -> ContactSystem:
+    """The paper's block with this many elements on the contact edge of the whole body."""
+    modelled = elements // 2 if half else elements
+    return dataclasses.replace(block_system(modelled, elements // 4, half=half), scene_toml=text)
+
+
+def evolved(*overrides: str, half: bool = True, elements: int = 80) -> tuple[ContactSystem, Record]:
+    scene = from_toml(BLOCK, [*SHORT, *overrides])
+    system = system_of(to_toml(scene), half, elements)
+    return system, evolve(system, from_scene(scene), scene.solver, scene.output)
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    return evolved()[1]
+
+
+def differences(a: object, b: object, path: str = "") -> list[str]:
+    """Names of the fields in which two nested dataclasses are not bitwise equal."""
+    if dataclasses.is_dataclass(a):
+        return [
+            name
+            for f in dataclasses.fields(a)
+            for name in differences(getattr(a, f.name), getattr(b, f.name), f"{path}/{f.name}")
+        ]
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        same = a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    else:
+        same = type(a) is type(b) and a == b
+    return [] if same else [path]
+
+
+# -- record.h5 -----------------------------------------------------------------------------------
+
+
+def test_record_reads_back_bitwise(record: Record, tmp_path: Path) -> None:
+    write_record(tmp_path / "record.h5", record)
+    assert differences(record, read_record(tmp_path / "record.h5")) == []
+    assert os.listdir(tmp_path) == ["record.h5"]
+
+
+def test_record_of_a_monotonic_history_reads_back(tmp_path: Path) -> None:
+    _, short = evolved("history.kind=monotonic", "output.cycles=[]")
+    assert len(short.cycles.dissipation) == 0
+    write_record(tmp_path / "record.h5", short)
+    assert differences(short, read_record(tmp_path / "record.h5")) == []
+
+
+def test_record_file_has_the_agreed_layout(record: Record, tmp_path: Path) -> None:
+    write_record(tmp_path / "record.h5", record)
+    n, loads = len(record.x), 1
+    with h5py.File(tmp_path / "record.h5") as file:
+        assert {"x", "points", "f", "g0", "weight"} <= set(file["nodes"])
+        assert file["nodes/points"].shape == (n, 2)
+        for name in ("turning_points", "samples"):
+            rows = len(file[name]["s"])
+            assert rows > 0
+            for key in ("cycle", "leg"):
+                assert file[name][key].shape == (rows,)
+            for key in ("state", "P", "Q", "p", "q", "v", "w"):
+                assert file[name][key].shape == (rows, n)
+            for key in ("load", "load_displacement"):
+                assert file[name][key].shape == (rows, loads)
+        assert {"cycle", "leg", "s", "load", "node", "old", "new"} <= set(file["events"])
+        assert file["cycles/dissipation"].shape == (3,)
+        assert file["cycles/dissipation_density"].shape == (3, n)
+        assert file["cycles/slip_increment"].shape == (3, n)
+        assert list(file.attrs["load_names"]) == ["p0"]
+        assert from_toml(file.attrs["scene_toml"]).title == "Ahn & Barber block"
+        assert file.attrs["format_version"] == 1
+
+
+def test_long_scene_texts_fit(record: Record, tmp_path: Path) -> None:
+    text = record.scene_toml + "# " + 100_000 * "x" + "\n"
+    long = dataclasses.replace(record, scene_toml=text)
+    write_record(tmp_path / "record.h5", long)
+    assert read_record(tmp_path / "record.h5").scene_toml == text
+
+
+def test_files_are_not_overwritten_unless_asked(record: Record, tmp_path: Path) -> None:
+    path = tmp_path / "record.h5"
+    path.write_text("precious")
+    with pytest.raises(InputError, match="is there already"):
+        write_record(path, record)
+    assert path.read_text() == "precious"
+    write_record(path, record, overwrite=True)
+    assert read_record(path).method == "events"
+
+
+def test_failed_writing_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_text("old")
+    with pytest.raises(RuntimeError), new_file(path, overwrite=True) as beside:
+        beside.write_text("half of the new")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["file"]
+
+
+def test_places_that_cannot_be_written_are_refused(record: Record, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="folder does not exist"):
+        write_record(tmp_path / "none" / "record.h5", record)
+    with pytest.raises(InputError, match="is a folder"):
+        write_record(tmp_path, record)
+
+
+def test_damaged_and_foreign_files_are_refused(record: Record, tmp_path: Path) -> None:
+    path = tmp_path / "record.h5"
+    with pytest.raises(InputError, match="no such file"):
+        read_record(path)
+    write_record(path, record)
+    whole = path.read_bytes()
+    for length in (0, 100, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"record\.h5: is damaged"):
+            read_record(path)
+    path.write_text("no HDF5 at all\n")
+    with pytest.raises(InputError, match="is damaged or no HDF5 file"):
+        read_record(path)
+    with h5py.File(path, "w") as file:
+        file["x"] = [1.0]
+    with pytest.raises(InputError, match="is no receding_fenicsx record"):
+        read_record(path)
+    write_system(path, system_of(""), overwrite=True)
+    with pytest.raises(InputError, match="is no receding_fenicsx record"):
+        read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda file: file.__delitem__("samples"), "'/samples' is missing"),
+        (lambda file: file["samples"].__delitem__("P"), "'/samples/P' is missing"),
+        (lambda file: file.attrs.__delitem__("method"), "'/method' is missing"),
+        (lambda file: file.attrs.modify("format_version", 99), "format version 99"),
+    ],
+)
+def test_incomplete_records_are_refused(
+    record: Record, tmp_path: Path, change: Callable[[h5py.File], None], words: str
+) -> None:
+    write_record(tmp_path / "record.h5", record)
+    with h5py.File(tmp_path / "record.h5", "r+") as file:
+        change(file)
+    with pytest.raises(InputError, match=words) as caught:
+        read_record(tmp_path / "record.h5")
+    assert "record.h5" in str(caught.value)
+
+
+def test_tables_of_unequal_lengths_are_refused(record: Record, tmp_path: Path) -> None:
+    table = dataclasses.replace(record.samples, w=record.samples.w[:, 1:])
+    write_record(tmp_path / "record.h5", dataclasses.replace(record, samples=table))
+    with pytest.raises(InputError, match=r"'/samples/w' has a wrong shape"):
+        read_record(tmp_path / "record.h5")
+
+
+# -- folders of runs -----------------------------------------------------------------------------
+
+
+def test_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "run"
+    with pytest.raises(RuntimeError), new_folder(out) as folder:
+        (folder / "summary.json").write_text("{}")
+        raise RuntimeError
+    assert not out.exists()
+    assert os.listdir(out.parent) == []
+    with new_folder(out) as folder:
+        (folder / "summary.json").write_text("{}")
+        assert not out.exists()
+    assert os.listdir(out) == ["summary.json"]
+    assert os.listdir(out.parent) == ["run"]
+
+
+def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    out.mkdir()
+    with new_folder(out) as folder:  # an empty folder holds nothing to lose
+        (folder / "summary.json").write_text("first")
+    with pytest.raises(InputError, match=r"is there already.*--overwrite"), new_folder(out):
+        pass
+    with pytest.raises(RuntimeError), new_folder(out, overwrite=True) as folder:
+        raise RuntimeError
+    assert (out / "summary.json").read_text() == "first"
+    with new_folder(out, overwrite=True) as folder:
+        (folder / "summary.json").write_text("second")
+    assert (out / "summary.json").read_text() == "second"
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
+    with (
+        pytest.raises(InputError, match="holds no earlier run"),
+        new_folder(tmp_path / "thesis", overwrite=True),
+    ):
+        pass
+    assert (tmp_path / "thesis" / "chapter.tex").exists()
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(InputError, match="is a file"),
+        new_folder(tmp_path / "file", overwrite=True),
+    ):
+        pass
+
+
+# -- condensed systems ---------------------------------------------------------------------------
+
+
+def test_system_reads_back_bitwise(tmp_path: Path) -> None:
+    for half in (True, False):
+        system = system_of(to_toml(from_toml(BLOCK)), half)
+        write_system(tmp_path / "system.h5", system, overwrite=True)
+        assert differences(system, read_system(tmp_path / "system.h5")) == []
+
+
+def test_system_without_a_scene_and_of_normal_kind_reads_back(tmp_path: Path) -> None:
+    system = system_of("")
+    n = system.n
+    normal = dataclasses.replace(
+        system, K=system.K[n:, n:], kind="normal", slip_map=np.ones((n, n + 1))
+    )
+    write_system(tmp_path / "system.h5", normal)
+    assert differences(normal, read_system(tmp_path / "system.h5")) == []
+
+
+def test_system_serves_scenes_that_differ_in_history_and_solver_only(tmp_path: Path) -> None:
+    write_system(tmp_path / "system.h5", system_of(to_toml(from_toml(BLOCK))))
+    for same in ("history.cycles=5", "solver.method=events", "title=other", "output.cycles=all"):
+        assert read_system(tmp_path / "system.h5", from_toml(BLOCK, [same])).n == 41
+    for other in (
+        "body.width=5",
+        "material.young=2",
+        "mesh.growth=1.5",
+        "contact.friction=0.3",
+        "load.p0.span=[-0.5, 0.5]",
+        "solver.symmetry=none",
+        "history.initial_slip=1e-3",
+    ):
+        with pytest.raises(InputError, match="condense this scene again"):
+            read_system(tmp_path / "system.h5", from_toml(BLOCK, [other]))
+
+
+def test_digest_does_not_depend_on_how_the_scene_was_written() -> None:
+    assert digest(from_toml(BLOCK)) == digest(from_toml(to_toml(from_toml(BLOCK))))
+
+
+def test_damaged_systems_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    write_system(path, system_of(""))
+    with h5py.File(path, "r+") as file:
+        del file["held"]
+    with pytest.raises(InputError, match="held"):
+        read_system(path)
+    write_system(path, dataclasses.replace(system_of(""), K=np.eye(3)), overwrite=True)
+    with pytest.raises(InputError, match="do not fit together"):
+        read_system(path)
+
+
+# -- summary.json --------------------------------------------------------------------------------
+
+
+def test_summary_has_every_agreed_key_as_a_number(record: Record, tmp_path: Path) -> None:
+    extra = {
+        "timings": dict.fromkeys(("mesh", "assemble", "condense", "evolve", "pictures"), 1.0),
+        "peak_memory_MB": 1.0,
+        "versions": {},
+    }
+    write_summary(tmp_path / "summary.json", summarise(record, extra))
+    summary = read_summary(tmp_path / "summary.json")
+    keys = (
+        "title method nodes dofs modelled_nodes modelled_dofs symmetry turning_points "
+        "dissipation_first_loading dissipation_per_cycle slip_per_cycle_max steady residual_max "
+        "events sweeps timings peak_memory_MB versions"
+    )
+    assert set(keys.split()) <= set(summary)
+    assert (summary["nodes"], summary["dofs"]) == (81, 162)
+    assert (summary["modelled_nodes"], summary["modelled_dofs"]) == (41, 81)
+    assert [p["cycle"] for p in summary["turning_points"]] == [0, 1, 1, 2, 2, 3, 3]
+    assert [p["load"]["p0"] for p in summary["turning_points"]][:3] == [1.0, 1 / 3, 1.0]
+    assert len(summary["dissipation_per_cycle"]) == len(summary["slip_per_cycle_max"]) == 3
+    point = summary["turning_points"][1]
+    for key in ("contact_half_width", "stick_half_width", "p_max", "q_min", "q_max"):
+        assert isinstance(point[key], float), key
+    assert summary["steady"]["reached"] is False
+    assert summary["steady"]["kind"] == "not reached"
+    table = record.turning_points
+    assert point["p_max"] == table.p[1].max()
+    assert (point["q_min"], point["q_max"]) == (table.q[1].min(), table.q[1].max())
+    assert [tuple(zone) for zone in point["zones"]] == zones(record.x, table.state[1])
+
+
+def test_summary_of_half_and_whole_models_agree() -> None:
+    half, whole = (summarise(evolved(half=half)[1]) for half in (True, False))
+    assert (half["symmetry"], whole["symmetry"]) == ("mirror", "none")
+    assert half["nodes"] == whole["nodes"]
+    np.testing.assert_allclose(
+        half["dissipation_per_cycle"], whole["dissipation_per_cycle"], rtol=1e-9
+    )
+    np.testing.assert_allclose(half["slip_per_cycle_max"], whole["slip_per_cycle_max"], rtol=1e-9)
+    for a, b in zip(half["turning_points"], whole["turning_points"], strict=True):
+        assert [name for name, *_ in a["zones"]] == [name for name, *_ in b["zones"]]
+        for key in ("contact_half_width", "stick_half_width", "p_max", "q_min", "q_max"):
+            np.testing.assert_allclose(a[key], b[key], rtol=1e-9)
+
+
+def test_slip_of_open_nodes_does_not_count(record: Record) -> None:
+    slip = record.cycles.slip_increment.copy()
+    open_at_end = record.turning_points.state[2] == 2
+    assert record.turning_points.cycle[2] == 1 and np.any(open_at_end)
+    slip[0, open_at_end] = 100.0
+    cycles = dataclasses.replace(record.cycles, slip_increment=slip)
+    values = summarise(dataclasses.replace(record, cycles=cycles))["slip_per_cycle_max"]
+    assert values == summarise(record)["slip_per_cycle_max"]
+    assert values[0] == np.abs(slip[0, ~open_at_end]).max()
+
+
+def test_numbers_that_json_cannot_hold_become_null(record: Record, tmp_path: Path) -> None:
+    bad = summarise(dataclasses.replace(record, residual_max=float("nan")))
+    write_summary(tmp_path / "s.json", bad)
+    assert json.loads((tmp_path / "s.json").read_text())["residual_max"] is None
+
+
+def test_damaged_summaries_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "summary.json"
+    with pytest.raises(InputError, match="no such file"):
+        read_summary(path)
+    for text in ('{"title": ', "[]", "{}"):
+        path.write_text(text)
+        with pytest.raises(InputError, match=r"summary\.json: is"):
+            read_summary(path)
+
+
+# -- comparison with the paper -------------------------------------------------------------------
+
+
+def test_papers_block_shows_the_papers_behaviour() -> None:
+    # an independent finite-element block: the paper's numbers, not this package's
+    _, record = evolved("history.cycles=20", elements=160)
+    rows = {row["quantity"].split(" ")[0]: row for row in paper_table(record)}
+    assert len(paper_table(record)) == 4
+    assert rows["dissipation"]["paper"] == 0.56
+    assert rows["exponent"]["paper"] == -3.1
+    assert all(row["agrees"] for row in paper_table(record)), paper_table(record)
+    table = run_table(summarise(record))
+    assert table.count("agrees") == 4 and "DIFFERS" not in table
+    assert "stick to" in table and "not reached" in table
+
+
+def test_disagreement_with_the_paper_is_said(record: Record) -> None:
+    half = dataclasses.replace(
+        record.cycles,
+        dissipation=np.linspace(1.0, 0.5, 20),
+        slip_increment=np.outer(np.arange(1.0, 21.0) ** -2.0, np.ones(81)),
+    )
+    rows = paper_table(dataclasses.replace(record, cycles=half))
+    np.testing.assert_allclose([rows[2]["ours"], rows[3]["ours"]], [0.5, -2.0], rtol=1e-12)
+    assert [row["agrees"] for row in rows] == [True, True, False, False]
+
+
+def test_too_few_cycles_are_not_compared(record: Record) -> None:
+    rows = paper_table(record)
+    assert [row["agrees"] for row in rows] == [True, True, None, None]
+    assert "too few cycles" in run_table(summarise(record))
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "contact.friction=0.5",
+        "material.poisson=0.2",
+        "material.kinematics=plane stress",
+        "body.width=5",
+        "load.p0.span=[-0.5, 0.5]",
+        "load.p0.pressure=1 - x**2",
+        "history.minimum=0.5",
+        "history.kind=monotonic",
+        "contact.initial_gap=0.01",
+        "history.initial_slip=0.01*x",
+    ],
+)
+def test_other_scenes_are_not_compared_with_the_paper(record: Record, override: str) -> None:
+    scene = from_toml(BLOCK, [override])
+    assert not is_papers_block(scene)
+    assert paper_table(dataclasses.replace(record, scene_toml=to_toml(scene))) == []
+    assert paper_table(dataclasses.replace(record, scene_toml="")) == []
+
+
+def test_papers_block_is_known_in_any_units() -> None:
+    scaled = (
+        "body.width=0.08",
+        "body.height=0.02",
+        "load.p0.span=[-0.02, 0.02]",
+        "load.p0.pressure=1e6",
+        "material.young=210e9",
+        "history.maximum=3",
+        "history.minimum=1",
+    )
+    assert is_papers_block(from_toml(BLOCK, scaled))
+
+
+# -- replay --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+@pytest.mark.parametrize("half", [True, False])
+def test_replayed_states_are_the_recorded_ones(method: str, half: bool) -> None:
+    overrides = [f"solver.method={method}", "solver.steps_per_leg=8", "output.cycles=all"]
+    system, record = evolved(*overrides, half=half)
+    scene = from_toml(record.scene_toml)
+    right = ~mirror_of(system).left
+    table = record.samples
+    assert len(table.s) >= 7 * 8
+    for i in range(len(table.s)):
+        where = int(table.cycle[i]), int(table.leg[i]), float(table.s[i])
+        found = state_at(record, system, from_scene(scene), scene.solver, where)
+        np.testing.assert_array_equal(found.state.state, table.state[i][right])
+        scale = np.abs(table.v[i]).max()
+        np.testing.assert_allclose(found.v, table.v[i][right], atol=1e-11 * scale)
+        np.testing.assert_allclose(found.state.w, table.w[i][right], atol=1e-11 * scale)
+        np.testing.assert_allclose(found.load, table.load[i], rtol=1e-14)
+
+
+def test_replay_begins_at_rest_and_goes_from_turning_point_to_turning_point() -> None:
+    system, record = evolved()
+    scene = from_toml(record.scene_toml)
+
+    def at(cycle: int, leg: int, s: float) -> np.ndarray:
+        return state_at(record, system, from_scene(scene), scene.solver, (cycle, leg, s)).state.u
+
+    assert not np.any(at(0, 0, 0.0))
+    np.testing.assert_array_equal(at(0, 0, 1.0), at(1, 0, 0.0))
+    np.testing.assert_array_equal(at(2, 0, 1.0), at(2, 1, 0.0))
+    np.testing.assert_allclose(at(0, 0, 0.5), 0.5 * at(0, 0, 1.0), rtol=1e-9, atol=1e-12)
+    for where in ((4, 0, 1.0), (1, 2, 1.0), (-1, 0, 1.0)):
+        with pytest.raises(InputError, match="cycles 0 to 3"):
+            at(*where)
+    for s in (-0.1, 1.1, float("nan")):
+        with pytest.raises(InputError, match="between 0 and 1"):
+            at(1, 0, s)
