@@ -1,0 +1,79 @@
+"""Small bodies for the tests of mesh, elasticity and condensation."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.elasticity import Bulk, build
+from receding_fenicsx.bulk.meshing import BodyMesh, make_mesh
+from receding_fenicsx.scene import Body, Load, Material, MeshOptions, Scene
+
+Array = NDArray[np.float64]
+
+CELLS = ("triangle", "quadrilateral")
+
+
+def block(
+    cell: str = "triangle",
+    degree: int = 1,
+    elements: int = 16,
+    growth: float = 1.3,
+    load: Load | None = None,
+    **parts: object,
+) -> Scene:
+    """The paper's block, coarse: 4 by 1, pressed over the middle half of its top.
+
+    ``parts`` replace fields of the scene.
+    """
+    scene = Scene(
+        body=Body(width=4.0, height=1.0),
+        material=Material(young=2.0, poisson=0.3),
+        mesh=MeshOptions(contact_elements=elements, cell=cell, degree=degree, growth=growth),
+        loads=(load or Load("p0", "top", (-1.0, 1.0), pressure=1.0),),
+    )
+    return replace(scene, **parts)  # type: ignore[arg-type]
+
+
+def built(scene: Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Bulk:
+    """Mesh and assemble."""
+    return build(scene, make_mesh(comm, scene, half), half)
+
+
+def everything(body: BodyMesh) -> tuple[Array, NDArray[np.int64]]:
+    """All points (n, 2) and cells (DOLFINx's order) of a mesh, alike on every rank."""
+    mesh = body.mesh
+    index_map, cells = mesh.geometry.index_map(), mesh.topology.index_map(2).size_local
+    dofmap = mesh.geometry.dofmap
+    local = [dofmap.links(c) if hasattr(dofmap, "links") else dofmap[c] for c in range(cells)]
+    corners = {"triangle": 3, "quadrilateral": 4}[body.cell]
+    numbers = np.array(local, dtype=np.int32).reshape(cells, corners)
+    owned = mesh.geometry.x[: index_map.size_local, :2]
+    around = index_map.local_to_global(numbers.ravel()).reshape(numbers.shape)
+    parts = mesh.comm.allgather((owned, around))
+    return np.vstack([p[0] for p in parts]), np.vstack([p[1] for p in parts]).astype(np.int64)
+
+
+def facet_ends(body: BodyMesh, edge: str) -> Array:
+    """End points (n, 2, 2) of an edge's facets, alike on every rank, each once."""
+    topology = body.mesh.topology
+    topology.create_connectivity(1, 0)
+    topology.create_connectivity(0, 2)
+    topology.create_connectivity(2, 0)
+    points: list[Array] = []
+    geometry = body.mesh.geometry
+    for facet in body.facet_tags.find(body.groups[edge]):
+        ends = []
+        for vertex in topology.connectivity(1, 0).links(facet):
+            cell = topology.connectivity(0, 2).links(vertex)[0]
+            place = list(topology.connectivity(2, 0).links(cell)).index(vertex)
+            dofmap = geometry.dofmap
+            nodes = dofmap.links(cell) if hasattr(dofmap, "links") else dofmap[cell]
+            ends.append(geometry.x[nodes[place], :2])
+        points.append(np.array(sorted(map(tuple, ends))))
+    every = [tuple(p.ravel()) for part in body.mesh.comm.allgather(points) for p in part]
+    return np.array(sorted(set(every))).reshape(-1, 2, 2)
