@@ -43,7 +43,7 @@ set_up_debian() {
     install_debian_packages
     if ! is_complete; then
         [ -w "$root" ] || die "no right to write in $root; clone the project into a folder of your own"
-        (build_environment)
+        build_environment
     fi
     python=$venv/bin/python
     mpirun=/usr/bin/mpirun.openmpi # what Debian's DOLFINx is linked with; `mpirun` may be another MPI's
@@ -104,7 +104,7 @@ is_complete() {
     [ -f "$stamp" ] && [ -x "$venv/bin/python" ] && [ "$(<"$stamp")" = "$(environment_key)" ]
 }
 
-# Runs in a subshell, whose end, however it comes, leaves either a complete environment or the one from before.
+# However it ends, it leaves either a complete environment or the one from before.
 build_environment() {
     local log
     child=''
@@ -117,7 +117,10 @@ build_environment() {
     if [ -e "$spare" ]; then
         if [ -f "$stamp" ]; then rm -rf "$spare"; else rm -rf "$venv" && mv "$spare" "$venv"; fi
     fi
-    if is_complete; then return; fi
+    if is_complete; then
+        exec 9>&-
+        return
+    fi
 
     if ! python_says 'import venv, ensurepip, mpi4py.MPI, petsc4py.PETSc, dolfinx'; then
         die "Debian's packages are installed, but $system_python cannot import them: $python_said"
@@ -150,7 +153,9 @@ build_environment() {
     rm -rf "$venv/tmp" # while it holds the log, nothing is complete
     environment_key >"$stamp.part"
     mv "$stamp.part" "$stamp"
+    trap - EXIT HUP INT TERM
     rm -rf "$spare"
+    exec 9>&-
 }
 
 # Runs a line of Python; on failure leaves the last line of what it said in python_said.
@@ -164,6 +169,7 @@ python_says() {
 
 leave_no_half() {
     local status=$?
+    set +e # the child's own end by a signal must not end the clearing up
     trap '' HUP INT TERM
     if [ -n "$child" ]; then
         kill -TERM -- "-$child" 2>/dev/null
