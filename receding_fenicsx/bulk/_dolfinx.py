@@ -35,6 +35,11 @@ REFERENCE_CORNERS = {
     "quadrilateral": np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]]),
 }
 """Reference vertices of a cell, in DOLFINx's order."""
+FACET_CORNERS = {
+    "triangle": [[1, 2], [0, 2], [0, 1]],
+    "quadrilateral": [[0, 1], [0, 2], [1, 3], [2, 3]],
+}
+"""Vertices of each facet of a cell, in DOLFINx's order."""
 
 
 @contextmanager
@@ -123,6 +128,13 @@ def tag_entities(mesh: dmesh.Mesh, dim: int, entities: Ints, values: NDArray[np.
     from dolfinx.graph import adjacencylist
 
     return dmesh.meshtags_from_entities(mesh, dim, adjacencylist(owned), tags.astype(np.int32))
+
+
+def cell_corners(mesh: dmesh.Mesh, cell: int) -> Array:
+    """Return the vertices (n, 2) of a straight-sided cell, exactly as they were given."""
+    dofmap = mesh.geometry.dofmap
+    # 0.7 made the adjacency list an array
+    return mesh.geometry.x[dofmap.links(cell) if VERSION < (0, 7) else dofmap[cell], :2]
 
 
 def assemble_matrix(form: Any) -> PETSc.Mat:

@@ -136,9 +136,7 @@ def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints,
     """Return all held degrees of freedom, sorted, and their nodes' places (n, 2); on every rank."""
     comm = body.mesh.comm
     near = POSITION_TOLERANCE * body.size
-    nodes = space.dofmap.index_map.size_local
-    coordinates = space.tabulate_dof_coordinates()[:nodes, :2]
-    start = space.dofmap.index_map.local_range[0]
+    start, end = space.dofmap.index_map.local_range
 
     def search() -> list[tuple[Ints, Array, tuple[int, ...]]]:
         found = []
@@ -156,6 +154,7 @@ def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints,
                     (facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES[support.fix])
                 )
             elif support.point is not None:
+                coordinates = space.tabulate_dof_coordinates()[: end - start, :2]
                 at = np.flatnonzero(np.hypot(*(coordinates - np.array(support.point)).T) <= near)
                 found.append((start + at.astype(np.int64), coordinates[at], AXES[support.fix]))
             else:

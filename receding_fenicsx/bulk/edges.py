@@ -9,6 +9,7 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.meshing import BodyMesh
 
 Array = NDArray[np.float64]
@@ -56,26 +57,26 @@ def edge_facets(
     topology.create_connectivity(2, 1)
     cell_of, facets_of = topology.connectivity(1, 2), topology.connectivity(2, 1)
     owned = topology.index_map(2).size_local
-    coordinates = space.tabulate_dof_coordinates()[:, :2]
-    sides = {"triangle": 3, "quadrilateral": 4}[body.cell]
-    closure = [space.dofmap.dof_layout.entity_closure_dofs(1, i) for i in range(sides)]
-    local, outward = [], []
+    corners = _dolfinx.FACET_CORNERS[body.cell]
+    closure = [space.dofmap.dof_layout.entity_closure_dofs(1, i) for i in range(len(corners))]
+    local, points, outward = [], [], []
     for facet in body.facet_tags.find(body.groups[edge]) if edge in body.groups else ():
         cell = cell_of.links(facet)[0]
         if cell >= owned:
             continue
-        cell_nodes = space.dofmap.cell_dofs(cell)
-        nodes = cell_nodes[closure[int(np.flatnonzero(facets_of.links(cell) == facet)[0])]]
-        a, b = coordinates[nodes[:2]]
+        side = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
+        around = _dolfinx.cell_corners(body.mesh, cell)
+        a, b = around[corners[side]]
         normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
-        inside = normal @ (coordinates[cell_nodes].mean(axis=0) - a)
-        local.append(nodes)
+        inside = normal @ (around.mean(axis=0) - a)
+        local.append(space.dofmap.cell_dofs(cell)[closure[side]])
+        points.append([a, b, 0.5 * (a + b)][: len(closure[side])])
         outward.append(-normal if inside > 0.0 else normal)
     if not local:
         return EdgeFacets(np.empty((0, 2, 2)), np.empty((0, 2), dtype=np.int64), np.empty((0, 2)))
     numbers = np.array(local, dtype=np.int32)
     nodes = space.dofmap.index_map.local_to_global(numbers.ravel()).reshape(numbers.shape)
-    found = EdgeFacets(coordinates[numbers], nodes.astype(np.int64), np.array(outward) + 0.0)
+    found = EdgeFacets(np.array(points), nodes.astype(np.int64), np.array(outward) + 0.0)
     if span is None:
         return found
     middle = positions(found.points[:, :2].mean(axis=1), found.outward[0], body.centre)
