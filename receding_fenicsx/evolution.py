@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -31,7 +32,8 @@ DEFAULT_KEPT = (0, 1, 2, 9)
 """Cycles that get samples and events by default, beside the last one."""
 
 ENERGY_FLOOR = 1e-4
-"""Energy of a leg, over the largest of any leg so far, under which its identity is not relative to itself."""
+"""Energy of a leg, over the largest of any leg so far, under which its identity is not relative to
+itself."""
 
 
 def evolve(
@@ -89,7 +91,7 @@ class _Run:
     ) -> None:
         self.system, self.history, self.solver, self.output = system, history, solver, output
         self.model = frictional_form(system)
-        self.tracer = _tracer(self.model, solver)
+        self.tracer = make_tracer(self.model, solver)
         self.turning: list[Instant] = []
         self.kept: dict[int, Kept] = {}
         self.dissipation: list[Array] = []
@@ -158,16 +160,14 @@ class _Run:
 
     def _legs(self, number: int) -> list[tuple[Array, Array]]:
         polyline = self.history.path if number == 0 else self.history.loop
-        return list(zip(polyline[:-1], polyline[1:], strict=True))
+        return list(pairwise(polyline))
 
     def _wanted(self, number: int) -> bool:
         """Return whether the cycle's samples were asked for by number."""
         wanted = DEFAULT_KEPT if self.output.cycles is None else self.output.cycles
         return wanted == "all" or number in wanted
 
-    def _keep(
-        self, kept: Kept, number: int, k: int, ends: tuple[Array, Array], leg: Leg
-    ) -> None:
+    def _keep(self, kept: Kept, number: int, k: int, ends: tuple[Array, Array], leg: Leg) -> None:
         """Add a leg's samples and events to what is kept of its cycle."""
         a, b = ends
         for s, state in leg.samples:
@@ -250,8 +250,7 @@ class _Run:
         )
 
 
-
-def _tracer(system: ContactSystem, solver: SolverOptions) -> GaussSeidelPath | EventPath:
+def make_tracer(system: ContactSystem, solver: SolverOptions) -> GaussSeidelPath | EventPath:
     """Return what follows the legs by the method asked for."""
     if solver.method == "events":
         return EventPath(system)

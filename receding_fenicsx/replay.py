@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution import _tracer as tracer_of
+from receding_fenicsx.evolution import make_tracer
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import (
     ContactState,
@@ -72,7 +72,7 @@ def state_at(
         if s > 0.0:
             # the recorded path's own steps, as far as they go
             steps = max(1, math.ceil(s * solver.steps_per_leg))
-            tracer = tracer_of(model, replace(solver, steps_per_leg=steps))
+            tracer = make_tracer(model, replace(solver, steps_per_leg=steps))
             state = tracer.trace_leg(start, (a, load), scale).end
     v = state.v
     if system.slip_map is not None:

@@ -10,7 +10,7 @@ from receding_fenicsx.output.record import Record
 
 
 def worst_violation(system: ContactSystem, record: Record) -> float:
-    """Return the largest violation, as a force over the largest force, of any law at any kept instant.
+    """Return the largest violation of any law at any kept instant, over the largest force.
 
     For whole models (``half = False``) of kind "frictional"; instants are the record's samples.
     """
@@ -44,7 +44,7 @@ def worst_violation(system: ContactSystem, record: Record) -> float:
 
 
 def worst_slip(system: ContactSystem, record: Record) -> float:
-    """Return the largest slip, as a force over the largest, against its direction or in a stuck node.
+    """Return the largest slip in a stuck node or against its direction, as a relative force.
 
     Compared are neighbouring samples of a leg between which no event lies.
     """
@@ -70,7 +70,7 @@ def worst_slip(system: ContactSystem, record: Record) -> float:
 
 
 def random_system(seed: int, n: int, margin: float, n_loads: int = 2) -> ContactSystem:
-    """Return a random positive definite system with f |row of K_tn|_1 = margin * min eig K_tt at most.
+    """Return a random positive definite system, f |row of K_tn|_1 <= margin * min eig K_tt.
 
     Loads press mostly, so that contact, slip and separation all occur.
     """
@@ -82,8 +82,14 @@ def random_system(seed: int, n: int, margin: float, n_loads: int = 2) -> Contact
     r_star = rng.standard_normal((n_loads, 2 * n))
     r_star[0, n:] = np.abs(r_star[0, n:]) + 0.3
     return ContactSystem(
-        x=np.arange(n, dtype=float), points=np.stack([np.arange(n), np.zeros(n)], 1).astype(float),
-        weight=np.ones(n), K=0.5 * (K + K.T), r_star=r_star,
-        load_names=tuple(f"load{k}" for k in range(n_loads)), f=np.full(n, f), g0=np.zeros(n),
-        held=np.zeros(2 * n, dtype=bool), rigid=np.zeros((2 * n, 0)),
+        x=np.arange(n, dtype=float),
+        points=np.stack([np.arange(n), np.zeros(n)], 1).astype(float),
+        weight=np.ones(n),
+        K=0.5 * (K + K.T),
+        r_star=r_star,
+        load_names=tuple(f"load{k}" for k in range(n_loads)),
+        f=np.full(n, f),
+        g0=np.zeros(n),
+        held=np.zeros(2 * n, dtype=bool),
+        rigid=np.zeros((2 * n, 0)),
     )

@@ -48,7 +48,9 @@ def block_system(
     x0, width = (0.0, 2.0) if half else (-2.0, 4.0)
     hx, hy = width / nx, 1.0 / ny
     node = np.arange((nx + 1) * (ny + 1)).reshape(ny + 1, nx + 1)
-    cells = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], -1).reshape(-1, 4)
+    cells = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], -1).reshape(
+        -1, 4
+    )
     dofs = (2 * cells[:, :, None] + np.arange(2)).reshape(-1, 8)
     k = q1_stiffness(hx, hy, young, poisson)
     rows, cols = np.repeat(dofs, 8, axis=1).ravel(), np.tile(dofs, (1, 8)).ravel()
@@ -77,8 +79,17 @@ def block_system(
     if not half:
         modes += [np.concatenate([one, zero]), np.concatenate([zero, xs])]
     return ContactSystem(
-        x=xs, points=np.stack([xs, zero], 1), weight=weight, K=0.5 * (K + K.T), r_star=r_star[None],
-        load_names=("p0",), f=np.full(n, f), g0=zero.copy(), held=held,
-        rigid=np.stack(modes, 1) / np.abs(np.stack(modes, 1)).max(0), half=half,
-        load_compliance=np.array([[force[inner] @ pushed]]), load_sign=np.array([-1.0]),
+        x=xs,
+        points=np.stack([xs, zero], 1),
+        weight=weight,
+        K=0.5 * (K + K.T),
+        r_star=r_star[None],
+        load_names=("p0",),
+        f=np.full(n, f),
+        g0=zero.copy(),
+        held=held,
+        rigid=np.stack(modes, 1) / np.abs(np.stack(modes, 1)).max(0),
+        half=half,
+        load_compliance=np.array([[force[inner] @ pushed]]),
+        load_sign=np.array([-1.0]),
     )

@@ -1,7 +1,7 @@
 """Linear complementarity: find z >= 0 with y = M z + q >= 0 and y_i z_i = 0.
 
-The finite methods behind the quick ones: Lemke's with lexicographic ratios, which cannot cycle but may
-end on a ray, and enumeration, which is proof for few unknowns.
+The finite methods behind the quick ones: Lemke's with lexicographic ratios, which cannot cycle but
+may end on a ray, and enumeration, which is proof for few unknowns.
 
 Source: R. W. Cottle, J.-S. Pang, R. E. Stone, *The Linear Complementarity Problem* (1992), ch. 4.4.
 """
@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import Array
 
@@ -105,7 +106,7 @@ def _pivot(tableau: Array, row: int, column: int) -> None:
     tableau -= np.outer(factor, tableau[row])
 
 
-def _ratio_test(tableau: Array, basic: Array, entering: int, n: int) -> int | None:
+def _ratio_test(tableau: Array, basic: NDArray[np.intp], entering: int, n: int) -> int | None:
     """Return the leaving row, ties broken lexicographically, z_0 preferred; None on a ray."""
     column = tableau[:, entering]
     rows = np.flatnonzero(column > PIVOT_TOLERANCE)

@@ -1,7 +1,8 @@
-"""The condensed contact problem: its data, the four states, Coulomb's law at the nodes, the residual.
+"""The condensed contact problem: its data, the four states, the law at the nodes, the residual.
 
-Notation of Ahn & Barber (2008): ``v``, ``w`` are the tangential and normal displacements of a contact
-node, ``Q``, ``P`` the tangential and normal reactions on the body (``P > 0`` is compression), and
+Notation of Ahn & Barber (2008): ``v``, ``w`` are the tangential and normal displacements of a
+contact node, ``Q``, ``P`` the tangential and normal reactions on the body (``P > 0`` is
+compression), and
 
     r = sum_k lambda_k r*_k + K u,   r = [Q; P],   u = [v; w]        (eqs. 11 and 12).
 """
@@ -38,7 +39,8 @@ class ContactSystem:
     Attributes:
         x: (N,) position along the contact edge, increasing.
         points: (N, 2) coordinates of the nodes.
-        weight: (N,) integral of N_i over the modelled contact edge: tractions are Q/weight, P/weight.
+        weight: (N,) integral of N_i over the modelled contact edge: tractions are Q/weight,
+        P/weight.
         K: (2N, 2N) condensed stiffness, symmetric, order [v; w] (eq. 12). For ``kind = "normal"``
             (N, N), the tangential displacements having been eliminated at Q = 0.
         r_star: (n_loads, 2N) reactions to each unit load with all contact nodes held (eq. 11);
@@ -51,7 +53,8 @@ class ContactSystem:
             largest entry 1; n may be 0.
         half: True when the nodes are the half x >= 0 of a contact symmetric about x = 0.
         kind: "frictional" or "normal".
-        slip_map: for ``kind = "normal"`` (N, N + n_loads), with v = slip_map @ [w; lambda]; else None.
+        slip_map: for ``kind = "normal"`` (N, N + n_loads), with v = slip_map @ [w; lambda]; else
+        None.
         load_compliance: (n_loads, n_loads) work-conjugate displacement of load k under unit load l,
             contact held.
         load_sign: (n_loads,) -1 for force-like loads, +1 for prescribed displacements:
@@ -180,7 +183,7 @@ def largest_force(system: ContactSystem, load: Array, r: Array, so_far: float) -
 
 
 def round_off(system: ContactSystem, u: Array, force_scale: float) -> float:
-    """Return the relative residual that the digits of u alone can leave: eps max(|K| |u|) / scale."""
+    """Return the relative residual that round-off of u alone leaves: eps max(|K| |u|) / scale."""
     if force_scale == 0.0:
         return 0.0
     return float(np.finfo(float).eps * (np.abs(system.K) @ np.abs(u)).max()) / force_scale
@@ -198,7 +201,8 @@ def law_residual(
         system: the condensed body, ``kind = "frictional"``.
         r: (2N,) reactions.
         u: (2N,) displacements.
-        slip: (N,) tangential displacement of the step or segment, from the point of first contact for
+        slip: (N,) tangential displacement of the step or segment, from the point of first contact
+        for
             a node that was open at its start.
         stiffness: (N,) tangential and normal stiffness that weigh a displacement against a force.
 
@@ -214,6 +218,19 @@ def law_residual(
     both = np.concatenate([tangential, normal])
     both[system.held] = 0.0
     return both
+
+
+def relative_residual(
+    system: ContactSystem,
+    state: ContactState,
+    slip: Array,
+    stiffness: tuple[Array, Array],
+    force_scale: float,
+) -> float:
+    """Return the largest entry of :func:`law_residual` over the force scale."""
+    if force_scale == 0.0:
+        return 0.0
+    return float(law_residual(system, state.r, state.u, slip, stiffness).max()) / force_scale
 
 
 def local_stiffness(system: ContactSystem) -> tuple[Array, Array]:
@@ -250,7 +267,7 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
         if np.any(resultant > SLIDE_TOLERANCE * np.abs(Q_star).sum(axis=0)):
             name = system.load_names[int(np.argmax(resultant))]
             raise InputError(
-                f"load '{name}' pushes the frictionless body along the plane and nothing resists it: "
+                f"load '{name}' pushes the frictionless body along, and nothing resists it: "
                 "add a [[support]] or friction"
             )
         K_tt = K_tt + np.outer(slides, slides) * (np.trace(K_tt) / len(free))

@@ -1,17 +1,19 @@
 """The contact law of many nodes at once as a linear complementarity problem.
 
-With the slip split into v = z+ - z- and the gap g, Coulomb's and Signorini's conditions at a node are
+With the slip split into v = z+ - z- and the gap g, Coulomb's and Signorini's conditions at a node
+are
 
     A = Q + f P >= 0  with  z+,     B = f P - Q >= 0  with  z-,     P >= 0  with  g,
 
-each pair complementary (A. Klarbring, 1986). A node that is known to be in contact on one side of the
-friction cone keeps one pair. Works for rates (which way do nodes on a limit go?) and for the
+each pair complementary (A. Klarbring, 1986). A node that is known to be in contact on one side of
+the friction cone keeps one pair. Works for rates (which way do nodes on a limit go?) and for the
 static problem of a first load alike.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 import scipy.linalg as sla
@@ -79,19 +81,23 @@ def solve_states(
     tail = 2 * m + np.arange(len(d))
     last = m - k + np.arange(k)
     # unknowns: slip of a, of b reversed, z+ and z- and gap of c, gap of d
-    columns = np.hstack([
-        S[:, row_t[: len(a)]],
-        -S[:, row_t[len(a) : m - k]],
-        S[:, row_t[last]],
-        -S[:, row_t[last]],
-        S[:, row_n[last]],
-        S[:, tail],
-    ])
+    columns = np.hstack(
+        [
+            S[:, row_t[: len(a)]],
+            -S[:, row_t[len(a) : m - k]],
+            S[:, row_t[last]],
+            -S[:, row_t[last]],
+            S[:, row_n[last]],
+            S[:, tail],
+        ]
+    )
 
     def combine(x: Array) -> Array:
         fP = (f * x[row_n].T).T
         A, B = x[row_t] + fP, fP - x[row_t]
-        return np.concatenate([A[: len(a)], B[len(a) : m - k], A[last], B[last], x[row_n[last]], x[tail]])
+        return np.concatenate(
+            [A[: len(a)], B[len(a) : m - k], A[last], B[last], x[row_n[last]], x[tail]]
+        )
 
     random = np.random.default_rng(0)
     covers = []
@@ -103,24 +109,27 @@ def solve_states(
     if z is None:
         return None
     state = np.zeros(n, dtype=np.int8)
-    stiffness = np.abs(np.diagonal(system.K))
+    stiffness = float(np.abs(np.diagonal(system.K)).max())
     ends = np.cumsum([0, len(a), len(b), k, k, k, len(d)])
-    za, zb, plus, minus, gap, gap_d = (z[i:j] for i, j in zip(ends[:-1], ends[1:], strict=True))
-    small = DECIDE_TOLERANCE * max(float(np.abs(z).max(initial=0.0)), np.finfo(float).tiny)
+    za, zb, plus, minus, gap, gap_d = (z[i:j] for i, j in pairwise(ends))
+    small = DECIDE_TOLERANCE * max(float(np.abs(z).max(initial=0.0)), float(np.finfo(float).tiny))
     state[a] = np.where(za > small, State.FORWARD_SLIP, State.STICK)
     state[b] = np.where(zb > small, State.BACKWARD_SLIP, State.STICK)
     y = combine(columns) @ z + combine(s)
     P_c, P_d = y[ends[4] : ends[5]], y[ends[5] :]
-    force = DECIDE_TOLERANCE * max(float(np.abs(y).max(initial=0.0)), small * float(stiffness.max()))
-    slip = np.where(plus > minus + small, State.FORWARD_SLIP,
-                    np.where(minus > plus + small, State.BACKWARD_SLIP, State.STICK))
+    force = max(DECIDE_TOLERANCE * float(np.abs(y).max(initial=0.0)), stiffness * small)
+    slip = np.where(
+        plus > minus + small,
+        State.FORWARD_SLIP,
+        np.where(minus > plus + small, State.BACKWARD_SLIP, State.STICK),
+    )
     state[c] = np.where((gap > small) | (P_c <= force), State.SEPARATION, slip)
     state[d] = np.where((gap_d > small) | (P_d <= force), State.SEPARATION, State.STICK)
     return state
 
 
 def _eliminate(K: Array, r0: Array, rows: Indices, free: Indices) -> tuple[Array, Array]:
-    """Return stiffness and reactions at ``rows`` once the ``free`` dofs have moved to zero reaction."""
+    """Return stiffness and reactions at ``rows``, the ``free`` dofs having no reaction."""
     S, s = K[np.ix_(rows, rows)], r0[rows]
     if len(free) == 0:
         return S, s

@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from receding_fenicsx.interface.contact import Array
 
 RATCHET_TOLERANCE = 1e-6
-"""Displacement gained per period over the largest slip range of a cycle that counts as ratchetting."""
+"""Displacement gained per period over the largest slip range of a cycle that counts as
+ratchetting."""
 
 SHAKEDOWN_TOLERANCE = 1e-6
 """Dissipation of a cycle over that of cycle 1 below which the contact has shaken down."""
@@ -62,8 +63,10 @@ def limit_of_decay(values: Array) -> tuple[str, float, float]:
     if keep.sum() < 3:
         return "rate", 0.0, float(values[-1])
     log_steps = np.log(np.abs(steps[keep]))
-    fits = {name: np.polyfit(t, log_steps, 1, full=True) for name, t in
-            (("power", np.log(N[keep])), ("rate", N[keep]))}
+    fits = {
+        name: np.polyfit(t, log_steps, 1, full=True)
+        for name, t in (("power", np.log(N[keep])), ("rate", N[keep]))
+    }
     name = min(fits, key=lambda key: float(fits[key][1][0]) if len(fits[key][1]) else 0.0)
     slope = float(fits[name][0][0])
     last, n = float(steps[-1]), float(N[-1])
@@ -106,7 +109,9 @@ class SteadyWatch:
         """
         scale = float(np.abs(r).max())
         self.change.append(_relative(r, self.ends[-1][0], scale))
-        self.change_2.append(_relative(r, self.ends[-2][0], scale) if len(self.ends) > 1 else np.inf)
+        self.change_2.append(
+            _relative(r, self.ends[-2][0], scale) if len(self.ends) > 1 else np.inf
+        )
         self.ends = [*self.ends[-2:], (r.copy(), v.copy())]
         if self.cycle < 0:
             for period, needed, change in ((1, 2, self.change), (2, 4, self.change_2)):
@@ -147,4 +152,4 @@ def slip_exponents(
     N = np.arange(cycles[0], min(cycles[1], len(slip_increment)) + 1)
     rows = slip_increment[N - 1]
     moving = nodes & np.all(rows != 0.0, axis=0)
-    return [fit_power_law(N, rows[:, i]) for i in np.flatnonzero(moving)]
+    return [fit_power_law(N.astype(float), rows[:, i]) for i in np.flatnonzero(moving)]

@@ -1,8 +1,8 @@
 """The frictional Gauss-Seidel method of Ahn & Barber (2008), section 2.2 and Fig. 3.
 
 The displacements of one node at a time are updated, those of the others held. At each node the last
-state is assumed, its equations (4), (6), (8) or (10) are solved, the inequalities (5), (7), (9), (10)
-are checked, and on a violation the state is changed and the node solved again. Sweeps end when
+state is assumed, its equations (4), (6), (8) or (10) are solved, the inequalities (5), (7), (9),
+(10) are checked, and on a violation the state is changed and the node solved again. Sweeps end when
 eq. (16) *and* the residual of the contact law, evaluated afresh, are under their tolerances.
 
 Two optional accelerations leave the answer alone: over-relaxation of slipping and separated
@@ -40,7 +40,8 @@ CHECK_SWEEPS = 10
 """Sweeps between two evaluations of the residual when eq. (16) alone is not yet met."""
 
 ROUND_OFF_REACH = 100.0
-"""A residual this many times its tolerance is still accepted where round-off leaves no better one."""
+"""A residual this many times its tolerance is still accepted where round-off leaves no better
+one."""
 
 
 @dataclass(frozen=True)
@@ -50,7 +51,8 @@ class GaussSeidelOptions:
     Attributes:
         over_relaxation: factor on the update of slipping and separated nodes; 1 is plain.
         polish: solve directly once the states have settled.
-        change_tolerance: eq. (16), last change of a displacement over the step's largest displacement.
+        change_tolerance: eq. (16), last change of a displacement over the step's largest
+        displacement.
         residual_tolerance: residual of the contact law over the history's largest nodal force.
         max_sweeps: sweeps after which the step is given up with an error.
     """
@@ -174,10 +176,8 @@ class GaussSeidelPath:
         """
         return self._steps(start, ends, force_scale, samples, self.steps)
 
-    def static_leg(
-        self, start: ContactState, ends: tuple[Array, Array], force_scale: float
-    ) -> Leg:
-        """Jump to the end of a leg in one step: a static problem with slip counted from ``start``."""
+    def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
+        """Jump to the end of a leg in one step; slip is counted from ``start``."""
         return self._steps(start, ends, force_scale, 1, 1)
 
     def _steps(
@@ -212,7 +212,14 @@ class GaussSeidelPath:
 
 
 def local_solution(
-    Q0: float, P0: float, k_t: float, k_n: float, c: float, f: float, w_c: float, v_ref: float,
+    Q0: float,
+    P0: float,
+    k_t: float,
+    k_n: float,
+    c: float,
+    f: float,
+    w_c: float,
+    v_ref: float,
     state: int,
 ) -> tuple[int, float, float]:
     """Solve one node by the paper's rule: assume the last state, check, change, solve again.
@@ -220,8 +227,11 @@ def local_solution(
     With the other nodes held the reactions are Q = Q0 + k_t v + c w and P = P0 + c v + k_n w.
 
     Args:
-        Q0, P0: reactions at v = w = 0.
-        k_t, k_n, c: diagonal 2 x 2 block of K.
+        Q0: tangential reaction at v = w = 0.
+        P0: normal reaction there.
+        k_t: tangential diagonal entry of K.
+        k_n: normal one.
+        c: entry that couples the node's v and w.
         f: coefficient of friction.
         w_c: normal displacement at which the gap closes, -g0.
         v_ref: tangential displacement that the slip of this step is counted from.
@@ -426,4 +436,3 @@ class _Sweeper:
         slip = np.where(end.state == SEPARATION, 0.0, end.v - v_start)
         slip[self.system.held[:n]] = 0.0
         return Step(end, -0.5 * (Q_old + end.Q) * slip, residual, scale, sweeps)
-

@@ -52,7 +52,9 @@ class Mirror:
         return [(int(j), bool(self.left[j])) for j in np.flatnonzero(self.index == i)]
 
 
-SWAPPED = np.array([0, State.STICK, State.SEPARATION, State.BACKWARD_SLIP, State.FORWARD_SLIP], np.int8)
+SWAPPED = np.array(
+    [0, State.STICK, State.SEPARATION, State.BACKWARD_SLIP, State.FORWARD_SLIP], np.int8
+)
 """State of the mirror image of a node in each state."""
 
 

@@ -1,7 +1,7 @@
 """Rates of a contact whose states are given: a tableau that follows each change of state by pivots.
 
-Each frictional node has four quantities, v, w, A = Q + f P and B = f P - Q. In every state two of them
-are inputs with zero rate and two are outputs:
+Each frictional node has four quantities, v, w, A = Q + f P and B = f P - Q. In every state two of
+them are inputs with zero rate and two are outputs:
 
     state            inputs   outputs (and what keeps the state)
     stick            v, w     A >= 0, B >= 0
@@ -9,9 +9,10 @@ are inputs with zero rate and two are outputs:
     backward slip    B, w     A >= 0, rate of v <= 0
     separation       A, B     v, gap >= 0
 
-so a change of state exchanges one input with one output (stick to separation: two of each), a rank-one
-update of the tableau that maps inputs to outputs. A node without friction, or held tangentially, has
-the one pair w, P (kept in place of A). The columns of the loads give the rates along any leg.
+so a change of state exchanges one input with one output (stick to separation: two of each), a
+rank-one update of the tableau that maps inputs to outputs. A node without friction, or held
+tangentially, has the one pair w, P (kept in place of A). The columns of the loads give the rates
+along any leg.
 """
 
 from __future__ import annotations
@@ -90,9 +91,14 @@ class Tableau:
         F, S, Z = nodes[self.frictional], nodes[self.smooth], nodes[self.free_v]
         f = system.f[F, None]
         wide = np.hstack([system.K, system.r_star.T])
-        force = np.vstack([
-            wide[F] + f * wide[n + F], f * wide[n + F] - wide[F], wide[n + S], wide[Z],
-        ])
+        force = np.vstack(
+            [
+                wide[F] + f * wide[n + F],
+                f * wide[n + F] - wide[F],
+                wide[n + S],
+                wide[Z],
+            ]
+        )
         dofs = np.concatenate([F, n + F, n + S, Z])
         self._stuck = np.ascontiguousarray(force[:, dofs])
         self._stuck_loads = np.ascontiguousarray(force[:, 2 * n :])
@@ -122,7 +128,9 @@ class Tableau:
         Z = np.flatnonzero(self.free_v)
         row_of = {int(label): k for k, label in enumerate(self._stuck_rows)}
         column_of = {int(label): k for k, label in enumerate(self._stuck_columns)}
-        rows = np.array([row_of[label] for label in outputs] + [row_of[REACTION * n + int(z)] for z in Z], int)
+        rows = np.array(
+            [row_of[label] for label in outputs] + [row_of[REACTION * n + int(z)] for z in Z], int
+        )
         columns = np.array(
             [column_of[label] for label in inputs] + [column_of[V * n + int(z)] for z in Z], int
         )
@@ -144,7 +152,12 @@ class Tableau:
         self.rebuilds += 1
 
     def _block_pivot(
-        self, T: Array, G: Array, rows: NDArray[np.intp], columns: NDArray[np.intp], state: NDArray[np.int8]
+        self,
+        T: Array,
+        G: Array,
+        rows: NDArray[np.intp],
+        columns: NDArray[np.intp],
+        state: NDArray[np.int8],
     ) -> tuple[Array, Array]:
         """Exchange many outputs with as many inputs at once."""
         block = T[np.ix_(rows, columns)]
@@ -247,3 +260,43 @@ class Tableau:
         x[self._column_of[labels]] = change
         out[self.row_label] = self._T @ x
         return out
+
+    def correction(self, r: Array) -> Array:
+        """Return the change of displacement that brings every input back to zero.
+
+        Args:
+            r: (2N,) reactions, or (2N, k) rates of reaction, in the present states.
+
+        Returns:
+            (2N,) or (2N, k) change of displacement.
+        """
+        n, state = self.system.n, self.state
+        f = self.system.f if r.ndim == 1 else self.system.f[:, None]
+        Q, P = r[:n], r[n:]
+        open_ = state == SEPARATION
+        nodes = (
+            np.flatnonzero(self.frictional & (open_ | (state == FORWARD))),
+            np.flatnonzero(self.frictional & (open_ | (state == BACKWARD))),
+            np.flatnonzero(self.smooth & open_),
+            np.flatnonzero(self.free_v),
+        )
+        quantities = (Q + f * P, f * P - Q, P, Q)
+        labels = [kind * n + i for kind, i in zip((A, B, A, REACTION), nodes, strict=True)]
+        change = [-quantity[i] for quantity, i in zip(quantities, nodes, strict=True)]
+        return self.response(np.concatenate(labels), np.concatenate(change))[: 2 * n]
+
+    def refined_rates(self) -> Array:
+        """Return :meth:`rates` after one step of iterative refinement."""
+        n, system, state = self.system.n, self.system, self.state
+        rates = self.rates()
+        du = rates[: 2 * n]
+        du += self.correction(system.r_star.T + system.K @ du)
+        dr = system.r_star.T + system.K @ du
+        f = system.f[:, None]
+        contact = (state != SEPARATION)[:, None]
+        forward = np.where(self.smooth[:, None], dr[n:], dr[:n] + f * dr[n:])
+        outputs_A = contact & (state != FORWARD)[:, None]
+        outputs_B = contact & (self.frictional & (state != BACKWARD))[:, None]
+        rates[A * n : B * n] = np.where(outputs_A, forward, 0.0)
+        rates[B * n : REACTION * n] = np.where(outputs_B, f * dr[n:] - dr[:n], 0.0)
+        return rates

@@ -1,0 +1,183 @@
+"""Rates along a leg in known sets of states, remembered: what the event search works on.
+
+Quantities are kept in one vector y = [v, gap, A, B], A = Q + f P, B = f P - Q (P in place of A at
+nodes without friction), see :mod:`receding_fenicsx.interface.rates`.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from dataclasses import dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, local_stiffness
+from receding_fenicsx.interface.contact_lcp import Undecided
+from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION, STICK, Tableau
+
+States = NDArray[np.int8]
+
+LIMIT_TOLERANCE = 1e-12
+"""Distance from a limit, over the largest nodal force, up to which a node sits on it."""
+
+RATE_TOLERANCE = 1e-11
+"""Rate over the largest rate (both as forces) below which it is taken for zero."""
+
+RIGID_TOLERANCE = 1e-8
+"""Distance from a unit rigid motion within which a motion of the contact is rigid."""
+
+CACHED_BYTES = 2**26
+"""Memory for the rates of sets of states that have been met before."""
+
+
+@dataclass(frozen=True)
+class Segment:
+    """Rates along a leg in one set of states, ready for the event search.
+
+    Attributes:
+        q: (4N,) rates of y per unit of s.
+        falling: labels of quantities that must stay >= 0 and fall.
+        time: (len(falling),) -1 / rate of each.
+        dissipating: (4N,) |rate of v|/2 at the label of 2 f P (B or A) of slipping nodes, else 0.
+        reversed_nodes: slipping nodes whose rate contradicts their state.
+        stroke: (n_loads,) rate of r*_k . u, for the work of the loads.
+        next: by the label of the quantity that reached its limit, what came of it: states, segment
+            and change (node, old, new).
+    """
+
+    q: Array
+    falling: NDArray[np.intp]
+    time: Array
+    dissipating: Array
+    reversed_nodes: NDArray[np.intp]
+    stroke: Array
+    next: dict[int, tuple[States, Segment, tuple[int, int, int]]] = field(default_factory=dict)
+
+
+class Segments:
+    """Makes and remembers segments; owns the tableau.
+
+    Attributes:
+        system: the condensed body in 2N form.
+        frictional: (N,) nodes with the full contact law.
+        smooth: (N,) nodes without friction, or held tangentially.
+        weight: (4N,) brings every entry of y to the size of a nodal force.
+        ill_conditioned: refine every set of rates once.
+        trials: sets of states whose rates were worked out.
+        lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
+        sliding.
+    """
+
+    def __init__(self, system: ContactSystem) -> None:
+        """Start with nothing remembered."""
+        self.system = system
+        n = system.n
+        normal = ~system.held[n:]
+        self.frictional = ~system.held[:n] & normal & (system.f > 0.0)
+        self.smooth = normal & ~self.frictional
+        force = 1.0 / np.maximum(1.0, system.f)
+        self.weight = np.concatenate([*local_stiffness(system), force, force])
+        self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
+        self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
+        self.ill_conditioned = False
+        self.trials = 0
+        self._tableau: Tableau | None = None
+        self._rates: OrderedDict[bytes, Array] = OrderedDict()
+        self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
+
+    def tableau(self, state: States) -> Tableau:
+        """Return the tableau, brought to the given states.
+
+        Raises:
+            SingularExchange: a motion of the body is left without stiffness.
+        """
+        if self._tableau is None:
+            self._tableau = Tableau(self.system, state)
+        else:
+            self._tableau.move_to(state)
+        return self._tableau
+
+    def at(self, state: States, direction: Array) -> Segment:
+        """Return the rates in the given states along a leg whose loads change by ``direction``."""
+        key = state.tobytes()
+        known = self._known.get((key, direction.tobytes()))
+        if known is not None:
+            return known
+        rates = self._rates.get(key)
+        if rates is None:
+            self.trials += 1
+            tableau = self.tableau(state)
+            rates = tableau.refined_rates() if self.ill_conditioned else tableau.rates()
+            rates = rates[: 4 * self.system.n].copy()
+            self._rates[key] = rates
+            if len(self._rates) * rates.nbytes > CACHED_BYTES:
+                self._rates.popitem(last=False)
+        made = self._make(state, rates @ direction)
+        self._known[key, direction.tobytes()] = made
+        if len(self._known) * 2 * made.q.nbytes > CACHED_BYTES:
+            self._known.popitem(last=False)[1].next.clear()
+        return made
+
+    def _make(self, state: States, q: Array) -> Segment:
+        n = self.system.n
+        scale = float(np.abs(q * self.weight).max())
+        threshold = RATE_TOLERANCE * scale / self.weight
+        falling = np.flatnonzero(self.bounded(state) & (q < -threshold))
+        sign = (state == FORWARD).astype(float) - (state == BACKWARD)
+        slipping = np.flatnonzero(sign)
+        speed = sign[slipping] * q[slipping]
+        dissipating = np.zeros(4 * n)
+        dissipating[slipping + np.where(sign[slipping] > 0.0, 3 * n, 2 * n)] = 0.5 * speed
+        wrong = slipping[speed < -threshold[slipping]]
+        stroke = self.system.r_star @ q[: 2 * n]
+        return Segment(q, falling, -1.0 / q[falling], dissipating, wrong, stroke)
+
+    def bounded(self, state: States) -> NDArray[np.bool_]:
+        """Return (4N,) which quantities must stay >= 0 in the given states."""
+        open_ = state == SEPARATION
+        contact = (self.frictional | self.smooth) & ~open_
+        return np.concatenate(
+            [
+                np.zeros(len(state), dtype=bool),
+                open_,
+                contact & (state != FORWARD),
+                contact & self.frictional & (state != BACKWARD),
+            ]
+        )
+
+    def values(self, state: ContactState) -> Array:
+        """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""
+        f = self.system.f
+        forward = np.where(self.smooth, state.P, state.Q + f * state.P)
+        backward = f * state.P - state.Q
+        contact = state.state != SEPARATION
+        gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
+        forward = np.where(contact & (state.state != FORWARD), forward, 0.0)
+        backward = np.where(contact & self.frictional & (state.state != BACKWARD), backward, 0.0)
+        y = np.concatenate([state.v, gap, forward, backward])
+        mask = self.bounded(state.state)
+        y[mask] = np.maximum(y[mask], 0.0)
+        return y
+
+    def undecided(self, y: Array, state: States, force_scale: float) -> Undecided:
+        """Return the nodes that sit on a limit, sorted by which limit."""
+        n = self.system.n
+        on = (y * self.weight <= LIMIT_TOLERANCE * force_scale).reshape(4, n)
+        contact = state != SEPARATION
+        touching = np.where(contact, on[2] & (on[3] | ~self.frictional), on[1])
+        F = self.frictional & contact & ~touching
+        return Undecided(
+            np.flatnonzero(F & ((state == FORWARD) | (on[2] & (state == STICK)))),
+            np.flatnonzero(F & ((state == BACKWARD) | (on[3] & (state == STICK)))),
+            np.flatnonzero(self.frictional & touching),
+            np.flatnonzero(self.smooth & touching),
+        )
+
+
+def _has_rigid(system: ContactSystem, motion: Array) -> bool:
+    """Return whether ``motion`` of the contact nodes is among the rigid ones left free."""
+    if system.rigid.shape[1] == 0:
+        return False
+    weights = np.linalg.lstsq(system.rigid, motion, rcond=None)[0]
+    return bool(np.abs(system.rigid @ weights - motion).max() <= RIGID_TOLERANCE)

@@ -1,0 +1,365 @@
+"""One leg under way: segment after segment, with consistent rates after every change of state."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.interface.contact import (
+    Array,
+    ContactState,
+    Leg,
+    largest_force,
+    local_stiffness,
+    reactions,
+    relative_residual,
+)
+from receding_fenicsx.interface.contact_lcp import solve_states
+from receding_fenicsx.interface.rates import (
+    BACKWARD,
+    FORWARD,
+    SEPARATION,
+    STICK,
+    A,
+    B,
+    SingularExchange,
+    V,
+)
+from receding_fenicsx.interface.segments import LIMIT_TOLERANCE, Segment, Segments, States
+
+CLOSE_EVENTS = 1e-9
+"""Part of the leg within which the next event makes all nodes on limits be looked at together."""
+
+STANDING_EVENTS = 20
+"""Events per node within ``CLOSE_EVENTS`` of one place after which the path counts as stuck
+there."""
+
+ALL_AT_ONCE = 3
+"""Rounds in which all violating nodes change state together; afterwards only the worst does."""
+
+EVENT_RESIDUAL = 1e-11
+"""Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
+
+CHECKED_EVENTS = 32
+"""Events, evenly spread over a leg with new sets of states, whose residual is evaluated afresh.
+
+The residual at the end of every leg is always evaluated afresh."""
+
+
+class Walk:
+    """One leg under way."""
+
+    def __init__(
+        self,
+        segments: Segments,
+        start: ContactState,
+        ends: tuple[Array, Array],
+        force_scale: float,
+        samples: int,
+        check_all: bool,
+    ) -> None:
+        """Stand at the start of a leg.
+
+        Args:
+            segments: rates in known sets of states.
+            start: state at the start.
+            ends: (n_loads,) load factors at the start and at the end.
+            force_scale: largest nodal force of the history so far.
+            samples: number of evenly spaced states to keep.
+            check_all: evaluate the residual afresh after every event.
+        """
+        self.segments, self.system, self.check_all = segments, segments.system, check_all
+        self.a, self.b = a, b = ends
+        self.direction = b - a
+        self.s, self.trials_before = 0.0, segments.trials
+        self.progress_at, self.standing = 0.0, 0
+        self.state = start.state.copy()
+        self.y = segments.values(start)
+        self.force_scale = largest_force(self.system, a, start.r, force_scale)
+        self.sample_at = [j / samples for j in range(1, samples + 1)]
+        n = self.system.n
+        self.stiffness = local_stiffness(self.system)
+        self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=self.force_scale)
+        self.to_check: list[tuple[float, Array, States, Array]] = []
+        self.work = 0.0
+        self.dissipation = np.zeros(4 * n)
+
+    def load(self, s: float) -> Array:
+        """Return the load factors at s."""
+        return (1.0 - s) * self.a + s * self.b
+
+    def run(self, s_end: float) -> None:
+        """Go from event to event up to ``s_end``."""
+        y = self.y
+        segment = self._consistent()
+        looked_at = True
+        while True:
+            times = y[segment.falling] * segment.time
+            k = int(times.argmin()) if len(times) else -1
+            first = float(times[k]) if k >= 0 else np.inf
+            if first < CLOSE_EVENTS and not looked_at:
+                segment, looked_at = self._consistent(), True
+                continue
+            ds = min(max(first, 0.0), s_end - self.s)
+            if self.sample_at and self.sample_at[0] <= self.s + ds:
+                self._sample(segment, self.s + ds)
+            last = first >= s_end - self.s
+            self._advance(segment, ds)
+            if last:
+                self.s = s_end
+                return
+            self._watch_progress()
+            segment, looked_at = self._event(int(segment.falling[k]), segment)
+
+    def _advance(self, segment: Segment, ds: float) -> None:
+        """Move on by ds: values, exact dissipation and work."""
+        y = self.y
+        half = 0.5 * ds
+        step = half * segment.q
+        y += step
+        # forward: Q = -B/2, backward: Q = A/2, so -Q dv = (2 f P)/2 |dv|, linear: its middle counts
+        self.dissipation += ds * (segment.dissipating * y)
+        y += step
+        self.work += ds * float(self.load(self.s + half) @ segment.stroke)
+        self.s += ds
+        if self._wants_check():
+            slip = ds * segment.q[: self.system.n]
+            self.to_check.append((self.s, y.copy(), self.state.copy(), slip))
+
+    def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
+        """Pass the event at which a quantity reached its limit; return the new rates.
+
+        Returns:
+            The next segment, and whether all nodes on limits have been looked at.
+        """
+        self.y[label] = 0.0
+        known = segment.next.get(label)
+        if known is not None:
+            self.state, following, change = known
+            self.leg.events.append((self.s, *change))
+            return following, False
+        count = len(self.leg.events)
+        following = self._consistent(label, segment)
+        changes = self.leg.events[count:]
+        # other nodes may have changed because they sat on limits by chance: not to be repeated
+        if len(changes) == 1 and changes[0][1] == label % self.system.n:
+            segment.next[label] = self.state, following, changes[0][1:]
+        return following, True
+
+    def _watch_progress(self) -> None:
+        """Raise when events follow each other without end at one place of the leg."""
+        if self.s - self.progress_at > CLOSE_EVENTS:
+            self.progress_at, self.standing = self.s, 0
+        self.standing += 1
+        if self.standing > STANDING_EVENTS * self.system.n:
+            raise self._explain(self.state, np.zeros(0, dtype=np.intp))
+
+    def _is_new(self) -> bool:
+        """Return whether this leg has met sets of states without known rates."""
+        return self.segments.trials > self.trials_before
+
+    def _wants_check(self) -> bool:
+        if self.check_all:
+            return True
+        return (
+            self._is_new()
+            and len(self.to_check) < CHECKED_EVENTS
+            and self.s * CHECKED_EVENTS >= len(self.to_check)
+        )
+
+    def _sample(self, segment: Segment, s_to: float) -> None:
+        """Keep the states asked for on the present segment."""
+        n = self.system.n
+        while self.sample_at and self.sample_at[0] <= s_to:
+            s = self.sample_at.pop(0)
+            y = self.y + (s - self.s) * segment.q
+            u = np.concatenate([y[:n], y[n : 2 * n] - self.system.g0])
+            r = reactions(self.system, self.load(s), u)
+            self.leg.samples.append((s, ContactState(u, r, self.state.copy())))
+
+    def _consistent(self, hit: int | None = None, segment: Segment | None = None) -> Segment:
+        """Change states until no node on a limit is driven across it.
+
+        All violating nodes change at first, then the worst one; when a set of states comes back,
+        the finite method decides.
+        """
+        segments, before = self.segments, self.state
+        self.state = state = before.copy()
+        seen = {state.tobytes()}
+        rounds = 0
+        if hit is not None and segment is not None:
+            self._change(np.array([hit]), segment)
+            seen.add(state.tobytes())
+        try:
+            while True:
+                segment = segments.at(state, self.direction)
+                violating = self._violations(segment)
+                if len(violating) == 0:
+                    break
+                rounds += 1
+                if rounds > ALL_AT_ONCE:
+                    badness = np.abs(segment.q[violating]) * segments.weight[violating]
+                    violating = violating[[int(np.argmax(badness))]]
+                self._change(violating, segment)
+                if state.tobytes() in seen or rounds > len(state):
+                    segment = self._finite(before)
+                    break
+                seen.add(state.tobytes())
+        except SingularExchange:
+            state[:] = before
+            segment = self._finite(before)
+        changed = np.flatnonzero(state != before)
+        self.leg.events += [(self.s, int(i), int(before[i]), int(state[i])) for i in changed]
+        return segment
+
+    def _violations(self, segment: Segment) -> NDArray[np.intp]:
+        """Return labels of quantities on their limit that are driven across it."""
+        y, weight = self.y, self.segments.weight
+        fall = segment.falling
+        on_limit = fall[y[fall] * weight[fall] <= LIMIT_TOLERANCE * self.force_scale]
+        return np.concatenate([segment.reversed_nodes, on_limit])
+
+    def _change(self, labels: NDArray[np.intp], segment: Segment) -> None:
+        """Give each node of the violated quantities the state on the other side of its limit."""
+        n, state, y = self.system.n, self.state, self.y
+        chosen: dict[int, list[int]] = {}
+        for label in labels.tolist():
+            chosen.setdefault(label % n, []).append(label // n)
+        for i, kinds in chosen.items():
+            old = state[i]
+            if not self.segments.frictional[i]:
+                state[i] = SEPARATION if old == STICK else STICK
+            elif old == SEPARATION:
+                state[i] = STICK
+            elif old in (FORWARD, BACKWARD):
+                state[i] = STICK if V in kinds else SEPARATION
+            elif len(kinds) == 2:
+                state[i] = SEPARATION
+            else:
+                state[i] = FORWARD if kinds[0] == A else BACKWARD
+        # what the new states fix, and what is within round-off of its limit, is exactly zero
+        nodes = np.fromiter(chosen, dtype=np.intp)
+        open_ = state[nodes] == SEPARATION
+        for kind in (A, B):
+            at = kind * n + nodes
+            on = y[at] * self.segments.weight[at] <= LIMIT_TOLERANCE * self.force_scale
+            y[at[on | open_]] = 0.0
+
+    def _finite(self, before: States) -> Segment:
+        """Decide the nodes on limits by linear complementarity, or say why that cannot be."""
+        segments, system, n = self.segments, self.system, self.system.n
+        undecided = segments.undecided(self.y, before, self.force_scale)
+        free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
+        decided_open = (before == SEPARATION) & ~np.isin(np.arange(n), undecided.nodes)
+        open_n = np.flatnonzero(decided_open & ~system.held[n:])
+        open_t = np.flatnonzero(decided_open & segments.frictional)
+        free = np.concatenate([open_t, free_v, n + open_n])
+        try:
+            found = solve_states(system, self.direction @ system.r_star, undecided, free)
+        except np.linalg.LinAlgError:
+            found = None
+        if found is not None:
+            self.state[:] = np.where(found > 0, found, before)
+            try:
+                segment = segments.at(self.state, self.direction)
+                if len(self._violations(segment)) == 0:
+                    return segment
+            except SingularExchange:
+                pass
+        raise self._explain(before, undecided.nodes)
+
+    def _explain(self, before: States, nodes: NDArray[np.intp]) -> SolveError:
+        """Return the error for a load at which the path ends."""
+        segments = self.segments
+        load = ", ".join(f"{value:.9g}" for value in self.load(self.s))
+        where = f"at load factors [{load}] (s = {self.s:.9g} of the leg)"
+        contact = before != SEPARATION
+        loose = contact & segments.frictional
+        reach = self.y.reshape(4, -1)[:, loose]
+        limit = LIMIT_TOLERANCE * self.force_scale
+        if segments.lifts_freely and np.all(
+            self.y.reshape(4, -1)[2:][:, contact].sum(axis=0) <= limit
+        ):
+            return NoEquilibrium(
+                f"lift-off {where}: no pressure is left on the contact; beyond it nothing holds"
+            )
+        if (
+            segments.slides_freely
+            and loose.any()
+            and (np.all(reach[2] <= limit) or np.all(reach[3] <= limit))
+        ):
+            return NoEquilibrium(
+                f"gross sliding {where}: all nodes in contact are at their friction limit, in the same "
+                "direction"
+            )
+        listed = ", ".join(str(i) for i in nodes[:12].tolist()) + (
+            " ..." if len(nodes) > 12 else ""
+        )
+        return NoQuasiStaticContinuation(
+            f"no quasi-static continuation {where}: the rates of nodes [{listed}] have no "
+            "solution, the body jumps here; reduce the friction or the load range"
+        )
+
+    def finish(self, apex: bool, correct: bool) -> Leg:
+        """Return the leg: fresh reactions, residual checked.
+
+        Args:
+            apex: the leg ends at complete unloading.
+            correct: take out the round-off of the path by one step of iterative refinement, which
+            is
+                always done after a leg with new sets of states.
+        """
+        leg, n, system = self.leg, self.system.n, self.system
+        u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
+        load = self.load(self.s)
+        if self._is_new() or correct:
+            u += self.segments.tableau(self.state).correction(reactions(system, load, u))
+        end = ContactState(u, reactions(system, load, u), self.state.copy())
+        self._check(end)
+        if apex:
+            end = ContactState(self._rest(end), np.zeros(2 * n), end.state)
+            leg.samples += [(s, end) for s in self.sample_at]
+        leg.dissipation = self.dissipation[2 * n : 3 * n] + self.dissipation[3 * n :]
+        leg.end, leg.work, leg.force_scale = end, self.work, self.force_scale
+        return leg
+
+    def _rest(self, end: ContactState) -> Array:
+        """Return the displacements of the unloaded body, the rigid sliding reached."""
+        n = self.system.n
+        u = np.zeros(2 * n)
+        if self.segments.slides_freely:
+            u[:n] = end.v.mean()
+        u[:n][self.system.held[:n]] = end.v[self.system.held[:n]]
+        return u
+
+    def _check(self, end: ContactState) -> None:
+        """Evaluate the residual afresh at the end and at the chosen events."""
+        n, system = self.system.n, self.system
+        self.force_scale = largest_force(system, self.load(self.s), end.r, self.force_scale)
+        worst = self._slipless(end)
+        for s, y, state, slip in self.to_check:
+            u = np.concatenate([y[:n], y[n : 2 * n] - system.g0])
+            r = reactions(system, self.load(s), u)
+            moved = np.where((state == FORWARD) | (state == BACKWARD), slip, 0.0)
+            self.force_scale = largest_force(system, self.load(s), r, self.force_scale)
+            now = ContactState(u, r, state)
+            worst = max(
+                worst, relative_residual(system, now, moved, self.stiffness, self.force_scale)
+            )
+        self.leg.residual = worst
+        if worst > EVENT_RESIDUAL:
+            raise SolveError(
+                f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: "
+                f"residual {worst:.1e} over {EVENT_RESIDUAL:.0e}; use method gauss-seidel"
+            )
+
+    def _slipless(self, end: ContactState) -> float:
+        """Return the residual at the end, a slipping node being required to sit on its limit."""
+        f = self.system.f
+        sign = (end.state == FORWARD).astype(float) - (end.state == BACKWARD)
+        worst = relative_residual(
+            self.system, end, np.zeros(self.system.n), self.stiffness, self.force_scale
+        )
+        on_limit = np.abs(end.Q + sign * f * end.P)[sign != 0.0]
+        return max(worst, float(on_limit.max(initial=0.0)) / self.force_scale)
