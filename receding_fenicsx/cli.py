@@ -36,8 +36,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code. 1: a solver failed or something is missing, 2: bad input, 130: interrupted.
     """
     comm = _world()
-    with contextlib.suppress(ValueError):  # signals belong to the main thread
-        signal.signal(signal.SIGTERM, _terminated)
+    _catch_termination()
     try:
         options = _parser(comm).parse_args(argv)
         return int(options.work(options, comm) or 0)
@@ -64,6 +63,11 @@ def _world() -> MPI.Comm | None:
     except ImportError:
         return None
     return MPI.COMM_WORLD
+
+
+def _catch_termination() -> None:
+    with contextlib.suppress(ValueError):  # signals belong to the main thread
+        signal.signal(signal.SIGTERM, _terminated)
 
 
 def _terminated(number: int, frame: FrameType | None) -> NoReturn:
@@ -162,6 +166,9 @@ def _is_root(comm: MPI.Comm | None) -> bool:
 def _needed(comm: MPI.Comm | None) -> MPI.Comm:
     if comm is None:
         raise RecedingError("mpi4py is not installed; see receding-fenicsx doctor")
+    with contextlib.suppress(ImportError):
+        from petsc4py import PETSc  # noqa: F401 - its start takes the signal for itself
+    _catch_termination()
     return comm
 
 

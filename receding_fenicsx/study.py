@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import resource
+import signal
 import sys
+import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
@@ -214,10 +216,25 @@ def _bulk(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk:
     from receding_fenicsx.bulk import elasticity, meshing
 
     half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
-    with timer("mesh"):
+    with timer("mesh"), _signals_kept():
         body = meshing.make_mesh(comm, scene, half)
     with timer("assemble"):
         return elasticity.build(scene, body, half)
+
+
+@contextmanager
+def _signals_kept() -> Iterator[None]:
+    """Put Python's handlers back afterwards: gmsh sets that of SIGTERM to its default."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None:
+                signal.signal(number, handler)
 
 
 def _condense(bulk: Bulk) -> ContactSystem | None:

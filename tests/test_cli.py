@@ -1,0 +1,306 @@
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from receding_fenicsx import cli, environment
+from receding_fenicsx.output.files import read_system
+
+DEMOS = Path(__file__).parents[1] / "demos"
+BLOCK = str(DEMOS / "block.toml")
+SMALL = [
+    *("--set", "mesh.contact_elements=40"),
+    *("--set", "history.cycles=2"),
+    *("--set", "solver.method=events"),
+]
+MODULE = ("-m", "receding_fenicsx")
+Run = Callable[..., "subprocess.CompletedProcess[str]"]
+root = MPI.COMM_WORLD.rank == 0
+
+
+def alone(*arguments: str) -> list[str]:
+    return [sys.executable, *MODULE, *arguments]
+
+
+def our_lines(text: str) -> list[str]:
+    return [line for line in text.splitlines() if "receding-fenicsx:" in line]
+
+
+# -- every command in this process, on all ranks -------------------------------------------------
+
+
+def test_check_tells_what_would_be_modelled(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["check", BLOCK]) == 0
+    out = capsys.readouterr().out
+    if root:
+        assert "321 contact nodes, half of the body, loads p0, 60 cycles" in out
+    else:
+        assert out == ""
+    assert cli.main(["check", BLOCK, "--set", "solver.symmetry=none"]) == 0
+    assert ("the whole body" in capsys.readouterr().out) == root
+
+
+@pytest.mark.parametrize("name", sorted(path.name for path in DEMOS.glob("*.toml")))
+def test_every_demo_scene_can_be_modelled(name: str) -> None:
+    assert cli.main(["check", str(DEMOS / name)]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["check", "none.toml"], ["none.toml", "no such scene file"]),
+        (["check", BLOCK, "--set", "contact.frictoin=1"], ["block.toml", "friction"]),
+        (["check", BLOCK, "--set", "material.poisson=0.5"], ["poisson"]),
+        (["run", BLOCK], ["--out", "--help"]),
+        (["run", BLOCK, "--out", "x", "--resume"], ["--resume", "not available yet"]),
+        (["rnu", BLOCK], ["rnu"]),
+        ([], ["COMMAND"]),
+        (["check", BLOCK, "--st", "a.b=1"], ["--st"]),
+        (["plot", "none"], ["none/record.h5", "no such file"]),
+        (["snapshot", "none", "--cycle", "one", "--leg", "loading"], ["--cycle"]),
+        (["condense", BLOCK, "--out", "none/system.h5"], ["folder does not exist"]),
+        (["run", BLOCK, "--out", BLOCK], ["block.toml", "is a file"]),
+    ],
+)
+def test_bad_input_ends_with_code_2_and_one_line(
+    arguments: list[str], words: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert cli.main(arguments) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    if not root:
+        assert captured.err == ""
+        return
+    assert captured.err.startswith("receding-fenicsx: error: ")
+    assert captured.err.count("\n") == 1
+    for word in words:
+        assert word in captured.err
+
+
+def test_condense_saves_a_system(shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    path = shared_tmp_path / "system.h5"
+    assert cli.main(["condense", BLOCK, *SMALL, "--out", str(path)]) == 0
+    assert ("41 contact nodes of the half body" in capsys.readouterr().out) == root
+    MPI.COMM_WORLD.Barrier()
+    assert read_system(path).n == 41
+    MPI.COMM_WORLD.Barrier()
+    assert cli.main(["condense", BLOCK, *SMALL, "--out", str(path)]) == 2
+    assert cli.main(["condense", BLOCK, *SMALL, "--out", str(path), "--overwrite"]) == 0
+
+
+def test_run_prints_a_table_and_no_progress_into_a_file(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = shared_tmp_path / "run"
+    assert cli.main(["run", BLOCK, *SMALL, "--out", str(out)]) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    if root:
+        for word in ("81 contact nodes", "stick to", "dissipation", "seconds: mesh", str(out)):
+            assert word in captured.out
+        assert captured.out.count("agrees") == 2  # zones; two cycles are too few for the rest
+    else:
+        assert captured.out == ""
+    MPI.COMM_WORLD.Barrier()
+    assert cli.main(["run", BLOCK, *SMALL, "--out", str(out)]) == 2
+    MPI.COMM_WORLD.Barrier()
+    assert cli.main(["run", BLOCK, *SMALL, "--out", str(out), "--overwrite"]) == 0
+
+
+def test_unloading_demo_ends_without_any_force(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = shared_tmp_path / "run"
+    scene = str(DEMOS / "unloading.toml")
+    assert cli.main(["run", scene, *SMALL[:2], *SMALL[4:], "--out", str(out)]) == 0
+    MPI.COMM_WORLD.Barrier()
+    points = json.loads((out / "summary.json").read_text())["turning_points"]
+    assert [point["load"]["p0"] for point in points] == [1.0, 0.0]
+    # section 3.1: complete unloading
+    assert points[1]["p_max"] == points[1]["q_max"] == points[1]["q_min"] == 0.0
+    assert points[0]["p_max"] > 0.5
+    MPI.COMM_WORLD.Barrier()
+
+
+def test_solver_failure_ends_with_code_1(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = ["--set", "solver.method=gauss-seidel", "--set", "solver.max_sweeps=1"]
+    settings += ["--set", "solver.polish=false"]
+    out = shared_tmp_path / "run"
+    assert cli.main(["run", BLOCK, *SMALL, *settings, "--out", str(out)]) == 1
+    captured = capsys.readouterr()
+    if root:
+        assert captured.err.startswith("receding-fenicsx: error: ")
+        assert "residual" in captured.err and captured.err.count("\n") == 1
+    MPI.COMM_WORLD.Barrier()
+    assert os.listdir(shared_tmp_path) == []
+
+
+def test_internal_errors_show_where_they_came_from(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("oops")
+
+    monkeypatch.setattr(cli, "_check", broken)
+    assert cli.main(["check", BLOCK]) == 1
+    err = capsys.readouterr().err
+    assert "Traceback" in err
+    assert ("internal error: ZeroDivisionError: oops" in err) == root
+
+
+def test_doctor_lists_what_works(capsys: pytest.CaptureFixture[str]) -> None:
+    assert cli.main(["doctor"]) == 0
+    out = capsys.readouterr().out
+    if root:
+        for word in ("python", "dolfinx", "petsc", "MUMPS", "MPI", "gmsh", "numpy", "h5py"):
+            assert f"\n{word} " in f"\n{out}"
+        assert "off-screen rendering  works" in out
+        assert "1 thread(s)" in out
+        assert out.endswith("all that is needed is there\n")
+
+
+def test_doctor_says_what_is_missing_and_how_to_get_it(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def crash() -> environment.Finding:
+        monkeypatch.setattr(environment, "RENDER", "import os; os.abort()")
+        return rendering()
+
+    rendering = environment._rendering
+    monkeypatch.setattr(environment, "_rendering", crash)
+    monkeypatch.setitem(sys.modules, "gmsh", None)  # makes importing it fail
+    assert cli.main(["doctor"]) == 1
+    out = capsys.readouterr().out
+    if root:
+        lines = {line.split("  ")[0].strip(): line for line in out.splitlines()}
+        assert "MISSING" in lines["gmsh"] and "pip install gmsh" in lines["gmsh"]
+        assert "exit code -6" in lines["off-screen rendering"]
+        assert "apt install libosmesa6" in lines["off-screen rendering"]
+        assert "something that is needed is missing" in out
+
+
+def test_help_and_version_end_with_code_0(capsys: pytest.CaptureFixture[str]) -> None:
+    for arguments in (["--help"], ["run", "--help"], ["--version"]):
+        with pytest.raises(SystemExit) as caught:
+            cli.main(arguments)
+        assert caught.value.code == 0
+        assert ("receding-fenicsx" in capsys.readouterr().out) == root
+
+
+# -- as a program of its own, on one rank and more -----------------------------------------------
+
+
+@pytest.mark.parametrize("ranks", [1, 2, 3])
+def test_bad_scene_stops_every_rank_with_the_same_code(mpirun: Run, ranks: int) -> None:
+    done = mpirun(ranks, *MODULE, "check", BLOCK, "--set", "body.width=-1", timeout=60)
+    assert done.returncode == 2
+    assert len(our_lines(done.stderr)) == 1
+    assert "[body] width" in done.stderr
+
+
+def test_run_on_two_ranks_gives_the_answer_of_one(mpirun: Run, tmp_path: Path) -> None:
+    summaries = []
+    for ranks in (1, 2):
+        out = tmp_path / str(ranks)
+        done = mpirun(ranks, *MODULE, "run", BLOCK, *SMALL, "--out", out)
+        assert done.returncode == 0, done.stderr
+        assert done.stdout.count("contact nodes") == 1
+        summaries.append(json.loads((out / "summary.json").read_text()))
+    one, two = summaries
+    assert two["ranks"] == 2
+    assert two["dissipation_per_cycle"] == pytest.approx(one["dissipation_per_cycle"], rel=1e-9)
+    for a, b in zip(one["turning_points"], two["turning_points"], strict=True):
+        assert a["zones"] == b["zones"]
+        assert a["p_max"] == pytest.approx(b["p_max"], rel=1e-9)
+
+
+def test_failing_solver_on_two_ranks_ends_with_code_1(mpirun: Run, tmp_path: Path) -> None:
+    settings = ["--set", "solver.method=gauss-seidel", "--set", "solver.max_sweeps=1"]
+    settings += ["--set", "solver.polish=false"]
+    done = mpirun(2, *MODULE, "run", BLOCK, *SMALL, *settings, "--out", tmp_path / "run")
+    assert done.returncode == 1
+    assert len(our_lines(done.stderr)) == 1
+    assert "residual" in our_lines(done.stderr)[0]
+    assert os.listdir(tmp_path) == []
+
+
+def test_rank_that_fails_alone_ends_the_job(mpirun: Run, tmp_path: Path) -> None:
+    script = tmp_path / "alone.py"
+    script.write_text(
+        "import sys\n"
+        "from mpi4py import MPI\n"
+        "from receding_fenicsx import cli\n"
+        "from receding_fenicsx.errors import InputError\n"
+        "cli.RANK_WAIT_SECONDS = 0.5\n"
+        "def work(options, comm):\n"
+        "    if comm.rank == 1:\n"
+        "        raise InputError('only here')\n"
+        "    comm.Barrier()\n"
+        "cli._check = work\n"
+        "sys.exit(cli.main(['check', 'x']))\n"
+    )
+    done = mpirun(2, script, timeout=60)
+    assert done.returncode == 2
+    assert "rank 1: error: only here" in done.stderr
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="sends signals to a process of its own")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_interrupted_run_leaves_nothing_behind(
+    tmp_path: Path, number: signal.Signals, code: int
+) -> None:
+    out = tmp_path / "run"
+    slow = ["--set", "history.cycles=100000", "--set", "mesh.contact_elements=400"]
+    process = subprocess.Popen(
+        alone("run", BLOCK, *SMALL, *slow, "--out", str(out)),
+        env=environment.child_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        end = time.monotonic() + 60
+        while not os.listdir(tmp_path):
+            assert process.poll() is None and time.monotonic() < end
+            time.sleep(0.05)
+        time.sleep(1.0)
+        assert process.poll() is None
+        process.send_signal(number)
+        stdout, stderr = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == code
+    assert "Traceback" not in stderr
+    assert stdout == ""
+    if number == signal.SIGINT:
+        assert stderr.splitlines() == ["receding-fenicsx: interrupted"]
+    assert os.listdir(tmp_path) == []
+
+
+def test_threads_are_set_before_numpy_loads(mpirun: Run) -> None:
+    code = (
+        "import sys, receding_fenicsx, os\n"
+        "print('numpy' in sys.modules, 'mpi4py' in sys.modules, 'dolfinx' in sys.modules)\n"
+        "print(os.environ['OPENBLAS_NUM_THREADS'], os.environ['OMP_NUM_THREADS'])\n"
+        "receding_fenicsx.evolve, receding_fenicsx.ContactSystem, receding_fenicsx.Scene\n"
+        "print('mpi4py' in sys.modules, 'dolfinx' in sys.modules, 'pyvista' in sys.modules)\n"
+    )
+    clean = {k: v for k, v in environment.child_environment().items() if "NUM_THREADS" not in k}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=clean | {"OMP_NUM_THREADS": "3"},
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert done.stdout.split("\n")[:3] == ["False False False", "1 3", "False False False"]

@@ -1,0 +1,170 @@
+import dataclasses
+import os
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from receding_fenicsx import study
+from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import from_scene
+from receding_fenicsx.output.files import read_record, read_system
+from receding_fenicsx.output.summary import read_summary
+from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene_file import read_scene
+
+DEMOS = Path(__file__).parents[1] / "demos"
+SMALL = [
+    "mesh.contact_elements=40",
+    "history.cycles=2",
+    "solver.method=events",
+    "output.samples_per_leg=4",
+]
+comm = MPI.COMM_WORLD
+
+
+def small(*overrides: str) -> Scene:
+    return read_scene(DEMOS / "block.toml", [*SMALL, *overrides])
+
+
+def test_run_leaves_all_files_and_returns_their_record(shared_tmp_path: Path) -> None:
+    out = shared_tmp_path / "run"
+    heard: list[str] = []
+    record = study.run(small(), out, comm, pictures=False, progress=heard.append)
+    comm.Barrier()
+    assert (record is None) == (comm.rank > 0)
+    assert {"record.h5", "summary.json", "system.h5"} <= set(os.listdir(out))
+    assert os.listdir(shared_tmp_path) == ["run"]
+    summary = read_summary(out / "summary.json")
+    assert set(summary["timings"]) == {"mesh", "assemble", "condense", "evolve", "pictures"}
+    assert all(summary["timings"][s] > 0 for s in ("mesh", "assemble", "condense", "evolve"))
+    assert summary["ranks"] == comm.size
+    assert summary["peak_memory_MB"] > 30.0
+    assert {"python", "numpy", "dolfinx", "petsc", "MPI"} <= set(summary["versions"])
+    assert summary["residual_max"] < 1e-9
+    assert summary["energy_error_max"] < 1e-10  # the exact path's energy identity
+    assert (summary["nodes"], summary["modelled_nodes"]) == (81, 41)
+    if record is not None:
+        stored = read_record(out / "record.h5")
+        np.testing.assert_array_equal(stored.turning_points.P, record.turning_points.P)
+        assert any("mesh" in text for text in heard)
+        assert any("cycle 2 of 2" in text for text in heard)
+    else:
+        assert heard == []
+
+
+def test_saved_system_gives_the_same_record_without_meshing(shared_tmp_path: Path) -> None:
+    scene = small()
+    record = study.run(scene, shared_tmp_path / "run", comm, pictures=False)
+    if record is not None:
+        system = read_system(shared_tmp_path / "run" / "system.h5", scene)
+        again = evolve(system, from_scene(scene), scene.solver, scene.output)
+        for name in ("v", "w", "P", "Q", "state"):
+            np.testing.assert_array_equal(
+                getattr(again.turning_points, name), getattr(record.turning_points, name)
+            )
+    comm.Barrier()
+
+
+def test_half_is_modelled_only_when_it_may_be() -> None:
+    for overrides, half in (
+        ([], True),
+        (["solver.symmetry=none"], False),
+        (["contact.friction=0.35 + 0.001*x"], False),
+    ):
+        record = study.run(small("history.cycles=1", *overrides), None, comm)
+        assert comm.bcast(None if record is None else record.half) == half
+
+
+def test_answer_scales_with_the_units() -> None:
+    """p0 and E in other units: P and Q scale with them, v and w do not (eqs. 4 to 12)."""
+    record = study.run(small("history.cycles=1"), None, comm)
+    other = study.run(
+        small("history.cycles=1", "material.young=2e11", "load.p0.pressure=2e11"), None, comm
+    )
+    if record is not None and other is not None:
+        a, b = record.turning_points, other.turning_points
+        np.testing.assert_array_equal(a.state, b.state)
+        np.testing.assert_allclose(b.P, 2e11 * a.P, rtol=1e-9, atol=2e2 * a.P.max())
+        np.testing.assert_allclose(b.v, a.v, atol=1e-9 * np.abs(a.v).max())
+
+
+def test_initial_slip_is_taken_over() -> None:
+    """A slip that all nodes share and no stiffness resists leaves the tractions as they were.
+
+    The whole block is free to move along the plane, so v + c with the same reference is the same.
+    """
+    scene = small("history.kind=monotonic", "solver.symmetry=none")
+    moved = dataclasses.replace(
+        scene, history=dataclasses.replace(scene.history, initial_slip=0.125)
+    )
+    a, b = study.run(scene, None, comm), study.run(moved, None, comm)
+    if a is not None and b is not None:
+        scale = np.abs(a.turning_points.P).max()
+        np.testing.assert_allclose(b.turning_points.P, a.turning_points.P, atol=1e-9 * scale)
+        centre = len(a.x) // 2
+        shift = b.turning_points.v[0, centre] - a.turning_points.v[0, centre]
+        np.testing.assert_allclose(shift, 0.125, rtol=1e-6)
+
+
+def test_condensed_alone_is_what_run_condenses(shared_tmp_path: Path) -> None:
+    system = study.condense(small(), comm)
+    study.run(small(), shared_tmp_path / "run", comm, pictures=False)
+    assert (system is None) == (comm.rank > 0)
+    if system is not None:
+        stored = read_system(shared_tmp_path / "run" / "system.h5")
+        np.testing.assert_array_equal(stored.K, system.K)
+    comm.Barrier()
+
+
+def test_existing_folders_are_left_alone_unless_asked(shared_tmp_path: Path) -> None:
+    out = shared_tmp_path / "run"
+    scene = small("history.kind=monotonic")
+    study.run(scene, out, comm, pictures=False)
+    comm.Barrier()
+    before = (out / "record.h5").stat().st_mtime_ns
+    with pytest.raises(InputError, match="is there already"):
+        study.run(scene, out, comm, pictures=False)
+    assert (out / "record.h5").stat().st_mtime_ns == before
+    comm.Barrier()
+    study.run(scene, out, comm, overwrite=True, pictures=False)
+    comm.Barrier()
+    assert (out / "record.h5").stat().st_mtime_ns > before
+
+
+def test_failing_run_leaves_nothing_behind(shared_tmp_path: Path) -> None:
+    # one sweep from one step of the whole load cannot be enough
+    scene = small("solver.method=gauss-seidel", "solver.max_sweeps=1", "solver.polish=false")
+    with pytest.raises(NotConverged):
+        study.run(scene, shared_tmp_path / "run", comm)
+    comm.Barrier()
+    assert os.listdir(shared_tmp_path) == []
+
+
+def test_invalid_scene_from_python_is_refused_before_meshing() -> None:
+    scene = small()
+    bad = dataclasses.replace(scene, body=dataclasses.replace(scene.body, width=-1.0))
+    with pytest.raises(InputError, match=r"\[body\] width"):
+        study.run(bad, None, comm)
+
+
+def test_instants_are_found_by_the_names_of_legs(shared_tmp_path: Path) -> None:
+    scene = small()
+    record = study.run(scene, shared_tmp_path / "run", comm, pictures=False)
+    if record is not None:
+        system = read_system(shared_tmp_path / "run" / "system.h5", scene)
+        low = study.instant_of(scene, system, record, 2, "unloading")
+        np.testing.assert_array_equal(low.load, [scene.history.minimum])
+        middle = study.instant_of(scene, system, record, 2, "loading", 0.25)
+        np.testing.assert_allclose(middle.load, [0.5], rtol=1e-14)
+        chosen = study.default_instants(scene, system, record)
+        assert [(i.cycle, i.leg) for i in chosen] == [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1)]
+        slipped = dataclasses.replace(
+            scene, history=dataclasses.replace(scene.history, initial_slip="0.001*x")
+        )
+        with pytest.raises(InputError, match="one jump"):
+            study.instant_of(slipped, system, record, 0, "loading", 0.5)
+    comm.Barrier()
