@@ -273,7 +273,8 @@ def test_scaling_by_powers_of_two_leaves_the_bits(cell: str, degree: int) -> Non
     base = system_of(scene, on=alone)
     up, down = 2.0**30, 2.0**-30
     stiffer = system_of(replace(scene, material=Material(2.0 * up, 0.3)), on=alone)
-    harder = system_of(replace(scene, loads=(Load("p0", "top", (-1.0, 1.0), pressure=0.7 * up),)))
+    load = Load("p0", "top", (-1.0, 1.0), pressure=0.7 * up)
+    harder = system_of(replace(scene, loads=(load,)), on=alone)
     smaller = system_of(
         replace(
             scene,
