@@ -33,6 +33,14 @@ from receding_fenicsx.interface.contact import (
 STICK, SEPARATION = int(State.STICK), int(State.SEPARATION)
 FORWARD, BACKWARD = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)
 
+TRIED_AFTER = {
+    STICK: (STICK, FORWARD, BACKWARD, SEPARATION),
+    SEPARATION: (SEPARATION, STICK, FORWARD, BACKWARD),
+    FORWARD: (FORWARD, STICK, SEPARATION, BACKWARD),
+    BACKWARD: (BACKWARD, STICK, SEPARATION, FORWARD),
+}
+"""Order in which a node's states are assumed, by its last state: likely changes first."""
+
 SETTLE_SWEEPS = 2
 """Sweeps without a change of state after which a polish is tried."""
 
@@ -238,38 +246,25 @@ def local_solution(
         state: state assumed first.
 
     Returns:
-        State, v and w. If no state satisfies all inequalities (possible only for f |c| > k_t) the
-        last one tried is returned; the residual then keeps the step from being accepted.
+        State, v and w of the first state whose inequalities all hold: the only one if f |c| < k_t.
+        If none does (possible only otherwise) the node is left sticking; the residual then keeps
+        the step from being accepted.
     """
-    for _ in range(4):
-        if state == SEPARATION:
+    for assumed in TRIED_AFTER[state]:
+        if assumed == SEPARATION:
             det = k_t * k_n - c * c
-            v = (-Q0 * k_n + P0 * c) / det
             w = (-P0 * k_t + Q0 * c) / det
             if w >= w_c:
-                return SEPARATION, v, w
-            state = STICK
-        elif state == STICK:
+                return SEPARATION, (-Q0 * k_n + P0 * c) / det, w
+        elif assumed == STICK:
             P = P0 + c * v_ref + k_n * w_c
-            if P <= 0.0:
-                state = SEPARATION
-                continue
-            Q = Q0 + k_t * v_ref + c * w_c
-            if Q > f * P:
-                state = BACKWARD
-            elif Q < -f * P:
-                state = FORWARD
-            else:
+            if P > 0.0 and abs(Q0 + k_t * v_ref + c * w_c) <= f * P:
                 return STICK, v_ref, w_c
         else:
-            sign = 1.0 if state == FORWARD else -1.0
+            sign = 1.0 if assumed == FORWARD else -1.0
             v = -(Q0 + c * w_c + sign * f * (P0 + k_n * w_c)) / (k_t + sign * f * c)
-            if P0 + c * v + k_n * w_c <= 0.0:
-                state = SEPARATION
-            elif sign * (v - v_ref) >= 0.0:
-                return state, v, w_c
-            else:
-                state = STICK
+            if sign * (v - v_ref) >= 0.0 and P0 + c * v + k_n * w_c > 0.0:
+                return assumed, v, w_c
     return STICK, v_ref, w_c
 
 
@@ -430,6 +425,8 @@ class _Sweeper:
         n = self.system.n
         r = reactions(self.system, self.load, self.u)
         end = ContactState(self.u, r, np.array(self.state, dtype=np.int8))
+        # without friction there is no slip to tell from stick
+        end.state[(self.system.f == 0.0) & (end.state != SEPARATION)] = STICK
         v_start = np.array(self.v_ref)
         touched = np.array(self.was_open) & (end.state != SEPARATION)
         Q_old = np.where(touched, 0.0, self.start.Q)

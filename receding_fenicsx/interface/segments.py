@@ -77,7 +77,9 @@ class Segments:
         self.frictional = ~system.held[:n] & normal & (system.f > 0.0)
         self.smooth = normal & ~self.frictional
         force = 1.0 / np.maximum(1.0, system.f)
-        self.weight = np.concatenate([*local_stiffness(system), force, force])
+        stiffness = np.concatenate(local_stiffness(system))
+        stiffness[stiffness == 0.0] = stiffness.max()  # freedoms eliminated in the 2N form
+        self.weight = np.concatenate([stiffness, force, force])
         self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
         self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
         self.ill_conditioned = False

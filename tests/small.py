@@ -1,0 +1,60 @@
+"""Condensed systems of one or two nodes for models worked out on paper, and histories for them."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from receding_fenicsx.history import History
+from receding_fenicsx.interface.contact import ContactSystem
+
+
+def small_system(
+    K: ArrayLike,
+    loads: Mapping[str, ArrayLike],
+    f: ArrayLike,
+    g0: ArrayLike = 0.0,
+    rigid: ArrayLike = (),
+) -> ContactSystem:
+    """Return a system from its matrices.
+
+    Args:
+        K: (2N, 2N) stiffness, order [v; w].
+        loads: name and (2N,) held reactions [Q*; P*] of each load.
+        f: coefficient of friction.
+        g0: initial gap.
+        rigid: rigid motions, (2N,) each.
+    """
+    K = np.array(K, dtype=float)
+    n = len(K) // 2
+    return ContactSystem(
+        x=np.arange(n, dtype=float),
+        points=np.stack([np.arange(n), np.zeros(n)], axis=1).astype(float),
+        weight=np.ones(n),
+        K=K,
+        r_star=np.array(list(loads.values()), dtype=float),
+        load_names=tuple(loads),
+        f=np.broadcast_to(np.asarray(f, dtype=float), (n,)).copy(),
+        g0=np.broadcast_to(np.asarray(g0, dtype=float), (n,)).copy(),
+        held=np.zeros(2 * n, dtype=bool),
+        rigid=np.array(rigid, dtype=float).reshape(-1, 2 * n).T,
+    )
+
+
+def table(
+    system: ContactSystem,
+    path: ArrayLike,
+    loop: ArrayLike = (),
+    cycles: int = 0,
+) -> History:
+    """Return the history through the corners of ``path`` and then round ``loop``."""
+    width = len(system.load_names)
+    corners = np.array(path, dtype=float).reshape(-1, width)
+    closed = np.array(loop, dtype=float).reshape(-1, width)
+    return History(system.load_names, corners, closed, cycles)
+
+
+def cyclic(cycles: int, minimum: float = 1 / 3, maximum: float = 1.0) -> History:
+    """Return the paper's history of the load p0: to the maximum, then down and up again."""
+    loop = np.array([[maximum], [minimum], [maximum]])
+    return History(("p0",), np.array([[0.0], [maximum]]), loop, cycles)

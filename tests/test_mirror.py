@@ -1,0 +1,103 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from models import block_system
+from small import cyclic
+
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.interface.contact import State
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.scene import OutputOptions
+
+HALF = block_system(20, 10)
+STICK, OPEN, FORWARD, BACKWARD = (
+    int(State.STICK),
+    int(State.SEPARATION),
+    int(State.FORWARD_SLIP),
+    int(State.BACKWARD_SLIP),
+)
+
+
+def test_reflects_even_odd_and_total_arrays() -> None:
+    mirror = mirror_of(replace(HALF, x=np.array([0.0, 1.0, 2.0])))
+    a = np.array([[5.0, 1.0, 2.0], [7.0, 3.0, 4.0]])
+    assert mirror.even(a).tolist() == [[2, 1, 5, 1, 2], [4, 3, 7, 3, 4]]
+    assert mirror.odd(a).tolist() == [[-2, -1, 0, 1, 2], [-4, -3, 0, 3, 4]]
+    assert mirror.total(a).tolist() == [[2, 1, 10, 1, 2], [4, 3, 14, 3, 4]]
+    assert mirror.factor == 2.0
+
+
+def test_slip_directions_change_places_on_the_reflected_side() -> None:
+    mirror = mirror_of(replace(HALF, x=np.array([0.0, 1.0, 2.0, 3.0])))
+    states = np.array([STICK, FORWARD, BACKWARD, OPEN], dtype=np.int8)
+    expected = [OPEN, FORWARD, BACKWARD, STICK, FORWARD, BACKWARD, OPEN]
+    assert mirror.states(states).tolist() == expected
+    assert mirror.nodes(0) == [(3, False)]
+    assert mirror.nodes(2) == [(1, True), (5, False)]
+
+
+def test_a_half_without_a_node_on_the_axis_doubles_nothing() -> None:
+    mirror = mirror_of(replace(HALF, x=np.array([0.5, 1.5])))
+    assert mirror.total(np.array([1.0, 2.0])).tolist() == [2, 1, 1, 2]
+    assert mirror.odd(np.array([1.0, 2.0])).tolist() == [-2, -1, 1, 2]
+
+
+def test_a_whole_model_is_left_as_it_is() -> None:
+    mirror = mirror_of(replace(HALF, half=False))
+    a = np.arange(21.0)
+    assert all(np.array_equal(m(a), a) for m in (mirror.even, mirror.odd, mirror.total))
+    assert mirror.factor == 1.0
+
+
+@pytest.fixture(scope="module")
+def pair() -> tuple:
+    """Return the records of the half and of the whole block over three cycles."""
+    output = OutputOptions(samples_per_leg=10, cycles="all")
+    half = evolve(HALF, cyclic(3), output=output)
+    whole = evolve(block_system(40, 10, half=False), cyclic(3), output=output)
+    return half, whole
+
+
+def test_half_and_whole_records_agree_in_every_field(pair: tuple) -> None:
+    half, whole = pair
+    for table in ("turning_points", "samples"):
+        a, b = getattr(half, table), getattr(whole, table)
+        assert np.array_equal(a.state, b.state)
+        fields = "cycle leg s load P Q p q v w load_displacement"
+        for field in fields.split():
+            x, y = getattr(a, field), getattr(b, field)
+            assert x.shape == y.shape, field
+            assert np.abs(x - y).max() <= 1e-10 * np.abs(y).max(), field
+    for field in ("x", "points", "f", "g0", "weight"):
+        assert np.allclose(getattr(half, field), getattr(whole, field), rtol=1e-14, atol=1e-14), (
+            field
+        )
+    assert (half.modelled_nodes, whole.modelled_nodes) == (21, 41)
+
+
+def test_half_and_whole_dissipate_alike(pair: tuple) -> None:
+    half, whole = pair
+    assert half.dissipation_first_loading == pytest.approx(
+        whole.dissipation_first_loading, rel=1e-10
+    )
+    for field in ("dissipation", "dissipation_density", "slip_increment"):
+        a, b = getattr(half.cycles, field), getattr(whole.cycles, field)
+        assert np.abs(a - b).max() <= 1e-10 * np.abs(b).max(), field
+    # the density integrates to the total
+    total = half.cycles.dissipation_density @ half.weight
+    assert total == pytest.approx(half.cycles.dissipation, rel=1e-12)
+
+
+def test_half_and_whole_pass_the_same_events(pair: tuple) -> None:
+    half, whole = pair
+
+    def rows(record: object) -> np.ndarray:
+        e = record.events  # type: ignore[attr-defined]
+        s = np.round(e.s, 9)
+        listed = np.column_stack([e.cycle, e.leg, s, e.node, e.old, e.new])
+        return listed[np.lexsort(listed.T[::-1])]
+
+    a, b = rows(half), rows(whole)
+    assert a.shape == b.shape and len(a) > 100
+    assert np.array_equal(a, b)
