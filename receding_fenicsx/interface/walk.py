@@ -290,7 +290,7 @@ class Walk:
             and (np.all(reach[2] <= limit) or np.all(reach[3] <= limit))
         ):
             return NoEquilibrium(
-                f"gross sliding {where}: all nodes in contact are at their friction limit, in the same "
+                f"gross sliding {where}: all contact nodes are at their limit, in the same "
                 "direction"
             )
         listed = ", ".join(str(i) for i in nodes[:12].tolist()) + (
