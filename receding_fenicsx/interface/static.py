@@ -19,6 +19,10 @@ from receding_fenicsx.interface.contact_lcp import Undecided, solve_states
 from receding_fenicsx.interface.rates import STICK, SingularExchange
 from receding_fenicsx.interface.segments import Segments
 
+BRIEF_SWEEPS = 400
+LONG_SWEEPS = 20000
+"""Gauss-Seidel sweeps before and after the finite method."""
+
 STATIC_RESIDUAL = 1e-13
 """Residual asked of Gauss-Seidel, where round-off allows it."""
 
@@ -29,21 +33,43 @@ ACCEPTED_RESIDUAL = 1e-11
 def solve_static(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
     """Solve the static problem from ``start`` to ``load``; None when no solution was found.
 
-    Gauss-Seidel with polish comes first, the finite method when it does not converge.
+    Gauss-Seidel with polish comes first, then the finite method, then Gauss-Seidel with patience: a
+    nearly incompressible body takes thousands of sweeps.
 
     Args:
         segments: of the condensed body.
-        start: displacements that slip is counted from; its open nodes are taken as touching.
+        start: displacements that slip is counted from; its open nodes are taken as touching by the
+            finite method.
         load: (n_loads,) load factors.
     """
-    system, n = segments.system, segments.system.n
-    options = gauss_seidel.GaussSeidelOptions(
-        max_sweeps=max(400, 4 * n), residual_tolerance=STATIC_RESIDUAL
-    )
+    for attempt in (_sweep_briefly, _pivot, _sweep_long):
+        end = attempt(segments, start, load)
+        if end is not None:
+            return end
+    return None
+
+
+def _sweep_briefly(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    return _sweep(segments, start, load, BRIEF_SWEEPS)
+
+
+def _sweep_long(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    return _sweep(segments, start, load, LONG_SWEEPS)
+
+
+def _sweep(
+    segments: Segments, start: ContactState, load: Array, sweeps: int
+) -> ContactState | None:
+    options = gauss_seidel.GaussSeidelOptions(max_sweeps=sweeps, residual_tolerance=STATIC_RESIDUAL)
     try:
-        return gauss_seidel.solve_step(system, start, load, options).end
+        return gauss_seidel.solve_step(segments.system, start, load, options).end
     except NotConverged:
-        pass
+        return None
+
+
+def _pivot(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    """Solve by linear complementarity, every node being undecided."""
+    system, n = segments.system, segments.system.n
     nothing = np.zeros(0, dtype=np.intp)
     u0 = np.concatenate([start.v, np.where(system.held[n:], start.w, -system.g0)])
     nodes = Undecided(
