@@ -72,7 +72,8 @@ class Tableau:
 
     Attributes:
         state: (N,) present states.
-        load_rates: (m, n_loads) rates of the outputs under unit load rates.
+        load_rates: (m, n_loads) rates of the outputs under unit load rates, displacements in units
+            of their own.
         row_label: (m,) label of each output.
         pivots: exchanges done so far.
         rebuilds: times that the tableau was made from scratch.
@@ -90,7 +91,12 @@ class Tableau:
         self.free_v = loose & ~self.frictional
         F, S, Z = nodes[self.frictional], nodes[self.smooth], nodes[self.free_v]
         f = system.f[F, None]
-        wide = np.hstack([system.K, system.r_star.T])
+        # exchanges mix pivots with ones: displacements are counted in force over a typical
+        # stiffness, a power of two, so that the unit of the stiffness changes no digit
+        diagonal = np.abs(np.diagonal(system.K))
+        typical = np.median(diagonal[diagonal > 0.0]) if np.any(diagonal) else 1.0
+        self._unit = 2.0 ** int(np.frexp(typical)[1])
+        wide = np.hstack([system.K / self._unit, system.r_star.T])
         force = np.vstack(
             [
                 wide[F] + f * wide[n + F],
@@ -105,7 +111,7 @@ class Tableau:
         self._stuck_columns = np.concatenate([V * n + F, W * n + F, W * n + S, V * n + Z])
         # the reaction of a frictionless node's tangential freedom is an input for good
         self._stuck_rows = np.concatenate([A * n + F, B * n + F, A * n + S, REACTION * n + Z])
-        self._weight = np.abs(np.diagonal(system.K))
+        self._weight = diagonal / self._unit
         m = len(dofs)
         self._U, self._V = np.zeros((m, PENDING), order="F"), np.zeros((PENDING, m))
         self.pivots = self.rebuilds = 0
@@ -242,13 +248,14 @@ class Tableau:
         """Return (5N, n_loads) rates of every labelled quantity under unit load rates."""
         rates = np.zeros((5 * self.system.n, self.load_rates.shape[1]))
         rates[self.row_label] = self.load_rates
+        rates[: 2 * self.system.n] /= self._unit
         return rates
 
     def response(self, labels: NDArray[np.intp], change: Array) -> Array:
-        """Return the change of every output when inputs change by a finite amount.
+        """Return the change of every output when forces among the inputs change by a finite amount.
 
         Args:
-            labels: labels of the changed inputs.
+            labels: labels of the changed inputs, not V or W.
             change: their changes, (k,) or (k, c) for c cases at once.
 
         Returns:
@@ -259,6 +266,7 @@ class Tableau:
         x = np.zeros((self._T.shape[1], *change.shape[1:]))
         x[self._column_of[labels]] = change
         out[self.row_label] = self._T @ x
+        out[: 2 * self.system.n] /= self._unit
         return out
 
     def correction(self, r: Array) -> Array:
