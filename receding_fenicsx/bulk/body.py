@@ -85,9 +85,12 @@ def interior_solver(bulk: Bulk) -> PETSc.KSP:
     solver = PETSc.KSP().create(bulk.comm)
     solver.setOperators(matrix)
     solver.setType("preonly")
-    solver.getPC().setType("cholesky")
-    solver.getPC().setFactorSolverType("mumps")
+    pc = solver.getPC()
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps")
     solver.setUp()
+    # every reference has to be given back: petsc4py keeps what Python merely forgets
+    pc.destroy()
     matrix.destroy()
     return solver
 

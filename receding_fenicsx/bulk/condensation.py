@@ -6,7 +6,8 @@ With the contact C and the interior I, and forces r of the plane on the body,
 
 MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks.
 petsc4py does not wrap that part of PETSc, so its C functions are called through ctypes. Route
-"solve" needs nothing but a factorisation of A_II and is slower: a fallback and a check.
+"solve" needs nothing but a factorisation of A_II and is slower: a fallback and a check. There is
+no ordering to choose: with a Schur complement MUMPS 5.5 takes minimum degree whatever it is told.
 """
 
 from __future__ import annotations
@@ -41,10 +42,6 @@ PROBE_TOLERANCE = 1e-10
 """Largest error of K times a probe, found by a solve, over the largest row sum of |K|."""
 BLOCK = 64
 """Right-hand sides solved for together."""
-ORDERINGS = {"amd": 0, "amf": 2, "scotch": 3, "pord": 4, "metis": 5, "qamd": 6, "automatic": 7}
-"""MUMPS's numbers (ICNTL(7)) of fill-reducing orderings."""
-ORDERING = "automatic"
-"""The ordering that is used."""
 
 
 def condense(bulk: Bulk, route: str = "schur") -> ContactSystem | None:
@@ -167,8 +164,6 @@ def _by_schur(bulk: Bulk) -> Condensed:
     pc.setFactorSolverType("mumps")
     pc.setFactorSetUpSolverType()
     factor = pc.getFactorMatrix()
-    factor.setMumpsIcntl(28, 1)  # sequential analysis: the parallel one knows no Schur complement
-    factor.setMumpsIcntl(7, ORDERINGS[ORDERING])
     # MUMPS in PETSc wants all of them on rank 0
     indices = bulk.contact.dofs if bulk.comm.rank == 0 else np.empty(0)
     where = PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=bulk.comm)
@@ -187,10 +182,8 @@ def _by_schur(bulk: Bulk) -> Condensed:
     factor.setMumpsIcntl(26, 0)  # solve with A_II alone
     held, compliance = _held_response(bulk, factor.solve)
     probe = _probe(bulk, matrix, factor.solve)
-    where.destroy()
-    pc.destroy()
-    if supported:
-        matrix.destroy()
+    for thing in (where, factor, pc, *([matrix] if supported else [])):
+        thing.destroy()
     return Condensed(K, held, compliance, probe)
 
 
@@ -216,7 +209,8 @@ def _probe(bulk: Bulk, matrix: PETSc.Mat, solve: Any) -> tuple[Array, Array] | N
 def _by_solves(bulk: Bulk) -> Condensed:
     """Condense by solves with A_II for blocks of right-hand sides."""
     solver = interior_solver(bulk)
-    factor = solver.getPC().getFactorMatrix()
+    pc = solver.getPC()
+    factor = pc.getFactorMatrix()
     start = bulk.stiffness.getOwnershipRange()[0]
     dofs, places = owned_contact(bulk)
     off = np.concatenate([bulk.fixed, dofs]) - start
@@ -245,7 +239,8 @@ def _by_solves(bulk: Bulk) -> Condensed:
         for thing in (unit, force, rhs, inner, back):
             thing.destroy()
     held, compliance = _held_response(bulk, solver.solve)
-    solver.destroy()
+    for thing in (factor, pc, solver):
+        thing.destroy()
     return Condensed(K, held, compliance)
 
 
