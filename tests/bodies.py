@@ -9,6 +9,7 @@ from mpi4py import MPI
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.elasticity import Bulk, build
 from receding_fenicsx.bulk.meshing import BodyMesh, make_mesh
 from receding_fenicsx.scene import Body, Load, Material, MeshOptions, Scene
@@ -48,8 +49,7 @@ def everything(body: BodyMesh) -> tuple[Array, NDArray[np.int64]]:
     """All points (n, 2) and cells (DOLFINx's order) of a mesh, alike on every rank."""
     mesh = body.mesh
     index_map, cells = mesh.geometry.index_map(), mesh.topology.index_map(2).size_local
-    dofmap = mesh.geometry.dofmap
-    local = [dofmap.links(c) if hasattr(dofmap, "links") else dofmap[c] for c in range(cells)]
+    local = [_dolfinx.cell_nodes(mesh, c) for c in range(cells)]
     corners = {"triangle": 3, "quadrilateral": 4}[body.cell]
     numbers = np.array(local, dtype=np.int32).reshape(cells, corners)
     owned = mesh.geometry.x[: index_map.size_local, :2]
@@ -71,9 +71,7 @@ def facet_ends(body: BodyMesh, edge: str) -> Array:
         for vertex in topology.connectivity(1, 0).links(facet):
             cell = topology.connectivity(0, 2).links(vertex)[0]
             place = list(topology.connectivity(2, 0).links(cell)).index(vertex)
-            dofmap = geometry.dofmap
-            nodes = dofmap.links(cell) if hasattr(dofmap, "links") else dofmap[cell]
-            ends.append(geometry.x[nodes[place], :2])
+            ends.append(geometry.x[_dolfinx.cell_nodes(body.mesh, cell)[place], :2])
         points.append(np.array(sorted(map(tuple, ends))))
     every = [tuple(p.ravel()) for part in body.mesh.comm.allgather(points) for p in part]
     return np.array(sorted(set(every))).reshape(-1, 2, 2)

@@ -130,11 +130,11 @@ def tag_entities(mesh: dmesh.Mesh, dim: int, entities: Ints, values: NDArray[np.
     return dmesh.meshtags_from_entities(mesh, dim, adjacencylist(owned), tags.astype(np.int32))
 
 
-def cell_corners(mesh: dmesh.Mesh, cell: int) -> Array:
-    """Return the vertices (n, 2) of a straight-sided cell, exactly as they were given."""
+def cell_nodes(mesh: dmesh.Mesh, cell: int) -> NDArray[np.int32]:
+    """Return the local geometry nodes of a cell: its vertices, as cells are straight-sided."""
     dofmap = mesh.geometry.dofmap
     # 0.7 made the adjacency list an array
-    return mesh.geometry.x[dofmap.links(cell) if VERSION < (0, 7) else dofmap[cell], :2]
+    return dofmap.links(cell) if VERSION < (0, 7) else dofmap[cell]
 
 
 def assemble_matrix(form: Any) -> PETSc.Mat:

@@ -65,7 +65,7 @@ def edge_facets(
         if cell >= owned:
             continue
         side = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
-        around = _dolfinx.cell_corners(body.mesh, cell)
+        around = body.mesh.geometry.x[_dolfinx.cell_nodes(body.mesh, cell), :2]
         a, b = around[corners[side]]
         normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
         inside = normal @ (around.mean(axis=0) - a)
