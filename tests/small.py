@@ -1,20 +1,22 @@
 """Condensed systems of one or two nodes for models worked out on paper, and histories for them."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
-from numpy.typing import ArrayLike
 
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactSystem
 
+Rows = Sequence[Any] | np.ndarray
+
 
 def small_system(
-    K: ArrayLike,
-    loads: Mapping[str, ArrayLike],
-    f: ArrayLike,
-    g0: ArrayLike = 0.0,
-    rigid: ArrayLike = (),
+    K: Rows,
+    loads: Mapping[str, Rows],
+    f: float | Rows,
+    g0: float | Rows = 0.0,
+    rigid: Rows = (),
 ) -> ContactSystem:
     """Return a system from its matrices.
 
@@ -43,8 +45,8 @@ def small_system(
 
 def table(
     system: ContactSystem,
-    path: ArrayLike,
-    loop: ArrayLike = (),
+    path: Rows,
+    loop: Rows = (),
     cycles: int = 0,
 ) -> History:
     """Return the history through the corners of ``path`` and then round ``loop``."""

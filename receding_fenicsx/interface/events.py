@@ -36,6 +36,10 @@ CORRECTED_LEGS = 10
 """Legs between two corrections of round-off once all sets of states on the way are known."""
 
 
+BALANCE_TOLERANCE = 1e-10
+"""Resultant over the sum of all held reactions under which the loads balance each other."""
+
+
 class EventPath:
     """Follows legs exactly; keeps the tableau and the rates of known states from leg to leg."""
 
@@ -125,8 +129,31 @@ class EventPath:
             + [(s0 + s * (1.0 - s0), i, old, new) for s, i, old, new in second.events],
         )
 
+    def _check_resultant(self, load: Array) -> None:
+        """Raise where the load's resultant on a free body is beyond what any contact can carry."""
+        n, system = self.system.n, self.system
+        held = load @ system.r_star
+        Q, P = float(held[:n].sum()), float(held[n:].sum())
+        zero_force = BALANCE_TOLERANCE * float(np.abs(held).sum())
+        at_zero = f"at load factors {[0] * len(load)}"
+        if self.segments.lifts_freely and P < -zero_force:
+            raise NoEquilibrium(
+                f"lift-off {at_zero}: the load factors {load.tolist()} pull the body off; "
+                "check their signs, or add a [[support]]"
+            )
+        if (
+            self.segments.slides_freely
+            and not np.any(system.held[:n])
+            and abs(Q) > (system.f.max() * P)
+        ):
+            raise NoEquilibrium(
+                f"gross sliding {at_zero}: friction cannot hold the load factors {load.tolist()}; "
+                "raise the friction, or add a [[support]]"
+            )
+
     def _from_rest(self, start: ContactState, load: Array, force_scale: float, samples: int) -> Leg:
         """First loading from rest: the solution is proportional to the load (section 1.1)."""
+        self._check_resultant(load)
         end = solve_static(self.segments, start, load)
         if end is None:
             raise NoEquilibrium(

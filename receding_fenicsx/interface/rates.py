@@ -21,6 +21,7 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm
+from scipy.linalg.lapack import dgetrf
 
 from receding_fenicsx.interface.contact import Array, ContactSystem, State
 
@@ -167,7 +168,7 @@ class Tableau:
     ) -> tuple[Array, Array]:
         """Exchange many outputs with as many inputs at once."""
         block = T[np.ix_(rows, columns)]
-        lu, piv = sla.lu_factor(block, check_finite=False)
+        lu, piv, _ = dgetrf(block)
         size = np.abs(np.diagonal(lu))
         if size.min() <= SINGULAR * size.max():
             raise SingularExchange(-1, int(np.bincount(state).argmax()))

@@ -1,0 +1,425 @@
+import re
+from dataclasses import replace
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+import pytest
+from enumeration import rate_solutions
+from law import random_system, worst_slip, worst_violation
+from models import block_system
+from small import cyclic, small_system, table
+
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import History
+from receding_fenicsx.interface.contact import ContactState, ContactSystem, State
+from receding_fenicsx.interface.events import EventPath
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.scene import OutputOptions, SolverOptions
+
+STICK, OPEN = State.STICK, State.SEPARATION
+FORWARD, BACKWARD = State.FORWARD_SLIP, State.BACKWARD_SLIP
+ALL = OutputOptions(samples_per_leg=12, cycles="all")
+
+
+def near(value: object) -> Any:
+    return pytest.approx(value, rel=1e-12, abs=1e-13)
+
+
+def events_of(record: Record, cycle: int, leg: int) -> list[tuple[Any, ...]]:
+    """Return (s, node, old, new) of one leg."""
+    e = record.events
+    rows = np.flatnonzero((e.cycle == cycle) & (e.leg == leg))
+    return [(float(e.s[j]), int(e.node[j]), int(e.old[j]), int(e.new[j])) for j in rows]
+
+
+# -- one node: a tangential spring of stiffness k on a plane --------------------------------------
+#
+# Loads "press" (P* = 1) and "push" (Q* = -1, to the right): Q = k v - push, P = press.
+
+SPRING = 5.0
+F = 0.4
+
+
+def slider(k_n: float = 3.0) -> ContactSystem:
+    K = [[SPRING, 0.0], [0.0, k_n]]
+    return small_system(K, {"press": [0.0, 1.0], "push": [-1.0, 0.0]}, F)
+
+
+def test_a_spring_slips_once_the_push_exceeds_friction() -> None:
+    P, top = 2.0, 1.6
+    record = evolve(slider(), table(slider(), [[0, 0], [P, 0], [P, top]]), output=ALL)
+    assert events_of(record, 0, 1) == [(near(F * P / top), 0, STICK, FORWARD)]
+    s = record.samples
+    loaded = s.leg == 1
+    push = s.load[loaded, 1]
+    assert s.v[loaded, 0] == near(np.maximum(push - F * P, 0.0) / SPRING)
+    assert s.Q[loaded, 0] == near(-np.minimum(push, F * P))
+    assert record.dissipation_first_loading == near(F * P * (top - F * P) / SPRING)
+
+
+def test_cyclic_push_runs_round_a_hysteresis_loop() -> None:
+    P, top = 2.0, 1.6
+    history = table(slider(), [[0, 0], [P, 0], [P, top]], [[P, top], [P, -top], [P, top]], 4)
+    record = evolve(slider(), history, output=ALL)
+    slip = (top - F * P) / SPRING
+    # slip turns back once the push has changed by 2 f P, of 2 top in all
+    for cycle in range(1, 5):
+        assert events_of(record, cycle, 0) == [
+            (near(0.0), 0, FORWARD, STICK),
+            (near(F * P / top), 0, STICK, BACKWARD),
+        ]
+        assert events_of(record, cycle, 1) == [
+            (near(0.0), 0, BACKWARD, STICK),
+            (near(F * P / top), 0, STICK, FORWARD),
+        ]
+    ends = record.turning_points
+    assert ends.v[2:, 0] == near([-slip, slip] * 4)
+    assert record.cycles.dissipation == near([4 * F * P * slip] * 4)
+    assert (record.steady.kind, record.steady.cycle) == ("cyclic slip", 2)
+    # area of the loop of push over v
+    s = record.samples
+    one = s.cycle == 3
+    push = np.concatenate([[top], s.load[one, 1]])
+    v = np.concatenate([[slip], s.v[one, 0]])
+    fine = evolve(slider(), history, output=replace(ALL, samples_per_leg=40))
+    assert np.sum(0.5 * (push[1:] + push[:-1]) * np.diff(v)) == near(4 * F * P * slip)
+    assert fine.n_events == record.n_events
+
+
+def test_falling_pressure_lets_the_spring_slip_and_rising_pressure_holds_it() -> None:
+    push, low = 0.6, 0.5
+    history = table(slider(), [[0, 0], [2, 0], [2, push]], [[2, push], [low, push], [2, push]], 3)
+    record = evolve(slider(), history, output=ALL)
+    # slip starts at P = push / f = 1.5, a third of the way down; then Q = -f P
+    assert events_of(record, 1, 0) == [(near(1 / 3), 0, STICK, FORWARD)]
+    assert events_of(record, 1, 1) == [(near(0.0), 0, FORWARD, STICK)]
+    assert record.turning_points.v[2:, 0] == near([(push - F * low) / SPRING] * 6)
+    first = F**2 * ((push / F) ** 2 - low**2) / (2 * SPRING)
+    assert record.cycles.dissipation == near([first, 0.0, 0.0])
+    assert record.steady.kind == "shakedown"
+
+
+def test_pressure_and_push_rising_together_never_slip_inside_the_cone() -> None:
+    for slope, state in ((0.99 * F, STICK), (1.01 * F, FORWARD)):
+        record = evolve(slider(), table(slider(), [[0, 0], [2, 2 * slope]]), output=ALL)
+        assert np.all(record.samples.state == state)
+    # from a pressed state the cone is left at push = f press, whatever the path
+    history = table(slider(), [[0, 0], [1, 0], [2, 1.2]])
+    # 1.2 s = f (1 + s)
+    assert events_of(evolve(slider(), history), 0, 1) == [(near(0.4 / 0.8), 0, STICK, FORWARD)]
+
+
+# -- advancing contact: K = [[2, 1], [1, 2]], g0 = 1, loads as in the tests of Gauss-Seidel --------
+
+
+def test_an_open_node_lands_at_the_exact_load_and_place() -> None:
+    node = small_system([[2.0, 1.0], [1.0, 2.0]], {"load": [0.0, 3.0]}, 1.0, 1.0)
+    record = evolve(node, table(node, [0.0, 1.0]), output=ALL)
+    assert events_of(record, 0, 0) == [(near(0.5), 0, OPEN, STICK)]
+    s = record.samples
+    assert s.v[:, 0] == near(np.minimum(s.s, 0.5))
+    assert s.w[:, 0] == near(-np.minimum(2 * s.s, 1.0))
+    assert s.P[:, 0] == near(np.maximum(3 * s.s - 1.5, 0.0))
+
+
+def test_a_node_that_lands_slipping_slips_at_once() -> None:
+    node = small_system([[2.0, 1.0], [1.0, 2.0]], {"load": [-3.0, 3.0]}, 0.5, 1.0)
+    record = evolve(node, table(node, [0.0, 1.0]), output=ALL)
+    (event,) = events_of(record, 0, 0)
+    assert event == (near(1 / 3), 0, OPEN, FORWARD)
+    s = record.samples
+    landed = s.s > 1 / 3
+    assert s.v[:, 0] == near(np.where(landed, 0.6 * s.s + 0.8, 3 * s.s))
+    assert s.P[:, 0] == near(np.where(landed, 3.6 * s.s - 1.2, 0.0))
+    assert record.dissipation_first_loading == near(0.24)
+
+
+def test_a_node_that_leaves_and_lands_again_forgets_where_it_stuck() -> None:
+    # Landed at 1/2 with v = 1/2, P = 3 lambda - 3/2: it leaves at 1/2 on the way back to -1, where
+    # v = lambda again, and lands there next time: nothing is dissipated on the way.
+    node = small_system([[2.0, 1.0], [1.0, 2.0]], {"load": [0.0, 3.0]}, 1.0, 1.0)
+    history = table(node, [0.0, 1.0], [1.0, -1.0, 1.0], 2)
+    record = evolve(node, history, output=ALL)
+    for cycle in (1, 2):
+        assert events_of(record, cycle, 0) == [(near(0.25), 0, STICK, OPEN)]
+        assert events_of(record, cycle, 1) == [(near(0.75), 0, OPEN, STICK)]
+    assert record.turning_points.v[:, 0] == near([0.5, -1.0, 0.5, -1.0, 0.5])
+    assert record.cycles.dissipation == near([0.0, 0.0])
+
+
+# -- two nodes ------------------------------------------------------------------------------------
+
+
+def test_slip_spreads_from_the_pushed_node_to_the_one_behind_it() -> None:
+    # Springs: k to the ground at each node, k between them; only node 0 is pushed, P = 1 at both.
+    # Node 0 slips at push = f, then v0 = (push - f) / 2k; node 1 carries k v0 and slips at
+    # push = 3 f; then v0 = (2 push - 3 f) / 3k, v1 = (push - 3 f) / 3k.
+    k, top = 2.0, 5 * F
+    K = np.zeros((4, 4))
+    K[:2, :2] = k * np.array([[2, -1], [-1, 2]])
+    K[2:, 2:] = np.eye(2)
+    two = small_system(K, {"press": [0, 0, 1, 1], "push": [-1, 0, 0, 0]}, F)
+    record = evolve(two, table(two, [[0, 0], [1, 0], [1, top]]), output=ALL)
+    assert events_of(record, 0, 1) == [
+        (near(0.2), 0, STICK, FORWARD),
+        (near(0.6), 1, STICK, FORWARD),
+    ]
+    assert record.turning_points.v[-1] == near([7 * F / (3 * k), 2 * F / (3 * k)])
+    assert record.dissipation_first_loading == near(F * 9 * F / (3 * k))
+
+
+@pytest.mark.parametrize("locked", [-0.3, 0.0, 0.25])
+def test_the_limit_cycle_of_a_coupled_pair_remembers_the_initial_slip(locked: float) -> None:
+    # Node 1 always sticks where it was laid down, v1 = locked; K_tn couples that to the pressure of
+    # node 0: P0 = 1 + c locked. Node 0 runs round the loop of a spring under that pressure.
+    k, c, top = 2.0, 0.5, 1.5
+    K = np.diag([k, 0.5, 4.0, 4.0])
+    K[1, 2] = K[2, 1] = c
+    two = small_system(K, {"press": [0, 0, 1, 1], "push": [-1, 0, 0, 0]}, F)
+    history = table(two, [[0, 0], [1, 0], [1, top]], [[1, top], [1, -top], [1, top]], 5)
+    record = evolve(two, history, output=ALL, initial_slip=np.array([0.0, locked]))
+    P0 = 1.0 + c * locked
+    assert record.turning_points.v[:, 1] == near([locked] * 12)
+    assert record.turning_points.P[0, 0] == near(P0)
+    assert record.cycles.dissipation == near([4 * F * P0 * (top - F * P0) / k] * 5)
+
+
+def test_the_first_leg_after_an_initial_slip_is_one_static_problem() -> None:
+    # Laid down at v = 1 on a spring k = 5 under P = 1, f = 0.4, it springs back: Q = k v = f P
+    record = evolve(
+        slider(), table(slider(), [[0, 0], [1, 0]]), initial_slip=np.array([1.0]), output=ALL
+    )
+    end = record.turning_points
+    assert (end.v[0, 0], end.Q[0, 0]) == (near(F / SPRING), near(F))
+    assert end.state.tolist() == [[BACKWARD]]
+    assert record.dissipation_first_loading == near(0.5 * F * (1.0 - F / SPRING))
+
+
+def walker(k: float = 2.0) -> ContactSystem:
+    """Return two feet joined by a spring, free to slide; "shift" moves the weight between them."""
+    K = np.zeros((4, 4))
+    K[:2, :2] = k * np.array([[1, -1], [-1, 1]])
+    K[2:, 2:] = np.eye(2)
+    loads = {"weight": [0, 0, 1, 1], "push": [-0.5, -0.5, 0, 0], "shift": [0, 0, 1, -1]}
+    loads = {"weight": [0.0, 0, 1, 1], "push": [-0.5, -0.5, 0, 0], "shift": [0.0, 0, 1, -1]}
+
+
+def test_a_pushed_body_walks_as_its_weight_shifts_from_foot_to_foot() -> None:
+    # Weights 1 -+ 0.9 under a push of 0.5 < f 2: the light foot slips until its spring carries the
+    # push but for f 0.1: +-k (v0 - v1) = 0.5/2 - f 0.1 = 0.2; each foot gains 2 * 0.2/k a cycle.
+    body, k = walker(), 2.0
+    path = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, 0.5, 0.9]]
+    loop = [[1, 0.5, 0.9], [1, 0.5, -0.9], [1, 0.5, 0.9]]
+    record = evolve(body, table(body, path, loop, 6), output=ALL)
+    assert record.cycles.slip_increment[1:] == near(np.full((5, 2), 0.4 / k))
+    assert record.steady.reached and record.steady.kind == "ratchetting"
+    # friction takes what the push supplies: 0.5 times the advance
+    assert record.cycles.dissipation[1:] == near([0.5 * 0.4 / k] * 5)
+
+
+def sledge() -> ContactSystem:
+    """Return two nodes joined by a spring, free to slide; a push of 1 shears them 0.8 to 0.2."""
+    K = np.zeros((4, 4))
+    K[:2, :2] = 3.0 * np.array([[1, -1], [-1, 1]])
+    K[2:, 2:] = np.eye(2)
+    loads = {"weight": [0, 0, 0.5, 0.5], "push": [-0.8, -0.2, 0, 0]}
+    return small_system(K, loads, F, rigid=[[1.0, 1.0, 0.0, 0.0]])
+
+
+def test_a_free_body_holds_up_to_the_friction_of_its_weight() -> None:
+    top = 0.99 * F
+    record = evolve(sledge(), table(sledge(), [[0, 0], [1, 0], [1, top]]))
+    # node 0 slips where 0.8 push = f / 2; node 1 takes the rest
+    assert events_of(record, 0, 1) == [(near(0.5 * F / 0.8 / top), 0, STICK, FORWARD)]
+    assert record.turning_points.Q[-1] == near([-F / 2, -(top - F / 2)])
+    assert record.turning_points.v[-1, 1] == 0.0
+
+
+@pytest.mark.parametrize("weight", [1.0, 250.0])
+def test_a_free_body_slides_exactly_at_the_friction_of_its_weight(weight: float) -> None:
+    top = 1.01 * F * weight
+    with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
+        evolve(sledge(), table(sledge(), [[0, 0], [weight, 0], [weight, top]]))
+    named = re.search(r"load factors \[(\S+), (\S+)\]", str(caught.value))
+    assert named is not None
+    assert (float(named[1]), float(named[2])) == (weight, pytest.approx(F * weight, rel=1e-8))
+    assert "\n" not in str(caught.value)
+
+
+def test_a_free_block_slides_exactly_at_the_friction_of_its_load() -> None:
+    whole = block_system(24, 6, half=False)
+    push = np.concatenate([-whole.weight / whole.weight.sum(), np.zeros(whole.n)])
+    pushed = replace(
+        whole,
+        r_star=np.vstack([whole.r_star, push]),
+        load_names=("p0", "push"),
+        load_compliance=np.zeros((0, 0)),
+    )
+    down = whole.r_star[0, whole.n :].sum()
+    slides = 0.35 * down
+    held = evolve(pushed, table(pushed, [[0, 0], [1, 0], [1, 0.99 * slides]]))
+    assert np.any(held.turning_points.state[-1] == STICK)
+    with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
+        evolve(pushed, table(pushed, [[0, 0], [1, 0], [1, 1.01 * slides]]))
+    named = re.search(r"load factors \[(\S+), (\S+)\]", str(caught.value))
+    assert named is not None and float(named[2]) == pytest.approx(slides, rel=1e-8)
+
+
+# -- the block ------------------------------------------------------------------------------------
+
+SMALL = block_system(40, 20)
+
+
+def test_a_free_block_lifts_off_where_the_load_vanishes() -> None:
+    with pytest.raises(NoEquilibrium, match=r"lift-off at load factors \[0\]"):
+        evolve(SMALL, cyclic(1, minimum=-0.1))
+    # with a dead weight w, the pull wins at -w
+    both = replace(
+        SMALL,
+        r_star=np.vstack([SMALL.r_star, SMALL.r_star]),
+        load_names=("p0", "weight"),
+        load_compliance=np.zeros((0, 0)),
+    )
+    with pytest.raises(NoEquilibrium, match="lift-off") as caught:
+        evolve(both, table(both, [[0, 0], [0, 0.25], [1, 0.25], [-1, 0.25]]))
+    named = re.search(r"load factors \[(\S+), (\S+)\]", str(caught.value))
+    assert named is not None and float(named[1]) == pytest.approx(-0.25, abs=1e-8)
+
+
+def test_reloading_after_complete_unloading_is_the_first_loading_again() -> None:
+    record = evolve(SMALL, cyclic(3, minimum=0.0), output=ALL)
+    s = record.samples
+    first = np.flatnonzero(s.cycle == 0)
+    for cycle in (1, 2, 3):
+        again = np.flatnonzero((s.cycle == cycle) & (s.leg == 1))
+        assert np.array_equal(s.state[again], s.state[first])
+        for field in ("P", "Q", "v", "w"):
+            a, b = getattr(s, field)[again], getattr(s, field)[first]
+            assert np.abs(a - b).max() <= 1e-12 * np.abs(b).max(), field
+        empty = record.turning_points.P[1 + 2 * (cycle - 1)]
+        assert not empty.any()
+    assert record.cycles.dissipation == pytest.approx([record.cycles.dissipation[0]] * 3, rel=1e-9)
+
+
+def test_gauss_seidel_converges_to_the_exact_path() -> None:
+    exact = evolve(SMALL, cyclic(1))
+    steps = np.array([40, 80, 160, 320])
+    error, force_error = [], []
+    for n in steps.tolist():
+        record = evolve(SMALL, cyclic(1), SolverOptions(method="gauss-seidel", steps_per_leg=n))
+        error.append(abs(record.cycles.dissipation[0] / exact.cycles.dissipation[0] - 1.0))
+        a, b = record.turning_points, exact.turning_points
+        force_error.append(max(np.abs(a.P - b.P).max(), np.abs(a.Q - b.Q).max()) / b.P.max())
+    slope = np.polyfit(np.log(steps), np.log(error), 1)[0]
+    assert 0.9 <= -slope <= 2.1
+    assert force_error[-1] < 1e-4
+
+
+def test_half_and_whole_body_agree_over_fifty_cycles() -> None:
+    half = evolve(SMALL, cyclic(50))
+    whole = evolve(block_system(80, 20, half=False), cyclic(50))
+    for field in ("P", "Q", "v", "w"):
+        a, b = getattr(half.turning_points, field), getattr(whole.turning_points, field)
+        assert np.abs(a - b).max() <= 1e-9 * np.abs(b).max(), field
+    assert half.cycles.dissipation == pytest.approx(whole.cycles.dissipation, rel=1e-9)
+
+
+@pytest.mark.parametrize("f", [0.1, 0.35, 0.9])
+def test_every_event_satisfies_the_contact_law(f: float) -> None:
+    system = block_system(40, 20, f=f)
+    path = EventPath(system, check_all=True)
+    n = system.n
+    now = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
+    scale, worst, events = 0.0, 0.0, 0
+    loads = [0.0, 1.0, *[0.3, 1.0] * 5, 0.05, 0.7, 0.0, 0.5]
+    for a, b in pairwise(loads):
+        leg = path.trace_leg(now, (np.array([a]), np.array([b])), scale)
+        now, scale = leg.end, leg.force_scale
+        worst, events = max(worst, leg.residual), events + len(leg.events)
+    assert 0.0 < worst <= 1e-11
+    assert events > 300
+
+
+def test_a_thousand_cycles_keep_residual_and_energy() -> None:
+    record = evolve(block_system(80, 40), cyclic(1000))
+    assert 0.0 < record.residual_max <= 1e-10
+    assert 0.0 < record.energy_error_max <= 1e-10
+    assert record.steady.kind == "cyclic slip" and record.steady.period == 1
+    D = record.cycles.dissipation
+    # round-off neither drains nor feeds the steady cycle
+    assert np.ptp(D[300:]) <= 1e-10 * D[0]
+    assert np.all(np.diff(D[:60]) < 0.0)
+
+
+def test_nodes_without_friction_stand_among_others() -> None:
+    whole = block_system(24, 6, half=False)
+    mixed = replace(whole, f=np.where(np.arange(25) % 4 == 0, 0.0, 0.4))
+    record = evolve(mixed, cyclic(3), output=ALL)
+    assert worst_violation(mixed, record) <= 1e-10
+    smooth = mixed.f == 0.0
+    assert np.abs(record.samples.Q[:, smooth]).max() <= 1e-12 * record.samples.P.max()
+    assert set(np.unique(record.samples.state[:, smooth])) == {int(STICK), int(OPEN)}
+    steps = evolve(mixed, cyclic(1), SolverOptions(method="gauss-seidel", steps_per_leg=160))
+    assert steps.cycles.dissipation[0] == pytest.approx(record.cycles.dissipation[0], rel=1e-3)
+
+
+# -- random systems -------------------------------------------------------------------------------
+
+
+def random_case(seed: int, margin: float, largest: int = 12) -> tuple[ContactSystem, History]:
+    """Return a random system of 2 nodes at least, and a random polygon in its two loads."""
+    rng = np.random.default_rng([seed, int(100 * margin)])
+    system = random_system(seed, int(rng.integers(2, largest + 1)), margin)
+    corner = [1.0, 0.0]
+    others = [[rng.uniform(0.1, 1.5), rng.uniform(-1.0, 1.0)] for _ in range(rng.integers(1, 4))]
+    return system, table(system, [[0.0, 0.0], corner], [corner, *others, corner], 3)
+
+
+def test_every_random_system_below_the_margin_has_an_exact_path() -> None:
+    events = 0
+    for seed in range(150):
+        system, history = random_case(seed, 0.49)
+        record = evolve(system, history, output=replace(ALL, samples_per_leg=8))
+        assert worst_violation(system, record) <= 1e-9, seed
+        assert worst_slip(system, record) <= 1e-9, seed
+        assert record.energy_error_max <= 1e-9, seed
+        events += record.n_events
+    assert events > 3000
+
+
+def test_what_is_refused_above_the_margin_has_no_continuation() -> None:
+    refused = solved = 0
+    for seed in range(120):
+        system, history = random_case(seed, 5.0, largest=6)
+        try:
+            record = evolve(system, history, output=ALL)
+        except SolveError as error:
+            assert type(error) is NoQuasiStaticContinuation, (seed, str(error))
+            assert confirmed(system, history, error), (seed, str(error))
+            refused += 1
+        else:
+            assert worst_violation(system, record) <= 1e-9, seed
+            solved += 1
+    assert refused >= 3 and solved >= 60
+
+
+def confirmed(system: ContactSystem, history: History, error: SolveError) -> bool:
+    """Go to just before the place that the error names; ask there for rates of any kind."""
+    text = str(error)
+    found = re.search(r"cycle (\d+), leg (\d+): .* \(s = (\S+) of the leg\)", text)
+    assert found is not None, text
+    cycle, leg, s = int(found[1]), int(found[2]), float(found[3])
+    polyline = history.path if cycle == 0 else history.loop
+    corners = [*history.path[:-1]] + [*history.loop[:-1]] * max(cycle - 1, 0)
+    corners += [*polyline[: leg + 1]] if cycle else []
+    a, b = polyline[leg], polyline[leg + 1]
+    if s > 1e-8:
+        corners.append((1.0 - s + 1e-8) * a + (s - 1e-8) * b)
+    short = table(system, corners)
+    record = evolve(system, short, output=ALL)
+    end = record.turning_points
+    state, direction = end.state[-1], (b - a) @ system.r_star
+    r, u = np.concatenate([end.Q[-1], end.P[-1]]), np.concatenate([end.v[-1], end.w[-1]])
+    return not rate_solutions(system, direction, r, u, state, near=1e-4)
