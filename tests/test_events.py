@@ -202,8 +202,8 @@ def walker(k: float = 2.0) -> ContactSystem:
     K = np.zeros((4, 4))
     K[:2, :2] = k * np.array([[1, -1], [-1, 1]])
     K[2:, 2:] = np.eye(2)
-    loads = {"weight": [0, 0, 1, 1], "push": [-0.5, -0.5, 0, 0], "shift": [0, 0, 1, -1]}
     loads = {"weight": [0.0, 0, 1, 1], "push": [-0.5, -0.5, 0, 0], "shift": [0.0, 0, 1, -1]}
+    return small_system(K, loads, 0.5, rigid=[[1.0, 1.0, 0.0, 0.0]])
 
 
 def test_a_pushed_body_walks_as_its_weight_shifts_from_foot_to_foot() -> None:
