@@ -1,0 +1,73 @@
+"""The look of all pictures: one colour for each state, fonts, sizes.
+
+Nodes that move are in the two colours of the Okabe-Ito set that every kind of colour vision tells
+apart best, orange and blue; nodes that do not are in greys. Printed in grey, the four still differ.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from receding_fenicsx.interface.contact import STATE_NAMES, State
+
+STATE_COLOURS = {
+    State.STICK: "#c3cad3",
+    State.SEPARATION: "#f6f6f6",
+    State.FORWARD_SLIP: "#e69f00",
+    State.BACKWARD_SLIP: "#0072b2",
+}
+"""Fill colour of each state."""
+
+STATE_INKS = {
+    State.STICK: "#000000",
+    State.SEPARATION: "#000000",
+    State.FORWARD_SLIP: "#000000",
+    State.BACKWARD_SLIP: "#ffffff",
+}
+"""Colour of text on each state's fill."""
+
+STATE_LABELS = {state: f"{state.value}  {STATE_NAMES[state]}" for state in State}
+"""Number (section 2 of the paper) and name of each state."""
+
+PRESSURE_COLOUR = "#000000"
+SHEAR_COLOUR = "#d55e00"
+"""Vermilion of the Okabe-Ito set."""
+GUIDE_COLOUR = "#808080"
+"""Friction cone, published values, undeformed outlines."""
+SERIES_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Colours of lines that stand for nothing in particular, one after the other."""
+
+COLUMN = 3.54
+"""Width in inches of one column of a journal page (90 mm)."""
+PAGE = 7.48
+"""Width in inches of a whole page (190 mm)."""
+DPI = 300
+"""Dots per inch of PNG files."""
+
+RC: dict[str, Any] = {
+    "font.family": "STIXGeneral",
+    "mathtext.fontset": "stix",
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.linewidth": 0.6,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "xtick.top": True,
+    "ytick.right": True,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.5,
+    "savefig.dpi": DPI,
+    "pdf.fonttype": 42,
+    "axes.unicode_minus": True,
+}
+"""Matplotlib's settings; the fonts come with Matplotlib, so a figure looks the same everywhere."""
