@@ -193,8 +193,8 @@ def snap(scene: Scene, frame: Frame, marks: Marks, mesh: HalfMesh) -> None:
     quadrilaterals = scene.mesh.cell == "quadrilateral"
     if quadrilaterals:
         s[:] = frame.length * np.round(s / dx) / n
-        levels = d[on["axis"]].copy()
-        d[:] = levels[np.argmin(np.abs(d[:, None] - levels), axis=1)]
+        levels = np.sort(d[on["axis"]])
+        d[:] = levels[np.searchsorted(0.5 * (levels[1:] + levels[:-1]), d)]
     column = np.round(s[on["bottom"]] / dx)
     if not np.array_equal(np.sort(column), np.arange(n // 2 + 1)):
         raise SolveError("gmsh did not space the nodes of the contact edge equally")
