@@ -92,6 +92,7 @@ class _Run:
         self.system, self.history, self.solver, self.output = system, history, solver, output
         self.model = frictional_form(system)
         self.tracer = make_tracer(self.model, solver)
+        self.multiplicity = np.bincount(mirror_of(system).index)
         self.turning: list[Instant] = []
         self.kept: dict[int, Kept] = {}
         self.dissipation: list[Array] = []
@@ -194,7 +195,7 @@ class _Run:
         self.residual = max(self.residual, leg.residual)
         self.energy_error = max(self.energy_error, self._energy_error(leg))
         self.sweeps += leg.sweeps
-        self.n_events += len(leg.events)
+        self.n_events += int(sum(self.multiplicity[event[1]] for event in leg.events))
 
     def _energy_error(self, leg: Leg) -> float:
         """Return the relative error of D + change of (1/2 u K u) + integral lambda r* . du = 0."""

@@ -10,7 +10,6 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from importlib import import_module
-from importlib.util import find_spec
 from pathlib import Path
 from types import ModuleType
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -18,8 +17,9 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import numpy as np
 
 from receding_fenicsx import errors, history
-from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.errors import InputError, RecedingError, SolveError
 from receding_fenicsx.evolution import evolve
+from receding_fenicsx.interface.contact import eliminate_tangential
 from receding_fenicsx.output import files, summary
 from receding_fenicsx.output.atomic import check_folder, new_folder
 from receding_fenicsx.output.collect import Instant
@@ -84,7 +84,8 @@ def run(
         The record on rank 0, None on the others.
 
     Raises:
-        RecedingError: on all ranks alike.
+        RecedingError: on all ranks alike. When the evolution fails on the way, ``out`` holds the
+            record up to there, its summary the reason under "failure".
     """
     scene.validate()
     comm = comm or _world()
@@ -95,15 +96,21 @@ def run(
             with timer("condense"):
                 system = _condense(bulk)
             with timer("evolve"):
-                record = errors.on_root(comm, lambda: _evolve(scene, _given(system), timer.say))
+                evolved = errors.on_root(comm, lambda: _evolve(scene, _given(system), timer.say))
+                record, failure = evolved or (None, None)
+                failure = comm.bcast(failure)
             with timer("pictures"):
-                if pictures and out is not None and _can_draw():
+                if pictures and out is not None and failure is None:
                     _pictures(scene, bulk, system, record, folder)
             extra = {"bulk_dofs": bulk.dofs, **_costs(comm, timer)}
+            if failure is not None:
+                extra["failure"] = str(failure)
         finally:
             bulk.destroy()
         if out is not None:
             errors.on_root(comm, lambda: _write(_given(folder), record, system, extra))
+    if failure is not None:
+        raise failure
     return record
 
 
@@ -238,26 +245,44 @@ def _signals_kept() -> Iterator[None]:
 
 
 def _condense(bulk: Bulk) -> ContactSystem | None:
+    """Return the condensed system on rank 0; without friction only its normal displacements."""
     from receding_fenicsx.bulk import condensation
 
-    return condensation.condense(bulk)
+    system = condensation.condense(bulk)
+
+    def reduce() -> ContactSystem:
+        whole = _given(system)
+        return whole if np.any(whole.f) else eliminate_tangential(whole)
+
+    return errors.on_root(bulk.comm, reduce)
 
 
-def _evolve(scene: Scene, system: ContactSystem, say: Say | None) -> Record:
+def _evolve(
+    scene: Scene, system: ContactSystem, say: Say | None
+) -> tuple[Record, SolveError | None]:
+    """Return the record, and the error that ended it early if one did."""
     slip = scene.history.initial_slip
 
     def progress(cycle: int, cycles: int, message: str) -> None:
         if say is not None:
             say(f"evolve: cycle {cycle} of {cycles}, {message}")
 
-    return evolve(
-        system,
-        history.from_scene(scene),
-        scene.solver,
-        scene.output,
-        None if slip is None else evaluate(slip, system.x),
-        progress,
-    )
+    try:
+        record = evolve(
+            system,
+            history.from_scene(scene),
+            scene.solver,
+            scene.output,
+            None if slip is None else evaluate(slip, system.x),
+            progress,
+        )
+    except SolveError as error:
+        # nothing of a history that fails at its very first load is worth keeping
+        if not isinstance(error.record, Record) or not len(error.record.turning_points.s):
+            raise
+        record, error.record = error.record, None
+        return record, error
+    return record, None
 
 
 def _pictures(
@@ -293,10 +318,6 @@ def plot(record: Record, folder: Path) -> list[Path]:
     """Draw all figures of a record into a folder; return their files."""
     made: list[Path] = _drawing("figures").plot_all(record, folder)
     return made
-
-
-def _can_draw() -> bool:
-    return all(find_spec(f"receding_fenicsx.output.{n}") for n in ("figures", "snapshots"))
 
 
 def _drawing(name: str) -> ModuleType:

@@ -41,7 +41,7 @@ def test_check_tells_what_would_be_modelled(capsys: pytest.CaptureFixture[str]) 
     assert cli.main(["check", BLOCK]) == 0
     out = capsys.readouterr().out
     if root:
-        assert "321 contact nodes, half of the body, loads p0, 60 cycles" in out
+        assert "321 contact nodes, half of the body, loads p0, 400 cycles" in out
     else:
         assert out == ""
     assert cli.main(["check", BLOCK, "--set", "solver.symmetry=none"]) == 0

@@ -169,7 +169,7 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["solver.steps_per_leg=0"], ["[solver] steps_per_leg", "positive"]),
         (["solver.residual_tolerance=1"], ["[solver] residual_tolerance", "below 1"]),
         (["output.samples_per_leg=-1"], ["[output] samples_per_leg", "positive"]),
-        (["output.cycles=[0, 61]"], ["[output] cycles", "61", "0 to 60"]),
+        (["output.cycles=[0, 401]"], ["[output] cycles", "401", "0 to 400"]),
         (["history.initial_slip=log(x)"], ["[history] initial_slip", "finite"]),
         # not available yet
         (["body.mesh=my.msh"], ["[body] mesh", "not available yet"]),

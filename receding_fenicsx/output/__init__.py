@@ -1,0 +1,1 @@
+"""Everything written and drawn from a record."""

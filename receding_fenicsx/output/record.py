@@ -81,14 +81,14 @@ class Cycles:
 
 @dataclass
 class Steady:
-    """Whether a steady state was reached, and of which kind (design of the method: see ``cycles.py``).
+    """Whether a steady state was reached, and of which kind; see ``interface/cycles.py``.
 
     Attributes:
         reached: True when two successive periods repeat within the tolerance.
         cycle: first cycle at which that held; -1 when not reached.
         kind: "shakedown", "cyclic slip", "ratchetting" or "not reached".
         period: 1 or 2 cycles.
-        change: (n_cycles,) A_n over one cycle, the largest change of a nodal reaction over the largest reaction.
+        change: (n_cycles,) A_n over one cycle: largest change of a nodal reaction over the largest.
     """
 
     reached: bool
@@ -107,7 +107,7 @@ class Record:
         load_names: names of the loads.
         scene_toml: text of the scene, "" when the system was made by hand.
         method: "gauss-seidel" or "events".
-        modelled_nodes, modelled_dofs: contact nodes and contact degrees of freedom that were solved for.
+        modelled_nodes, modelled_dofs: contact nodes and degrees of freedom that were solved for.
         half: True when half of the body was modelled.
         turning_points: the end of every leg.
         samples: instants along the legs of the kept cycles.
@@ -115,7 +115,7 @@ class Record:
         cycles: per-cycle quantities.
         dissipation_first_loading: dissipation of cycle 0.
         steady: steady state and kind.
-        residual_max: largest residual of any accepted step or segment (natural map over largest force).
+        residual_max: largest residual of any accepted step or segment, over the largest force.
         energy_error_max: largest relative error of a leg's energy identity.
         sweeps: Gauss-Seidel sweeps in total (0 for other methods).
         n_events: changes of state in total.
