@@ -1,0 +1,146 @@
+import numpy as np
+import pytest
+from small import cyclic
+from test_events import SMALL
+
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.interface.cycles import (
+    SteadyWatch,
+    fit_power_law,
+    limit_of_decay,
+    slip_exponents,
+)
+
+
+def test_an_exact_power_law_is_found() -> None:
+    N = np.arange(2.0, 60.0)
+    for exponent in (-3.1, -1.0, 0.5):
+        fit = fit_power_law(N, -7.0 * N**exponent)
+        assert fit.exponent == pytest.approx(exponent, abs=1e-12)
+        assert fit.uncertainty < 1e-12
+
+
+def test_the_uncertainty_covers_the_noise() -> None:
+    N = np.arange(5.0, 65.0)
+    rng = np.random.default_rng(0)
+    misses = []
+    for _ in range(400):
+        fit = fit_power_law(N, N**-3.1 * np.exp(0.1 * rng.standard_normal(len(N))))
+        misses.append(abs(fit.exponent + 3.1) / fit.uncertainty)
+    # a standard error: about 68 % within one, 95 % within two
+    assert 0.6 < np.mean(np.array(misses) < 1.0) < 0.76
+    assert 0.91 < np.mean(np.array(misses) < 2.0) < 0.985
+
+
+def test_zeros_do_not_enter_a_power_law_and_three_values_are_needed() -> None:
+    N = np.arange(1.0, 9.0)
+    y = np.where(N % 2 == 0, 0.0, N**-2.0)
+    assert fit_power_law(N, y).exponent == pytest.approx(-2.0)
+    with pytest.raises(ValueError, match="at least three non-zero values"):
+        fit_power_law(N, np.where(N < 3, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.9])
+def test_a_geometric_decay_is_summed_to_its_limit(ratio: float) -> None:
+    n = np.arange(30)
+    name, rate, limit = limit_of_decay(4.0 + 3.0 * ratio**n)
+    assert name == "rate"
+    assert rate == pytest.approx(ratio, rel=1e-6)
+    assert limit == pytest.approx(4.0, abs=1e-6)
+
+
+def test_a_power_decay_is_summed_to_its_limit() -> None:
+    # sum of N^-2 to pi^2/6, of N^-3 to zeta(3)
+    for m, limit in ((2, np.pi**2 / 6), (3, 1.2020569031595942)):
+        values = np.cumsum(np.arange(1, 400) ** -float(m))
+        name, exponent, found = limit_of_decay(values)
+        assert name == "power"
+        assert exponent == pytest.approx(-m, rel=0.02)
+        # far closer than the last term of the sequence itself
+        assert abs(found - limit) < 0.02 * abs(values[-1] - limit)
+
+
+def test_a_decay_without_limit_has_none() -> None:
+    assert np.isnan(limit_of_decay(np.cumsum(1.0 / np.sqrt(np.arange(1, 100))))[2])
+    assert np.isnan(limit_of_decay(1.1 ** np.arange(40.0))[2])
+
+
+def test_a_sequence_that_stands_is_its_own_limit() -> None:
+    assert limit_of_decay(np.full(20, 2.5))[2] == 2.5
+
+
+# -- steady states from made-up ends of cycles ----------------------------------------------------
+
+R = np.array([3.0, -1.0, 2.0, 5.0])
+V = np.array([0.4, -0.2])
+
+
+def watch(
+    ends: list[tuple[np.ndarray, np.ndarray]], slip_range: float = 0.1, D: float = 1.0
+) -> SteadyWatch:
+    watching = SteadyWatch(1e-8)
+    watching.start(*ends[0])
+    for r, v in ends[1:]:
+        watching.add(r, v, slip_range, D, 1.0)
+    return watching
+
+
+def test_a_decaying_response_is_steady_after_two_quiet_cycles() -> None:
+    ends = [(R * (1 + 10.0**-n), V) for n in range(12)]
+    found = watch(ends)
+    # A_n = 9 10^-n /(1 + 10^-n): below 1e-8 at n = 9 and 10
+    assert (found.cycle, found.period, found.kind) == (10, 1, "cyclic slip")
+    assert found.change[2] == pytest.approx(9e-3 / 1.001)
+
+
+def test_no_slip_or_no_dissipation_is_shakedown() -> None:
+    assert watch([(R, V)] * 4, slip_range=0.0, D=0.0).kind == "shakedown"
+    assert watch([(R, V)] * 4, slip_range=0.1, D=0.9e-6).kind == "shakedown"
+    assert watch([(R, V)] * 4, slip_range=0.1, D=1.1e-6).kind == "cyclic slip"
+
+
+def test_a_displacement_gained_every_cycle_is_ratchetting() -> None:
+    assert watch([(R, V + 0.03 * n) for n in range(5)]).kind == "ratchetting"
+    assert watch([(R, V + 0.9e-7 * n) for n in range(5)]).kind == "cyclic slip"
+    assert watch([(R, V + 1.1e-7 * n) for n in range(5)]).kind == "ratchetting"
+
+
+def test_two_cycles_in_turn_are_a_period_of_two() -> None:
+    found = watch([(R + (n % 2), V + 0.01 * (n % 2)) for n in range(8)])
+    assert (found.period, found.kind) == (2, "cyclic slip")
+    # change over two cycles is known from cycle 2 on, and two periods are four cycles
+    assert found.cycle == 5
+    walking = watch([(R + (n % 2), V + 0.01 * (n % 2) + 0.02 * n) for n in range(8)])
+    assert (walking.period, walking.kind) == (2, "ratchetting")
+
+
+def test_a_response_that_keeps_changing_is_not_reached() -> None:
+    found = watch([(R * (1 + 1e-6 * n), V) for n in range(30)])
+    assert (found.cycle, found.kind) == (-1, "not reached")
+    # one quiet cycle is not two
+    ends = [(R * (1 + 1e-6 * (n // 2)), V) for n in range(30)]
+    assert watch(ends).cycle == -1
+
+
+# -- the block ------------------------------------------------------------------------------------
+
+
+def test_the_block_reaches_cyclic_slip_and_its_limit_is_foreseen() -> None:
+    record = evolve(SMALL, cyclic(150))
+    D = record.cycles.dissipation
+    assert record.steady.kind == "cyclic slip"
+    n = record.steady.cycle
+    assert np.all(record.steady.change[n - 2 : n] < 1e-8)
+    assert record.steady.change[n - 3] >= 1e-8
+    name, _, limit = limit_of_decay(D[:40])
+    assert name == "rate"
+    assert abs(limit - D[-1]) < 0.2 * abs(D[39] - D[-1])
+
+
+def test_slip_exponents_fit_every_node_that_moves_in_every_cycle() -> None:
+    N = np.arange(1, 41, dtype=float)
+    rows = np.stack([N**-3.1, np.zeros(40), -2 * N**-2.5, np.where(N == 20, 0, N**-1.0)], axis=1)
+    fits = slip_exponents(rows, (5, 60), np.array([True, True, True, True]))
+    assert [fit.exponent for fit in fits] == pytest.approx([-3.1, -2.5])
+    (only,) = slip_exponents(rows, (5, 15), np.array([False, False, False, True]))
+    assert only.exponent == pytest.approx(-1.0)
