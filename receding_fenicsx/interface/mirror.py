@@ -60,11 +60,16 @@ SWAPPED = np.array(
 
 def mirror_of(system: ContactSystem) -> Mirror:
     """Return the map from the modelled nodes to the whole contact."""
-    n = system.n
-    if not system.half:
+    return mirror_nodes(system.x, system.half)
+
+
+def mirror_nodes(x: Array, half: bool) -> Mirror:
+    """Return the map to the whole contact for nodes at x, those of the half x >= 0 or all."""
+    n = len(x)
+    if not half:
         none = np.zeros(n, dtype=bool)
         return Mirror(np.arange(n), none, none.copy(), 1.0)
-    on_axis = np.abs(system.x) <= AXIS_TOLERANCE * np.abs(system.x).max()
+    on_axis = np.abs(x) <= AXIS_TOLERANCE * np.abs(x).max()
     reflected = np.flatnonzero(~on_axis)[::-1]
     index = np.concatenate([reflected, np.arange(n)])
     left = np.arange(len(index)) < len(reflected)
