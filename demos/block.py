@@ -37,7 +37,10 @@ def main() -> None:
     parser.add_argument("--out", default="results/block", help="folder for what is found")
     folder = Path(parser.parse_args().out)
     comm = MPI.COMM_WORLD
-    say = (lambda text: print(f"  {text}", flush=True)) if comm.rank == 0 else None
+
+    def say(stage: str) -> None:
+        if "cycle" not in stage:
+            print(f"  {stage} ...", flush=True)
 
     # exact evolution: first loading, then cycles between p0 and p0/3 until they repeat themselves
     scene = read_scene(HERE / "block.toml")

@@ -8,6 +8,7 @@ p and q drawn below the plane.
 from __future__ import annotations
 
 import ctypes.util
+import os
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,10 +31,13 @@ from receding_fenicsx.output.style import (
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
 
+RENDERERS = {"OSMesa": "vtkOSOpenGLRenderWindow", "EGL": "vtkEGLRenderWindow"}
+"""Libraries that VTK draws with off-screen, and the window that it makes with each."""
+
 PIXELS = (1500, 740)
 """Size of a picture."""
 
-CENTRE_Y, MARGIN = 0.22, 1.13
+CENTRE_Y, MARGIN = 0.26, 1.13
 """Height of the picture's centre over the body's height, and its width over the body's."""
 
 TINY = float(np.finfo(float).tiny)
@@ -116,11 +120,13 @@ def snapshot(bulk: Bulk, instant: Instant, folder: Path) -> list[Path] | None:
 
 def _prepare(folder: Path) -> None:
     """Make the folders, and refuse before VTK would crash for want of a renderer."""
-    libraries = ("OSMesa", "EGL")
-    if not any(ctypes.util.find_library(name) for name in libraries):
+    found = [name for name in RENDERERS if ctypes.util.find_library(name)]
+    if not found:
         raise RecedingError(
             "no off-screen renderer: neither OSMesa nor EGL was found; install libosmesa6"
         )
+    # without this VTK looks for a display first, and complains
+    os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", RENDERERS[found[0]])
     folder.mkdir(parents=True, exist_ok=True)
     (folder.parent / "fields").mkdir(exist_ok=True)
 
