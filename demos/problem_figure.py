@@ -6,6 +6,7 @@ demo draws the figure at the head of the README; it needs Matplotlib only.
 
 import argparse
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 
@@ -58,8 +59,9 @@ def main() -> None:
     parser.add_argument("--out", default="results/problem.png", help="PNG or PDF file")
     out = Path(parser.parse_args().out)
     out.parent.mkdir(parents=True, exist_ok=True)
-    with mpl.rc_context(RC):
-        draw().savefig(out, dpi=150, bbox_inches="tight")
+    look: dict[Any, Any] = dict(RC)
+    mpl.rcParams.update(look)
+    draw().savefig(out, dpi=150, bbox_inches="tight")
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ POLL_SECONDS = 0.005
 
 
 class RecedingError(Exception):
-    """Base of every error that this package raises on purpose; one line says what, where, what to do."""
+    """Base of all errors raised on purpose; one line says what is wrong, where, what to do."""
 
     exit_code = 1
 
@@ -42,7 +42,7 @@ class NotConverged(SolveError):
 
 
 class NoEquilibrium(SolveError):
-    """No equilibrium exists beyond the load factor named in the message: lift-off or gross sliding."""
+    """No equilibrium exists beyond the load factor in the message: lift-off or gross sliding."""
 
 
 class NoQuasiStaticContinuation(SolveError):

@@ -20,7 +20,7 @@ import numpy as np
 from receding_fenicsx import errors, history
 from receding_fenicsx.errors import InputError, RecedingError, SolveError
 from receding_fenicsx.evolution import evolve
-from receding_fenicsx.interface.contact import eliminate_tangential
+from receding_fenicsx.interface.contact import eliminate_tangential, friction_margin
 from receding_fenicsx.output import files, summary
 from receding_fenicsx.output.atomic import check_folder, new_folder
 from receding_fenicsx.output.collect import Instant
@@ -107,6 +107,8 @@ def run(
                 if pictures and out is not None and failure is None:
                     _pictures(scene, bulk, system, record, folder)
             extra = {"bulk_dofs": bulk.dofs, **_costs(comm, timer)}
+            if system is not None:
+                extra["friction_margin"] = friction_margin(system)
             if failure is not None:
                 extra["failure"] = str(failure)
         finally:

@@ -220,6 +220,15 @@ def law_residual(
     return both
 
 
+def friction_margin(system: ContactSystem) -> float:
+    """Return the largest f |(K_tn)_ii| / (K_tt)_ii over the nodes, a diagnostic of single nodes."""
+    if system.kind == "normal":
+        return 0.0
+    n, nodes = system.n, np.flatnonzero(~system.held[: system.n])
+    coupling = np.abs(system.K[nodes, n + nodes])
+    return float((system.f[nodes] * coupling / system.K[nodes, nodes]).max(initial=0.0))
+
+
 def relative_residual(
     system: ContactSystem,
     state: ContactState,

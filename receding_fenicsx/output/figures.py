@@ -16,6 +16,7 @@ import numpy as np
 from receding_fenicsx.interface.contact import Array, State
 from receding_fenicsx.interface.cycles import fit_power_law
 from receding_fenicsx.interface.zones import zones
+from receding_fenicsx.output.limits import limit_without_slip
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.style import (
     COLUMN,
@@ -36,9 +37,6 @@ if TYPE_CHECKING:
 
 PAPER_RATIO, PAPER_EXPONENT = 0.56, -3.1
 """What the paper states of the steady dissipation and of the slip increments (section 3.2)."""
-
-NEGLIGIBLE_SLIP = 1e-5
-"""Slip in a cycle over the largest, of nodes that reach the limit "without" slip (Fig. 9)."""
 
 QUIET = (State.STICK, State.SEPARATION)
 """States without slip."""
@@ -244,7 +242,7 @@ def zone_maps(
         Patch(facecolor=STATE_COLOURS[s], edgecolor="black", lw=0.4, label=STATE_LABELS[s])
         for s in State
     ]
-    if limit_reached and _barely_slipping(record, maps[0][0]).any():
+    if limit_reached and limit_without_slip(record, maps[0][0]).any():
         handles.append(Line2D([], [], ls=(0, (2, 1.5)), color=SHEAR_COLOUR, label="limit, no slip"))
     panels[-1, 0].set_xlabel(scales_of(record).x_label)
     figure.legend(handles=handles, loc="outside lower center", ncols=2, handlelength=1.5)
@@ -267,7 +265,7 @@ def _draw_zone_map(axes: Axes, record: Record, cycle: int, leg: int, limit_reach
     lines = found.boundaries
     barely = np.zeros(len(lines), dtype=bool)
     if limit_reached:
-        nodes = np.flatnonzero(_barely_slipping(record, cycle))
+        nodes = np.flatnonzero(limit_without_slip(record, cycle))
         reach = record.x[nodes]
         middle = lines[..., 0].mean(axis=1)
         spacing = float(np.diff(record.x).max())
@@ -310,19 +308,6 @@ def _point_at(axes: Axes, x: float, level: float, kind: State) -> None:
         va="center",
         arrowprops={"arrowstyle": "->", "lw": 0.7},
     )
-
-
-def _barely_slipping(record: Record, cycle: int) -> np.ndarray:
-    """Return (N,) nodes that reach the friction limit in a cycle and do not slip to speak of."""
-    samples, events = record.samples, record.events
-    rows = samples.cycle == cycle
-    slip = np.ptp(samples.v[rows], axis=0)
-    reached = np.zeros(len(record.x), dtype=bool)
-    slips = np.isin(events.new, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
-    reached[events.node[(events.cycle == cycle) & slips]] = True
-    pressed = (samples.P[rows] > 0.0).all(axis=0)
-    barely: np.ndarray = reached & pressed & (slip <= NEGLIGIBLE_SLIP * slip.max(initial=0.0))
-    return barely
 
 
 def slip_nodes(record: Record, count: int = 4) -> np.ndarray:

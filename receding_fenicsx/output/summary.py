@@ -12,11 +12,16 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.contact import State
+from receding_fenicsx.interface.cycles import limit_of_decay
 from receding_fenicsx.interface.zones import contact_half_width, stick_half_width, zones
 from receding_fenicsx.output.atomic import new_file
+from receding_fenicsx.output.limits import limit_without_slip
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.reference import paper_table
 from receding_fenicsx.scene_file import from_toml
+
+TREND_CYCLES = 8
+"""Cycles from which a trend of the dissipation is fitted."""
 
 
 def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[str, Any]:
@@ -48,7 +53,9 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
             "cycle": int(steady.cycle),
             "kind": steady.kind,
             "period": int(steady.period),
+            **_trend(record),
         },
+        "limit_without_slip": _limit_ranges(record),
         "residual_max": float(record.residual_max),
         "energy_error_max": float(record.energy_error_max),
         "events": int(record.n_events),
@@ -56,6 +63,22 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "paper": paper_table(record),
         **(extra or {}),
     }
+
+
+def _trend(record: Record) -> dict[str, Any]:
+    """How the dissipation goes on, and where to, when no steady state was reached."""
+    D = record.cycles.dissipation
+    if record.steady.reached or len(D) < TREND_CYCLES:
+        return {}
+    law, value, limit = limit_of_decay(D)
+    return {"trend": law, "trend_value": value, "dissipation_limit": limit}
+
+
+def _limit_ranges(record: Record) -> list[list[float]]:
+    """Ranges of x whose nodes reach the friction limit in the last cycle without slipping."""
+    nodes = np.flatnonzero(limit_without_slip(record, len(record.cycles.dissipation)))
+    groups = np.split(nodes, np.flatnonzero(np.diff(nodes) > 1) + 1) if len(nodes) else []
+    return [[float(record.x[g[0]]), float(record.x[g[-1]])] for g in groups]
 
 
 def slip_per_cycle_max(record: Record) -> list[float]:

@@ -56,6 +56,19 @@ def run_table(summary: Mapping[str, Any]) -> str:
             else ""
         )
         lines.append(f"steady state: {steady['kind']}{when}")
+        if steady.get("dissipation_limit"):
+            lines.append(
+                f"dissipation goes on by a {steady['trend']} law ({steady['trend_value']:.3g}) "
+                f"towards {steady['dissipation_limit'] / D[0]:.4f} of cycle 1"
+            )
+    if summary.get("limit_without_slip"):
+        ranges = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in summary["limit_without_slip"])
+        lines.append(f"friction limit reached without slip in the last cycle: x from {ranges}")
+    if summary.get("friction_margin") is not None:
+        lines.append(
+            f"largest f |K_tn| / K_tt of a node {summary['friction_margin']:.3g} (below 1 each node "
+            "by itself has one answer; no proof for all together)"
+        )
     lines.append(
         f"largest residual {summary['residual_max']:.1e}, events {summary['events']}, "
         f"sweeps {summary['sweeps']}"
