@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.errors import NoEquilibrium
+from receding_fenicsx.errors import NoEquilibrium, SolveError
 from receding_fenicsx.interface.contact import (
     Array,
     ContactState,
@@ -18,7 +18,6 @@ from receding_fenicsx.interface.contact import (
     largest_force,
     local_stiffness,
     relative_residual,
-    round_off,
 )
 from receding_fenicsx.interface.rates import SEPARATION
 from receding_fenicsx.interface.segments import Segments
@@ -28,9 +27,9 @@ from receding_fenicsx.interface.walk import Walk
 APEX = 1e-9
 """Load left, as a part of the leg's first load, at which a leg to complete unloading is closed."""
 
-REFINED_ABOVE = 1e-13
-"""Round-off of the residual above which rates are refined once: stiff, nearly incompressible
-bodies."""
+REFINED_ABOVE = 3e-12
+"""Residual of a leg above which it is traced anew, and all later ones traced, with refined rates:
+stiff, nearly incompressible bodies."""
 
 CORRECTED_LEGS = 10
 """Legs between two corrections of round-off once all sets of states on the way are known."""
@@ -79,11 +78,26 @@ class EventPath:
         crossing = self._crosses_zero(a, b)
         if crossing is not None:
             return self._through_zero(start, ends, crossing, force_scale, samples)
+        try:
+            leg = self._walk(start, ends, force_scale, samples)
+            if self.segments.refined or leg.residual <= REFINED_ABOVE:
+                return leg
+        except SolveError:
+            if self.segments.refined:
+                raise
+        # round-off may also have hidden the way on
+        self.segments.refine()
+        return self._walk(start, ends, force_scale, samples)
+
+    def _walk(
+        self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int
+    ) -> Leg:
+        """Follow one leg from event to event."""
         walk = Walk(self.segments, start, ends, force_scale, samples, self.check_all)
-        apex = self._is_unloaded(b) and self.segments.lifts_freely
+        apex = self._is_unloaded(ends[1]) and self.segments.lifts_freely
         walk.run(1.0 - APEX if apex else 1.0)
         self.legs_since_correction += 1
-        due = self.legs_since_correction >= CORRECTED_LEGS or self.segments.ill_conditioned
+        due = self.legs_since_correction >= CORRECTED_LEGS or self.segments.refined
         if due:
             self.legs_since_correction = 0
         return walk.finish(apex, due)
@@ -164,7 +178,6 @@ class EventPath:
         n = self.system.n
         scale = largest_force(self.system, load, end.r, force_scale)
         slip = np.where(end.state == SEPARATION, 0.0, change[:n])
-        self.segments.ill_conditioned |= round_off(self.system, end.u, scale) > REFINED_ABOVE
         leg = Leg(
             end=end,
             dissipation=-0.5 * end.Q * np.where(self.system.held[:n], 0.0, slip),

@@ -63,7 +63,7 @@ class Segments:
         frictional: (N,) nodes with the full contact law.
         smooth: (N,) nodes without friction, or held tangentially.
         weight: (4N,) brings every entry of y to the size of a nodal force.
-        ill_conditioned: refine every set of rates once.
+        refined: every set of rates is refined once.
         trials: sets of states whose rates were worked out.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
@@ -82,7 +82,7 @@ class Segments:
         self.weight = np.concatenate([stiffness, force, force])
         self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
         self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
-        self.ill_conditioned = False
+        self.refined = False
         self.trials = 0
         self._tableau: Tableau | None = None
         self._rates: OrderedDict[bytes, Array] = OrderedDict()
@@ -100,6 +100,12 @@ class Segments:
             self._tableau.move_to(state)
         return self._tableau
 
+    def refine(self) -> None:
+        """Forget all rates; from now on refine every set of them once."""
+        self.refined, self._tableau = True, None
+        self._rates.clear()
+        self._known.clear()
+
     def at(self, state: States, direction: Array) -> Segment:
         """Return the rates in the given states along a leg whose loads change by ``direction``."""
         key = state.tobytes()
@@ -110,7 +116,7 @@ class Segments:
         if rates is None:
             self.trials += 1
             tableau = self.tableau(state)
-            rates = tableau.refined_rates() if self.ill_conditioned else tableau.rates()
+            rates = tableau.refined_rates() if self.refined else tableau.rates()
             rates = rates[: 4 * self.system.n].copy()
             self._rates[key] = rates
             if len(self._rates) * rates.nbytes > CACHED_BYTES:

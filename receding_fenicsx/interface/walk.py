@@ -47,6 +47,10 @@ CHECKED_EVENTS = 32
 The residual at the end of every leg is always evaluated afresh."""
 
 
+CLEARED_EVENTS = 128
+"""Events with newly worked-out rates after which the round-off of the walk is cleared."""
+
+
 class Walk:
     """One leg under way."""
 
@@ -74,6 +78,7 @@ class Walk:
         self.direction = b - a
         self.s, self.trials_before = 0.0, segments.trials
         self.progress_at, self.standing = 0.0, 0
+        self.cleared_at = segments.trials
         self.state = start.state.copy()
         self.y = segments.values(start)
         self.force_scale = largest_force(self.system, a, start.r, force_scale)
@@ -139,6 +144,8 @@ class Walk:
             self.state, following, change = known
             self.leg.events.append((self.s, *change))
             return following, False
+        if self.segments.trials - self.cleared_at >= CLEARED_EVENTS:
+            self._clear()
         count = len(self.leg.events)
         following = self._consistent(label, segment)
         changes = self.leg.events[count:]
@@ -146,6 +153,16 @@ class Walk:
         if len(changes) == 1 and changes[0][1] == label % self.system.n:
             segment.next[label] = self.state, following, changes[0][1:]
         return following, True
+
+    def _clear(self) -> ContactState:
+        """Clear the round-off of the walk by one step of iterative refinement; return the state."""
+        n, system, load = self.system.n, self.system, self.load(self.s)
+        u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
+        u += self.segments.tableau(self.state).correction(reactions(system, load, u))
+        now = ContactState(u, reactions(system, load, u), self.state.copy())
+        self.y[:] = self.segments.values(now)
+        self.cleared_at = self.segments.trials
+        return now
 
     def _watch_progress(self) -> None:
         """Raise when events follow each other without end at one place of the leg."""
@@ -306,16 +323,15 @@ class Walk:
 
         Args:
             apex: the leg ends at complete unloading.
-            correct: take out the round-off of the path by one step of iterative refinement, which
-            is
-                always done after a leg with new sets of states.
+            correct: clear the round-off of the walk, as is always done after a leg with new sets of
+                states.
         """
         leg, n, system = self.leg, self.system.n, self.system
-        u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
-        load = self.load(self.s)
         if self._is_new() or correct:
-            u += self.segments.tableau(self.state).correction(reactions(system, load, u))
-        end = ContactState(u, reactions(system, load, u), self.state.copy())
+            end = self._clear()
+        else:
+            u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
+            end = ContactState(u, reactions(system, self.load(self.s), u), self.state.copy())
         self._check(end)
         if apex:
             end = ContactState(self._rest(end), np.zeros(2 * n), end.state)
