@@ -66,8 +66,8 @@ def run_table(summary: Mapping[str, Any]) -> str:
         lines.append(f"friction limit reached without slip in the last cycle: x from {ranges}")
     if summary.get("friction_margin") is not None:
         lines.append(
-            f"largest f |K_tn| / K_tt of a node {summary['friction_margin']:.3g} (below 1 a node by "
-            "itself has one answer; that proves nothing for all together)"
+            f"largest f |K_tn| / K_tt of a node {summary['friction_margin']:.3g} (below 1 a node "
+            "by itself has one answer; that proves nothing for all together)"
         )
     lines.append(
         f"largest residual {summary['residual_max']:.1e}, events {summary['events']}, "
