@@ -14,6 +14,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy
 
 from receding_fenicsx.errors import NotConverged
@@ -149,6 +150,44 @@ def solve_step(
         f"residual {residual:.1e} at node {node} (x = {system.x[node]:.6g}), tolerance "
         f"{options.residual_tolerance:.1e}; take more steps per leg, more sweeps, or method events"
     )
+
+
+def solve_directly(
+    system: ContactSystem, load: Array, u: Array, v_ref: Array, state: NDArray[np.integer]
+) -> Array | None:
+    """Return the displacements in given states, from eqs. (4), (6), (8) and (10) at once.
+
+    Args:
+        system: the condensed body, ``kind = "frictional"``.
+        load: (n_loads,) load factors.
+        u: (2N,) displacements of the held freedoms; of the others any.
+        v_ref: (N,) where stuck nodes stick.
+        state: (N,) states.
+
+    Returns:
+        (2N,) displacements, None if the body has a motion without stiffness in these states.
+    """
+    n, K, held = system.n, system.K, system.held
+    u = u.copy()
+    grounded = (state != SEPARATION) & ~held[n:]
+    u[n:][grounded] = -system.g0[grounded]
+    stuck = (state == STICK) & ~held[:n]
+    u[:n][stuck] = v_ref[stuck]
+    free_t = np.flatnonzero((state != STICK) & ~held[:n])
+    free_n = np.flatnonzero((state == SEPARATION) & ~held[n:])
+    free = np.concatenate([free_t, n + free_n])
+    if len(free) == 0:
+        return u
+    sign = np.where(state == FORWARD, 1.0, np.where(state == BACKWARD, -1.0, 0.0))
+    f = (sign * system.f)[free_t]
+    rows = np.vstack([K[free_t] + f[:, None] * K[n + free_t], K[n + free_n]])
+    r = reactions(system, load, u)
+    rhs = np.concatenate([r[free_t] + f * r[n + free_t], r[n + free_n]])
+    try:
+        u[free] -= np.linalg.solve(rows[:, free], rhs)
+    except np.linalg.LinAlgError:
+        return None
+    return u
 
 
 @dataclass(frozen=True)
@@ -360,28 +399,12 @@ class _Sweeper:
 
     def polish(self) -> None:
         """Solve directly with the present states; keep the answer if it betters the residual."""
-        n, K = self.system.n, self.system.K
-        state = np.array(self.state)
         stiffness = local_stiffness(self.system)
         before = self.residual(stiffness, 0.0)[0]
-        u = self.u.copy()
-        contact = state != SEPARATION
-        u[n:][contact & ~self.system.held[n:]] = -self.system.g0[contact & ~self.system.held[n:]]
-        stick = (state == STICK) & ~self.system.held[:n]
-        u[:n][stick] = np.array(self.v_ref)[stick]
-        free_t = np.flatnonzero((state != STICK) & ~self.system.held[:n])
-        free_n = np.flatnonzero((state == SEPARATION) & ~self.system.held[n:])
-        free = np.concatenate([free_t, n + free_n])
-        sign = np.where(state == FORWARD, 1.0, np.where(state == BACKWARD, -1.0, 0.0))
-        f = (sign * self.system.f)[free_t, None]
-        rows = np.vstack([K[free_t] + f * K[n + free_t], K[n + free_n]])
-        r = reactions(self.system, self.load, u)
-        rhs = np.concatenate([r[free_t] + f[:, 0] * r[n + free_t], r[n + free_n]])
-        if len(free):
-            try:
-                u[free] -= np.linalg.solve(rows[:, free], rhs)
-            except np.linalg.LinAlgError:
-                return
+        state, v_ref = np.array(self.state), np.array(self.v_ref)
+        u = solve_directly(self.system, self.load, self.u, v_ref, state)
+        if u is None:
+            return
         kept = self.u, self.r, list(self.v_ref)
         self.u, self.r = u, reactions(self.system, self.load, u)
         for i in np.flatnonzero(self.was_open):
