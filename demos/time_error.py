@@ -1,0 +1,95 @@
+"""Gauss-Seidel in load steps against the exact path: what a time step costs.
+
+You will see, for 10 to 640 load steps a leg on one condensed block, the error of the first cycle's
+dissipation and of the nodal forces against the exact path, the time that each took, and a log-log
+figure. The demo shows how to evolve one condensed system by both methods.
+"""
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+
+from receding_fenicsx import ContactSystem, Record, evolve, history_from_scene, read_scene
+from receding_fenicsx.errors import on_root
+from receding_fenicsx.output.style import COLUMN, GUIDE_COLOUR, RC, SERIES_COLOURS
+from receding_fenicsx.scene import SolverOptions
+from receding_fenicsx.study import condense
+
+HERE = Path(__file__).parent
+STEPS = (10, 20, 40, 80, 160, 320, 640)
+LARGEST_FORCE_ERROR = 1e-4
+"""Error of a nodal force over the largest one that is allowed at 320 steps a leg."""
+SLOPES = (0.9, 2.1)
+"""Range of the order of convergence that is expected of the dissipation."""
+
+
+def main() -> None:
+    """Print the table and write the figure into the folder given by --out."""
+    parser = argparse.ArgumentParser(description="Load steps against the exact path.")
+    parser.add_argument("--out", default="results/time_error", help="folder of the figure")
+    folder = Path(parser.parse_args().out)
+    scene = read_scene(HERE / "block.toml", ["history.cycles=1"])
+    system = condense(scene)
+    on_root(MPI.COMM_WORLD, lambda: compare(system, history_from_scene(scene), folder))
+
+
+def compare(system: ContactSystem | None, history: Any, folder: Path) -> None:
+    """Evolve by events, then by Gauss-Seidel with more and more steps."""
+    assert system is not None
+    exact, seconds = timed(system, history, SolverOptions())
+    print(f"exact path: {seconds:.2f} s, residual {exact.residual_max:.0e}")
+    print("steps a leg  seconds  error of D_1  error of forces")
+    errors, forces = [], []
+    for steps in STEPS:
+        options = SolverOptions(method="gauss-seidel", steps_per_leg=steps)
+        stepped, seconds = timed(system, history, options)
+        errors.append(abs(stepped.cycles.dissipation[0] / exact.cycles.dissipation[0] - 1.0))
+        a, b = stepped.turning_points, exact.turning_points
+        difference = max(np.abs(a.P - b.P).max(), np.abs(a.Q - b.Q).max())
+        forces.append(difference / np.abs(b.P).max())
+        print(f"{steps:11d}  {seconds:7.2f}  {errors[-1]:12.1e}  {forces[-1]:15.1e}", flush=True)
+    used = np.array(STEPS) >= 40
+    slope = -np.polyfit(np.log(np.array(STEPS)[used]), np.log(np.array(errors)[used]), 1)[0]
+    print(f"order of convergence of the dissipation from 40 to 640 steps: {slope:.2f}")
+    figure(np.array(errors), np.array(forces), folder)
+    assert SLOPES[0] <= slope <= SLOPES[1], f"order {slope:.2f} is not between {SLOPES}"
+    assert forces[STEPS.index(320)] < LARGEST_FORCE_ERROR
+
+
+def timed(system: ContactSystem, history: Any, options: SolverOptions) -> tuple[Record, float]:
+    """Return the record and the seconds that it took."""
+    begin = time.perf_counter()
+    record = evolve(system, history, options)
+    return record, time.perf_counter() - begin
+
+
+def figure(errors: np.ndarray, forces: np.ndarray, folder: Path) -> None:
+    """Draw both errors over the number of steps."""
+    import matplotlib as mpl
+
+    mpl.use("Agg")
+    import matplotlib.pyplot as plt
+
+    look: dict[Any, Any] = {**RC, "figure.constrained_layout.use": True}
+    with mpl.rc_context(look):
+        drawn, axes = plt.subplots(figsize=(COLUMN, 2.8))
+        axes.loglog(STEPS, errors, "o-", color=SERIES_COLOURS[0], label="dissipation of cycle 1")
+        axes.loglog(STEPS, forces, "s-", color=SERIES_COLOURS[1], label="nodal forces")
+        second_order = errors[0] * (STEPS[0] / np.array(STEPS)) ** 2
+        axes.loglog(STEPS, second_order, "--", color=GUIDE_COLOUR, lw=0.8, label="order 2")
+        axes.set(xlabel="load steps a leg", ylabel="error against the exact path")
+        axes.legend()
+        folder.mkdir(parents=True, exist_ok=True)
+        for suffix in ("png", "pdf"):
+            drawn.savefig(folder / f"time_error.{suffix}")
+        plt.close(drawn)
+    print(f"figure written to {folder}")
+
+
+if __name__ == "__main__":
+    main()
