@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -167,6 +168,8 @@ def _check_choice(value: object, choices: tuple[str, ...], where: str) -> None:
 def _check_body(scene: Scene) -> None:
     body, material = scene.body, scene.material
     if body.mesh is not None:
+        if not Path(body.mesh).is_file():
+            raise InputError(f'[body] mesh: "{body.mesh}": no such file; check the path')
         raise InputError("[body] mesh: a user's own mesh is not available yet; leave it out")
     _check_choice(body.shape, ("rectangle",), "[body] shape")
     _check_positive(body.width, "[body] width")
