@@ -246,6 +246,8 @@ def _table(raw: object, kind: type, name: str, label: str) -> Any:
     readers = READERS[kind]
     for key, value in raw.items():
         if key in LATER.get(name, {}):
+            if (name, key) == ("body", "mesh") and not Path(str(value)).is_file():
+                raise InputError(f'{label} mesh: "{value}": no such file; check the path')
             raise InputError(
                 f"{label} {key}: {LATER[name][key]} is not available yet; leave it out"
             )
