@@ -6,7 +6,13 @@ apart best, orange and blue; nodes that do not are in greys. Printed in grey, th
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+from string import ascii_lowercase
 from typing import Any
+
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 
 from receding_fenicsx.interface.contact import STATE_NAMES, State
 
@@ -34,6 +40,8 @@ SHEAR_COLOUR = "#d55e00"
 """Vermilion of the Okabe-Ito set."""
 GUIDE_COLOUR = "#808080"
 """Friction cone, published values, undeformed outlines."""
+GUIDE: dict[str, Any] = {"color": GUIDE_COLOUR, "dashes": (3, 2), "lw": 0.8}
+"""A line that helps to read the others."""
 SERIES_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Colours of lines that stand for nothing in particular, one after the other."""
 
@@ -71,3 +79,23 @@ RC: dict[str, Any] = {
     "axes.unicode_minus": True,
 }
 """Matplotlib's settings; the fonts come with Matplotlib, so a figure looks the same everywhere."""
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of this size in inches; it knows no window system."""
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def state_patches(states: Iterable[int]) -> list[Patch]:
+    """Legend entries of the states that occur, in their order."""
+    return [
+        Patch(fc=STATE_COLOURS[State(s)], ec="black", lw=0.4, label=STATE_LABELS[State(s)])
+        for s in sorted({int(s) for s in states})
+    ]
+
+
+def panel_title(n: int, panels: int, text: str) -> str:
+    """Return a panel's title, lettered when there are several."""
+    return f"({ascii_lowercase[n]}) {text}" if panels > 1 else text

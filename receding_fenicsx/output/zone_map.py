@@ -65,13 +65,16 @@ def has_leg(record: Record, cycle: int, leg: int) -> bool:
     return bool(np.any((record.samples.cycle == cycle) & (record.samples.leg == leg)))
 
 
-def zone_map(record: Record, cycle: int, leg: int) -> ZoneMap:
+def zone_map(
+    record: Record, cycle: int, leg: int, stuck: NDArray[np.bool_] | None = None
+) -> ZoneMap:
     """Map the zones of one leg.
 
     Args:
         record: the record; the leg must be among the sampled ones (:func:`has_leg`).
         cycle: cycle, 0 for the first loading.
         leg: leg within the cycle.
+        stuck: (N,) nodes whose slip is too small to be drawn: shown as stuck where they slip.
 
     Returns:
         The map, from the record's events for the exact method and from its samples for others.
@@ -80,6 +83,8 @@ def zone_map(record: Record, cycle: int, leg: int) -> ZoneMap:
         timelines = _from_events(record, cycle, leg)
     else:
         timelines = _from_samples(record, cycle, leg)
+    if stuck is not None:
+        timelines = [_still(t) if i else t for t, i in zip(timelines, stuck, strict=True)]
     pieces: list[tuple[State, Polygon]] = []
     lines: list[Array] = []
     for i in range(len(record.x) - 1):
@@ -100,15 +105,24 @@ def timeline(start: int, changes: list[tuple[float, int]]) -> Timeline:
         if states and states[-1] == new:
             continue
         states.append(new)
-        begins.append(s if states[:-1] else 0.0)
+        begins.append(s if len(states) > 1 else 0.0)
     return Timeline(np.array(states, dtype=np.int8), np.array([*begins, 1.0]))
+
+
+def _still(line: Timeline) -> Timeline:
+    """The timeline with stick in the place of slip."""
+    slips = np.isin(line.state, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
+    state = np.where(slips, State.STICK, line.state)
+    changes = list(zip(line.s[1:-1].tolist(), state[1:].tolist(), strict=True))
+    return timeline(int(state[0]), changes)
 
 
 def _from_events(record: Record, cycle: int, leg: int) -> list[Timeline]:
     table, events = record.turning_points, record.events
     end = table.state[np.flatnonzero((table.cycle == cycle) & (table.leg == leg))[0]]
     here = np.flatnonzero((events.cycle == cycle) & (events.leg == leg))
-    first, changes = end.astype(int), [[] for _ in end]  # type: list[int] | Array, list
+    first = end.astype(int)
+    changes: list[list[tuple[float, int]]] = [[] for _ in end]
     for k in here[::-1]:
         first[events.node[k]] = events.old[k]
     for k in here:
@@ -121,6 +135,9 @@ def _from_samples(record: Record, cycle: int, leg: int) -> list[Timeline]:
     table = record.samples
     rows = np.flatnonzero((table.cycle == cycle) & (table.leg == leg))
     rows = rows[np.argsort(table.s[rows], kind="stable")]
+    if np.any(table.P[rows] > 0.0) and not np.any(table.P[rows[-1]] > 0.0):
+        # without any force all states hold at once: the zones are those of the limit
+        rows = rows[:-1]
     s, state = table.s[rows], table.state[rows]
     changes: list[list[tuple[float, int]]] = [[] for _ in record.x]
     for k in range(1, len(s)):

@@ -1,0 +1,108 @@
+"""Quantities of whole cycles as figures (the paper's Figs. 8 and 10), and where energy goes."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.output import style
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.scales import Scales, scales_of
+from receding_fenicsx.output.series import fitted_cycles, slip_lines
+from receding_fenicsx.reference import DISSIPATION_RATIO, SLIP_EXPONENT
+
+PAPER = "Ahn & Barber (2008)"
+
+
+def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
+    """Draw the slip gained in each cycle at representative nodes, and its power of N (Fig. 8).
+
+    Raises:
+        InputError: the record has too few cycles, or no node slips in all of them.
+    """
+    scales = scales or scales_of(record)
+    unit, behind = scales.slip()
+    lines = slip_lines(record, scales.length, unit)
+    if not lines:
+        raise InputError("slip per cycle: no node slips in enough cycles; run more cycles")
+    fitted = fitted_cycles(record).astype(float)
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 3.3)
+        axes = figure.subplots()
+        for line, colour in zip(lines, style.SERIES_COLOURS, strict=False):
+            label = f"{scales.x_label} = {line.x:.2f}:  $N^{{{line.fit.exponent:.2f}}}$"
+            axes.loglog(line.N, line.slip, "o", color=colour, ms=2.4, label=label)
+            axes.loglog(fitted, line.at(fitted), color=colour, lw=0.8)
+        if scales.paper:
+            top = max(float(line.at(fitted[:1])[0]) for line in lines)
+            axes.loglog(
+                fitted,
+                4.0 * top * (fitted / fitted[0]) ** SLIP_EXPONENT,
+                label=f"{PAPER}:  $N^{{{SLIP_EXPONENT}}}$",
+                color="black",
+                dashes=(4, 2),
+                lw=0.9,
+            )
+        axes.set_xlabel("cycle $N$")
+        axes.set_ylabel(rf"slip gained in a cycle, $|\Delta v_i|{behind}$")
+        axes.legend(
+            loc="lower left",
+            title=f"fitted over {fitted[0]:.0f} ≤ $N$ ≤ {fitted[-1]:.0f}",
+            title_fontsize=8.0,
+            alignment="left",
+        )
+    return figure
+
+
+def dissipation_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
+    """Draw the dissipation of each cycle over that of the first (Fig. 10)."""
+    scales = scales or scales_of(record)
+    ratio = record.cycles.dissipation / record.cycles.dissipation[0]
+    N = np.arange(1, len(ratio) + 1)
+    small = {"textcoords": "offset points", "fontsize": 8.0, "ha": "right"}
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 2.4)
+        axes = figure.subplots()
+        if scales.paper:
+            axes.axhline(DISSIPATION_RATIO, **style.GUIDE)
+            axes.annotate(
+                f"{DISSIPATION_RATIO:.0%}, {PAPER}",
+                (0.98, DISSIPATION_RATIO),
+                xycoords=("axes fraction", "data"),
+                xytext=(0, -4),
+                va="top",
+                **small,
+            )
+        axes.plot(N, ratio, "o-", color=style.SERIES_COLOURS[0], ms=2.4, lw=0.8)
+        axes.annotate(f"{ratio[-1]:.4f}", (float(N[-1]), ratio[-1]), xytext=(2, 5), **small)
+        axes.set_xlabel("cycle $N$")
+        axes.set_ylabel("dissipation, $D_N/D_1$")
+        axes.set_xlim(0.0, len(ratio) + 1.0)
+        axes.set_ylim(0.0, 1.1 * float(ratio.max()))
+        axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+    return figure
+
+
+def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
+    """Draw where along the contact edge energy is dissipated, in the first and the last cycle."""
+    scales = scales or scales_of(record)
+    unit, behind = scales.dissipation_density()
+    density = record.cycles.dissipation_density / unit
+    used = record.weight > 0.0
+    x = record.x[used] / scales.length
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 2.4)
+        axes = figure.subplots()
+        rows = sorted({0, len(density) - 1})
+        for row, colour in zip(rows, style.SERIES_COLOURS, strict=False):
+            axes.plot(x, density[row][used], color=colour, label=f"cycle {row + 1}")
+        axes.set_xlim(x[0], x[-1])
+        axes.set_ylim(0.0, None)
+        axes.ticklabel_format(axis="y", scilimits=(-2, 3), useMathText=True)
+        axes.set_xlabel(scales.x_label)
+        axes.set_ylabel(rf"dissipation density, $d{behind}$")
+        figure.legend(loc="outside upper center", ncols=len(rows))
+    return figure

@@ -1,0 +1,182 @@
+"""What the pictures' axes are divided by, and what is written on them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from receding_fenicsx.interface.contact import Array
+from receding_fenicsx.interface.mirror import SWAPPED
+from receding_fenicsx.output.record import Record, States
+from receding_fenicsx.output.series import is_unloading, leg_ends
+from receding_fenicsx.reference import is_papers_block
+from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene_file import from_toml
+
+SYMMETRY_TOLERANCE = 1e-9
+"""Distance of a node from its mirror image, over the contact's length."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Units of a record's pictures.
+
+    Attributes:
+        length, length_symbol: what lengths are divided by; "h" for the height of a rectangle, or 1
+            and "".
+        pressure: traction of the only load at factor 1, in the scene's units; 1 when not known.
+        pressure_symbol: its symbol, "" when tractions are not divided by it.
+        load_max: (n_loads,) largest absolute factor of each load over the history, or 1.
+        young: Young's modulus; 0 when not known.
+        paper: the record is of the paper's block and history.
+        symmetric: every state is its own mirror image about x = 0.
+    """
+
+    length: float
+    length_symbol: str
+    pressure: float
+    pressure_symbol: str
+    load_max: Array
+    young: float
+    paper: bool
+    symmetric: bool
+
+    @property
+    def x_label(self) -> str:
+        """Label of the axis along the contact edge."""
+        return f"$x/{self.length_symbol}$" if self.length_symbol else "$x$"
+
+    def traction_unit(self, load: Array) -> float:
+        """What tractions are divided by at the load factors: the pressure then acting, or 1."""
+        now = abs(float(load[0])) * self.pressure if self.pressure_symbol else 0.0
+        return now or 1.0
+
+    def traction_labels(self) -> tuple[str, str, str]:
+        """Labels of normal traction, tangential traction and friction limit."""
+        divided = f"/{self.pressure_symbol}" if self.pressure_symbol else ""
+        return f"$p{divided}$", f"$q{divided}$", rf"$\pm f p{divided}$"
+
+    def load_label(self, name: str) -> str:
+        """Label of a load over its largest value."""
+        symbol = load_symbol(name)
+        return f"${symbol}/{peak(symbol)}$"
+
+    def normalised(self) -> bool:
+        """Whether displacements and energies can be given without units."""
+        return bool(self.length_symbol and self.pressure_symbol and self.young > 0.0)
+
+    def slip(self) -> tuple[float, str]:
+        """What a displacement is divided by, and what is written behind its symbol."""
+        if not self.normalised():
+            return 1.0, ""
+        p = self.pressure * float(self.load_max[0])
+        return p * self.length / self.young, rf"\,E/({self._peak()}\,{self.length_symbol})"
+
+    def dissipation_density(self) -> tuple[float, str]:
+        """What an energy per contact area is divided by, and what is written behind its symbol."""
+        if not self.normalised():
+            return 1.0, ""
+        p = self.pressure * float(self.load_max[0])
+        peak = f"({self._peak()})^2"
+        return p * p * self.length / self.young, rf"\,E/({peak}\,{self.length_symbol})"
+
+    def _peak(self) -> str:
+        return peak(self.pressure_symbol)
+
+
+def scales_of(record: Record) -> Scales:
+    """Find the scales of a record: those of the paper where the scene has them."""
+    scene = from_toml(record.scene_toml) if record.scene_toml else None
+    length = _length(scene)
+    pressure, symbol = 1.0, ""
+    if len(record.load_names) == 1:
+        loads = scene.loads if scene is not None else ()
+        value = loads[0].pressure if len(loads) == 1 else 1.0
+        if isinstance(value, float | int) and value > 0.0:
+            pressure, symbol = float(value), load_symbol(record.load_names[0])
+    largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)
+    return Scales(
+        length=length or 1.0,
+        length_symbol="h" if length else "",
+        pressure=pressure,
+        pressure_symbol=symbol,
+        load_max=np.where(largest > 0.0, largest, 1.0),
+        young=scene.material.young if scene is not None else 0.0,
+        paper=scene is not None and is_papers_block(scene),
+        symmetric=_is_symmetric(record),
+    )
+
+
+def load_symbol(name: str) -> str:
+    """Write a load's name as mathematics: "p0" as a letter with an index, a word as a word."""
+    found = re.fullmatch(r"([A-Za-z])_?([A-Za-z0-9]*)", name)
+    if found and (len(found[2]) == 0 or found[2].isdigit()):
+        return found[1] + (f"_{{{found[2]}}}" if found[2] else "")
+    escaped = re.sub(r"([_%#$&{}\\^ ])", r"\\\1", name)
+    return rf"\mathrm{{{escaped}}}"
+
+
+def peak(symbol: str) -> str:
+    """Mathematics for the largest value of a load."""
+    return rf"{symbol}^{{\,\mathrm{{max}}}}"
+
+
+def describe_load(record: Record, table: States, row: int, scales: Scales) -> str:
+    """Say at what load, in which cycle and on the way to where a row of a table stands."""
+    cycle, leg = int(table.cycle[row]), int(table.leg[row])
+    parts = []
+    for name, value, largest in zip(
+        record.load_names, table.load[row], scales.load_max, strict=True
+    ):
+        symbol = load_symbol(name)
+        parts.append(f"${symbol} = {_number(float(value / largest))}{peak(symbol)}$")
+    return f"{_way(record, cycle, leg)}, " + ", ".join(parts)
+
+
+def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
+    """Say which leg of which cycle this is; with several loads also from where to where it goes."""
+    text = _way(record, cycle, leg)
+    if len(record.load_names) == 1:
+        return text
+    begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
+    moves = [
+        f"${load_symbol(name)}$: {a:.3g} to {b:.3g}"
+        for name, a, b in zip(record.load_names, begin, end, strict=True)
+        if a != b
+    ]
+    return f"{text}: " + ", ".join(moves)
+
+
+def _way(record: Record, cycle: int, leg: int) -> str:
+    """Name a leg: "first loading", "unloading, cycle 9", "leg 3, cycle 9"."""
+    legs = np.unique(record.turning_points.leg[record.turning_points.cycle == cycle])
+    falls = is_unloading(record, cycle, leg)
+    if cycle == 0:
+        return "first loading" if leg == 0 else "unloading" if falls else f"loading, leg {leg + 1}"
+    if len(legs) > 2 or len(record.load_names) > 1:
+        return f"cycle {cycle}, leg {leg + 1}"
+    return f"{'unloading' if falls else 'reloading'}, cycle {cycle}"
+
+
+def _number(value: float) -> str:
+    """A factor before a symbol: nothing for 1, a fraction for thirds, else three figures."""
+    for text, known in (("", 1.0), (r"\frac{1}{3}\,", 1.0 / 3.0), (r"\frac{2}{3}\,", 2.0 / 3.0)):
+        if abs(value - known) < SYMMETRY_TOLERANCE:
+            return text
+    return rf"{value:.3g}\," if value else "0"
+
+
+def _length(scene: Scene | None) -> float:
+    if scene is None or scene.body.mesh is not None or scene.body.shape != "rectangle":
+        return 0.0
+    return scene.body.height
+
+
+def _is_symmetric(record: Record) -> bool:
+    x = record.x
+    if not len(x) or np.abs(x + x[::-1]).max() > SYMMETRY_TOLERANCE * np.ptp(x):
+        return False
+    tables = (record.turning_points.state, record.samples.state)
+    return all(np.array_equal(SWAPPED[state][:, ::-1], state) for state in tables)

@@ -1,0 +1,101 @@
+"""Tractions, friction limit and states along the contact edge (the paper's Figs. 4 and 6)."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.contact import STATE_NAMES
+from receding_fenicsx.interface.zones import zones
+from receding_fenicsx.output import style
+from receding_fenicsx.output.record import Record, States
+from receding_fenicsx.output.scales import Scales, describe_load, scales_of
+
+STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
+NUMBERED = 0.03
+"""Part of the contact edge that a zone must cover to have its number in the band."""
+
+
+def tractions(
+    record: Record, table: States, rows: list[int], scales: Scales | None = None
+) -> Figure:
+    """Draw tractions, the friction limit and the states along the contact edge.
+
+    Args:
+        record: the record.
+        table: its turning points or samples.
+        rows: rows of the table, a panel each.
+        scales: units; the record's own when left out.
+
+    Returns:
+        The figure.
+    """
+    scales = scales or scales_of(record)
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * len(rows))
+        grid = figure.add_gridspec(2 * len(rows), 1, height_ratios=[0.09, 1.0] * len(rows))
+        axes: Axes | None = None
+        for n, row in enumerate(rows):
+            band = figure.add_subplot(grid[2 * n], sharex=axes)
+            axes = figure.add_subplot(grid[2 * n + 1], sharex=band)
+            _draw_band(band, record, table.state[row], scales)
+            text = describe_load(record, table, row, scales)
+            band.set_title(style.panel_title(n, len(rows), text), pad=4.0)
+            _draw_curves(axes, record, table, row, scales)
+            axes.tick_params(labelbottom=n == len(rows) - 1)
+            if n == len(rows) - 1:
+                axes.set_xlabel(scales.x_label)
+        p, q, _ = scales.traction_labels()
+        curves = [
+            Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
+            Line2D([], [], color=style.SHEAR_COLOUR, label=q),
+            Line2D([], [], label=scales.traction_labels()[2], **style.GUIDE),
+        ]
+        figure.legend(handles=curves, loc="outside upper center", ncols=3)
+        patches = style.state_patches(np.unique(table.state[rows]))
+        figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
+    return figure
+
+
+def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scales) -> None:
+    """Draw the states as a band of colours with their numbers."""
+    x = record.x / scales.length
+    for name, a, b in zones(x, state):
+        kind = STATE_OF_NAME[name]
+        axes.axvspan(a, b, fc=style.STATE_COLOURS[kind], ec="black", lw=0.4)
+        if b - a > NUMBERED * np.ptp(x):
+            axes.text(
+                0.5 * (a + b),
+                0.46,
+                str(int(kind)),
+                ha="center",
+                va="center",
+                fontsize=7.5,
+                color=style.STATE_INKS[kind],
+            )
+    axes.set_ylim(0.0, 1.0)
+    axes.tick_params(
+        left=False, right=False, bottom=False, top=False, labelleft=False, labelbottom=False
+    )
+
+
+def _draw_curves(axes: Axes, record: Record, table: States, row: int, scales: Scales) -> None:
+    """Draw p, q and the friction limit of the nodes that stand for a length of the edge."""
+    used = record.weight > 0.0
+    x = record.x[used] / scales.length
+    unit = scales.traction_unit(table.load[row])
+    p, q = table.p[row][used] / unit, table.q[row][used] / unit
+    limit = record.f[used] * p
+    axes.axhline(0.0, color="black", lw=0.4)
+    for _, begin, _ in zones(record.x / scales.length, table.state[row])[1:]:
+        axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
+    for cone in (limit, -limit):
+        axes.plot(x, cone, **style.GUIDE)
+    axes.plot(x, p, color=style.PRESSURE_COLOUR)
+    axes.plot(x, q, color=style.SHEAR_COLOUR)
+    axes.set_xlim(*(record.x[[0, -1]] / scales.length))
+    axes.set_ylabel(",  ".join(scales.traction_labels()[:2]))

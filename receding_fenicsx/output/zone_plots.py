@@ -1,0 +1,159 @@
+"""Zone maps as figures (the paper's Figs. 5, 7 and 9)."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from receding_fenicsx.interface.contact import Array
+from receding_fenicsx.output import style
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.scales import Scales, describe_leg, scales_of
+from receding_fenicsx.output.series import NEGLIGIBLE_SLIP, Still, leg_ends
+from receding_fenicsx.output.zone_labels import place_labels
+from receding_fenicsx.output.zone_map import ZoneMap, zone_map
+
+PANEL_HEIGHT = 1.85
+"""Inches from the bottom to the top of a panel's axes, or a little less."""
+AXES_WIDTH = 2.95
+"""Inches from the left to the right of the axes, or a little less."""
+JUMP = 0.25
+"""Part of a leg between two neighbouring nodes' instants across which no line is drawn."""
+DASHED = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
+
+
+def zone_maps(
+    record: Record,
+    legs: list[tuple[int, int]],
+    scales: Scales | None = None,
+    still: Still | None = None,
+) -> Figure:
+    """Map the zones along legs.
+
+    Args:
+        record: the record; it must hold samples of the legs.
+        legs: (cycle, leg), a panel each.
+        scales: units; the record's own when left out.
+        still: nodes that reach the friction limit without slipping, for a dashed line.
+
+    Returns:
+        The figure; only x >= 0 is shown where the contact is symmetric.
+    """
+    scales = scales or scales_of(record)
+    stuck = None if still is None else still.stuck
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 0.9 + (PANEL_HEIGHT + 0.25) * len(legs))
+        panels = figure.subplots(len(legs), 1, sharex=True, squeeze=False)[:, 0]
+        shown: set[int] = set()
+        dashed = False
+        for n, (axes, (cycle, leg)) in enumerate(zip(panels, legs, strict=True)):
+            drawn = zone_map(record, cycle, leg, stuck)
+            shown |= {int(state) for state, _ in drawn.pieces}
+            axes.set_title(style.panel_title(n, len(legs), describe_leg(record, cycle, leg, scales)))
+            begin, end, label = load_axis(record, cycle, leg, scales)
+            _draw_map(axes, drawn, (begin, end), scales)
+            axes.set_ylabel(label)
+            if still is not None:
+                dashed |= _draw_limit(axes, record, still, leg, (begin, end), scales)
+        panels[-1].set_xlabel(scales.x_label)
+        handles: list[Line2D] = []
+        if still is not None and dashed:
+            text = "reaches the friction limit, does not slip"
+            if not still.strict:
+                text = f"reaches the friction limit, slips < {_power(NEGLIGIBLE_SLIP)} of the largest"
+            handles = [Line2D([], [], label=text, **DASHED)]
+            figure.legend(handles=handles, loc="outside upper center")
+        figure.legend(
+            handles=style.state_patches(shown), loc="outside lower center", ncols=2, columnspacing=1.4
+        )
+    return figure
+
+
+def load_axis(record: Record, cycle: int, leg: int, scales: Scales) -> tuple[float, float, str]:
+    """Return what stands vertically in a zone map: its value at the ends of the leg, its label.
+
+    It is the load over its largest value where one load alone changes, else the part s of the leg.
+    """
+    begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
+    changing = np.flatnonzero(begin != end)
+    if len(changing) != 1:
+        return 0.0, 1.0, "part $s$ of the leg"
+    k = int(changing[0])
+    return float(begin[k]), float(end[k]), scales.load_label(record.load_names[k])
+
+
+def _draw_map(axes: Axes, drawn: ZoneMap, ends: tuple[float, float], scales: Scales) -> None:
+    """Draw zones, their ends and the states' numbers."""
+    begin, end = ends
+
+    def place(points: Array) -> Array:
+        return points * [1.0 / scales.length, end - begin] + [0.0, begin]
+
+    colours = [style.STATE_COLOURS[state] for state, _ in drawn.pieces]
+    # the hairline of the same colour closes the seams that antialiasing leaves
+    axes.add_collection(
+        PolyCollection(
+            [place(polygon) for _, polygon in drawn.pieces],
+            facecolors=colours,
+            edgecolors=colours,
+            linewidths=0.4,
+        )
+    )
+    axes.add_collection(
+        LineCollection(
+            list(place(drawn.boundaries)), colors="black", linewidths=0.6, capstyle="round"
+        )
+    )
+    low, high = drawn.x[0], drawn.x[-1]
+    if scales.symmetric and low < 0.0:
+        low = 0.0
+    axes.set_xlim(low / scales.length, high / scales.length)
+    axes.set_ylim(min(ends), max(ends))
+    axes.set_axisbelow(False)
+    for label in place_labels(drawn, (low, high), (AXES_WIDTH, PANEL_HEIGHT)):
+        at = place(np.array(label.at))
+        ink = style.STATE_INKS[label.on]
+        text = str(int(label.state))
+        if label.tip is None:
+            axes.text(*at, text, ha="center", va="center", color=ink)
+            continue
+        arrow = {"arrowstyle": "-|>,head_length=0.3,head_width=0.12", "lw": 0.6, "color": ink}
+        axes.annotate(
+            text,
+            place(np.array(label.tip)),
+            xytext=at,
+            ha="center",
+            va="center",
+            color=ink,
+            arrowprops={**arrow, "shrinkA": 1.0, "shrinkB": 0.0},
+        )
+
+
+def _draw_limit(
+    axes: Axes,
+    record: Record,
+    still: Still,
+    leg: int,
+    ends: tuple[float, float],
+    scales: Scales,
+) -> bool:
+    """Draw where nodes reach the limit without slipping; return whether there are any on this leg."""
+    here = still.leg == leg
+    node, s = still.node[here], still.s[here]
+    if scales.symmetric and record.x[0] < 0.0:
+        right = record.x[node] >= 0.0
+        node, s = node[right], s[right]
+    cuts = np.flatnonzero((np.diff(node) > 1) | (np.abs(np.diff(s)) > JUMP)) + 1
+    for nodes, part in zip(np.split(node, cuts), np.split(s, cuts), strict=True):
+        if len(nodes) > 1:
+            y = ends[0] + part * (ends[1] - ends[0])
+            axes.plot(record.x[nodes] / scales.length, y, **DASHED)
+    return len(node) > 1
+
+
+def _power(value: float) -> str:
+    return f"$10^{{{round(np.log10(value))}}}$"
