@@ -172,7 +172,7 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["output.cycles=[0, 401]"], ["[output] cycles", "401", "0 to 400"]),
         (["history.initial_slip=log(x)"], ["[history] initial_slip", "finite"]),
         # not available yet
-        (["body.mesh=my.msh"], ["[body] mesh", "not available yet"]),
+        (["body.mesh=my.msh"], ["[body] mesh", "my.msh", "no such file"]),
         (["material.kinematics=axisymmetric"], ["axisymmetric", "not available yet"]),
         (["contact.against=b.top"], ["[contact] against", "not available yet"]),
         (["contact.edge=a.bottom"], ["[contact] edge", "two bodies", "not available yet"]),
