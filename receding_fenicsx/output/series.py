@@ -90,11 +90,11 @@ def is_unloading(record: Record, cycle: int, leg: int) -> bool:
 
 
 def first_unloading(record: Record) -> tuple[int, int] | None:
-    """Cycle and leg of the first sampled unloading; None when there is none."""
-    for cycle in (0, 1):
-        for where in legs_of(record, cycle):
-            if is_unloading(record, *where):
-                return where
+    """Cycle and leg of the first unloading; None when the load never falls."""
+    table = record.turning_points
+    for where in zip(table.cycle.tolist(), table.leg.tolist(), strict=True):
+        if is_unloading(record, *where):
+            return where
     return None
 
 
@@ -117,7 +117,9 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
     seen = size > SLIP_FLOOR * size.max()
     moving = np.all(seen[cycles - 1], axis=0)
     distance = record.x / length
-    wanted = moving & (distance >= SLIP_NODES[0] - AT_LIMIT) & (distance <= SLIP_NODES[1] + AT_LIMIT)
+    wanted = (
+        moving & (distance >= SLIP_NODES[0] - AT_LIMIT) & (distance <= SLIP_NODES[1] + AT_LIMIT)
+    )
     nodes = np.flatnonzero(wanted if wanted.any() else moving)
     if not len(nodes):
         return []
@@ -129,7 +131,9 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
         factor = np.exp(np.mean(np.log(values) - fit.exponent * np.log(cycles)))
         N = np.flatnonzero(seen[:, i]) + 1
         slip = size[N - 1, i] / unit
-        lines.append(SlipLine(int(i), float(distance[i]), N.astype(float), slip, fit, float(factor)))
+        lines.append(
+            SlipLine(int(i), float(distance[i]), N.astype(float), slip, fit, float(factor))
+        )
     return lines
 
 
@@ -157,7 +161,13 @@ def limit_without_slip(record: Record, cycle: int) -> Still:
     stuck = ~opens & (span <= NEGLIGIBLE_SLIP * span.max(initial=0.0)) & (record.f > 0.0)
     limit = record.f * table.P[rows]
     at_limit = stuck & (limit > 0.0) & (np.abs(table.Q[rows]) >= (1.0 - AT_LIMIT) * limit)
-    node = np.flatnonzero(at_limit.any(axis=0))
+    reached = at_limit.any(axis=0)
+    if record.method == "events":
+        # a node may reach the limit between two samples and leave it at once
+        events = record.events
+        slip = np.isin(events.new, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
+        reached[events.node[(events.cycle == cycle) & slip]] = True
+    node = np.flatnonzero(reached & stuck)
     row = rows[np.argmax(at_limit[:, node], axis=0)]
     leg, s = table.leg[row], table.s[row].copy()
     if record.method == "events":

@@ -15,8 +15,8 @@ from receding_fenicsx.interface.contact import State
 from receding_fenicsx.interface.cycles import limit_of_decay
 from receding_fenicsx.interface.zones import contact_half_width, stick_half_width, zones
 from receding_fenicsx.output.atomic import new_file
-from receding_fenicsx.output.limits import limit_without_slip
 from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.series import limit_without_slip
 from receding_fenicsx.reference import paper_table
 from receding_fenicsx.scene_file import from_toml
 
@@ -76,7 +76,10 @@ def _trend(record: Record) -> dict[str, Any]:
 
 def _limit_ranges(record: Record) -> list[list[float]]:
     """Ranges of x whose nodes reach the friction limit in the last cycle without slipping."""
-    nodes = np.flatnonzero(limit_without_slip(record, len(record.cycles.dissipation)))
+    last = len(record.cycles.dissipation)
+    if not last or not np.any(record.samples.cycle == last):
+        return []
+    nodes = limit_without_slip(record, last).node
     groups = np.split(nodes, np.flatnonzero(np.diff(nodes) > 1) + 1) if len(nodes) else []
     return [[float(record.x[g[0]]), float(record.x[g[-1]])] for g in groups]
 
