@@ -69,7 +69,7 @@ def dissipation_per_cycle(record: Record, scales: Scales | None = None) -> Figur
         if scales.paper:
             axes.axhline(DISSIPATION_RATIO, **style.GUIDE)
             axes.annotate(
-                f"{DISSIPATION_RATIO:.0%}, {PAPER}",
+                f"{100 * DISSIPATION_RATIO:.0f} %, {PAPER}",
                 (0.98, DISSIPATION_RATIO),
                 xycoords=("axes fraction", "data"),
                 xytext=(0, -4),
@@ -77,10 +77,10 @@ def dissipation_per_cycle(record: Record, scales: Scales | None = None) -> Figur
                 **small,
             )
         axes.plot(N, ratio, "o-", color=style.SERIES_COLOURS[0], ms=2.4, lw=0.8)
-        axes.annotate(f"{ratio[-1]:.4f}", (float(N[-1]), ratio[-1]), xytext=(2, 5), **small)
+        axes.annotate(f"{ratio[-1]:.4f}", (float(N[-1]), ratio[-1]), xytext=(-4, 5), **small)
         axes.set_xlabel("cycle $N$")
         axes.set_ylabel("dissipation, $D_N/D_1$")
-        axes.set_xlim(0.0, len(ratio) + 1.0)
+        axes.set_xlim(0.0, 1.03 * len(ratio) + 0.5)
         axes.set_ylim(0.0, 1.1 * float(ratio.max()))
         axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     return figure
@@ -103,6 +103,6 @@ def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
         axes.set_ylim(0.0, None)
         axes.ticklabel_format(axis="y", scilimits=(-2, 3), useMathText=True)
         axes.set_xlabel(scales.x_label)
-        axes.set_ylabel(rf"dissipation density, $d{behind}$")
+        axes.set_ylabel(f"dissipation density\n$d{behind}$")
         figure.legend(loc="outside upper center", ncols=len(rows))
     return figure

@@ -88,7 +88,7 @@ def draw_all(record: Record, unloading: Record | None = None) -> Iterator[tuple[
     """Yield the name and the figure of everything that :func:`plot_all` writes."""
     scales = scales_of(record)
     yield from _first_loading(record, scales)
-    yield from _first_unloading(unloading or record)
+    yield from _first_unloading([unloading or record, record])
     last = int(record.turning_points.cycle.max(initial=0))
     legs = legs_of(record, PAPERS_CYCLE)[:MOST_PANELS]
     if legs and last > PAPERS_CYCLE:
@@ -122,16 +122,21 @@ def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure
         yield "fig04_tractions_first_loading", tractions(record, table, [row], scales)
 
 
-def _first_unloading(record: Record) -> Iterator[tuple[str, Figure]]:
+def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
     """Figs. 5 and 6: zones along the first unloading, tractions where a third of it is left."""
-    where = first_unloading(record)
-    if where is None:
-        return
-    scales, table = scales_of(record), record.samples
-    yield "fig05_zones_first_unloading", zone_maps(record, [where], scales)
-    rows = np.flatnonzero((table.cycle == where[0]) & (table.leg == where[1]))
-    rows = rows[np.any(table.P[rows] > 0.0, axis=1)]
-    if len(rows):
-        size = np.abs(table.load[rows] / scales.load_max).max(axis=1)
-        row = int(rows[np.argmin(np.abs(size - LOW_LOAD))])
-        yield "fig06_tractions_first_unloading", tractions(record, table, [row], scales)
+    places = [(record, first_unloading(record)) for record in records]
+    found = [(record, where) for record, where in places if where is not None]
+    for record, where in found[:1]:
+        if where in legs_of(record, where[0]):
+            yield "fig05_zones_first_unloading", zone_maps(record, [where])
+    instants = []
+    for record, (cycle, leg) in found:
+        largest = scales_of(record).load_max
+        for table in (record.samples, record.turning_points):
+            here = (table.cycle == cycle) & (table.leg == leg) & np.any(table.P > 0.0, axis=1)
+            for row in np.flatnonzero(here):
+                off = abs(np.abs(table.load[row] / largest).max() - LOW_LOAD)
+                instants.append((off, len(instants), record, table, int(row)))
+    if instants:
+        _, _, record, table, row = min(instants, key=lambda instant: instant[:2])
+        yield "fig06_tractions_first_unloading", tractions(record, table, [row])

@@ -10,7 +10,7 @@ import numpy as np
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.interface.mirror import SWAPPED
 from receding_fenicsx.output.record import Record, States
-from receding_fenicsx.output.series import is_unloading, leg_ends
+from receding_fenicsx.output.series import first_unloading, is_unloading, leg_ends
 from receding_fenicsx.reference import is_papers_block
 from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_file import from_toml
@@ -153,8 +153,10 @@ def _way(record: Record, cycle: int, leg: int) -> str:
     """Name a leg: "first loading", "unloading, cycle 9", "leg 3, cycle 9"."""
     legs = np.unique(record.turning_points.leg[record.turning_points.cycle == cycle])
     falls = is_unloading(record, cycle, leg)
+    if falls and (cycle, leg) == first_unloading(record):
+        return "first unloading"
     if cycle == 0:
-        return "first loading" if leg == 0 else "unloading" if falls else f"loading, leg {leg + 1}"
+        return "first loading" if leg == 0 else f"{'un' if falls else 're'}loading, leg {leg + 1}"
     if len(legs) > 2 or len(record.load_names) > 1:
         return f"cycle {cycle}, leg {leg + 1}"
     return f"{'unloading' if falls else 'reloading'}, cycle {cycle}"

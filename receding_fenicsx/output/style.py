@@ -10,9 +10,11 @@ from collections.abc import Iterable
 from string import ascii_lowercase
 from typing import Any
 
+from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
 
 from receding_fenicsx.interface.contact import STATE_NAMES, State
 
@@ -86,6 +88,11 @@ def new_figure(width: float, height: float) -> Figure:
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def ticks(axis: Axis, most: int = 5) -> None:
+    """Put at most this many round ticks on an axis."""
+    axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
 
 
 def state_patches(states: Iterable[int]) -> list[Patch]:

@@ -98,4 +98,5 @@ def _draw_curves(axes: Axes, record: Record, table: States, row: int, scales: Sc
     axes.plot(x, p, color=style.PRESSURE_COLOUR)
     axes.plot(x, q, color=style.SHEAR_COLOUR)
     axes.set_xlim(*(record.x[[0, -1]] / scales.length))
+    style.ticks(axes.yaxis, 7)
     axes.set_ylabel(",  ".join(scales.traction_labels()[:2]))

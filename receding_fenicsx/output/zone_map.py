@@ -232,7 +232,7 @@ def _block(
     middle = 0.5 * (x0 + x1)
     whole = np.array([[x0, a.s[0]], [x1, b.s[0]], [x1, b.s[-1]], [x0, a.s[-1]]])
     for here, other, x in ((a, b, x0), (b, a, x1)):
-        if len(other.state) == 1 and {here.state[0], here.state[-1]} == {other.state[0]}:
+        if len(other.state) == 1 and other.state[0] in here.state:
             pieces.append((State(other.state[0]), whole))
             _islands(here, other, x, middle, pieces, lines)
             return
@@ -261,7 +261,7 @@ def _islands(
     pieces: list[tuple[State, Polygon]],
     lines: list[Array],
 ) -> None:
-    """Let what only one side does taper to a point midway."""
+    """Let what only one side does taper to a point midway, or to a block's begin or end there."""
     ends = 0.5 * (here.s[[0, -1]] + other.s[[0, -1]])
     scale = (ends[1] - ends[0]) / (here.s[-1] - here.s[0])
     odd = here.state != other.state[0]
@@ -270,6 +270,11 @@ def _islands(
             continue
         s = here.s[group[0] : group[-1] + 2]
         tip = [middle, ends[0] + scale * (0.5 * (s[0] + s[-1]) - here.s[0])]
+        changes = s
+        if group[0] == 0:
+            tip[1], changes = ends[0], s[1:]
+        elif group[-1] == len(odd) - 1:
+            tip[1], changes = ends[1], s[:-1]
         for k, state in enumerate(here.state[group]):
             pieces.append((State(state), np.array([[x, s[k]], tip, [x, s[k + 1]]])))
-        lines.extend(np.array([[x, when], tip]) for when in s)
+        lines.extend(np.array([[x, when], tip]) for when in changes)

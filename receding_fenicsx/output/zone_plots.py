@@ -23,6 +23,8 @@ AXES_WIDTH = 2.95
 """Inches from the left to the right of the axes, or a little less."""
 JUMP = 0.25
 """Part of a leg between two neighbouring nodes' instants across which no line is drawn."""
+TURNING = 0.005
+"""Part of a leg within which its end is taken for the turning point."""
 DASHED = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
 
 
@@ -53,7 +55,9 @@ def zone_maps(
         for n, (axes, (cycle, leg)) in enumerate(zip(panels, legs, strict=True)):
             drawn = zone_map(record, cycle, leg, stuck)
             shown |= {int(state) for state, _ in drawn.pieces}
-            axes.set_title(style.panel_title(n, len(legs), describe_leg(record, cycle, leg, scales)))
+            axes.set_title(
+                style.panel_title(n, len(legs), describe_leg(record, cycle, leg, scales))
+            )
             begin, end, label = load_axis(record, cycle, leg, scales)
             _draw_map(axes, drawn, (begin, end), scales)
             axes.set_ylabel(label)
@@ -64,11 +68,16 @@ def zone_maps(
         if still is not None and dashed:
             text = "reaches the friction limit, does not slip"
             if not still.strict:
-                text = f"reaches the friction limit, slips < {_power(NEGLIGIBLE_SLIP)} of the largest"
+                text = (
+                    f"reaches the friction limit, slips < {_power(NEGLIGIBLE_SLIP)} of the largest"
+                )
             handles = [Line2D([], [], label=text, **DASHED)]
             figure.legend(handles=handles, loc="outside upper center")
         figure.legend(
-            handles=style.state_patches(shown), loc="outside lower center", ncols=2, columnspacing=1.4
+            handles=style.state_patches(shown),
+            loc="outside lower center",
+            ncols=2,
+            columnspacing=1.4,
         )
     return figure
 
@@ -113,6 +122,7 @@ def _draw_map(axes: Axes, drawn: ZoneMap, ends: tuple[float, float], scales: Sca
         low = 0.0
     axes.set_xlim(low / scales.length, high / scales.length)
     axes.set_ylim(min(ends), max(ends))
+    style.ticks(axes.xaxis, 5)
     axes.set_axisbelow(False)
     for label in place_labels(drawn, (low, high), (AXES_WIDTH, PANEL_HEIGHT)):
         at = place(np.array(label.at))
@@ -142,7 +152,8 @@ def _draw_limit(
     scales: Scales,
 ) -> bool:
     """Draw where nodes reach the limit without slipping; return whether there are any on this leg."""
-    here = still.leg == leg
+    # what happens at the turning point itself would lie on the frame
+    here = (still.leg == leg) & (still.s > TURNING) & (still.s < 1.0 - TURNING)
     node, s = still.node[here], still.s[here]
     if scales.symmetric and record.x[0] < 0.0:
         right = record.x[node] >= 0.0
