@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
@@ -62,7 +64,7 @@ def dissipation_per_cycle(record: Record, scales: Scales | None = None) -> Figur
     scales = scales or scales_of(record)
     ratio = record.cycles.dissipation / record.cycles.dissipation[0]
     N = np.arange(1, len(ratio) + 1)
-    small = {"textcoords": "offset points", "fontsize": 8.0, "ha": "right"}
+    small: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8.0, "ha": "right"}
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.COLUMN, 2.4)
         axes = figure.subplots()

@@ -19,7 +19,7 @@ from receding_fenicsx.output.cycle_plots import (
     dissipation_per_cycle,
     slip_per_cycle,
 )
-from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.record import Record, States
 from receding_fenicsx.output.scales import Scales, scales_of
 from receding_fenicsx.output.series import (
     first_unloading,
@@ -129,7 +129,7 @@ def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
     for record, where in found[:1]:
         if where in legs_of(record, where[0]):
             yield "fig05_zones_first_unloading", zone_maps(record, [where])
-    instants = []
+    instants: list[tuple[float, int, Record, States, int]] = []
     for record, (cycle, leg) in found:
         largest = scales_of(record).load_max
         for table in (record.samples, record.turning_points):

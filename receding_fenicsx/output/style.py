@@ -54,7 +54,7 @@ PAGE = 7.48
 DPI = 300
 """Dots per inch of PNG files."""
 
-RC: dict[str, Any] = {
+RC: dict[Any, Any] = {
     "font.family": "STIXGeneral",
     "mathtext.fontset": "stix",
     "font.size": 9.0,

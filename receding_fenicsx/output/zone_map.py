@@ -8,6 +8,7 @@ one of them makes ends midway between them. Nothing is rounded to samples or to 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -183,7 +184,7 @@ def _column(
 ) -> None:
     """Fill the strip between two neighbouring nodes."""
     matched = [(0, 0), *_matches(a, b), (len(a.state), len(b.state))]
-    for n, ((i0, j0), (i1, j1)) in enumerate(zip(matched[:-1], matched[1:], strict=True)):
+    for n, ((i0, j0), (i1, j1)) in enumerate(pairwise(matched)):
         if n:
             lines.append(np.array([[x0, a.s[i0]], [x1, b.s[j0]]]))
         part_a = Timeline(a.state[i0:i1], a.s[i0 : i1 + 1])
@@ -246,7 +247,7 @@ def _block(
             if k:
                 lines.append(np.array([[x, t.s[k]], [middle, m[k]]]))
     cuts = np.unique(np.concatenate(inner))
-    for low, high in zip(cuts[:-1], cuts[1:], strict=True):
+    for low, high in pairwise(cuts):
         half = 0.5 * (low + high)
         states = [t.state[np.searchsorted(m, half) - 1] for t, m in zip((a, b), inner, strict=True)]
         if states[0] != states[1]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
@@ -25,7 +27,7 @@ JUMP = 0.25
 """Part of a leg between two neighbouring nodes' instants across which no line is drawn."""
 TURNING = 0.005
 """Part of a leg within which its end is taken for the turning point."""
-DASHED = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
+DASHED: dict[str, Any] = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
 
 
 def zone_maps(
@@ -125,7 +127,7 @@ def _draw_map(axes: Axes, drawn: ZoneMap, ends: tuple[float, float], scales: Sca
     style.ticks(axes.xaxis, 5)
     axes.set_axisbelow(False)
     for label in place_labels(drawn, (low, high), (AXES_WIDTH, PANEL_HEIGHT)):
-        at = place(np.array(label.at))
+        at = _pair(place(np.array(label.at)))
         ink = style.STATE_INKS[label.on]
         text = str(int(label.state))
         if label.tip is None:
@@ -134,7 +136,7 @@ def _draw_map(axes: Axes, drawn: ZoneMap, ends: tuple[float, float], scales: Sca
         arrow = {"arrowstyle": "-|>,head_length=0.3,head_width=0.12", "lw": 0.6, "color": ink}
         axes.annotate(
             text,
-            place(np.array(label.tip)),
+            _pair(place(np.array(label.tip))),
             xytext=at,
             ha="center",
             va="center",
@@ -151,7 +153,7 @@ def _draw_limit(
     ends: tuple[float, float],
     scales: Scales,
 ) -> bool:
-    """Draw where nodes reach the limit without slipping; return whether there are any on this leg."""
+    """Draw where nodes reach the limit without slipping; return whether any do on this leg."""
     # what happens at the turning point itself would lie on the frame
     here = (still.leg == leg) & (still.s > TURNING) & (still.s < 1.0 - TURNING)
     node, s = still.node[here], still.s[here]
@@ -164,6 +166,10 @@ def _draw_limit(
             y = ends[0] + part * (ends[1] - ends[0])
             axes.plot(record.x[nodes] / scales.length, y, **DASHED)
     return len(node) > 1
+
+
+def _pair(point: Array) -> tuple[float, float]:
+    return float(point[0]), float(point[1])
 
 
 def _power(value: float) -> str:
