@@ -16,6 +16,7 @@ from receding_fenicsx.output.scales import Scales, scales_of
 from receding_fenicsx.output.series import fitted_cycles, slip_lines
 from receding_fenicsx.reference import DISSIPATION_RATIO, SLIP_EXPONENT
 
+METHODS = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
 PAPER = "Ahn & Barber (2008)"
 
 
@@ -59,8 +60,19 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
     return figure
 
 
-def dissipation_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
-    """Draw the dissipation of each cycle over that of the first (Fig. 10)."""
+def dissipation_per_cycle(
+    record: Record, scales: Scales | None = None, stepped: Record | None = None
+) -> Figure:
+    """Draw the dissipation of each cycle over that of the first (Fig. 10).
+
+    Args:
+        record: the record.
+        scales: units; the record's own when left out.
+        stepped: the same history by another method, laid over it.
+
+    Returns:
+        The figure.
+    """
     scales = scales or scales_of(record)
     ratio = record.cycles.dissipation / record.cycles.dissipation[0]
     N = np.arange(1, len(ratio) + 1)
@@ -78,7 +90,21 @@ def dissipation_per_cycle(record: Record, scales: Scales | None = None) -> Figur
                 va="top",
                 **small,
             )
-        axes.plot(N, ratio, "o-", color=style.SERIES_COLOURS[0], ms=2.4, lw=0.8)
+        label = METHODS.get(record.method, record.method)
+        axes.plot(N, ratio, "o-", color=style.SERIES_COLOURS[0], ms=2.4, lw=0.8, label=label)
+        if stepped is not None and len(stepped.cycles.dissipation):
+            other = stepped.cycles.dissipation / stepped.cycles.dissipation[0]
+            axes.plot(
+                np.arange(1, len(other) + 1),
+                other,
+                "s",
+                mfc="none",
+                mec=style.SERIES_COLOURS[1],
+                ms=4.5,
+                mew=0.7,
+                label=METHODS.get(stepped.method, stepped.method),
+            )
+            axes.legend(loc="upper right")
         axes.annotate(f"{ratio[-1]:.4f}", (float(N[-1]), ratio[-1]), xytext=(-4, 5), **small)
         axes.set_xlabel("cycle $N$")
         axes.set_ylabel("dissipation, $D_N/D_1$")

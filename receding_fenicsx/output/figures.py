@@ -5,6 +5,7 @@ A figure that a record holds nothing for is left out: a monotonic history has no
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -53,6 +54,7 @@ def plot_all(
     record: Record,
     folder: str | Path,
     unloading: Record | None = None,
+    stepped: Record | None = None,
     formats: Iterable[str] = FORMATS,
 ) -> list[Path]:
     """Draw every figure that a record holds something for.
@@ -62,13 +64,14 @@ def plot_all(
         folder: where the files go; made when it is not there, files of the same name replaced.
         unloading: record of a first loading and complete unloading, for Figs. 5 and 6; without it
             they show the first unloading of ``record``.
+        stepped: record of the same history by another method, marked in Fig. 10.
         formats: endings of the files.
 
     Returns:
         The files that were made.
     """
     folder, made = Path(folder), []
-    for name, figure in draw_all(record, unloading):
+    for name, figure in draw_all(record, unloading, stepped):
         folder.mkdir(parents=True, exist_ok=True)
         for ending in formats:
             made.append(folder / f"{name}.{ending}")
@@ -80,11 +83,15 @@ def save(figure: Figure, path: Path) -> None:
     """Write a figure in the format that the path ends in; the same figure gives the same file."""
     ending = path.suffix[1:]
     undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
+    # the PDF writer warns about the dates inside some systems' fonts
+    logging.getLogger("fontTools").setLevel(logging.ERROR)
     with mpl.rc_context(style.RC), new_file(path, overwrite=True) as beside:
         figure.savefig(beside, format=ending, metadata=undated.get(ending))
 
 
-def draw_all(record: Record, unloading: Record | None = None) -> Iterator[tuple[str, Figure]]:
+def draw_all(
+    record: Record, unloading: Record | None = None, stepped: Record | None = None
+) -> Iterator[tuple[str, Figure]]:
     """Yield the name and the figure of everything that :func:`plot_all` writes."""
     scales = scales_of(record)
     yield from _first_loading(record, scales)
@@ -101,7 +108,7 @@ def draw_all(record: Record, unloading: Record | None = None) -> Iterator[tuple[
         yield "fig09_zones_last_cycle", zone_maps(record, legs, scales, still)
     dissipation = record.cycles.dissipation
     if len(dissipation) > 1 and dissipation[0] > 0.0:
-        yield "fig10_dissipation_per_cycle", dissipation_per_cycle(record, scales)
+        yield "fig10_dissipation_per_cycle", dissipation_per_cycle(record, scales, stepped)
     if np.any(record.cycles.dissipation_density > 0.0):
         yield "dissipation_density", dissipation_density(record, scales)
     if last > 0:

@@ -89,13 +89,8 @@ class Scales:
 def scales_of(record: Record) -> Scales:
     """Find the scales of a record: those of the paper where the scene has them."""
     scene = from_toml(record.scene_toml) if record.scene_toml else None
-    length = _length(scene)
-    pressure, symbol = 1.0, ""
-    if len(record.load_names) == 1:
-        loads = scene.loads if scene is not None else ()
-        value = loads[0].pressure if len(loads) == 1 else 1.0
-        if isinstance(value, float | int) and value > 0.0:
-            pressure, symbol = float(value), load_symbol(record.load_names[0])
+    length = length_of(scene)
+    pressure, symbol = pressure_of(scene, record.load_names)
     largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)
     return Scales(
         length=length or 1.0,
@@ -107,6 +102,24 @@ def scales_of(record: Record) -> Scales:
         paper=scene is not None and is_papers_block(scene),
         symmetric=_is_symmetric(record),
     )
+
+
+def length_of(scene: Scene | None) -> float:
+    """Height of a rectangular body; 0 when there is none."""
+    if scene is None or scene.body.mesh is not None or scene.body.shape != "rectangle":
+        return 0.0
+    return scene.body.height
+
+
+def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float, str]:
+    """Pressure of the only load at factor 1, and its symbol; 1 and "" when there is none."""
+    if len(load_names) != 1:
+        return 1.0, ""
+    loads = scene.loads if scene is not None else ()
+    value = loads[0].pressure if len(loads) == 1 else 1.0
+    if not isinstance(value, float | int) or value <= 0.0:
+        return 1.0, ""
+    return float(value), load_symbol(load_names[0])
 
 
 def load_symbol(name: str) -> str:
@@ -125,14 +138,17 @@ def peak(symbol: str) -> str:
 
 def describe_load(record: Record, table: States, row: int, scales: Scales) -> str:
     """Say at what load, in which cycle and on the way to where a row of a table stands."""
-    cycle, leg = int(table.cycle[row]), int(table.leg[row])
-    parts = []
-    for name, value, largest in zip(
-        record.load_names, table.load[row], scales.load_max, strict=True
-    ):
-        symbol = load_symbol(name)
-        parts.append(f"${symbol} = {_number(float(value / largest))}{peak(symbol)}$")
-    return f"{_way(record, cycle, leg)}, " + ", ".join(parts)
+    way = _way(record, int(table.cycle[row]), int(table.leg[row]))
+    return f"{way}, {describe_factors(record.load_names, table.load[row] / scales.load_max)}"
+
+
+def describe_factors(names: tuple[str, ...], parts: Array) -> str:
+    """Say which part of its largest value each load has."""
+    symbols = [load_symbol(name) for name in names]
+    return ", ".join(
+        f"${symbol} = {number(float(part))}{peak(symbol) if part else ''}$"
+        for symbol, part in zip(symbols, parts, strict=True)
+    )
 
 
 def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
@@ -150,30 +166,39 @@ def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
 
 
 def _way(record: Record, cycle: int, leg: int) -> str:
-    """Name a leg: "first loading", "unloading, cycle 9", "leg 3, cycle 9"."""
-    legs = np.unique(record.turning_points.leg[record.turning_points.cycle == cycle])
+    table = record.turning_points
+    legs = len(np.unique(table.leg[table.cycle == cycle]))
+    plain = legs <= 2 and len(record.load_names) == 1
     falls = is_unloading(record, cycle, leg)
-    if falls and (cycle, leg) == first_unloading(record):
+    first = falls and (cycle, leg) == first_unloading(record)
+    return name_leg(cycle, leg, falls, first, plain)
+
+
+def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str:
+    """Name a leg: "first loading", "unloading, cycle 9", "cycle 9, leg 3".
+
+    Args:
+        cycle: cycle, 0 for the first loading.
+        leg: leg within the cycle, from 0.
+        falls: the loads together fall along it.
+        first: it is the first that does.
+        plain: its cycle is one load's unloading and reloading.
+    """
+    if first:
         return "first unloading"
     if cycle == 0:
         return "first loading" if leg == 0 else f"{'un' if falls else 're'}loading, leg {leg + 1}"
-    if len(legs) > 2 or len(record.load_names) > 1:
+    if not plain:
         return f"cycle {cycle}, leg {leg + 1}"
     return f"{'unloading' if falls else 'reloading'}, cycle {cycle}"
 
 
-def _number(value: float) -> str:
+def number(value: float) -> str:
     """A factor before a symbol: nothing for 1, a fraction for thirds, else three figures."""
     for text, known in (("", 1.0), (r"\frac{1}{3}\,", 1.0 / 3.0), (r"\frac{2}{3}\,", 2.0 / 3.0)):
         if abs(value - known) < SYMMETRY_TOLERANCE:
             return text
     return rf"{value:.3g}\," if value else "0"
-
-
-def _length(scene: Scene | None) -> float:
-    if scene is None or scene.body.mesh is not None or scene.body.shape != "rectangle":
-        return 0.0
-    return scene.body.height
 
 
 def _is_symmetric(record: Record) -> bool:

@@ -42,6 +42,8 @@ SHEAR_COLOUR = "#d55e00"
 """Vermilion of the Okabe-Ito set."""
 GUIDE_COLOUR = "#808080"
 """Friction cone, published values, undeformed outlines."""
+INK_OF_GUIDES = "#505050"
+"""Text of less weight than the rest."""
 GUIDE: dict[str, Any] = {"color": GUIDE_COLOUR, "dashes": (3, 2), "lw": 0.8}
 """A line that helps to read the others."""
 SERIES_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")

@@ -1,0 +1,228 @@
+"""The page around a rendered field: outlines, plane, loads, states, tractions, colour bar."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from receding_fenicsx.interface.contact import STATE_NAMES, Array
+from receding_fenicsx.interface.zones import zones
+from receding_fenicsx.output import style
+from receding_fenicsx.output.render import Pixels
+from receding_fenicsx.output.snapshot_view import View
+
+STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
+INK = "#202020"
+
+LEFT, RIGHT = 0.62, 0.98
+"""Inches beside the body: axis of the tractions, colour bar."""
+ABOVE, BETWEEN, TRACTIONS, BELOW = 0.3, 0.06, 0.95, 0.64
+"""Inches above the body, between body and tractions, of the tractions, below them."""
+TALLEST = 4.5
+"""Inches that the body may be high."""
+BAND = (0.03, 0.115)
+"""Distance of the band of states from the contact edge, over the body's smaller extent."""
+NUMBERED = 0.025
+"""Part of the contact edge that a zone must cover to have its number in the band."""
+
+
+@dataclass(frozen=True)
+class Colours:
+    """How a field is coloured.
+
+    Attributes:
+        limits: values of the first and the last colour.
+        table: (k, 3 or 4) colours in [0, 1].
+        label: what the field is.
+        extend: "neither", "min", "max" or "both": values beyond the limits occur.
+    """
+
+    limits: tuple[float, float]
+    table: Array
+    label: str
+    extend: str
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where things are on the page, in inches, and which part of the plane the body's axes show.
+
+    Attributes:
+        width, height: of the page.
+        body: left, bottom, width and height of the body's axes.
+        tractions: likewise of the tractions'.
+        window: left, right, bottom and top in units of the view.
+    """
+
+    width: float
+    height: float
+    body: tuple[float, float, float, float]
+    tractions: tuple[float, float, float, float]
+    window: tuple[float, float, float, float]
+
+    @property
+    def pixels(self) -> tuple[int, int]:
+        """Width and height of the body's axes in dots."""
+        return round(self.body[2] * style.DPI), round(self.body[3] * style.DPI)
+
+
+def layout_of(view: View) -> Layout:
+    """Arrange a page for a view."""
+    shown = [view.points, view.moved, view.place - BAND[1] * view.size * view.normal]
+    shown += [end for arrows in view.arrows for end in (arrows.tails, arrows.heads)]
+    corners = np.vstack(shown)
+    margin = 0.03 * view.size
+    low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    width = style.PAGE - LEFT - RIGHT
+    scale = min(width / (high[0] - low[0]), TALLEST / (high[1] - low[1]))
+    # a narrow body stands in the middle
+    spare = 0.5 * (width / scale - (high[0] - low[0]))
+    low[0], high[0] = low[0] - spare, high[0] + spare
+    height = float(scale * (high[1] - low[1]))
+    bottom = BELOW + TRACTIONS + BETWEEN
+    return Layout(
+        width=style.PAGE,
+        height=bottom + height + ABOVE,
+        body=(LEFT, bottom, width, height),
+        tractions=(LEFT, BELOW, width, TRACTIONS),
+        window=(float(low[0]), float(high[0]), float(low[1]), float(high[1])),
+    )
+
+
+def compose(view: View, layout: Layout, pixels: Pixels, colours: Colours) -> Figure:
+    """Put the page together around the rendered field."""
+    figure = Figure(figsize=(layout.width, layout.height))
+    page = (layout.width, layout.height) * 2
+
+    def axes_at(box: tuple[float, float, float, float]) -> Axes:
+        left, bottom, width, height = (a / b for a, b in zip(box, page, strict=True))
+        return figure.add_axes((left, bottom, width, height))
+
+    body = axes_at(layout.body)
+    body.imshow(pixels, extent=layout.window, interpolation="antialiased", aspect="auto", zorder=1)
+    body.set_xlim(layout.window[0], layout.window[1])
+    body.set_ylim(layout.window[2], layout.window[3])
+    body.set_axis_off()
+    _draw_outlines(body, view)
+    _draw_band(body, view)
+    _draw_loads(body, view)
+    _draw_tractions(axes_at(layout.tractions), view, layout)
+    left, _, width, height = layout.body
+    scale = height / (layout.window[3] - layout.window[2])
+    base = layout.body[1] + scale * (float(view.moved[:, 1].min()) - layout.window[2])
+    tall = scale * float(np.ptp(view.moved[:, 1]))
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(*colours.limits), ListedColormap(colours.table.tolist())),
+        cax=axes_at((left + width + 0.1, base, 0.13, tall)),
+        label=colours.label,
+        extend=colours.extend,
+        extendfrac=0.03,
+    )
+    bar.locator = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
+    bar.update_ticks()
+    bar.ax.tick_params(direction="out", right=True)
+    top = 1.0 - 0.08 / layout.height
+    begin, end = left / layout.width, (left + width) / layout.width
+    figure.text(begin, top, view.caption, ha="left", va="top")
+    moved = f"displacements × {view.factor:g}"
+    figure.text(end, top, moved, ha="right", va="top", color=style.INK_OF_GUIDES)
+    figure.legend(
+        handles=style.state_patches([1, 2, 3, 4]),
+        loc="lower center",
+        bbox_to_anchor=(0.5 * (begin + end), 0.0),
+        ncols=4,
+        columnspacing=1.6,
+    )
+    return figure
+
+
+def _draw_outlines(axes: Axes, view: View) -> None:
+    """Draw the outline before and after deformation, and the plane below the contact edge."""
+    before = LineCollection(list(view.points[view.edges]), colors=style.GUIDE_COLOUR)
+    before.set(linewidths=0.6, linestyles=[(0, (3, 2))], zorder=2)
+    after = LineCollection(list(view.moved[view.edges]), colors="black", capstyle="round")
+    after.set(linewidths=0.8, zorder=3)
+    axes.add_collection(before)
+    axes.add_collection(after)
+    tangent = np.array([view.normal[1], -view.normal[0]])
+    along, foot = view.points @ tangent, view.place[0] - (view.place[0] @ tangent) * tangent
+    ends = np.array([along.min() - 0.05 * view.size, along.max() + 0.05 * view.size])
+    plane = foot + ends[:, None] * tangent - 0.01 * view.size * view.normal
+    axes.plot(plane[:, 0], plane[:, 1], color="black", lw=1.3, zorder=4, clip_on=False)
+
+
+def _draw_band(axes: Axes, view: View) -> None:
+    """Draw the states as a band below the plane, with their numbers."""
+    tangent = np.array([view.normal[1], -view.normal[0]])
+    foot = view.place[0] - view.x[0] * tangent
+    inner, outer = (depth * view.size * view.normal for depth in BAND)
+    boxes, fills = [], []
+    for name, a, b in zones(view.x, view.state):
+        state = STATE_OF_NAME[name]
+        ends = foot + np.array([[a], [b]]) * tangent
+        boxes.append(np.vstack([ends - inner, ends[::-1] - outer]))
+        fills.append(style.STATE_COLOURS[state])
+        if b - a > NUMBERED * np.ptp(view.x):
+            middle = boxes[-1].mean(axis=0)
+            axes.annotate(
+                str(int(state)),
+                middle,
+                xytext=(0.0, -0.3),
+                textcoords="offset points",
+                ha="center",
+                va="center_baseline",
+                fontsize=7.0,
+                color=style.STATE_INKS[state],
+                zorder=6,
+            )
+    axes.add_collection(
+        PolyCollection(boxes, facecolors=fills, edgecolors="black", linewidths=0.4, zorder=5)
+    )
+
+
+def _draw_loads(axes: Axes, view: View) -> None:
+    for arrows in view.arrows:
+        for tail, head in zip(arrows.tails, arrows.heads, strict=True):
+            axes.annotate(
+                "",
+                head,
+                xytext=tail,
+                zorder=7,
+                annotation_clip=False,
+                arrowprops={
+                    "arrowstyle": "-|>,head_length=0.35,head_width=0.14",
+                    "lw": 0.8,
+                    "color": INK,
+                    "shrinkA": 0.0,
+                    "shrinkB": 0.0,
+                },
+            )
+        if arrows.joined:
+            axes.plot(*arrows.tails.T, color=INK, lw=0.8, zorder=7)
+
+
+def _draw_tractions(axes: Axes, view: View, layout: Layout) -> None:
+    """Draw p and q along the contact edge, below the body where that edge is level."""
+    known = np.isfinite(view.p)
+    divided = f"/{view.pressure_symbol}" if view.pressure_symbol else ""
+    axes.axhline(0.0, color="black", lw=0.4)
+    for _, begin, _ in zones(view.x, view.state)[1:]:
+        axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
+    for values, colour, name in (
+        (view.p, style.PRESSURE_COLOUR, "p"),
+        (view.q, style.SHEAR_COLOUR, "q"),
+    ):
+        axes.plot(view.x[known], values[known], color=colour, label=f"${name}{divided}$")
+    level = abs(view.normal[1]) == 1.0
+    axes.set_xlim(layout.window[:2] if level else (view.x[0], view.x[-1]))
+    axes.legend(loc="upper right", borderaxespad=0.2, handlelength=1.2)
+    axes.set_xlabel(f"$x/{view.length_symbol}$" if view.length_symbol else "$x$", labelpad=1.0)
+    axes.set_ylabel(f"$p{divided}$,  $q{divided}$")
+    style.ticks(axes.yaxis, 5)

@@ -1,0 +1,242 @@
+"""What a picture of the body shows, as arrays: deformed mesh, outline, loads, contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx import history
+from receding_fenicsx.interface.contact import Array
+from receding_fenicsx.interface.mirror import mirror_nodes
+from receding_fenicsx.output.collect import Instant
+from receding_fenicsx.output.fields import Fields
+from receding_fenicsx.output.scales import describe_factors, length_of, name_leg, pressure_of
+from receding_fenicsx.scene import EDGES, Load, Scene, edge_points, edge_range, evaluate
+
+if TYPE_CHECKING:
+    from receding_fenicsx.bulk.body import Bulk
+
+EXAGGERATED = 0.08
+"""Largest displacement in the picture over the body's smaller extent."""
+ARROW = 0.24
+"""Length of the arrow of the largest traction over the body's smaller extent."""
+ARROW_GAP = 0.22
+"""Distance between arrows, likewise, or a little less."""
+ON_EDGE = 1e-9
+"""Distance from an edge, over the body's size, within which a vertex lies on it."""
+OUTWARD = {"bottom": (0.0, -1.0), "top": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
+
+
+@dataclass(frozen=True)
+class Arrows:
+    """Tractions of one load.
+
+    Attributes:
+        tails, heads: (n, 2) ends of the arrows.
+        joined: the tails lie on a line that is drawn.
+    """
+
+    tails: Array
+    heads: Array
+    joined: bool
+
+
+@dataclass(frozen=True)
+class View:
+    """A body at one instant; all lengths over the length scale, all stresses over the pressure's.
+
+    Attributes:
+        points, moved: (n, 2) vertices before and after the exaggerated deformation.
+        cells: (m, 3 or 4) vertices around each cell.
+        edges: (k, 2) vertices of the outline's pieces.
+        stress: by name, (n,).
+        factor: exaggeration of displacements.
+        size: the body's smaller extent.
+        x, place: (N,) positions along the contact edge, (N, 2) contact nodes.
+        normal: (2,) unit vector into the body.
+        state, p, q: (N,) states and tractions; p, q are nan where a node stands for no length.
+        arrows: the loads.
+        length_symbol, pressure_symbol: what is divided by; "" for the scene's own units.
+        caption: which instant this is.
+    """
+
+    points: Array
+    moved: Array
+    cells: NDArray[np.int64]
+    edges: NDArray[np.int64]
+    stress: dict[str, Array]
+    factor: float
+    size: float
+    x: Array
+    place: Array
+    normal: Array
+    state: NDArray[np.int8]
+    p: Array
+    q: Array
+    arrows: list[Arrows]
+    length_symbol: str
+    pressure_symbol: str
+    caption: str
+
+
+def view_of(bulk: Bulk, fields: Fields, instant: Instant) -> View:
+    """Put together what a picture shows, on rank 0.
+
+    Args:
+        bulk: the body.
+        fields: its fields at the instant.
+        instant: state of the modelled contact nodes.
+
+    Returns:
+        The view of the whole body.
+    """
+    scene, contact = bulk.scene, bulk.contact
+    if bulk.body.half:
+        fields = _joined(fields)
+    length = length_of(scene)
+    unit = length or 1.0
+    pressure, symbol = pressure_of(scene, bulk.load_names)
+    now = pressure * abs(float(instant.load[0])) if symbol else 1.0
+    if now == 0.0:
+        now, symbol = 1.0, ""
+    mirror = mirror_nodes(contact.x, bulk.body.half)
+    weight = mirror.total(contact.weight)
+    per_length = np.where(weight > 0.0, 1.0 / np.where(weight > 0.0, weight, 1.0), np.nan) / now
+    flip = np.where(mirror.left, -1.0, 1.0)
+    size = float(np.ptp(fields.points, axis=0).min())
+    largest = float(np.linalg.norm(fields.displacement, axis=1).max())
+    factor = _round(EXAGGERATED * size / largest) if largest > 0.0 else 1.0
+    place = contact.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1)
+    return View(
+        points=fields.points / unit,
+        moved=(fields.points + factor * fields.displacement) / unit,
+        cells=fields.cells,
+        edges=_outline(fields.cells),
+        stress={name: value / now for name, value in fields.stress.items()},
+        factor=factor,
+        size=size / unit,
+        x=flip * contact.x[mirror.index] / unit,
+        place=place / unit,
+        normal=contact.normal,
+        state=mirror.states(instant.state.state),
+        p=mirror.total(instant.state.P) * per_length,
+        q=mirror.odd(instant.state.Q) * per_length,
+        arrows=_arrows(scene, fields, bulk.load_names, instant.load, (factor, unit, size)),
+        length_symbol="h" if length else "",
+        pressure_symbol=symbol,
+        caption=_caption(scene, bulk.load_names, instant),
+    )
+
+
+def _round(value: float) -> float:
+    """Return the nearest number below of the series 1, 2, 5, 10."""
+    power = 10.0 ** np.floor(np.log10(value))
+    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value))
+
+
+def _joined(fields: Fields) -> Fields:
+    """Make one vertex, with their mean values, of the two that the halves have on the axis."""
+    axis = np.flatnonzero(np.abs(fields.points[:, 0]) <= ON_EDGE * np.abs(fields.points).max())
+    _, first, place = np.unique(fields.points[axis, 1], return_index=True, return_inverse=True)
+    target = np.arange(len(fields.points))
+    target[axis] = axis[first][place]
+    count = np.bincount(target, minlength=len(target)).astype(float)
+    used = np.flatnonzero(count)
+
+    def mean(values: Array) -> Array:
+        return np.bincount(target, values, minlength=len(target))[used] / count[used]
+
+    return Fields(
+        points=fields.points[used],
+        cells=np.searchsorted(used, target[fields.cells]),
+        displacement=np.stack([mean(part) for part in fields.displacement.T], axis=1),
+        stress={name: mean(values) for name, values in fields.stress.items()},
+    )
+
+
+def _outline(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Edges that belong to one cell only."""
+    sides = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
+    edges, count = np.unique(np.sort(sides, axis=1), axis=0, return_counts=True)
+    return np.asarray(edges[count == 1], dtype=np.int64)
+
+
+def _largest_factors(scene: Scene) -> Array:
+    """(n_loads,) largest absolute factor of each load over the history; 1 where it is 0."""
+    path = history.from_scene(scene)
+    largest = np.abs(np.vstack([path.path, path.loop])).max(axis=0)
+    return np.where(largest > 0.0, largest, 1.0)
+
+
+def _caption(scene: Scene, names: tuple[str, ...], instant: Instant) -> str:
+    """Say which instant this is."""
+    path = history.from_scene(scene)
+    legs = [(0, k, a, b) for k, (a, b) in enumerate(zip(path.path, path.path[1:], strict=False))]
+    legs += [(1, k, a, b) for k, (a, b) in enumerate(zip(path.loop, path.loop[1:], strict=False))]
+    falling = [(c, k) for c, k, a, b in legs if np.abs(b).sum() < np.abs(a).sum()]
+    plain = len(path.loop) <= 3 and len(names) == 1
+    falls = (min(instant.cycle, 1), instant.leg) in falling
+    first = falling[:1] == [(instant.cycle, instant.leg)]
+    way = name_leg(instant.cycle, instant.leg, falls, first, plain)
+    return f"{way}, {describe_factors(names, instant.load / _largest_factors(scene))}"
+
+
+def _arrows(
+    scene: Scene,
+    fields: Fields,
+    names: tuple[str, ...],
+    factors: Array,
+    units: tuple[float, float, float],
+) -> list[Arrows]:
+    """Arrows of the loads that act on the edges of a rectangle, at its deformed edges."""
+    if scene.body.mesh is not None or scene.body.shape != "rectangle":
+        return []
+    exaggeration, unit, size = units
+    largest = dict(zip(names, _largest_factors(scene), strict=True))
+    found = []
+    for load in scene.loads:
+        if load.edge in EDGES:
+            along, points, traction = _traction(scene, load, ARROW_GAP * size)
+            found.append((load, along, points, traction))
+    sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, _, t in found]
+    scale = ARROW * size / max([*sizes, np.finfo(float).tiny])
+    arrows = []
+    for load, along, points, traction in found:
+        outward = np.array(OUTWARD[load.edge])
+        shift = _edge_shift(fields, points, outward, along)
+        vector = scale * float(factors[names.index(load.name)]) * traction
+        if not np.any(vector):
+            continue
+        at = points + exaggeration * shift
+        inward = vector @ outward < 0.0
+        tails = np.where(inward[:, None], at - vector, at)
+        tails = tails + 0.02 * size * outward
+        arrows.append(Arrows(tails / unit, (tails + vector) / unit, bool(inward.all())))
+    return arrows
+
+
+def _traction(scene: Scene, load: Load, gap: float) -> tuple[Array, Array, Array]:
+    """Positions along the edge, points and tractions (n, 2) of a load with factor 1."""
+    begin, end = load.span or edge_range(scene, load.edge)
+    along = np.linspace(begin, end, max(2, int(np.ceil((end - begin) / gap)) + 1))
+    x, y = edge_points(scene, load.edge, along)
+    if load.pressure is not None:
+        size = evaluate(load.pressure, x, y)
+        traction = -size[:, None] * np.array(OUTWARD[load.edge])
+    else:
+        parts = load.traction or (0.0, 0.0)
+        traction = np.stack([evaluate(part, x, y) for part in parts], axis=1)
+    return along, np.stack([x, y], axis=1), traction
+
+
+def _edge_shift(fields: Fields, points: Array, outward: Array, along: Array) -> Array:
+    """Displacement (n, 2) of points of an edge, from the vertices on it."""
+    height = fields.points @ outward
+    on = np.abs(height - points[0] @ outward) <= ON_EDGE * np.abs(fields.points).max()
+    axis = 1 if outward[0] else 0
+    order = np.argsort(fields.points[on][:, axis], kind="stable")
+    position, moved = fields.points[on][order][:, axis], fields.displacement[on][order]
+    return np.stack([np.interp(points[:, axis], position, moved[:, k]) for k in (0, 1)], axis=1)
