@@ -143,3 +143,11 @@ def test_pushing_a_frictionless_body_along_the_plane_is_refused() -> None:
     record = evolve(eliminate_tangential(squeezed), table(squeezed, [[0.0], [1.0]]))
     # v1 - v2 = d with Q1 = 0.2 + d = 0, the mean of v staying at zero
     assert record.turning_points.v[0] == pytest.approx([-0.1, 0.1])
+
+
+def test_load_displacement_goes_over_into_the_frictionless_one() -> None:
+    slight, none = block_system(20, 10, f=1e-9), block_system(20, 10, f=0.0)
+    history = table(none, [0.0, 1.0])
+    a = evolve(slight, history).turning_points.load_displacement[0, 0]
+    b = evolve(eliminate_tangential(none), history).turning_points.load_displacement[0, 0]
+    assert abs(a - b) < 1e-6 * abs(b)

@@ -199,24 +199,23 @@ def law_residual(
 
     Args:
         system: the condensed body, ``kind = "frictional"``.
-        r: (2N,) reactions.
-        u: (2N,) displacements.
-        slip: (N,) tangential displacement of the step or segment, from the point of first contact
-        for
-            a node that was open at its start.
+        r: (2N,) reactions, or (k, 2N) of k instants.
+        u: (2N,) or (k, 2N) displacements.
+        slip: (N,) or (k, N) tangential displacement of the step or segment, from the point of
+            first contact for a node that was open at its start.
         stiffness: (N,) tangential and normal stiffness that weigh a displacement against a force.
 
     Returns:
-        (2N,) absolute residual, tangential part first; zero at held degrees of freedom.
+        (2N,) or (k, 2N) absolute residual, tangential part first; zero at held degrees of freedom.
     """
     n = system.n
     k_t, k_n = stiffness
-    Q, P = r[:n], r[n:]
+    Q, P, gap = r[..., :n], r[..., n:], system.g0 + u[..., n:]
     limit = system.f * np.maximum(P, 0.0)
     tangential = np.abs(Q - np.clip(Q - k_t * slip, -limit, limit))
-    normal = np.abs(P - np.maximum(0.0, P - k_n * (system.g0 + u[n:])))
-    both = np.concatenate([tangential, normal])
-    both[system.held] = 0.0
+    normal = np.abs(P - np.maximum(0.0, P - k_n * gap))
+    both = np.concatenate([tangential, normal], axis=-1)
+    both[..., system.held] = 0.0
     return both
 
 
@@ -284,12 +283,17 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     slip_map = np.zeros((n, n + len(system.load_names)))
     slip_map[free] = mapped
     K = system.K[n:, n:] + K_tn.T @ mapped[:, :n]
+    compliance = system.load_compliance
+    if compliance.size:
+        # the loads also move through the slip that they cause by themselves
+        compliance = compliance + system.load_sign[:, None] * (Q_star.T @ mapped[:, n:])
     return replace(
         system,
         K=0.5 * (K + K.T),
         r_star=system.r_star[:, n:] + (K_tn.T @ mapped[:, n:]).T,
         kind="normal",
         slip_map=slip_map,
+        load_compliance=compliance,
     )
 
 

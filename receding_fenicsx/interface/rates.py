@@ -18,10 +18,9 @@ along any leg.
 from __future__ import annotations
 
 import numpy as np
-import scipy.linalg as sla
 from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm
-from scipy.linalg.lapack import dgetrf
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from receding_fenicsx.interface.contact import Array, ContactSystem, State
 
@@ -41,8 +40,8 @@ EXCHANGES: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {
     (SEPARATION, BACKWARD): ((W, A),),
     (STICK, SEPARATION): ((A, V), (B, W)),
     (SEPARATION, STICK): ((W, B), (V, A)),
-    (FORWARD, BACKWARD): ((V, A), (B, V)),
-    (BACKWARD, FORWARD): ((V, B), (A, V)),
+    (FORWARD, BACKWARD): ((B, A),),
+    (BACKWARD, FORWARD): ((A, B),),
 }
 """(output, input) pairs to exchange for each change of state of a frictional node."""
 
@@ -52,17 +51,18 @@ SMOOTH_EXCHANGES = {(STICK, SEPARATION): ((A, W),), (SEPARATION, STICK): ((W, A)
 PENDING = 32
 """Rank-one updates held back before they are put into the tableau by one matrix product."""
 
+FEW = 16
+"""Exchanges wanted at once up to which they are made one by one and held back."""
+
+RENEWED = 10
+"""Exchanges, in multiples of the tableau's size, after which it is made from scratch: round-off."""
+
 SINGULAR = 1e-11
-"""Pivot over the local stiffness (or compliance) below which the exchange is singular."""
+"""Pivot, over a typical stiffness or compliance, below which an exchange is singular."""
 
 
 class SingularExchange(Exception):
     """A change of state would leave a motion of the body without stiffness."""
-
-    def __init__(self, node: int, state: int) -> None:
-        """Remember the node and the state that it cannot take."""
-        super().__init__(node, state)
-        self.node, self.state = node, state
 
 
 class Tableau:
@@ -112,7 +112,6 @@ class Tableau:
         self._stuck_columns = np.concatenate([V * n + F, W * n + F, W * n + S, V * n + Z])
         # the reaction of a frictionless node's tangential freedom is an input for good
         self._stuck_rows = np.concatenate([A * n + F, B * n + F, A * n + S, REACTION * n + Z])
-        self._weight = diagonal / self._unit
         m = len(dofs)
         self._U, self._V = np.zeros((m, PENDING), order="F"), np.zeros((PENDING, m))
         self.pivots = self.rebuilds = 0
@@ -145,7 +144,7 @@ class Tableau:
         G = self._stuck_loads.copy()
         self.row_label, self.column_label = self._stuck_rows.copy(), self._stuck_columns.copy()
         if len(rows):
-            T, G = self._block_pivot(T, G, rows, columns, state)
+            T, G = self._block_pivot(T, G, rows, columns)
             swapped = self.row_label[rows].copy()
             self.row_label[rows] = self.column_label[columns]
             self.column_label[columns] = swapped
@@ -157,6 +156,7 @@ class Tableau:
         self._column_of[self.column_label] = np.arange(len(self.column_label))
         self.state = state.copy()
         self.rebuilds += 1
+        self._pivots_at_build = self.pivots
 
     def _block_pivot(
         self,
@@ -164,17 +164,16 @@ class Tableau:
         G: Array,
         rows: NDArray[np.intp],
         columns: NDArray[np.intp],
-        state: NDArray[np.int8],
     ) -> tuple[Array, Array]:
         """Exchange many outputs with as many inputs at once."""
         block = T[np.ix_(rows, columns)]
         lu, piv, _ = dgetrf(block)
         size = np.abs(np.diagonal(lu))
         if size.min() <= SINGULAR * size.max():
-            raise SingularExchange(-1, int(np.bincount(state).argmax()))
+            raise SingularExchange
         other = np.setdiff1d(np.arange(len(T)), rows)
         kept = np.setdiff1d(np.arange(len(T)), columns)
-        inverse = sla.lu_solve((lu, piv), np.eye(len(rows)))
+        inverse = dgetrs(lu, piv, np.eye(len(rows)))[0]
         right = inverse @ T[np.ix_(rows, kept)]
         right_G = inverse @ G[rows]
         new, new_G = np.empty_like(T), np.empty_like(G)
@@ -193,47 +192,78 @@ class Tableau:
         Raises:
             SingularExchange: a motion of the body is left without stiffness.
         """
-        try:
-            for i in np.flatnonzero(state != self.state).tolist():
-                self._change(i, int(state[i]))
-        except SingularExchange:
-            # the order of exchanges may pass a singular set of states on the way to a regular one
+        outputs: list[int] = []
+        inputs: list[int] = []
+        n = self.system.n
+        for i in (state != self.state).nonzero()[0].tolist():
+            table = EXCHANGES if self.frictional[i] else SMOOTH_EXCHANGES
+            for out, into in table[int(self.state[i]), int(state[i])]:
+                outputs.append(out * n + i)
+                inputs.append(into * n + i)
+        if self.pivots - self._pivots_at_build > RENEWED * len(self._T):
+            done = False
+        elif len(outputs) > FEW:
+            done = self._exchange_many(np.array(outputs), np.array(inputs))
+        else:
+            done = all(map(self._exchange, outputs, inputs))
+        if done:
+            self.state = state.copy()
+        else:
+            # exchanges one by one may pass singular states on the way to regular ones
             self.build(state)
 
-    def _change(self, i: int, new: int) -> None:
-        n, old = self.system.n, int(self.state[i])
-        table = EXCHANGES if self.frictional[i] else SMOOTH_EXCHANGES
-        for out, into in table[old, new]:
-            if not self._exchange(out * n + i, into * n + i):
-                raise SingularExchange(i, new)
-        self.state[i] = new
-
     def _exchange(self, out: int, into: int) -> bool:
-        """Make output ``out`` an input and input ``into`` an output; False if that is singular."""
-        i, j, k = self._row_of[out], self._column_of[into], self._held_back
+        """Make output ``out`` an input and input ``into`` an output; False if that is singular.
+
+        With the row R, the column C and the pivot D where they meet the tableau changes by
+        - (C + one in the row) (R - one in the column) / D, which is held back.
+        """
+        i, j, k = int(self._row_of[out]), int(self._column_of[into]), self._held_back
+        if k == PENDING:
+            self._flush()
+            k = 0
         U, V_ = self._U, self._V
-        row, column = self._T[i].copy(), self._T[:, j].copy()
+        R, C = V_[k], U[:, k]
+        R[:] = self._T[i]
+        C[:] = self._T[:, j]
         if k:
-            row += U[i, :k] @ V_[:k]
-            column += U[:, :k] @ V_[:k, j]
-        pivot = row[j]
-        # of the two quantities exchanged one is a displacement; its label is its place in K
-        n = self.system.n
-        reference = self._weight[into] if into < 2 * n else 1.0 / self._weight[out]
-        if abs(pivot) <= SINGULAR * reference:
+            R += U[i, :k] @ V_[:k]
+            C += U[:, :k] @ V_[:k, j]
+        D = float(R[j])
+        if abs(D) <= SINGULAR:
             return False
-        column[i] += 1.0
-        row[j] -= 1.0
-        column /= -pivot
-        self.load_rates += np.outer(column, self.load_rates[i])
-        U[:, k], V_[k] = column, row
+        C[i] += 1.0
+        R[j] -= 1.0
+        C *= -1.0 / D
+        self.load_rates += C[:, None] * self.load_rates[i]
         self._held_back = k + 1
         self.row_label[i], self.column_label[j] = into, out
         self._row_of[into], self._row_of[out] = i, -1
         self._column_of[out], self._column_of[into] = j, -1
         self.pivots += 1
-        if self._held_back == PENDING:
-            self._flush()
+        return True
+
+    def _exchange_many(self, outputs: NDArray[np.intp], inputs: NDArray[np.intp]) -> bool:
+        """Exchange many outputs with as many inputs at once; False if that is singular."""
+        i, j, e = self._row_of[outputs], self._column_of[inputs], len(outputs)
+        self._flush()
+        T, G = self._T, self.load_rates
+        R, C = T[i], T[:, j]
+        lu, piv, _ = dgetrf(R[:, j])
+        if np.abs(lu.diagonal()).min() <= SINGULAR:
+            return False
+        inverse = dgetrs(lu, piv, np.eye(e))[0]
+        R, C, loads = inverse @ R, C @ inverse, inverse @ G[i]
+        # T is row-major: its transpose is what BLAS sees as a column-major matrix
+        dgemm(-1.0, T[i].T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)
+        T[i], T[:, j] = -R, C
+        T[np.ix_(i, j)] = inverse
+        G -= C @ G[i]
+        G[i] = -loads
+        self.row_label[i], self.column_label[j] = inputs, outputs
+        self._row_of[outputs] = self._column_of[inputs] = -1
+        self._row_of[inputs], self._column_of[outputs] = i, j
+        self.pivots += e
         return True
 
     def _flush(self) -> None:

@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, local_stiffness
 from receding_fenicsx.interface.contact_lcp import Undecided
-from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION, STICK, Tableau
+from receding_fenicsx.interface.rates import (
+    BACKWARD,
+    FORWARD,
+    SEPARATION,
+    STICK,
+    A,
+    B,
+    Tableau,
+    W,
+)
 
 States = NDArray[np.int8]
 
@@ -23,6 +32,10 @@ LIMIT_TOLERANCE = 1e-12
 
 RATE_TOLERANCE = 1e-11
 """Rate over the largest rate (both as forces) below which it is taken for zero."""
+
+SIGN = np.zeros(5)
+SIGN[FORWARD], SIGN[BACKWARD] = 1.0, -1.0
+"""Direction of slip in each state."""
 
 RIGID_TOLERANCE = 1e-8
 """Distance from a unit rigid motion within which a motion of the contact is rigid."""
@@ -80,6 +93,13 @@ class Segments:
         stiffness = np.concatenate(local_stiffness(system))
         stiffness[stiffness == 0.0] = stiffness.max()  # freedoms eliminated in the 2N form
         self.weight = np.concatenate([stiffness, force, force])
+        self._tolerance = RATE_TOLERANCE / self.weight
+        self._nodes = np.arange(n)
+        self._bounded = np.zeros((4, 5, n), dtype=bool)
+        self._bounded[W, SEPARATION] = True
+        self._bounded[A, STICK] = self.frictional | self.smooth
+        self._bounded[A, BACKWARD] = self.frictional
+        self._bounded[B, STICK] = self._bounded[B, FORWARD] = self.frictional
         self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
         self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
         self.refined = False
@@ -129,30 +149,22 @@ class Segments:
 
     def _make(self, state: States, q: Array) -> Segment:
         n = self.system.n
-        scale = float(np.abs(q * self.weight).max())
-        threshold = RATE_TOLERANCE * scale / self.weight
-        falling = np.flatnonzero(self.bounded(state) & (q < -threshold))
-        sign = (state == FORWARD).astype(float) - (state == BACKWARD)
-        slipping = np.flatnonzero(sign)
-        speed = sign[slipping] * q[slipping]
+        threshold = float(np.abs(q * self.weight).max()) * self._tolerance
+        falling = (self.bounded(state) & (q < -threshold)).nonzero()[0]
+        sign = SIGN[state]
+        slipping = sign.nonzero()[0]
+        sign = sign[slipping]
+        speed = sign * q[slipping]
         dissipating = np.zeros(4 * n)
-        dissipating[slipping + np.where(sign[slipping] > 0.0, 3 * n, 2 * n)] = 0.5 * speed
+        # 2 f P of a forward slipping node is B, of a backward slipping one A
+        dissipating[slipping + np.where(sign > 0.0, B * n, A * n)] = 0.5 * speed
         wrong = slipping[speed < -threshold[slipping]]
         stroke = self.system.r_star @ q[: 2 * n]
         return Segment(q, falling, -1.0 / q[falling], dissipating, wrong, stroke)
 
     def bounded(self, state: States) -> NDArray[np.bool_]:
         """Return (4N,) which quantities must stay >= 0 in the given states."""
-        open_ = state == SEPARATION
-        contact = (self.frictional | self.smooth) & ~open_
-        return np.concatenate(
-            [
-                np.zeros(len(state), dtype=bool),
-                open_,
-                contact & (state != FORWARD),
-                contact & self.frictional & (state != BACKWARD),
-            ]
-        )
+        return self._bounded[:, state, self._nodes].ravel()
 
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""

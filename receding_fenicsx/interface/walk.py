@@ -11,6 +11,7 @@ from receding_fenicsx.interface.contact import (
     ContactState,
     Leg,
     largest_force,
+    law_residual,
     local_stiffness,
     reactions,
     relative_residual,
@@ -89,6 +90,7 @@ class Walk:
         self.to_check: list[tuple[float, Array, States, Array]] = []
         self.work = 0.0
         self.dissipation = np.zeros(4 * n)
+        self._step, self._work = np.zeros(4 * n), np.zeros(4 * n)
 
     def load(self, s: float) -> Array:
         """Return the load factors at s."""
@@ -119,12 +121,14 @@ class Walk:
 
     def _advance(self, segment: Segment, ds: float) -> None:
         """Move on by ds: values, exact dissipation and work."""
-        y = self.y
+        y, work = self.y, self._work
         half = 0.5 * ds
-        step = half * segment.q
+        step = np.multiply(segment.q, half, out=self._step)
         y += step
         # forward: Q = -B/2, backward: Q = A/2, so -Q dv = (2 f P)/2 |dv|, linear: its middle counts
-        self.dissipation += ds * (segment.dissipating * y)
+        np.multiply(segment.dissipating, y, out=work)
+        work *= ds
+        self.dissipation += work
         y += step
         self.work += ds * float(self.load(self.s + half) @ segment.stroke)
         self.s += ds
@@ -206,7 +210,7 @@ class Walk:
         seen = {state.tobytes()}
         rounds = 0
         if hit is not None and segment is not None:
-            self._change(np.array([hit]), segment)
+            self._change([hit], segment)
             seen.add(state.tobytes())
         try:
             while True:
@@ -218,7 +222,7 @@ class Walk:
                 if rounds > ALL_AT_ONCE:
                     badness = np.abs(segment.q[violating]) * segments.weight[violating]
                     violating = violating[[int(np.argmax(badness))]]
-                self._change(violating, segment)
+                self._change(violating.tolist(), segment)
                 if state.tobytes() in seen or rounds > len(state):
                     segment = self._finite(before)
                     break
@@ -237,31 +241,30 @@ class Walk:
         on_limit = fall[y[fall] * weight[fall] <= LIMIT_TOLERANCE * self.force_scale]
         return np.concatenate([segment.reversed_nodes, on_limit])
 
-    def _change(self, labels: NDArray[np.intp], segment: Segment) -> None:
+    def _change(self, labels: list[int], segment: Segment) -> None:
         """Give each node of the violated quantities the state on the other side of its limit."""
         n, state, y = self.system.n, self.state, self.y
         chosen: dict[int, list[int]] = {}
-        for label in labels.tolist():
+        for label in labels:
             chosen.setdefault(label % n, []).append(label // n)
+        limit = LIMIT_TOLERANCE * self.force_scale
         for i, kinds in chosen.items():
             old = state[i]
             if not self.segments.frictional[i]:
-                state[i] = SEPARATION if old == STICK else STICK
+                new = SEPARATION if old == STICK else STICK
             elif old == SEPARATION:
-                state[i] = STICK
+                new = STICK
             elif old in (FORWARD, BACKWARD):
-                state[i] = STICK if V in kinds else SEPARATION
+                new = STICK if V in kinds else SEPARATION
             elif len(kinds) == 2:
-                state[i] = SEPARATION
+                new = SEPARATION
             else:
-                state[i] = FORWARD if kinds[0] == A else BACKWARD
-        # what the new states fix, and what is within round-off of its limit, is exactly zero
-        nodes = np.fromiter(chosen, dtype=np.intp)
-        open_ = state[nodes] == SEPARATION
-        for kind in (A, B):
-            at = kind * n + nodes
-            on = y[at] * self.segments.weight[at] <= LIMIT_TOLERANCE * self.force_scale
-            y[at[on | open_]] = 0.0
+                new = FORWARD if kinds[0] == A else BACKWARD
+            state[i] = new
+            # what the new states fix, and what is within round-off of its limit, is exactly zero
+            for at in (A * n + i, B * n + i):
+                if new == SEPARATION or y[at] * self.segments.weight[at] <= limit:
+                    y[at] = 0.0
 
     def _finite(self, before: States) -> Segment:
         """Decide the nodes on limits by linear complementarity, or say why that cannot be."""
@@ -298,8 +301,13 @@ class Walk:
         if segments.lifts_freely and np.all(
             self.y.reshape(4, -1)[2:][:, contact].sum(axis=0) <= limit
         ):
+            if self.s == 0.0 and np.any(self.system.g0):
+                return NoEquilibrium(
+                    f"the body is not held {where}: it can turn or lift about the nodes that touch "
+                    'first; model half of it (solver.symmetry = "auto") or add a [[support]]'
+                )
             return NoEquilibrium(
-                f"lift-off {where}: no pressure is left on the contact; beyond it nothing holds"
+                f"lift-off {where}: no pressure is left on the contact, nothing holds the body"
             )
         if (
             segments.slides_freely
@@ -354,15 +362,15 @@ class Walk:
         n, system = self.system.n, self.system
         self.force_scale = largest_force(system, self.load(self.s), end.r, self.force_scale)
         worst = self._slipless(end)
-        for s, y, state, slip in self.to_check:
-            u = np.concatenate([y[:n], y[n : 2 * n] - system.g0])
-            r = reactions(system, self.load(s), u)
-            moved = np.where((state == FORWARD) | (state == BACKWARD), slip, 0.0)
-            self.force_scale = largest_force(system, self.load(s), r, self.force_scale)
-            now = ContactState(u, r, state)
-            worst = max(
-                worst, relative_residual(system, now, moved, self.stiffness, self.force_scale)
-            )
+        if self.to_check:
+            at, y, states, slip = (np.array(part) for part in zip(*self.to_check, strict=True))
+            u = np.hstack([y[:, :n], y[:, n : 2 * n] - system.g0])
+            load = (1.0 - at[:, None]) * self.a + at[:, None] * self.b
+            r = load @ system.r_star + u @ system.K
+            moved = np.where((states == FORWARD) | (states == BACKWARD), slip, 0.0)
+            self.force_scale = max(self.force_scale, float(np.abs(r).max()))
+            residual = law_residual(system, r, u, moved, self.stiffness)
+            worst = max(worst, float(residual.max()) / self.force_scale)
         self.leg.residual = worst
         if worst > EVENT_RESIDUAL:
             raise SolveError(
