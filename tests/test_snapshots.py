@@ -83,7 +83,7 @@ def test_pictures_of_an_instant_show_something(shared_tmp_path: Path) -> None:
     now = instant(scene)
     bulk = study.picture_body(scene, COMM)
     try:
-        made = snapshot(bulk, now, shared_tmp_path / "snapshots")  # type: ignore[arg-type]
+        made = snapshot(bulk, now, shared_tmp_path / "snapshots")
     finally:
         bulk.destroy()
     if COMM.rank == 0:
@@ -115,6 +115,6 @@ def test_missing_renderer_is_said_before_vtk_is_loaded(
     bulk = study.picture_body(scene, COMM)
     try:
         with pytest.raises(RecedingError, match="no off-screen renderer"):
-            snapshot(bulk, now, shared_tmp_path / "snapshots")  # type: ignore[arg-type]
+            snapshot(bulk, now, shared_tmp_path / "snapshots")
     finally:
         bulk.destroy()
