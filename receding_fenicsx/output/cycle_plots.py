@@ -33,7 +33,7 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
         raise InputError("slip per cycle: no node slips in enough cycles; run more cycles")
     fitted = fitted_cycles(record).astype(float)
     with mpl.rc_context(style.RC):
-        figure = style.new_figure(style.COLUMN, 3.3)
+        figure = style.new_figure(style.COLUMN, 3.6)
         axes = figure.subplots()
         for line, colour in zip(lines, style.SERIES_COLOURS, strict=False):
             label = f"{scales.x_label} = {line.x:.2f}:  $N^{{{line.fit.exponent:.2f}}}$"
@@ -51,11 +51,11 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
             )
         axes.set_xlabel("cycle $N$")
         axes.set_ylabel(rf"slip gained in a cycle, $|\Delta v_i|{behind}$")
-        axes.legend(
-            loc="lower left",
+        figure.legend(
+            loc="outside lower center",
+            ncols=2,
             title=f"fitted over {fitted[0]:.0f} ≤ $N$ ≤ {fitted[-1]:.0f}",
             title_fontsize=8.0,
-            alignment="left",
         )
     return figure
 

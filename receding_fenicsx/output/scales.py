@@ -61,7 +61,7 @@ class Scales:
     def load_label(self, name: str) -> str:
         """Label of a load over its largest value."""
         symbol = load_symbol(name)
-        return f"${symbol}/{peak(symbol)}$"
+        return f"{name} / largest" if is_word(name) else f"${symbol}/{peak(symbol)}$"
 
     def normalised(self) -> bool:
         """Whether displacements and energies can be given without units."""
@@ -122,6 +122,11 @@ def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float
     return float(value), load_symbol(load_names[0])
 
 
+def is_word(name: str) -> bool:
+    """Whether a load's name is no mathematical symbol."""
+    return load_symbol(name).startswith(r"\mathrm")
+
+
 def load_symbol(name: str) -> str:
     """Write a load's name as mathematics: "p0" as a letter with an index, a word as a word."""
     found = re.fullmatch(r"([A-Za-z])_?([A-Za-z0-9]*)", name)
@@ -146,8 +151,10 @@ def describe_factors(names: tuple[str, ...], parts: Array) -> str:
     """Say which part of its largest value each load has."""
     symbols = [load_symbol(name) for name in names]
     return ", ".join(
-        f"${symbol} = {number(float(part))}{peak(symbol) if part else ''}$"
-        for symbol, part in zip(symbols, parts, strict=True)
+        f"{name} at {part:.3g} of its largest"
+        if is_word(name)
+        else f"${symbol} = {number(float(part))}{peak(symbol) if part else ''}$"
+        for name, symbol, part in zip(names, symbols, parts, strict=True)
     )
 
 
@@ -158,7 +165,7 @@ def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
         return text
     begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
     moves = [
-        f"${load_symbol(name)}$: {a:.3g} to {b:.3g}"
+        f"{name if is_word(name) else f'${load_symbol(name)}$'} {a:.3g} to {b:.3g}"
         for name, a, b in zip(record.load_names, begin, end, strict=True)
         if a != b
     ]
@@ -187,7 +194,7 @@ def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str
     if first:
         return "first unloading"
     if cycle == 0:
-        return "first loading" if leg == 0 else f"{'un' if falls else 're'}loading, leg {leg + 1}"
+        return f"first loading, leg {leg + 1}" if leg else "first loading"
     if not plain:
         return f"cycle {cycle}, leg {leg + 1}"
     return f"{'unloading' if falls else 'reloading'}, cycle {cycle}"
@@ -195,6 +202,8 @@ def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str
 
 def number(value: float) -> str:
     """A factor before a symbol: nothing for 1, a fraction for thirds, else three figures."""
+    if abs(value + 1.0) < SYMMETRY_TOLERANCE:
+        return "-"
     for text, known in (("", 1.0), (r"\frac{1}{3}\,", 1.0 / 3.0), (r"\frac{2}{3}\,", 2.0 / 3.0)):
         if abs(value - known) < SYMMETRY_TOLERANCE:
             return text

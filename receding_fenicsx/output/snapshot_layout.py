@@ -75,7 +75,7 @@ class Layout:
 
 def layout_of(view: View) -> Layout:
     """Arrange a page for a view."""
-    shown = [view.points, view.moved, view.place - BAND[1] * view.size * view.normal]
+    shown = [view.points, view.moved, view.place - _band(view)[1] * view.normal]
     shown += [end for arrows in view.arrows for end in (arrows.tails, arrows.heads)]
     corners = np.vstack(shown)
     margin = 0.03 * view.size
@@ -154,15 +154,23 @@ def _draw_outlines(axes: Axes, view: View) -> None:
     tangent = np.array([view.normal[1], -view.normal[0]])
     along, foot = view.points @ tangent, view.place[0] - (view.place[0] @ tangent) * tangent
     ends = np.array([along.min() - 0.05 * view.size, along.max() + 0.05 * view.size])
-    plane = foot + ends[:, None] * tangent - 0.01 * view.size * view.normal
+    bare = foot + ends[:, None] * tangent - view.gap[[0, -1], None] * view.normal
+    plane = np.vstack([bare[:1], view.place - view.gap[:, None] * view.normal, bare[1:]])
+    plane = plane - 0.01 * view.size * view.normal
     axes.plot(plane[:, 0], plane[:, 1], color="black", lw=1.3, zorder=4, clip_on=False)
+
+
+def _band(view: View) -> tuple[float, float]:
+    """Distances of the band of states from the contact edge; it stands clear of the plane."""
+    below = float(view.gap.max())
+    return below + BAND[0] * view.size, below + BAND[1] * view.size
 
 
 def _draw_band(axes: Axes, view: View) -> None:
     """Draw the states as a band below the plane, with their numbers."""
     tangent = np.array([view.normal[1], -view.normal[0]])
     foot = view.place[0] - view.x[0] * tangent
-    inner, outer = (depth * view.size * view.normal for depth in BAND)
+    inner, outer = (depth * view.normal for depth in _band(view))
     boxes, fills = [], []
     for name, a, b in zones(view.x, view.state):
         state = STATE_OF_NAME[name]

@@ -57,6 +57,7 @@ class View:
         size: the body's smaller extent.
         x, place: (N,) positions along the contact edge, (N, 2) contact nodes.
         normal: (2,) unit vector into the body.
+        gap: (N,) exaggerated initial gap, from the contact nodes to the plane.
         state, p, q: (N,) states and tractions; p, q are nan where a node stands for no length.
         arrows: the loads.
         length_symbol, pressure_symbol: what is divided by; "" for the scene's own units.
@@ -73,6 +74,7 @@ class View:
     x: Array
     place: Array
     normal: Array
+    gap: Array
     state: NDArray[np.int8]
     p: Array
     q: Array
@@ -110,6 +112,7 @@ def view_of(bulk: Bulk, fields: Fields, instant: Instant) -> View:
     largest = float(np.linalg.norm(fields.displacement, axis=1).max())
     factor = _round(EXAGGERATED * size / largest) if largest > 0.0 else 1.0
     place = contact.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1)
+    x = flip * contact.x[mirror.index]
     return View(
         points=fields.points / unit,
         moved=(fields.points + factor * fields.displacement) / unit,
@@ -118,9 +121,10 @@ def view_of(bulk: Bulk, fields: Fields, instant: Instant) -> View:
         stress={name: value / now for name, value in fields.stress.items()},
         factor=factor,
         size=size / unit,
-        x=flip * contact.x[mirror.index] / unit,
+        x=x / unit,
         place=place / unit,
         normal=contact.normal,
+        gap=factor * evaluate(scene.contacts[0].initial_gap, x, place[:, 1]) / unit,
         state=mirror.states(instant.state.state),
         p=mirror.total(instant.state.P) * per_length,
         q=mirror.odd(instant.state.Q) * per_length,
