@@ -144,14 +144,15 @@ def peak(symbol: str) -> str:
 def describe_load(record: Record, table: States, row: int, scales: Scales) -> str:
     """Say at what load, in which cycle and on the way to where a row of a table stands."""
     way = _way(record, int(table.cycle[row]), int(table.leg[row]))
-    return f"{way}, {describe_factors(record.load_names, table.load[row] / scales.load_max)}"
+    factors = describe_factors(record.load_names, table.load[row] / scales.load_max)
+    return f"{way}, {factors}" if len(record.load_names) == 1 else f"{way}\n{factors}"
 
 
 def describe_factors(names: tuple[str, ...], parts: Array) -> str:
     """Say which part of its largest value each load has."""
     symbols = [load_symbol(name) for name in names]
     return ", ".join(
-        f"{name} at {part:.3g} of its largest"
+        f"{name} at ${part:.3g}$ of its largest"
         if is_word(name)
         else f"${symbol} = {number(float(part))}{peak(symbol) if part else ''}$"
         for name, symbol, part in zip(names, symbols, parts, strict=True)
@@ -165,7 +166,7 @@ def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
         return text
     begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
     moves = [
-        f"{name if is_word(name) else f'${load_symbol(name)}$'} {a:.3g} to {b:.3g}"
+        f"{name if is_word(name) else f'${load_symbol(name)}$'} ${a:.3g}$ to ${b:.3g}$"
         for name, a, b in zip(record.load_names, begin, end, strict=True)
         if a != b
     ]

@@ -65,6 +65,7 @@ RC: dict[Any, Any] = {
     "axes.linewidth": 0.6,
     "xtick.labelsize": 8.0,
     "ytick.labelsize": 8.0,
+    "xtick.major.pad": 5.2,
     "xtick.direction": "in",
     "ytick.direction": "in",
     "xtick.major.width": 0.6,

@@ -89,7 +89,7 @@ def zone_map(
     pieces: list[tuple[State, Polygon]] = []
     lines: list[Array] = []
     for i in range(len(record.x) - 1):
-        _column(timelines[i], timelines[i + 1], record.x[i], record.x[i + 1], pieces, lines)
+        fill_strip(timelines[i], timelines[i + 1], record.x[i], record.x[i + 1], pieces, lines)
     return ZoneMap(record.x, timelines, pieces, np.array(lines).reshape(-1, 2, 2))
 
 
@@ -174,7 +174,7 @@ def _order(run: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]) 
     return np.full(n, 0.5)
 
 
-def _column(
+def fill_strip(
     a: Timeline,
     b: Timeline,
     x0: float,
@@ -182,7 +182,16 @@ def _column(
     pieces: list[tuple[State, Polygon]],
     lines: list[Array],
 ) -> None:
-    """Fill the strip between two neighbouring nodes."""
+    """Fill the strip between two neighbouring nodes.
+
+    Args:
+        a: timeline of the left one.
+        b: timeline of the right one.
+        x0: position of the left one.
+        x1: position of the right one.
+        pieces: zones are added to it.
+        lines: boundaries of zones are added to it.
+    """
     matched = [(0, 0), *_matches(a, b), (len(a.state), len(b.state))]
     for n, ((i0, j0), (i1, j1)) in enumerate(pairwise(matched)):
         if n:

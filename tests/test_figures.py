@@ -1,0 +1,346 @@
+"""Figures: the arrays behind them, what is drawn of them, and which are drawn of which record."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import models
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from PIL import Image
+
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import History
+from receding_fenicsx.interface.contact import State
+from receding_fenicsx.output import figures, style
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.scales import load_symbol, scales_of
+from receding_fenicsx.output.series import first_unloading, limit_without_slip, slip_lines
+from receding_fenicsx.output.zone_map import Timeline, fill_strip, timeline, zone_map
+from receding_fenicsx.output.zone_plots import load_axis
+from receding_fenicsx.scene import Load, Scene, SolverOptions
+from receding_fenicsx.scene_file import to_toml
+
+PAPER = Scene(loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
+LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
+CYCLIC = ((0.0, 1.0), LOOP, 10)
+UNLOADING = ((0.0, 1.0, 0.0), np.zeros((0, 1)), 0)
+MONOTONIC = ((0.0, 1.0), np.zeros((0, 1)), 0)
+
+STICK, OPEN, FORWARD, BACKWARD = State
+
+
+@cache
+def record(
+    kind: str = "cyclic", method: str = "events", half: bool = True, paper: bool = True
+) -> Record:
+    """Return a record of the paper's block on a coarse mesh."""
+    path, loop, cycles = {"cyclic": CYCLIC, "unloading": UNLOADING, "monotonic": MONOTONIC}[kind]
+    system = models.block_system(40 if half else 80, 20, half=half)
+    history = History(("p0",), np.array(path)[:, None], loop, cycles)
+    found = evolve(system, history, SolverOptions(method=method))
+    return replace(found, scene_toml=to_toml(PAPER)) if paper else found
+
+
+def area(polygon: np.ndarray) -> float:
+    """Return the area of a simple polygon by the shoelace formula."""
+    x, y = polygon.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+LEGS = [
+    ("cyclic", 1, 0),
+    ("cyclic", 1, 1),
+    ("cyclic", 9, 0),
+    ("cyclic", 10, 1),
+    ("unloading", 0, 1),
+]
+
+
+@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize(("kind", "cycle", "leg"), LEGS)
+def test_zone_map_from_events_agrees_with_every_sample(
+    kind: str, cycle: int, leg: int, half: bool
+) -> None:
+    found = record(kind, half=half)
+    drawn = zone_map(found, cycle, leg)
+    table, events = found.samples, found.events
+    rows = np.flatnonzero((table.cycle == cycle) & (table.leg == leg) & (table.s < 1.0))
+    assert len(rows) > 30
+    for row in rows:
+        s = float(table.s[row])
+        # a sample taken at the very instant of a change may show either state
+        changing = events.node[
+            (events.cycle == cycle) & (events.leg == leg) & (np.abs(events.s - s) < 1e-9)
+        ]
+        settled = np.setdiff1d(np.arange(len(found.x)), changing)
+        assert np.array_equal(drawn.states(s)[settled], table.state[row][settled])
+
+
+@pytest.mark.parametrize(("kind", "cycle", "leg"), LEGS)
+def test_zone_map_covers_the_leg_once(kind: str, cycle: int, leg: int) -> None:
+    found = record(kind)
+    drawn = zone_map(found, cycle, leg)
+    total = sum(area(polygon) for _, polygon in drawn.pieces)
+    islands = sum(area(polygon) for _, polygon in drawn.pieces if len(polygon) == 3)
+    # islands lie on top of the zone around them
+    assert total - islands == pytest.approx(np.ptp(found.x), rel=1e-12)
+    corners = np.vstack([polygon for _, polygon in drawn.pieces])
+    assert corners[:, 1].min() == 0.0
+    assert corners[:, 1].max() == 1.0
+
+
+def test_boundaries_of_zones_pass_through_the_events() -> None:
+    found = record("unloading")
+    drawn = zone_map(found, 0, 1)
+    ends = drawn.boundaries.reshape(-1, 2)
+    events, checked = found.events, 0
+    for i, line in enumerate(drawn.timelines):
+        here = (events.cycle == 0) & (events.leg == 1) & (events.node == i)
+        for s in line.s[1:-1]:
+            assert np.abs(events.s[here] - s).min() == 0.0
+            assert np.hypot(*(ends - [found.x[i], s]).T).min() == 0.0
+            checked += 1
+    assert checked > 100
+
+
+def test_stepped_zone_map_lies_within_a_step_of_the_exact_one() -> None:
+    exact, stepped = record(), record(method="gauss-seidel")
+    step = 1.0 / SolverOptions().steps_per_leg
+    for cycle, leg in ((1, 0), (1, 1)):
+        a, b = (zone_map(found, cycle, leg) for found in (exact, stepped))
+        s = np.linspace(0.0, 1.0, 400)
+        differ = np.array(
+            [x.at(s) != y.at(s) for x, y in zip(a.timelines, b.timelines, strict=True)]
+        )
+        changes = sum(len(line.state) - 1 for line in a.timelines)
+        # each change of an exact timeline is found at most about a step early or late
+        assert differ.mean() * differ.shape[0] < step * changes
+        assert differ.mean() < 0.02
+
+
+def test_timeline_leaves_out_states_that_do_not_last() -> None:
+    line = timeline(3, [(0.0, 1), (0.25, 4), (0.25, 1), (0.5, 2), (1.0, 1)])
+    assert line.state.tolist() == [1, 2]
+    assert line.s.tolist() == [0.0, 0.5, 1.0]
+
+
+def test_change_of_one_node_only_tapers_midway_to_its_neighbour() -> None:
+    pieces: list = []
+    lines: list = []
+    alone = Timeline(np.array([1, 3, 1], np.int8), np.array([0.0, 0.2, 0.6, 1.0]))
+    never = Timeline(np.array([1], np.int8), np.array([0.0, 1.0]))
+    fill_strip(alone, never, 0.0, 1.0, pieces, lines)
+    (outer, whole), (inner, island) = pieces
+    assert (outer, inner) == (State.STICK, State.FORWARD_SLIP)
+    assert area(whole) == 1.0
+    # a triangle with its base on the node and its tip halfway
+    assert area(island) == pytest.approx(0.5 * 0.4 * 0.5)
+
+
+def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
+    found = record()
+    N = np.arange(1.0, 31.0)
+    slip = 1e-3 * np.outer(N**-2.5, np.where(np.abs(found.x) < 1.0, 1.0 + found.x, 0.0))
+    cycles = replace(
+        found.cycles, slip_increment=slip, dissipation=N, dissipation_density=np.zeros_like(slip)
+    )
+    lines = slip_lines(replace(found, cycles=cycles), unit=2.0)
+    assert [line.x for line in lines] == pytest.approx([0.5, 0.6, 0.7, 0.8])
+    for line in lines:
+        assert line.fit.exponent == pytest.approx(-2.5, abs=1e-12)
+        assert line.at(line.N) == pytest.approx(line.slip)
+        assert line.slip[0] == pytest.approx(0.5e-3 * (1.0 + line.x))
+
+
+def test_node_at_the_limit_that_never_moves_is_found_where_it_reaches_it() -> None:
+    found = record(method="gauss-seidel")
+    table = found.samples
+    rows = np.flatnonzero(table.cycle == 10)
+    node, when = len(found.x) // 2 + 3, rows[len(rows) // 4]
+    state, Q, v = table.state.copy(), table.Q.copy(), table.v.copy()
+    state[rows[:, None], np.arange(len(found.x))] = State.STICK
+    v[rows] = found.turning_points.v[found.turning_points.cycle == 9][-1]
+    v[rows, 0] += np.linspace(0.0, 1.0, len(rows))
+    Q[rows] = 0.5 * found.f * table.P[rows]
+    Q[when, node] = found.f[node] * table.P[when, node]
+    still = limit_without_slip(replace(found, samples=replace(table, state=state, Q=Q, v=v)), 10)
+    assert still.node.tolist() == [node]
+    assert still.leg.tolist() == [table.leg[when]]
+    assert still.s.tolist() == [table.s[when]]
+    assert still.strict
+    assert not still.stuck[0]
+
+
+def test_first_unloading_is_the_first_leg_along_which_the_load_falls() -> None:
+    assert first_unloading(record("monotonic")) is None
+    assert first_unloading(record("unloading")) == (0, 1)
+    assert first_unloading(record()) == (1, 0)
+
+
+def test_colours_of_the_states_differ_for_every_colour_vision() -> None:
+    """Complete colour-vision deficiencies after Machado, Oliveira & Fernandes (2009), table 1."""
+    seen = {
+        "usual": np.eye(3),
+        "no red cones": [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ],
+        "no green cones": [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.011820, 0.042940, 0.968881],
+        ],
+        "no blue cones": [
+            [1.255528, -0.076749, -0.178779],
+            [-0.078411, 0.930809, 0.147602],
+            [0.004733, 0.691367, 0.303900],
+        ],
+    }
+    for name, matrix in seen.items():
+        found = [lab(np.array(matrix) @ linear(c)) for c in style.STATE_COLOURS.values()]
+        for i, a in enumerate(found):
+            for b in found[:i]:
+                assert np.linalg.norm(a - b) > 15.0, name
+                # printed in grey
+                assert name != "usual" or abs(a[0] - b[0]) > 8.0
+
+
+def linear(colour: str) -> np.ndarray:
+    """Linear light of an sRGB colour."""
+    c = np.array(to_rgb(colour))
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def lab(rgb: np.ndarray) -> np.ndarray:
+    """CIE L*a*b* of linear light, white point D65."""
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    t = np.array(to_xyz) @ np.clip(rgb, 0.0, 1.0) / [0.9505, 1.0, 1.089]
+    f = np.where(t > 0.008856, np.cbrt(t), 7.787 * t + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+def test_loads_that_are_symbols_are_written_as_such() -> None:
+    assert load_symbol("p0") == "p_{0}"
+    assert load_symbol("Q") == "Q"
+    assert load_symbol("bolt_force") == r"\mathrm{bolt\_force}"
+
+
+def test_tractions_are_drawn_over_the_load_that_acts() -> None:
+    found = record()
+    row = int(np.flatnonzero(found.turning_points.cycle == 1)[0])
+    assert found.turning_points.load[row, 0] == 1.0 / 3.0
+    figure = figures.tractions(found, found.turning_points, [row])
+    lines = {line.get_color(): line for line in figure.axes[1].lines}
+    p = lines[style.PRESSURE_COLOUR]
+    q = lines[style.SHEAR_COLOUR]
+    assert np.array_equal(p.get_xdata(), found.x)
+    assert np.allclose(p.get_ydata(), 3.0 * found.turning_points.p[row], rtol=1e-14)
+    assert np.allclose(q.get_ydata(), 3.0 * found.turning_points.q[row], rtol=1e-14)
+
+
+def test_zone_map_shows_half_of_a_symmetric_contact_against_the_load() -> None:
+    found = record("unloading")
+    figure = figures.zone_maps(found, [(0, 1)])
+    axes = figure.axes[0]
+    assert axes.get_xlim() == (0.0, 2.0)
+    assert axes.get_ylim() == (0.0, 1.0)
+    assert load_axis(found, 0, 1, scales_of(found))[:2] == (1.0, 0.0)
+    (drawn,) = (c for c in axes.collections if isinstance(c, PolyCollection))
+    path = np.asarray(drawn.get_paths()[-1].vertices)
+    assert path[:, 1].min() >= 0.0
+    assert path[:, 1].max() <= 1.0
+    numbers = {text.get_text() for text in axes.texts}
+    assert numbers == {"1", "2", "3", "4"}
+
+
+@pytest.mark.parametrize("paper", [True, False])
+def test_no_text_lies_on_another_or_beyond_the_page(paper: bool) -> None:
+    unloading = record("unloading", paper=paper)
+    for name, figure in figures.draw_all(record(paper=paper), unloading):
+        boxes = text_boxes(figure)
+        page = figure.bbox
+        for i, (text, box) in enumerate(boxes):
+            assert page.x0 <= box.x0, f"{name}: {text}"
+            assert box.x1 <= page.x1, f"{name}: {text}"
+            assert page.y0 <= box.y0, f"{name}: {text}"
+            assert box.y1 <= page.y1, f"{name}: {text}"
+            for other, beside in boxes[:i]:
+                assert not box.overlaps(beside), f"{name}: '{text}' on '{other}'"
+
+
+def text_boxes(figure: Figure) -> list:
+    """Return every text that is drawn with its box in dots."""
+    figure.canvas.draw()
+    hidden = {id(label) for axes in figure.axes for label in labels_beyond(axes)}
+    found = []
+    for text in figure.findobj(Text):
+        shown = text.get_visible() and text.get_text().strip() and id(text) not in hidden
+        box = text.get_window_extent()
+        if shown and box.width > 0.0:
+            found.append((text.get_text(), box))
+    return found
+
+
+def labels_beyond(axes: Axes) -> list[Text]:
+    """Return the labels of ticks that lie beyond the axes' limits: they are not drawn."""
+    found = []
+    for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        low, high = sorted(limits)
+        slack = 1e-9 * (high - low)
+        for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()]:
+            if not low - slack <= tick.get_loc() <= high + slack:
+                found += [tick.label1, tick.label2]
+    return found
+
+
+def test_figures_are_those_that_the_record_holds_something_for(tmp_path: Path) -> None:
+    def names(found: Record, *others: Record) -> list[str]:
+        return [name for name, _ in figures.draw_all(found, *others)]
+
+    assert names(record("monotonic")) == ["fig04_tractions_first_loading"]
+    assert names(record("unloading")) == [
+        "fig04_tractions_first_loading",
+        "fig05_zones_first_unloading",
+        "fig06_tractions_first_unloading",
+    ]
+    everything = [
+        "fig04_tractions_first_loading",
+        "fig05_zones_first_unloading",
+        "fig06_tractions_first_unloading",
+        "fig07_zones_cycle_9",
+        "fig08_slip_per_cycle",
+        "fig09_zones_last_cycle",
+        "fig10_dissipation_per_cycle",
+        "dissipation_density",
+        "tractions_last_cycle",
+    ]
+    assert names(record(), record("unloading")) == everything
+    made = figures.plot_all(
+        record(), tmp_path / "figures", record("unloading"), record(method="gauss-seidel")
+    )
+    assert [path.name for path in made] == [
+        f"{name}.{ending}" for name in everything for ending in ("png", "pdf")
+    ]
+    for path in made:
+        assert path.stat().st_size > 5000
+        if path.suffix == ".pdf":
+            assert path.read_bytes().startswith(b"%PDF")
+        else:
+            image = Image.open(path)
+            assert image.size[0] == round(style.COLUMN * style.DPI)
+            assert np.asarray(image.convert("L")).std() > 5.0
+
+
+def test_the_same_record_gives_the_same_files(tmp_path: Path) -> None:
+    first = figures.plot_all(record("unloading"), tmp_path / "a")
+    second = figures.plot_all(record("unloading"), tmp_path / "b")
+    figures.plot_all(record("unloading"), tmp_path / "b")
+    for a, b in zip(first, second, strict=True):
+        assert a.read_bytes() == b.read_bytes(), a.name
