@@ -1,5 +1,6 @@
 """Fields of the body, and pictures of them, on any number of ranks."""
 
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,14 +8,19 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
 
 from receding_fenicsx import history_from_scene, read_scene, study
 from receding_fenicsx.bulk import elasticity, meshing
-from receding_fenicsx.errors import on_root
+from receding_fenicsx.errors import RecedingError, on_root
 from receding_fenicsx.evolution import evolve
+from receding_fenicsx.output import style
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.fields import Fields, fields_at
-from receding_fenicsx.output.snapshots import QUANTITIES, snapshot
+from receding_fenicsx.output.render import Picture, Renderer, renderer
+from receding_fenicsx.output.snapshot_view import view_of
+from receding_fenicsx.output.snapshots import QUANTITIES, colours_of, fringe_value, snapshot
 from receding_fenicsx.replay import turning_point
 from receding_fenicsx.scene import Scene
 
@@ -77,37 +83,149 @@ def test_fields_of_the_half_body_mirrored_are_those_of_the_whole_body() -> None:
             assert difference.max() < 1e-9 * np.abs(b[name]).max()
 
 
-def test_pictures_of_an_instant_show_something(shared_tmp_path: Path) -> None:
+def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Path) -> None:
     scene = small_block("auto")
-    scene = replace(scene, mesh=replace(scene.mesh, growth=1.3))
     now = instant(scene)
     bulk = study.picture_body(scene, COMM)
     try:
         made = snapshot(bulk, now, shared_tmp_path / "snapshots")
     finally:
         bulk.destroy()
-    if COMM.rank == 0:
-        from PIL import Image
+    if COMM.rank != 0:
+        assert made is None
+        return
+    assert made is not None
+    pictures = [path for path in made if path.suffix == ".png"]
+    assert len(pictures) == len(QUANTITIES)
+    for path in pictures:
+        image = Image.open(path).convert("RGB")
+        assert image.size[0] == round(style.PAGE * style.DPI)
+        pixels = np.asarray(image)
+        body = pixels[pixels.shape[0] // 4 : pixels.shape[0] // 2]
+        assert body.std() > 10.0, f"{path} is blank where the body should be"
+        # at one third on unloading all four states occur (paper, Fig. 5)
+        for state, colour in style.STATE_COLOURS.items():
+            wanted = np.round(255.0 * np.array(to_rgb(colour)))
+            found = np.all(pixels == wanted, axis=2).sum()
+            assert found > 2000, f"{path}: state {state} does not show"
+    text = (shared_tmp_path / "fields" / "cycle0001_leg0_s1.000.xdmf").read_text()
+    for name in ("displacement", "von_mises", "max_shear"):
+        assert name in text
+    assert not any(name.startswith("vtkmodules") for name in sys.modules)
 
-        assert made is not None
-        pictures = [path for path in made if path.suffix == ".png"]
-        assert len(pictures) == len(QUANTITIES)
-        for path in pictures:
-            pixels = np.asarray(Image.open(path).convert("L"), dtype=float)
-            middle = pixels[pixels.shape[0] // 4 : pixels.shape[0] // 2]
-            assert pixels.max() == 255.0, path
-            assert middle.std() > 10.0, f"{path} is blank where the body should be"
-        text = (shared_tmp_path / "fields" / "cycle0001_leg0_s1.000.xdmf").read_text()
-        for name in ("displacement", "von_mises", "max_shear"):
-            assert name in text
+
+def test_rendered_field_has_the_colours_of_its_values() -> None:
+    def check() -> None:
+        """A square whose field is x: black at the left, white at the right, a line at 3/4."""
+        square = Picture(
+            points=np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
+            cells=np.array([[0, 1, 2], [0, 2, 3]]),
+            values=np.array([0.0, 1.0, 1.0, 0.0]),
+            limits=(0.0, 1.0),
+            colours=np.repeat(np.linspace(0.0, 1.0, 256)[:, None], 3, axis=1),
+            levels=np.array([0.75]),
+            window=(-0.5, 1.5, -0.5, 1.5),
+            size=(400, 400),
+        )
+        pixels = renderer.draw(square)
+        assert pixels.shape == (400, 400, 4)
+        edge = 3  # pixels that antialiasing may touch
+        assert np.all(pixels[: 100 - edge, :, 3] == 0), "beyond the body the picture is not clear"
+        assert np.all(pixels[100 + edge : 300 - edge, 100 + edge : 300 - edge, 3] == 255)
+        row = pixels[200, 100:300, 0].astype(float)
+        expected = 255.0 * (np.arange(200) + 0.5) / 200
+        line = np.abs(np.arange(200) - 150) < edge
+        assert np.abs(row - expected)[~line][edge:-edge].max() < 4.0
+        assert row[line].min() < 0.75 * 255.0 - 40.0, "the contour line does not show"
+
+    on_root(COMM, check)
+
+
+def test_renderer_that_crashes_is_said_and_replaced() -> None:
+    def check() -> None:
+        square = Picture(
+            points=np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+            cells=np.array([[0, 1, 2]]),
+            values=np.zeros(3),
+            limits=(0.0, 1.0),
+            colours=np.zeros((2, 3)),
+            levels=np.empty(0),
+            window=(0.0, 1.0, 0.0, 1.0),
+            size=(40, 40),
+        )
+        own = Renderer()
+        try:
+            assert own.draw(square).shape == (40, 40, 4)
+            assert own.process is not None
+            own.process.kill()
+            own.process.wait()
+            with pytest.raises(RecedingError, match=r"ended with status -9.*libosmesa6"):
+                own.draw(square)
+            assert own.draw(square).shape == (40, 40, 4)
+            with pytest.raises(RecedingError, match="off-screen rendering failed"):
+                own.draw(replace(square, values=np.zeros(2)))
+        finally:
+            own.close()
+
+    on_root(COMM, check)
+
+
+def test_view_is_of_the_whole_body_without_a_seam() -> None:
+    scene = small_block("auto")
+    now = COMM.bcast(instant(scene))
+    bulk = study.picture_body(scene, COMM)
+    try:
+        found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
+        if COMM.rank != 0:
+            return
+        assert found is not None
+        view = view_of(bulk, found, now)
+    finally:
+        bulk.destroy()
+    width, height = 4.0, 1.0
+    ends = view.points[view.edges]
+    # the outline is the rectangle's, so the axis is none of it
+    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(
+        2.0 * (width + height), rel=1e-12
+    )
+    _, twice = np.unique(np.round(view.points, 9), axis=0, return_counts=True)
+    assert twice.max() == 1
+    on_axis = view.points[:, 0] == 0.0
+    assert np.abs(view.stress["sxy"][on_axis]).max() == 0.0
+    # p0 is carried by the contact: the integral of p over it is that of the load
+    (load,) = view.arrows
+    assert np.sum(0.5 * (view.p[1:] + view.p[:-1]) * np.diff(view.x)) == pytest.approx(
+        2.0, rel=0.02
+    )
+    assert np.abs(load.heads[[0, -1], 0]) == pytest.approx([1.0, 1.0], abs=0.05)
+    assert np.all(load.tails[:, 1] > load.heads[:, 1])
+    assert view.caption == r"first unloading, $p_{0} = \frac{1}{3}\,p_{0}^{\,\mathrm{max}}$"
+
+
+@pytest.mark.parametrize(
+    ("largest", "expected"), [(1.0, 0.1), (1.99, 0.1), (2.0, 0.2), (7e6, 5e5), (0.0, 1.0)]
+)
+def test_value_of_a_fringe_is_round_and_leaves_ten(largest: float, expected: float) -> None:
+    assert fringe_value(largest) == pytest.approx(expected)
+
+
+def test_colours_of_a_signed_stress_are_pale_at_zero_only() -> None:
+    values = np.linspace(-1.0, 0.1, 2001)
+    quantity = next(q for q in QUANTITIES if q.name == "syy")
+    colours, levels = colours_of(values, quantity, "p_0")
+    low, high = colours.limits
+    assert low == pytest.approx(-1.0, abs=0.01)
+    assert high == pytest.approx(0.1, abs=0.01)
+    brightest = np.argmax(colours.table[:, :3].sum(axis=1))
+    assert abs(low + brightest / 255.0 * (high - low)) < 0.01
+    assert colours.extend == "both"
+    assert len(levels) > 5
 
 
 def test_missing_renderer_is_said_before_vtk_is_loaded(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     import ctypes.util
-
-    from receding_fenicsx.errors import RecedingError
 
     scene = small_block("auto")
     now = instant(scene)

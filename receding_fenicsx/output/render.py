@@ -11,6 +11,7 @@ import atexit
 import ctypes.util
 import os
 import pickle
+import socket
 import subprocess
 import sys
 import tempfile
@@ -30,6 +31,8 @@ RENDERERS = {"EGL": "vtkEGLRenderWindow", "OSMesa": "vtkOSOpenGLRenderWindow"}
 """Libraries that VTK draws with off-screen, and the window that it makes with each."""
 PATIENCE = 120.0
 """Seconds that one picture may take."""
+NO_SIGNAL = getattr(socket, "MSG_NOSIGNAL", 0)
+"""Writing to a process that has ended is an error, not a signal: PETSc ends the job at SIGPIPE."""
 ADVICE = "install libosmesa6 (or libegl1), then see receding-fenicsx doctor"
 
 Pixels = NDArray[np.uint8]
@@ -67,6 +70,7 @@ class Renderer:
     def __init__(self) -> None:
         """Start with no process."""
         self.process: subprocess.Popen[bytes] | None = None
+        self.line: socket.socket | None = None
         self.log: IO[bytes] | None = None
 
     def draw(self, picture: Picture) -> Pixels:
@@ -77,16 +81,14 @@ class Renderer:
         """
         if self.process is None:
             self._start()
-        process = self.process
-        assert process is not None
-        assert process.stdin is not None
-        assert process.stdout is not None
-        timer = threading.Timer(PATIENCE, process.kill)
+        assert self.process is not None
+        assert self.line is not None
+        timer = threading.Timer(PATIENCE, self.process.kill)
         timer.start()
         try:
-            pickle.dump(picture, process.stdin)
-            process.stdin.flush()
-            answer = pickle.load(process.stdout)
+            self.line.sendall(pickle.dumps(picture), NO_SIGNAL)
+            with self.line.makefile("rb") as answers:
+                answer = pickle.load(answers)
         except (OSError, EOFError, pickle.UnpicklingError):
             raise RecedingError(
                 f"off-screen rendering failed ({self._last_words()}); {ADVICE}"
@@ -99,34 +101,39 @@ class Renderer:
 
     def close(self) -> None:
         """End the process, if there is one."""
-        if self.process is not None:
-            assert self.process.stdin is not None
+        process, self.process = self.process, None
+        if process is not None:
+            assert self.line is not None
+            self.line.close()
             try:
-                self.process.stdin.close()
-                self.process.wait(5.0)
-            except (OSError, subprocess.TimeoutExpired):
-                self.process.kill()
-            self.process = None
+                process.wait(5.0)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
 
     def _start(self) -> None:
         window = find_renderer()
         root = str(Path(__file__).resolve().parents[2])
         program = f"import sys; sys.path.insert(0, {root!r}); from {__name__} import serve; serve()"
         self.log = tempfile.TemporaryFile()
-        self.process = subprocess.Popen(
-            [sys.executable, "-c", program],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=self.log,
-            # without the window's name VTK looks for a display first, and complains
-            env={"VTK_DEFAULT_OPENGL_WINDOW": window, **child_environment()},
-        )
+        self.line, other = socket.socketpair()
+        with other:
+            self.process = subprocess.Popen(
+                [sys.executable, "-c", program],
+                stdin=other.fileno(),
+                stdout=other.fileno(),
+                stderr=self.log,
+                # without the window's name VTK looks for a display first, and complains
+                env={"VTK_DEFAULT_OPENGL_WINDOW": window, **child_environment()},
+            )
 
     def _last_words(self) -> str:
         """End the process; return the last line that it wrote, or its exit status."""
         process, self.process = self.process, None
         assert process is not None
         assert self.log is not None
+        assert self.line is not None
+        self.line.close()
         process.kill()
         status = process.wait()
         self.log.seek(0)
@@ -191,7 +198,7 @@ def draw(picture: Picture) -> Pixels:
         inside = [level for level in picture.levels.tolist() if low < level < high]
         if inside:
             lines = mesh.contour(inside, scalars="field")
-            plotter.add_mesh(lines, color="black", opacity=0.45, line_width=1.2, lighting=False)
+            plotter.add_mesh(lines, color="black", opacity=0.5, line_width=2.0, lighting=False)
         left, right, bottom, top = picture.window
         middle = (0.5 * (left + right), 0.5 * (bottom + top))
         plotter.camera_position = [(*middle, 1.0), (*middle, 0.0), (0.0, 1.0, 0.0)]

@@ -145,6 +145,8 @@ def _joined(fields: Fields) -> Fields:
     """Make one vertex, with their mean values, of the two that the halves have on the axis."""
     axis = np.flatnonzero(np.abs(fields.points[:, 0]) <= ON_EDGE * np.abs(fields.points).max())
     _, first, place = np.unique(fields.points[axis, 1], return_index=True, return_inverse=True)
+    points = fields.points.copy()
+    points[axis, 0] = 0.0
     target = np.arange(len(fields.points))
     target[axis] = axis[first][place]
     count = np.bincount(target, minlength=len(target)).astype(float)
@@ -154,7 +156,7 @@ def _joined(fields: Fields) -> Fields:
         return np.bincount(target, values, minlength=len(target))[used] / count[used]
 
     return Fields(
-        points=fields.points[used],
+        points=points[used],
         cells=np.searchsorted(used, target[fields.cells]),
         displacement=np.stack([mean(part) for part in fields.displacement.T], axis=1),
         stress={name: mean(values) for name, values in fields.stress.items()},

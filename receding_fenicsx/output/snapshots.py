@@ -143,7 +143,7 @@ def colours_of(values: Array, quantity: Quantity, pressure_symbol: str) -> tuple
     label = f"${quantity.symbol}{divided}$"
     if quantity.fringes:
         # twice the largest shear is the difference of principal stresses, which light counts
-        apart = _fringe_value(high)
+        apart = fringe_value(high)
         limits = (0.0, max(float(values.max()), apart))
         order = np.linspace(0.0, limits[1] / apart, SHADES)
         grey = np.cos(np.pi * order) ** 2
@@ -162,7 +162,7 @@ def colours_of(values: Array, quantity: Quantity, pressure_symbol: str) -> tuple
     return colours, np.asarray(MaxNLocator(CONTOURS).tick_values(low, high))
 
 
-def _fringe_value(largest: float) -> float:
+def fringe_value(largest: float) -> float:
     """A round number that goes into the largest value at least ``FRINGES`` times."""
     if largest <= 0.0:
         return 1.0
