@@ -65,7 +65,7 @@ def compare(scene: Scene, folder: Path) -> None:
     stepped = evolve(
         system, cycles, SolverOptions(method="gauss-seidel", steps_per_leg=STEPS_PER_LEG)
     )
-    drawn = figures.plot_all(record, folder / "figures", unloading=unloading)
+    drawn = figures.plot_all(record, folder / "figures", unloading=unloading, stepped=stepped)
 
     print(run_table(read_summary(folder / "summary.json")))
     exact, steps = record.cycles.dissipation, stepped.cycles.dissipation
