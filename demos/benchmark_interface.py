@@ -1,122 +1,334 @@
-"""How fast the interface is: Gauss-Seidel steps and exact cycles, one core, one BLAS thread.
+"""Measures the interface: speed of exact events and Gauss-Seidel, accuracy, and where they end.
 
-You will see the median time of a Gauss-Seidel load step with and without over-relaxation and polish
-and their ratio, then for more and more contact nodes the time of exact cycles, the events in them,
-the time of an event and how it grows. Nothing here is asserted: times are the machine's.
+Prints four tables, each alone by its option:
+
+* --speed: the exact path by number of contact nodes of the half block (events and trial rate solves
+  a cycle, microseconds an event, a cycle before and after it has settled, how the cost of an event
+  grows), many settled cycles, and load steps of Gauss-Seidel with and without its accelerations;
+* --accuracy: error of Gauss-Seidel against the exact path over its steps per leg;
+* --sweep: the block over friction, Poisson's ratio, elements and load range; what is refused, why;
+* --random: random condensed systems under random loads; what is refused.
+
+The systems of the first three come through the package's own mesh and condensation. Work is done on
+the first rank with one BLAS thread; times are medians. ``--csv FOLDER`` also writes the tables.
 """
 
-import argparse
 import os
 
-os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
+import argparse
+import csv
+import itertools
+import statistics
 import time
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import replace
 from pathlib import Path
+
+from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import ContactSystem, read_scene
-from receding_fenicsx.interface.contact import ContactState, Leg, State
+from receding_fenicsx import study
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import History
+from receding_fenicsx.interface.contact import ContactState, ContactSystem, State
 from receding_fenicsx.interface.events import EventPath
 from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, solve_step
-from receding_fenicsx.study import condense
+from receding_fenicsx.scene import OutputOptions, SolverOptions
+from receding_fenicsx.scene_file import read_scene
 
-HERE = Path(__file__).parent
-RESIDUAL = 1e-8
-STEPS = 10
-SETTLED = 40
-"""Cycles after which most sets of states have been met before."""
+SCENE = Path(__file__).with_name("block.toml")
+HIGH, LOW = np.array([1.0]), np.array([1.0 / 3.0])
+NO_SAMPLES = OutputOptions(samples_per_leg=1, cycles=())
+Row = list[object]
 
 
-def block(contact_elements: int) -> ContactSystem:
-    """Return half of the paper's block, condensed."""
-    text = [f"mesh.contact_elements={contact_elements}"]
-    system = condense(read_scene(HERE / "block.toml", text))
+def block(nodes: int = 161, *overrides: str) -> ContactSystem:
+    """Condense half of the paper's block with quadratic elements to so many contact nodes."""
+    elements = f"mesh.contact_elements={nodes - 1}"
+    system = study.condense(read_scene(SCENE, [elements, *overrides]), MPI.COMM_SELF)
     assert system is not None
     return system
 
 
-def rest(system: ContactSystem) -> ContactState:
-    """Return the unloaded body on the plane."""
+def cyclic(cycles: int, minimum: float = 1.0 / 3.0) -> History:
+    """Return the paper's history: to 1, then so many times down and up again."""
+    return History(("p0",), np.array([[0.0], [1.0]]), np.array([[1.0], [minimum], [1.0]]), cycles)
+
+
+def table(name: str, heads: Iterable[str], rows: Iterable[Row], folder: Path | None) -> None:
+    """Print a table as its rows come, and write it as CSV."""
+    heads, kept = list(heads), []
+    print(f"\n{name}\n" + "".join(f"{head:>15}" for head in heads), flush=True)
+    for row in rows:
+        texts = [f"{value:.4g}" if isinstance(value, float) else str(value) for value in row]
+        print("".join(f"{text:>15}" for text in texts), flush=True)
+        kept.append(texts)
+    if folder is not None:
+        folder.mkdir(parents=True, exist_ok=True)
+        with (folder / f"{name.split(':')[0].replace(' ', '_')}.csv").open("w") as file:
+            csv.writer(file).writerows([heads, *kept])
+
+
+class Player:
+    """Plays cycles of the block on an exact path and counts."""
+
+    def __init__(self, system: ContactSystem) -> None:
+        """Load the body for the first time."""
+        n = system.n
+        rest = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
+        self.path = EventPath(system)
+        begin = time.perf_counter()
+        leg = self.path.trace_leg(rest, (np.zeros(1), HIGH), 0.0)
+        self.first_loading = time.perf_counter() - begin
+        self.state, self.scale = leg.end, leg.force_scale
+
+    def cycle(self) -> tuple[float, int, int]:
+        """Play one cycle; return its seconds, events and trial rate solves."""
+        trials, events, begin = self.path.segments.trials, 0, time.perf_counter()
+        for ends in ((HIGH, LOW), (LOW, HIGH)):
+            leg = self.path.trace_leg(self.state, ends, self.scale)
+            self.state, self.scale = leg.end, leg.force_scale
+            events += len(leg.events)
+        return time.perf_counter() - begin, events, self.path.segments.trials - trials
+
+
+def event_rows(sizes: list[int], costs: list[float]) -> Iterable[Row]:
+    """Yield one row a size; append the cost of an event in the second cycle to ``costs``."""
+    for nodes in sizes:
+        system = block(nodes)
+        seconds: list[float] = []
+        first: list[float] = []
+        for _ in range(3 if nodes <= 641 else 1):
+            player = Player(system)
+            player.cycle()
+            second, events, trials = player.cycle()
+            seconds.append(second)
+            first.append(player.first_loading)
+        settle, last = (250, 20) if nodes <= 321 else (0, 0)
+        for _ in range(settle):
+            player.cycle()
+        settled = [player.cycle()[0] for _ in range(last)]
+        cost = statistics.median(seconds) / events
+        costs.append(cost)
+        yield [
+            nodes,
+            1e3 * statistics.median(first),
+            events,
+            trials,
+            1e6 * cost,
+            1e3 * statistics.median(seconds),
+            1e3 * statistics.median(settled) if settled else "-",
+        ]
+
+
+def settled_rows(nodes: int, cycles: int) -> Iterable[Row]:
+    """Yield time, residual and energy error of many cycles after the block has settled."""
+    system = block(nodes)
+    times = [time.perf_counter()]
+    warm = evolve(system, cyclic(300), output=NO_SAMPLES)
+    times.append(time.perf_counter())
+    record = evolve(system, cyclic(300 + cycles), output=NO_SAMPLES)
+    times.append(time.perf_counter())
+    D = record.cycles.dissipation
+    yield [
+        nodes,
+        cycles,
+        (times[2] - times[1]) - (times[1] - times[0]),
+        record.residual_max,
+        record.energy_error_max,
+        float(np.ptp(D[300:]) / D[0]),
+        warm.steady.cycle,
+    ]
+
+
+def sweep_rows(nodes: int, steps: int) -> Iterable[Row]:
+    """Yield the time of a load step with each set of accelerations, over the first unloading."""
+    system = block(nodes)
     n = system.n
-    return ContactState(np.zeros(2 * n), np.zeros(2 * n), np.full(n, State.STICK, dtype=np.int8))
-
-
-def gauss_seidel() -> None:
-    """Time the load steps of a first loading and a cycle, with and without the accelerations."""
-    system = block(160)
-    third = np.linspace(1.0, 1.0 / 3.0, STEPS + 1)
-    loads = np.concatenate([[0.5, 1.0], third[1:], third[::-1][1:]])
-    medians = []
-    for name, options in (
-        ("over-relaxation and polish", GaussSeidelOptions(1.5, True, RESIDUAL, RESIDUAL)),
-        ("plain", GaussSeidelOptions(1.0, False, RESIDUAL, RESIDUAL)),
-    ):
-        now, scale, seconds, sweeps = rest(system), 0.0, [], []
-        for load in loads:
+    plain = None
+    for omega, polish in ((1.0, False), (1.5, False), (1.0, True), (1.5, True)):
+        options = GaussSeidelOptions(omega, polish, 1e-8, 1e-8)
+        now = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
+        now = solve_step(system, now, HIGH, options).end
+        seconds, sweeps, worst = [], [], 0.0
+        for k in range(1, steps + 1):
+            load = HIGH + k / 40 * (LOW - HIGH)
             begin = time.perf_counter()
-            step = solve_step(system, now, np.array([load]), options, scale)
+            step = solve_step(system, now, load, options)
             seconds.append(time.perf_counter() - begin)
-            now, scale = step.end, step.force_scale
             sweeps.append(step.sweeps)
-        medians.append(float(np.median(seconds)))
-        print(
-            f"Gauss-Seidel, {system.n} nodes, residual {RESIDUAL:.0e}, {name}: median "
-            f"{1e3 * medians[-1]:.0f} ms a step, {np.median(sweeps):.0f} sweeps"
-        )
-    print(f"accelerations: {medians[1] / medians[0]:.1f} times faster in the median")
+            worst, now = max(worst, step.residual), step.end
+        median = statistics.median(seconds)
+        plain = plain or median
+        yield [omega, polish, statistics.median(sweeps), median, plain / median, worst]
 
 
-def cycle(path: EventPath, leg: Leg) -> tuple[Leg, int, float]:
-    """Trace one cycle; return its last leg, the events in it and the seconds."""
-    begin, events = time.perf_counter(), 0
-    for a, b in ((1.0, 1.0 / 3.0), (1.0 / 3.0, 1.0)):
-        leg = path.trace_leg(leg.end, (np.array([a]), np.array([b])), leg.force_scale)
-        events += len(leg.events)
-    return leg, events, time.perf_counter() - begin
-
-
-def exact(elements: list[int]) -> None:
-    """Time exact cycles over the number of nodes."""
-    print("nodes  events  trials  cycle 2, ms  us an event  settled, ms  residual")
-    sizes, costs = [], []
-    for number in elements:
-        system = block(number)
-        path = EventPath(system)
-        leg = path.trace_leg(rest(system), (np.zeros(1), np.ones(1)), 0.0)
-        leg, _, _ = cycle(path, leg)
-        before = path.segments.trials
-        leg, events, second = cycle(path, leg)
-        trials = path.segments.trials - before
-        settled: list[float] = []
-        residual = leg.residual
-        for _ in range(SETTLED if system.n <= 400 else 0):
-            leg, _, seconds = cycle(path, leg)
-            settled.append(seconds)
-            residual = max(residual, leg.residual)
-        last = f"{1e3 * np.median(settled[-10:]):11.1f}" if settled else f"{'-':>11s}"
-        sizes.append(system.n)
-        costs.append(second / events)
-        print(
-            f"{system.n:5d}  {events:6d}  {trials:6d}  {1e3 * second:11.1f}  "
-            f"{1e6 * costs[-1]:11.0f}  {last}  {residual:.0e}",
-            flush=True,
-        )
+def speed(options: argparse.Namespace) -> None:
+    """Measure events by size, settled cycles, and Gauss-Seidel."""
+    costs: list[float] = []
+    heads = ["nodes", "first ms", "events", "trials", "us an event", "cycle 2 ms", "settled ms"]
+    sizes = options.nodes
+    table("events by size", heads, event_rows(sizes, costs), options.csv)
     if len(sizes) > 1:
-        slope = np.polyfit(np.log(sizes), np.log(costs), 1)[0]
-        print(f"time of an event grows as nodes^{slope:.2f}")
+        slopes = np.diff(np.log(costs)) / np.diff(np.log(sizes))
+        print("cost of an event ~ nodes^" + ", ".join(f"{slope:.2f}" for slope in slopes))
+        assert slopes.max() < 2.3, "an event costs more than the square of the nodes"
+    heads = ["nodes", "cycles", "seconds", "residual", "energy error", "spread of D", "steady at"]
+    table("settled cycles", heads, settled_rows(161, options.cycles), options.csv)
+    heads = ["relaxation", "polish", "sweeps", "s a step", "gain", "residual"]
+    table("gauss-seidel steps", heads, sweep_rows(161, 10), options.csv)
+
+
+def accuracy(options: argparse.Namespace) -> None:
+    """Compare Gauss-Seidel with the exact path over the steps of a leg."""
+    system = block(81)
+    exact = evolve(system, cyclic(1), output=NO_SAMPLES)
+    steps = [10, 20, 40, 80, 160, 320, 640]
+    errors: list[float] = []
+
+    def rows() -> Iterable[Row]:
+        for count in steps:
+            solver = SolverOptions(method="gauss-seidel", steps_per_leg=count)
+            begin = time.perf_counter()
+            record = evolve(system, cyclic(1), solver, NO_SAMPLES)
+            seconds = time.perf_counter() - begin
+            a, b = record.turning_points, exact.turning_points
+            force = max(np.abs(a.P - b.P).max(), np.abs(a.Q - b.Q).max()) / b.P.max()
+            D = record.cycles.dissipation[0] / exact.cycles.dissipation[0] - 1.0
+            errors.append(abs(D))
+            yield [count, seconds, float(D), float(force), record.energy_error_max]
+
+    heads = ["steps a leg", "seconds", "error of D_1", "error of force", "energy error"]
+    table("gauss-seidel against events", heads, rows(), options.csv)
+    slope = np.polyfit(np.log(steps), np.log(errors), 1)[0]
+    print(f"error of the dissipation of cycle 1 ~ steps^{slope:.2f}")
+
+
+def sweep(options: argparse.Namespace) -> None:
+    """Run the block over friction, Poisson's ratio, elements and load range."""
+    refused: list[tuple[str, str]] = []
+    minima = {"1 %": 0.99, "1/3": 1 / 3, "90 %": 0.1, "to zero": 0.0}
+
+    def rows() -> Iterable[Row]:
+        bodies = itertools.product(
+            (0.0, 0.25, 0.3, 0.45, 0.49, 0.499),
+            (("triangle", 2), ("triangle", 1), ("quadrilateral", 2), ("quadrilateral", 1)),
+            (0.05, 0.2, 0.35, 0.5, 0.7, 1.0, 1.5, 2.0, 3.0),
+        )
+        systems: dict[object, ContactSystem] = {}
+        counts: dict[object, list[float]] = {}
+        for nu, (cell, degree), f in bodies:
+            key = nu, cell, degree
+            if key not in systems:
+                systems[key] = block(
+                    41,
+                    f"material.poisson={nu}",
+                    f'mesh.cell="{cell}"',
+                    f"mesh.degree={degree}",
+                    f"mesh.contact_elements={80 // degree}",
+                )
+                counts[key] = [0, 0, 0.0, 0.0]
+            system = replace(systems[key], f=np.full(systems[key].n, f))
+            count = counts[key]
+            for name, minimum in minima.items():
+                count[0] += 1
+                try:
+                    record = evolve(system, cyclic(10, minimum), output=NO_SAMPLES)
+                except SolveError as error:
+                    count[1] += 1
+                    case = f"nu {nu}, {cell}s of order {degree}, f {f}, range {name}"
+                    refused.append((case, f"{type(error).__name__}: {error}"))
+                else:
+                    count[2] = max(count[2], record.residual_max)
+                    count[3] = max(count[3], record.energy_error_max)
+            if f == 3.0:
+                yield [nu, f"{cell[:4]} {degree}", *count]
+
+    heads = ["nu", "element", "cases", "refused", "residual", "energy error"]
+    table("sweep of the block: f to 3", heads, rows(), options.csv)
+    for case, reason in refused:
+        print(f"refused: {case}: {reason}")
+
+
+def random_case(seed: int, margin: float) -> tuple[ContactSystem, History]:
+    """Return a random body whose friction couples with ``margin``, and a random polygon of loads.
+
+    With margin under 1/2 the rate problem has one solution in every set of states.
+    """
+    rng = np.random.default_rng([seed, int(1e3 * margin)])
+    n = int(rng.integers(2, 25))
+    G = rng.standard_normal((2 * n, 3 * n))
+    K = G @ G.T / (3 * n) + 0.2 * np.eye(2 * n)
+    f = margin * np.linalg.eigvalsh(K[:n, :n]).min() / np.abs(K[:n, n:]).sum(axis=1).max()
+    r_star = rng.standard_normal((2, 2 * n))
+    r_star[0, n:] = np.abs(r_star[0, n:]) + 0.3
+    x = np.arange(n, dtype=float)
+    system = ContactSystem(
+        x=x,
+        points=np.stack([x, 0.0 * x], axis=1),
+        weight=np.ones(n),
+        K=0.5 * (K + K.T),
+        r_star=r_star,
+        load_names=("a", "b"),
+        f=np.full(n, f),
+        g0=rng.choice([0.0, 0.1], n) * rng.uniform(0.0, 1.0, n) * (seed % 2),
+        held=np.zeros(2 * n, dtype=bool),
+        rigid=np.zeros((2 * n, 0)),
+    )
+    corners = rng.uniform([0.1, -1.0], [1.5, 1.0], (int(rng.integers(2, 5)), 2))
+    path = np.vstack([np.zeros(2), corners[:1]])
+    return system, History(("a", "b"), path, np.vstack([corners, corners[:1]]), 3)
+
+
+def random(options: argparse.Namespace) -> None:
+    """Evolve thousands of random systems."""
+
+    def rows() -> Iterable[Row]:
+        for margin in (0.49, 1.0, 2.0, 5.0, 20.0):
+            refused: Counter[str] = Counter()
+            residual = energy = 0.0
+            slips = events = 0
+            for seed in range(options.seeds):
+                system, history = random_case(seed, margin)
+                try:
+                    record = evolve(system, history, output=NO_SAMPLES)
+                except SolveError as error:
+                    refused[type(error).__name__] += 1
+                    continue
+                residual = max(residual, record.residual_max)
+                energy = max(energy, record.energy_error_max)
+                events += record.n_events
+                state = record.turning_points.state
+                slips += bool(np.any(state > State.SEPARATION))
+            jumps = refused.pop("NoQuasiStaticContinuation", 0)
+            others = ", ".join(f"{count} {name}" for name, count in refused.items()) or "0"
+            yield [margin, options.seeds, slips, events, jumps, others, residual, energy]
+            assert margin > 0.5 or (jumps, others) == (0, "0"), "refused where a path exists"
+
+    heads = ["margin", "systems", "slipping", "events", "jumps", "otherwise"]
+    table("random systems", [*heads, "residual", "energy error"], rows(), options.csv)
 
 
 def main() -> None:
-    """Print both tables."""
-    parser = argparse.ArgumentParser(description="How fast the interface is.")
-    parser.add_argument(
-        "--elements", type=int, nargs="+", default=[160, 320, 640, 1280],
-        help="elements on the contact edge; the half body has one node more",
-    )  # fmt: skip
+    """Run what was asked for."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parts = {"speed": speed, "accuracy": accuracy, "sweep": sweep, "random": random}
+    for name, work in parts.items():
+        parser.add_argument(f"--{name}", action="store_true", help=work.__doc__)
+    parser.add_argument("--nodes", type=int, nargs="+", default=[81, 161, 321, 641, 1281])
+    parser.add_argument("--cycles", type=int, default=10000, help="settled cycles (default 10000)")
+    parser.add_argument("--seeds", type=int, default=1000, help="random systems a margin")
+    parser.add_argument("--csv", type=Path, help="folder for the tables as CSV")
     options = parser.parse_args()
-    gauss_seidel()
-    exact(options.elements)
+    if MPI.COMM_WORLD.rank == 0:
+        asked = [name for name in parts if getattr(options, name)] or list(parts)
+        for name in asked:
+            parts[name](options)
 
 
 if __name__ == "__main__":
