@@ -41,8 +41,10 @@ T = TypeVar("T")
 Say = Callable[[str], None]
 """Told what is being done, on rank 0."""
 
-PICTURE_GROWTH = 1.1
-"""Largest size ratio between neighbouring layers of a mesh that pictures are drawn on."""
+PICTURE_GROWTH = (1.0, 1.1)
+"""Largest size ratio between neighbouring layers of a mesh that pictures are drawn on: with up to
+``PICTURE_CELLS`` cells of the contact elements' size, and with more."""
+PICTURE_CELLS = 30_000
 
 STAGES = ("mesh", "assemble", "condense", "evolve", "pictures")
 
@@ -309,7 +311,7 @@ def _pictures(
     fine = picture_body(scene, bulk.comm)
     try:
         for instant in instants:
-            snapshots.snapshot(fine, instant, place / "snapshots")
+            snapshots.snapshot(fine, instant, place / "snapshots", snapshots.IN_EVERY_RUN)
     finally:
         fine.destroy()
 
@@ -319,7 +321,8 @@ def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk:
 
     Fringes and the fields beside the ends of the load ask for more than the contact does.
     """
-    growth = min(scene.mesh.growth, PICTURE_GROWTH)
+    cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
+    growth = min(scene.mesh.growth, PICTURE_GROWTH[cells > PICTURE_CELLS])
     return _bulk(replace(scene, mesh=replace(scene.mesh, growth=growth)), comm, Timer())
 
 

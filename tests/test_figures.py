@@ -21,7 +21,14 @@ from receding_fenicsx.output import figures, style
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import load_symbol, scales_of
 from receding_fenicsx.output.series import first_unloading, limit_without_slip, slip_lines
-from receding_fenicsx.output.zone_map import Timeline, fill_strip, timeline, zone_map
+from receding_fenicsx.output.zone_map import (
+    FLICKER,
+    Timeline,
+    fill_strip,
+    steadied,
+    timeline,
+    zone_map,
+)
 from receding_fenicsx.output.zone_plots import load_axis
 from receding_fenicsx.scene import Load, Scene, SolverOptions
 from receding_fenicsx.scene_file import to_toml
@@ -93,6 +100,35 @@ def test_zone_map_covers_the_leg_once(kind: str, cycle: int, leg: int) -> None:
     corners = np.vstack([polygon for _, polygon in drawn.pieces])
     assert corners[:, 1].min() == 0.0
     assert corners[:, 1].max() == 1.0
+
+
+def test_only_short_lone_excursions_between_stick_and_slip_are_left_out() -> None:
+    quiet = timeline(STICK, [(0.5, FORWARD)])
+    lone = timeline(STICK, [(0.2, FORWARD), (0.25, STICK), (0.5, FORWARD)])
+    cleaned = steadied([quiet, lone, quiet], 0.06)
+    assert np.array_equal(cleaned[1].state, quiet.state)
+    assert np.array_equal(cleaned[1].s, quiet.s)
+    opened = timeline(STICK, [(0.2, OPEN), (0.25, STICK)])
+    shared = [lone, lone, quiet]
+    for kept in ([quiet, opened, quiet], shared):
+        for before, after in zip(kept, steadied(kept, 0.06), strict=True):
+            assert np.array_equal(before.state, after.state)
+            assert np.array_equal(before.s, after.s)
+    assert np.array_equal(steadied([quiet, lone, quiet], 0.04)[1].s, lone.s)
+
+
+def test_drawn_zones_differ_from_the_events_nowhere_for_longer_than_a_flicker() -> None:
+    found = record("cyclic", half=False)
+    for cycle, leg in ((1, 0), (1, 1), (9, 0), (10, 1)):
+        exact = zone_map(found, cycle, leg)
+        drawn = zone_map(found, cycle, leg, flicker=FLICKER)
+        for a, b in zip(exact.timelines, drawn.timelines, strict=True):
+            assert b.at(0.0) == a.at(0.0)
+            assert b.at(1.0) == a.at(1.0)
+            cuts = np.union1d(a.s, b.s)
+            middle = 0.5 * (cuts[1:] + cuts[:-1])
+            different = a.at(middle) != b.at(middle)
+            assert np.all(np.diff(cuts)[different] <= FLICKER)
 
 
 def test_boundaries_of_zones_pass_through_the_events() -> None:

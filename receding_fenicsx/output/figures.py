@@ -8,6 +8,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterable, Iterator
 from pathlib import Path
+from typing import Any
 
 import matplotlib as mpl
 import numpy as np
@@ -82,11 +83,16 @@ def plot_all(
 def save(figure: Figure, path: Path) -> None:
     """Write a figure in the format that the path ends in; the same figure gives the same file."""
     ending = path.suffix[1:]
-    undated = {"pdf": {"CreationDate": None}, "svg": {"Date": None}}
+    options: dict[str, dict[str, Any]] = {
+        "pdf": {"metadata": {"CreationDate": None}},
+        "svg": {"metadata": {"Date": None}},
+        # half the time of the usual level, a fifth more bytes
+        "png": {"pil_kwargs": {"compress_level": 2}},
+    }
     # the PDF writer warns about the dates inside some systems' fonts
     logging.getLogger("fontTools").setLevel(logging.ERROR)
     with mpl.rc_context(style.RC), new_file(path, overwrite=True) as beside:
-        figure.savefig(beside, format=ending, metadata=undated.get(ending))
+        figure.savefig(beside, format=ending, **options.get(ending, {}))
 
 
 def draw_all(

@@ -65,13 +65,23 @@ QUANTITIES = (
 )
 
 
-def snapshot(bulk: Bulk, instant: Instant | None, folder: Path) -> list[Path] | None:
+IN_EVERY_RUN = tuple(q for q in QUANTITIES if q.name in ("von_mises", "max_shear"))
+"""What a run draws without being asked: a picture takes about half a second."""
+
+
+def snapshot(
+    bulk: Bulk,
+    instant: Instant | None,
+    folder: Path,
+    quantities: tuple[Quantity, ...] = QUANTITIES,
+) -> list[Path] | None:
     """Draw the body at one instant; all ranks call this together.
 
     Args:
         bulk: the body.
         instant: state of the modelled contact nodes; only rank 0's is used.
         folder: folder of the pictures; the fields for ParaView go to ``fields`` beside it.
+        quantities: what is drawn, a picture each.
 
     Returns:
         The files made, on rank 0; None elsewhere.
@@ -96,8 +106,8 @@ def snapshot(bulk: Bulk, instant: Instant | None, folder: Path) -> list[Path] | 
     def draw() -> list[Path]:
         assert fields is not None
         view = view_of(bulk, fields, now)
-        made = [folder / f"{name}_{quantity.name}.png" for quantity in QUANTITIES]
-        for quantity, path in zip(QUANTITIES, made, strict=True):
+        made = [folder / f"{name}_{quantity.name}.png" for quantity in quantities]
+        for quantity, path in zip(quantities, made, strict=True):
             draw_view(view, quantity, path)
         return [*made, xdmf]
 

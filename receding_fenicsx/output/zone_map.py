@@ -18,6 +18,10 @@ from receding_fenicsx.output.record import Record
 
 SHORTEST = 1e-9
 """Part of a leg that a state must last to be drawn."""
+FLICKER = 0.08
+"""Part of a leg that a node may stick amid slip, or slip amid stick, and back while its neighbours
+keep their states, without its being a zone: elements of degree 2 let nodes do so at zone ends."""
+STUCK_OR_SLIPPING = (State.STICK, State.FORWARD_SLIP, State.BACKWARD_SLIP)
 
 Polygon = Array
 """(n, 2) corners (x, s)."""
@@ -67,7 +71,11 @@ def has_leg(record: Record, cycle: int, leg: int) -> bool:
 
 
 def zone_map(
-    record: Record, cycle: int, leg: int, stuck: NDArray[np.bool_] | None = None
+    record: Record,
+    cycle: int,
+    leg: int,
+    stuck: NDArray[np.bool_] | None = None,
+    flicker: float = 0.0,
 ) -> ZoneMap:
     """Map the zones of one leg.
 
@@ -76,6 +84,7 @@ def zone_map(
         cycle: cycle, 0 for the first loading.
         leg: leg within the cycle.
         stuck: (N,) nodes whose slip is too small to be drawn: shown as stuck where they slip.
+        flicker: what is left out of a node's timeline, see :func:`steadied`; 0 leaves out nothing.
 
     Returns:
         The map, from the record's events for the exact method and from its samples for others.
@@ -86,6 +95,7 @@ def zone_map(
         timelines = _from_samples(record, cycle, leg)
     if stuck is not None:
         timelines = [_still(t) if i else t for t, i in zip(timelines, stuck, strict=True)]
+    timelines = steadied(timelines, flicker)
     pieces: list[tuple[State, Polygon]] = []
     lines: list[Array] = []
     for i in range(len(record.x) - 1):
@@ -116,6 +126,36 @@ def _still(line: Timeline) -> Timeline:
     state = np.where(slips, State.STICK, line.state)
     changes = list(zip(line.s[1:-1].tolist(), state[1:].tolist(), strict=True))
     return timeline(int(state[0]), changes)
+
+
+def steadied(timelines: list[Timeline], longest: float) -> list[Timeline]:
+    """Leave out what single nodes do between stick and slip for no longer than a part of the leg.
+
+    Args:
+        timelines: of all nodes, in their order.
+        longest: an excursion is left out when it lasts no longer, begins and ends in the same
+            state, and neither neighbour changes its state meanwhile.
+
+    Returns:
+        The timelines, most of them as they were.
+    """
+    found = list(timelines)
+    for i, line in enumerate(timelines):
+        beside = [timelines[j] for j in (i - 1, i + 1) if 0 <= j < len(timelines)]
+        changes = list(zip(line.s[1:-1].tolist(), line.state[1:].tolist(), strict=True))
+        k = 0
+        while k + 1 < len(changes):
+            before = int(line.state[0]) if k == 0 else changes[k - 1][1]
+            (begin, state), (end, after) = changes[k : k + 2]
+            quiet = not any(np.any((t.s[1:-1] >= begin) & (t.s[1:-1] <= end)) for t in beside)
+            friction = {before, state} <= set(STUCK_OR_SLIPPING)
+            if before == after and friction and quiet and end - begin <= longest:
+                del changes[k : k + 2]
+            else:
+                k += 1
+        if len(changes) + 1 < len(line.state):
+            found[i] = timeline(int(line.state[0]), changes)
+    return found
 
 
 def _from_events(record: Record, cycle: int, leg: int) -> list[Timeline]:

@@ -17,7 +17,7 @@ from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import Scales, describe_leg, scales_of
 from receding_fenicsx.output.series import NEGLIGIBLE_SLIP, Still, leg_ends
 from receding_fenicsx.output.zone_labels import place_labels
-from receding_fenicsx.output.zone_map import ZoneMap, zone_map
+from receding_fenicsx.output.zone_map import FLICKER, ZoneMap, zone_map
 
 PANEL_HEIGHT = 1.85
 """Inches from the bottom to the top of a panel's axes, or a little less."""
@@ -55,7 +55,7 @@ def zone_maps(
         shown: set[int] = set()
         dashed = False
         for n, (axes, (cycle, leg)) in enumerate(zip(panels, legs, strict=True)):
-            drawn = zone_map(record, cycle, leg, stuck)
+            drawn = zone_map(record, cycle, leg, stuck, FLICKER)
             shown |= {int(state) for state, _ in drawn.pieces}
             axes.set_title(
                 style.panel_title(n, len(legs), describe_leg(record, cycle, leg, scales))
