@@ -6,6 +6,8 @@ mirror symmetry in :mod:`receding_fenicsx.scene_checks`; their public functions 
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
@@ -33,21 +35,39 @@ HORIZONTAL = ("bottom", "top")
 
 @dataclass(frozen=True)
 class Body:
-    """Shape of the elastic body: a rectangle, or a mesh file with named physical groups."""
+    """Shape of an elastic body: a rectangle, or a mesh file with named physical groups.
 
+    Attributes:
+        name: names the body in "NAME.edge"; needed when there are two.
+        shape, width, height: the rectangle.
+        position: middle of the rectangle's bottom edge.
+        mesh: a .geo or .msh file, in place of the rectangle; in a scene file its path is relative
+            to that file.
+        surface: physical surface of the mesh file that is the body; all of it when left out.
+        parameters: numbers given to the .geo file.
+        material: name of the body's table [material.NAME]. When left out, the one named like the
+            body, or else [material].
+    """
+
+    name: str = ""
     shape: str = "rectangle"
     width: float = 4.0
     height: float = 1.0
+    position: tuple[float, float] = (0.0, 0.0)
     mesh: str | None = None
+    surface: str | None = None
+    parameters: dict[str, float] = field(default_factory=dict)
+    material: str | None = None
 
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity."""
+    """Isotropic linear elasticity; ``name`` is that of a table [material.NAME]."""
 
     young: float = 1.0
     poisson: float = 0.3
     kinematics: str = "plane strain"
+    name: str = ""
 
 
 @dataclass(frozen=True)
@@ -62,19 +82,24 @@ class MeshOptions:
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact edge against a rigid plane; ``span`` restricts it."""
+    """One contact edge, against a rigid plane or the other body's edge; ``span`` restricts it.
+
+    Positions along the edge, in ``span`` and the profiles, run from its middle, rightwards or
+    upwards.
+    """
 
     edge: str = "bottom"
     span: tuple[float, float] | None = None
     friction: Profile = 0.35
     initial_gap: Profile = 0.0
+    against: str | None = None
 
 
 @dataclass(frozen=True)
 class Load:
     """One named load with its load factor: exactly one of pressure and traction (global axes).
 
-    ``span`` runs along the edge: x on "bottom" and "top", y less half the height on the others.
+    ``span`` runs along the edge from its middle, rightwards or upwards.
     """
 
     name: str
@@ -134,11 +159,17 @@ class OutputOptions:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that a run is made from."""
+    """Everything that a run is made from.
+
+    ``body`` and ``material`` are the first body and the material of bodies that name no other;
+    ``others`` and ``materials`` hold further bodies and the tables [material.NAME].
+    """
 
     title: str = ""
     body: Body = field(default_factory=Body)
+    others: tuple[Body, ...] = ()
     material: Material = field(default_factory=Material)
+    materials: tuple[Material, ...] = ()
     mesh: MeshOptions = field(default_factory=MeshOptions)
     contacts: tuple[Contact, ...] = (Contact(),)
     loads: tuple[Load, ...] = ()
@@ -152,6 +183,50 @@ class Scene:
         from receding_fenicsx.scene_checks import validate
 
         validate(self)
+
+    @property
+    def bodies(self) -> tuple[Body, ...]:
+        """All bodies."""
+        return (self.body, *self.others)
+
+    def material_of(self, body: Body) -> Material:
+        """Return the material of a body.
+
+        Raises:
+            InputError: the body names a material that the scene does not have.
+        """
+        for material in self.materials:
+            if material.name == (body.material or body.name):
+                return material
+        if body.material is None:
+            return self.material
+        raise InputError(
+            f'[body] material: "{body.material}" is unknown; add [material.{body.material}]'
+        )
+
+    def find_edge(self, edge: str) -> tuple[Body, str]:
+        """Return the body of an edge "NAME.edge" and the edge's own name.
+
+        The body's name may be left out in a scene of one body.
+
+        Raises:
+            InputError: no body has that name.
+        """
+        for body in self.bodies:
+            if body.name and edge.startswith(f"{body.name}."):
+                return body, edge[len(body.name) + 1 :]
+        if self.others:
+            names = [body.name for body in self.bodies]
+            raise InputError(
+                f'"{edge}" names none of the bodies {", ".join(names)}; write it as '
+                f'"{nearest(edge.partition(".")[0], names) or names[0]}.{edge.rpartition(".")[2]}"'
+            )
+        return self.body, edge
+
+
+def nearest(name: str, known: Iterable[str]) -> str | None:
+    """Return the known name that is most like a name, if one is like it at all."""
+    return next(iter(difflib.get_close_matches(name, list(known), n=1)), None)
 
 
 def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
@@ -179,20 +254,23 @@ def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Arra
 
 
 def edge_range(scene: Scene, edge: str) -> tuple[float, float]:
-    """Ends of an edge, measured along it from the body's centre, as a ``span`` is."""
-    if edge not in EDGES:
+    """Ends of a rectangle's edge, measured along it from its middle, as a ``span`` is."""
+    body, name = scene.find_edge(edge)
+    if name not in EDGES:
         raise InputError(f"'{edge}' is no edge of a rectangle; use one of {', '.join(EDGES)}")
-    half = 0.5 * (scene.body.width if edge in HORIZONTAL else scene.body.height)
+    half = 0.5 * (body.width if name in HORIZONTAL else body.height)
     return -half, half
 
 
 def edge_points(scene: Scene, edge: str, along: ArrayLike) -> tuple[Array, Array]:
-    """Coordinates (x, y) of the points of an edge at the positions ``along`` from its centre."""
+    """Coordinates (x, y) of the points of a rectangle's edge at positions from its middle."""
+    body, name = scene.find_edge(edge)
     t = np.asarray(along, dtype=float)
-    if edge in HORIZONTAL:
-        return t, np.full(t.shape, 0.0 if edge == "bottom" else scene.body.height)
-    side = -0.5 if edge == "left" else 0.5
-    return np.full(t.shape, side * scene.body.width), t + 0.5 * scene.body.height
+    x, y = body.position
+    if name in HORIZONTAL:
+        return t + x, np.full(t.shape, y + (0.0 if name == "bottom" else body.height))
+    side = -0.5 if name == "left" else 0.5
+    return np.full(t.shape, x + side * body.width), t + (y + 0.5 * body.height)
 
 
 def __getattr__(name: str) -> Any:

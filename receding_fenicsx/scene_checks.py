@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,8 +15,10 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import (
     EDGES,
     HORIZONTAL,
+    Body,
     Contact,
     Load,
+    Material,
     Profile,
     Scene,
     Support,
@@ -25,6 +26,7 @@ from receding_fenicsx.scene import (
     edge_range,
     evaluate,
 )
+from receding_fenicsx.scene_values import unknown_name
 
 Array = NDArray[np.float64]
 
@@ -51,9 +53,9 @@ def validate(scene: Scene) -> None:
             available.
     """
     _check_finite(scene, "scene")
-    _check_body(scene)
+    _check_bodies(scene)
     _check_mesh(scene)
-    _check_contact(scene)
+    _check_contacts(scene)
     for load in scene.loads:
         _check_load(scene, load)
     _check_load_names(scene)
@@ -68,6 +70,7 @@ def validate(scene: Scene) -> None:
         x = contact_samples(scene, scene.contacts[0])
         _values(scene.history.initial_slip, x, None, "[history] initial_slip")
     _check_output(scene)
+    _check_available(scene)
 
 
 def is_mirror_symmetric(scene: Scene) -> bool:
@@ -83,8 +86,12 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     Returns:
         True when mesh, supports, contact, every load by itself and the initial slip are symmetric.
     """
+    if any(body.position[0] != 0.0 for body in scene.bodies):
+        return False
     for contact in scene.contacts:
-        if contact.edge not in HORIZONTAL or not _span_is_even(scene, contact.edge, contact.span):
+        if not _is_horizontal(scene, contact.edge) or not _span_is_even(
+            scene, contact.edge, contact.span
+        ):
             return False
         x = contact_samples(scene, contact)
         if not all(_is_even(evaluate(p, x)) for p in (contact.friction, contact.initial_gap)):
@@ -93,7 +100,7 @@ def is_mirror_symmetric(scene: Scene) -> bool:
         if slip is not None and not _is_even(evaluate(slip, x), sign=-1.0):
             return False
     for load in scene.loads:
-        if load.edge not in HORIZONTAL or not _span_is_even(scene, load.edge, load.span):
+        if not _is_horizontal(scene, load.edge) or not _span_is_even(scene, load.edge, load.span):
             return False
         x, y = edge_points(scene, load.edge, _load_samples(scene, load))
         if load.pressure is not None and not _is_even(evaluate(load.pressure, x, y)):
@@ -103,8 +110,8 @@ def is_mirror_symmetric(scene: Scene) -> bool:
             scale = max(np.abs(tx).max(), np.abs(ty).max())
             if not (_is_even(tx, -1.0, scale) and _is_even(ty, 1.0, scale)):
                 return False
-    return Counter(_support_key(s) for s in scene.supports) == Counter(
-        _support_key(s, mirrored=True) for s in scene.supports
+    return Counter(_support_key(scene, s) for s in scene.supports) == Counter(
+        _support_key(scene, s, mirrored=True) for s in scene.supports
     )
 
 
@@ -131,13 +138,19 @@ def _span_is_even(scene: Scene, edge: str, span: tuple[float, float] | None) -> 
     return span is None or abs(span[0] + span[1]) <= SYMMETRY_TOLERANCE * (high - low)
 
 
-def _support_key(support: Support, mirrored: bool = False) -> tuple[object, ...]:
+def _is_horizontal(scene: Scene, edge: str) -> bool:
+    return scene.find_edge(edge)[1] in HORIZONTAL
+
+
+def _support_key(scene: Scene, support: Support, mirrored: bool = False) -> tuple[object, ...]:
     swap = {"left": "right", "right": "left"} if mirrored else {}
-    edge = swap.get(support.edge or "", support.edge)
-    point = support.point
+    body, edge, point = "", "", support.point
+    if support.edge is not None:
+        held, edge = scene.find_edge(support.edge)
+        body, edge = held.name, swap.get(edge, edge)
     if mirrored and point is not None:
         point = (0.0 - point[0], point[1])
-    return edge, point, "".join(sorted(support.fix))
+    return body, edge, point, "".join(sorted(support.fix))
 
 
 def _check_finite(value: object, where: str) -> None:
@@ -165,25 +178,74 @@ def _check_choice(value: object, choices: tuple[str, ...], where: str) -> None:
         raise InputError(f'{where}: "{value}" is unknown; use one of {", ".join(choices)}')
 
 
-def _check_body(scene: Scene) -> None:
-    body, material = scene.body, scene.material
+def _check_bodies(scene: Scene) -> None:
+    names = [body.name for body in scene.bodies]
+    for name in names:
+        if scene.others and not name.strip():
+            raise InputError("[[body]] name: is missing; give each body a name")
+        if "." in name:
+            raise InputError(f'[[body]] name: "{name}" holds a dot; leave it out')
+        if names.count(name) > 1:
+            raise InputError(
+                f"body '{name}': {names.count(name)} bodies have this name; rename one"
+            )
+    known = [material.name for material in scene.materials]
+    for body in scene.bodies:
+        label = f"body '{body.name}'" if scene.others else "[body]"
+        _check_body(body, label)
+        if body.material is not None and body.material not in known:
+            unknown_name(body.material, known, f"{label} material", "material")
+    used = [scene.material_of(body) for body in scene.bodies]
+    for material in scene.materials:
+        if material not in used:
+            raise InputError(
+                f"[material.{material.name}]: no body is made of it; name it in a [[body]]"
+            )
+    for material in used:
+        _check_material(material)
+    if len({material.kinematics for material in used}) > 1:
+        raise InputError(
+            "[material] kinematics: differs from body to body; use the same for all of them"
+        )
+
+
+def _check_available(scene: Scene) -> None:
+    """Refuse what can be described but not yet modelled."""
+    if scene.others:
+        raise InputError("[[body]]: two bodies are not available yet; write one [body] table")
+    if scene.body.position != (0.0, 0.0):
+        raise InputError("[body] position: is not available yet; leave it out")
+    if len(scene.contacts) > 1:
+        raise InputError("[[contact]]: several contact edges are not available yet; keep one")
+    if scene.contacts[0].against is not None:
+        raise InputError(
+            "[contact] against: contact between two bodies is not available yet; leave it out"
+        )
+
+
+def _check_body(body: Body, label: str) -> None:
     if body.mesh is not None:
-        if not Path(body.mesh).is_file():
-            raise InputError(f'[body] mesh: "{body.mesh}": no such file; check the path')
-        raise InputError("[body] mesh: a user's own mesh is not available yet; leave it out")
-    _check_choice(body.shape, ("rectangle",), "[body] shape")
-    _check_positive(body.width, "[body] width")
-    _check_positive(body.height, "[body] height")
-    _check_positive(material.young, "[material] young")
+        raise InputError(f"{label} mesh: a user's own mesh is not available yet; leave it out")
+    for key in ("surface", "parameters"):
+        if getattr(body, key):
+            raise InputError(f"{label} {key}: needs a mesh file; give mesh, or leave it out")
+    _check_choice(body.shape, ("rectangle",), f"{label} shape")
+    _check_positive(body.width, f"{label} width")
+    _check_positive(body.height, f"{label} height")
+
+
+def _check_material(material: Material) -> None:
+    where = f"[material.{material.name}]" if material.name else "[material]"
+    _check_positive(material.young, f"{where} young")
     if material.kinematics == "axisymmetric":
         raise InputError(
-            "[material] kinematics: axisymmetric is not available yet; use plane strain or stress"
+            f"{where} kinematics: axisymmetric is not available yet; use plane strain or stress"
         )
-    _check_choice(material.kinematics, ("plane strain", "plane stress"), "[material] kinematics")
+    _check_choice(material.kinematics, ("plane strain", "plane stress"), f"{where} kinematics")
     limit, text = (0.5, "below 0.5") if material.kinematics == "plane strain" else (1.0, "below 1")
     if not -1.0 < material.poisson < limit:
         raise InputError(
-            f"[material] poisson: must lie above -1 and {text} in {material.kinematics}, "
+            f"{where} poisson: must lie above -1 and {text} in {material.kinematics}, "
             f"not {material.poisson:g}"
         )
 
@@ -211,31 +273,35 @@ def _check_mesh(scene: Scene) -> None:
         )
 
 
-def _check_contact(scene: Scene) -> None:
+def _check_contacts(scene: Scene) -> None:
     if not scene.contacts:
         raise InputError("[contact]: the scene has none; add one")
-    if len(scene.contacts) > 1:
-        raise InputError("[[contact]]: several contact edges are not available yet; keep one")
-    contact = scene.contacts[0]
-    _check_edge(contact.edge, "[contact] edge")
-    _check_span(scene, contact.edge, contact.span, "[contact] span")
+    for i, contact in enumerate(scene.contacts):
+        where = "[contact]" if len(scene.contacts) == 1 else f"[[contact]] number {i + 1}"
+        _check_contact(scene, contact, where)
+
+
+def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
+    _check_edge(scene, contact.edge, f"{where} edge")
+    if contact.against is not None:
+        _check_edge(scene, contact.against, f"{where} against")
+    _check_span(scene, contact.edge, contact.span, f"{where} span")
     x = contact_samples(scene, contact)
     for profile, key in ((contact.friction, "friction"), (contact.initial_gap, "initial_gap")):
-        values = _values(profile, x, None, f"[contact] {key}")
+        values = _values(profile, x, None, f"{where} {key}")
         if values.min() < 0.0:
             at = x[np.argmin(values)]
             raise InputError(
-                f"[contact] {key}: is {values.min():g} at x = {at:.6g}; it must not be negative"
+                f"{where} {key}: is {values.min():g} at x = {at:.6g}; it must not be negative"
             )
 
 
-def _check_edge(edge: str, where: str) -> None:
-    if "." in edge:
-        raise InputError(
-            f'{where}: "{edge}" names a body; two bodies are not available yet, write the edge '
-            "alone"
-        )
-    _check_choice(edge, EDGES, where)
+def _check_edge(scene: Scene, edge: str, where: str) -> None:
+    try:
+        _, name = scene.find_edge(edge)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    _check_choice(name, EDGES, where)
 
 
 def _check_span(scene: Scene, edge: str, span: tuple[float, float] | None, where: str) -> None:
@@ -273,13 +339,13 @@ def _values(profile: Profile, x: Array, y: Array | None, where: str) -> Array:
 
 def _check_load(scene: Scene, load: Load) -> None:
     where = f"load '{load.name}'"
-    _check_edge(load.edge, f"{where} edge")
+    _check_edge(scene, load.edge, f"{where} edge")
     _check_span(scene, load.edge, load.span, f"{where} span")
     if (load.pressure is None) == (load.traction is None):
         have = "both" if load.pressure is not None else "neither"
         raise InputError(f"{where}: has {have} of pressure and traction; give exactly one of them")
     for contact in scene.contacts:
-        if load.edge == contact.edge:
+        if scene.find_edge(load.edge) == scene.find_edge(contact.edge):
             whole = edge_range(scene, load.edge)
             (a, b), (c, d) = load.span or whole, contact.span or whole
             if min(b, d) - max(a, c) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
@@ -320,8 +386,9 @@ def _check_support(scene: Scene, support: Support) -> None:
         have = "both" if support.edge is not None else "neither"
         raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
     if support.edge is not None:
-        _check_edge(support.edge, f"{where} edge")
-        if any(support.edge == contact.edge and contact.span is None for contact in scene.contacts):
+        _check_edge(scene, support.edge, f"{where} edge")
+        edge = scene.find_edge(support.edge)
+        if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.contacts):
             raise InputError(
                 f'{where} edge: "{support.edge}" is the contact edge; hold another one'
             )

@@ -6,6 +6,7 @@ import dataclasses
 import json
 import tomllib
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -25,7 +26,6 @@ from receding_fenicsx.scene import (
 from receding_fenicsx.scene_values import BY_TYPE, read_string, unknown_name
 
 TABLES: dict[str, type] = {
-    "body": Body,
     "material": Material,
     "mesh": MeshOptions,
     "history": HistoryOptions,
@@ -41,9 +41,10 @@ ARRAYS: dict[str, tuple[type, str]] = {
 }
 """Tables that may occur several times: the dataclass of each and the attribute of the scene."""
 
+NAMED = ("body", "load")
+"""Tables that may occur several times and are then told apart by their names."""
+
 LATER = {
-    "body": {"mesh": "a user's own mesh", "name": "a second body"},
-    "contact": {"against": "contact between two bodies"},
     "load": {
         "displacement": "a prescribed edge displacement",
         "platen": "a platen",
@@ -79,13 +80,23 @@ def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
             f"{path}: cannot be read ({error.strerror}); give a scene in TOML"
         ) from None
     try:
-        return from_toml(text, overrides)
+        return from_toml(text, overrides, Path(path).parent)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def from_toml(text: str, overrides: Iterable[str] = ()) -> Scene:
-    """Make a checked scene from TOML text; see :func:`read_scene`."""
+def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = None) -> Scene:
+    """Make a checked scene from TOML text; see :func:`read_scene`.
+
+    Args:
+        text: the scene.
+        overrides: changes to it.
+        folder: folder that the paths of mesh files are relative to; they are kept as they are when
+            left out.
+
+    Returns:
+        The checked scene.
+    """
     try:
         raw = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:
@@ -93,8 +104,21 @@ def from_toml(text: str, overrides: Iterable[str] = ()) -> Scene:
     for override in overrides:
         apply_override(raw, override)
     scene = _scene(raw)
+    if folder is not None:
+        found = [_with_path(body, folder) for body in scene.bodies]
+        scene = replace(scene, body=found[0], others=tuple(found[1:]))
     scene.validate()
     return scene
+
+
+def _with_path(body: Body, folder: Path) -> Body:
+    """Return the body with the whole path of its mesh file, which has to be there."""
+    if body.mesh is None:
+        return body
+    path = (folder / body.mesh).resolve()
+    if not path.is_file():
+        raise InputError(f'[body] mesh: "{body.mesh}": no such file; check the path')
+    return replace(body, mesh=str(path))
 
 
 def apply_override(raw: dict[str, Any], override: str) -> None:
@@ -122,7 +146,7 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
         value = parsed["value"] if set(parsed) == {"value"} else text
     except (tomllib.TOMLDecodeError, RecursionError):
         value = text.strip()
-    known = ["title", *TABLES, *ARRAYS]
+    known = ["title", "body", *TABLES, *ARRAYS]
     if names == ["title"]:
         raw["title"] = value
         return
@@ -130,41 +154,65 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
         unknown_name(names[0], known, f"--set {override}", "table")
     if names[0] == "title" or len(names) == 1:
         raise InputError(f"--set {override}: write {names[0]}.key=value")
-    if names[0] == "load":
-        if len(names) < 3:
-            raise InputError(f"--set {override}: name the load, for example load.p0.pressure=2.0")
-        # a load's name may itself hold a dot
-        name, last = ".".join(names[1:-1]), names[-1]
-        loads = _as_list(raw.get("load", []), "load")
-        chosen = [load for load in loads if load.get("name") == name]
-        if not chosen:
-            unknown_name(
-                name, [str(load.get("name")) for load in loads], f"--set {override}", "load"
-            )
-        chosen[0][last] = value
-        return
-    if len(names) != 2:
-        raise InputError(f"--set {override}: write {names[0]}.key=value")
-    if names[0] in ARRAYS:
-        tables = _as_list(raw.setdefault(names[0], {}), names[0])
+    _table_to_set(raw, names, override)[names[-1]] = value
+
+
+def _table_to_set(raw: dict[str, Any], names: list[str], override: str) -> dict[str, Any]:
+    """Find the table that an override "table.key" or "table.NAME.key" changes."""
+    kind = names[0]
+    # a name may itself hold a dot
+    name = ".".join(names[1:-1])
+    if kind == "load" and not name:
+        raise InputError(f"--set {override}: name the load, for example load.p0.pressure=2.0")
+    if kind == "material" and name in _named_materials(raw):
+        return _named_materials(raw)[name]
+    if kind in ARRAYS or isinstance(raw.get(kind), list):
+        tables = _as_list(raw.setdefault(kind, {}), kind)
+        if kind in NAMED and name:
+            chosen = [table for table in tables if table.get("name") == name]
+            if not chosen:
+                known = [str(table["name"]) for table in tables if "name" in table]
+                unknown_name(name, known, f"--set {override}", kind)
+            return chosen[0]
+        if name.isdecimal() and 1 <= int(name) <= len(tables):
+            return tables[int(name) - 1]
         if len(tables) != 1:
+            which = "NAME" if kind in NAMED else f"N (1 to {len(tables)})"
             raise InputError(
-                f"--set {override}: the scene has {len(tables)} [[{names[0]}]] tables; edit the "
-                "file"
+                f"--set {override}: the scene has {len(tables)} [[{kind}]] tables; write "
+                f"{kind}.{which}.key=value"
             )
-        tables[0][names[1]] = value
-        return
-    table = raw.setdefault(names[0], {})
+        if not name:
+            return tables[0]
+    table = raw.setdefault(kind, {})
+    if name:
+        raise InputError(f"--set {override}: write {kind}.key=value")
     if not isinstance(table, dict):
-        raise InputError(f"'{names[0]}' must be a table; write [{names[0]}]")
-    table[names[1]] = value
+        raise InputError(f"'{kind}' must be a table; write [{kind}]")
+    return table
+
+
+def _named_materials(raw: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the tables [material.NAME] of a parsed file."""
+    table = raw.get("material", {})
+    if not isinstance(table, dict):
+        return {}
+    return {
+        name: value
+        for name, value in table.items()
+        if isinstance(value, dict) and name not in READERS[Material]
+    }
 
 
 def to_toml(scene: Scene) -> str:
     """Canonical TOML text of a scene, every value written out; reading it gives an equal scene."""
     lines = [f"title = {_text(scene.title)}"]
-    for name in ("body", "material", "mesh"):
-        lines += ["", f"[{name}]", *_lines(getattr(scene, name))]
+    for body in scene.bodies:
+        lines += ["", "[[body]]" if scene.others else "[body]", *_lines(body)]
+    lines += ["", "[material]", *_lines(scene.material)]
+    for material in scene.materials:
+        lines += ["", f"[material.{_text(material.name)}]", *_lines(replace(material, name=""))]
+    lines += ["", "[mesh]", *_lines(scene.mesh)]
     for name, (_, attribute) in ARRAYS.items():
         for item in getattr(scene, attribute):
             lines += ["", f"[[{name}]]", *_lines(item)]
@@ -174,10 +222,12 @@ def to_toml(scene: Scene) -> str:
 
 
 def _lines(table: Any) -> list[str]:
-    """One line a field; None and empty sequences have no TOML value and are left out."""
+    """One line a field; None, empty names, sequences and tables are left out."""
     fields = ((f.name, getattr(table, f.name)) for f in dataclasses.fields(table))
     return [
-        f"{name} = {_text(value)}" for name, value in fields if value is not None and value != ()
+        f"{name} = {_text(value)}"
+        for name, value in fields
+        if value is not None and value not in ((), {}) and (name, value) != ("name", "")
     ]
 
 
@@ -199,15 +249,27 @@ def _text(value: object) -> str:
 
 def _scene(raw: dict[str, Any]) -> Scene:
     """Scene from parsed TOML: keys and types are checked here, meanings in ``scene_checks``."""
-    known = ["title", *TABLES, *ARRAYS]
+    known = ["title", "body", *TABLES, *ARRAYS]
     for key in raw:
         if key not in known:
             unknown_name(key, known, "scene", "table")
-    if isinstance(raw.get("body"), list):
-        if len(raw["body"]) != 1:
-            raise InputError("[[body]]: two bodies are not available yet; write one [body] table")
-        raw = {**raw, "body": raw["body"][0]}
     values: dict[str, Any] = {}
+    if "body" in raw:
+        tables = _as_list(raw["body"], "body")
+        labels = [_label("body", table, i, len(tables)) for i, table in enumerate(tables)]
+        bodies = [
+            _table(table, Body, "body", label) for table, label in zip(tables, labels, strict=True)
+        ]
+        if not bodies:
+            raise InputError("[[body]]: the scene has none; add one")
+        values["body"], values["others"] = bodies[0], tuple(bodies[1:])
+    named = _named_materials(raw)
+    values["materials"] = tuple(
+        replace(_table(table, Material, "material", f"[material.{name}]"), name=name)
+        for name, table in named.items()
+    )
+    if named:
+        raw = {**raw, "material": {k: v for k, v in raw["material"].items() if k not in named}}
     if "title" in raw:
         values["title"] = read_string(raw["title"], "title")
     for name, kind in TABLES.items():
@@ -226,9 +288,10 @@ def _scene(raw: dict[str, Any]) -> Scene:
 
 def _label(name: str, table: dict[str, Any], index: int, count: int) -> str:
     """How a message names a table: loads by their name, others by number when there are several."""
-    if name == "load" and isinstance(table.get("name"), str):
-        return f"load '{table['name']}'"
-    return f"[[{name}]] number {index + 1}" if count > 1 or name != "contact" else f"[{name}]"
+    if name in NAMED and isinstance(table.get("name"), str) and (name == "load" or count > 1):
+        return f"{name} '{table['name']}'"
+    single = count == 1 and name in ("body", "contact")
+    return f"[{name}]" if single else f"[[{name}]] number {index + 1}"
 
 
 def _as_list(value: object, name: str) -> list[dict[str, Any]]:
@@ -246,14 +309,8 @@ def _table(raw: object, kind: type, name: str, label: str) -> Any:
     readers = READERS[kind]
     for key, value in raw.items():
         if key in LATER.get(name, {}):
-            if (name, key) == ("body", "mesh") and not Path(str(value)).is_file():
-                raise InputError(f'{label} mesh: "{value}": no such file; check the path')
             raise InputError(
                 f"{label} {key}: {LATER[name][key]} is not available yet; leave it out"
-            )
-        if name == "material" and isinstance(value, dict) and key not in readers:
-            raise InputError(
-                f"[material.{key}]: a second body is not available yet; write one [material]"
             )
         if key not in readers:
             unknown_name(key, list(readers), label, "key")
@@ -268,6 +325,8 @@ def _table(raw: object, kind: type, name: str, label: str) -> Any:
 
 READERS: dict[type, dict[str, Callable[[object, str], Any]]] = {
     kind: {field.name: BY_TYPE[str(field.type)] for field in dataclasses.fields(kind)}
-    for kind in (*TABLES.values(), *(kind for kind, _ in ARRAYS.values()))
+    for kind in (Body, *TABLES.values(), *(kind for kind, _ in ARRAYS.values()))
 }
+# a material's name stands in the head of its table
+del READERS[Material]["name"]
 """The reader of each key of each table: the dataclasses are the one list of known keys."""

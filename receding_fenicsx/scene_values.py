@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import math
 from collections.abc import Callable
 from typing import Any, NoReturn
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene import Profile
+from receding_fenicsx.scene import Profile, nearest
 
 
 def unknown_name(name: str, known: list[str], where: str, what: str) -> NoReturn:
     """Raise InputError for a name that is not known, with the nearest known one."""
-    close = difflib.get_close_matches(name, known, n=1)
+    close = nearest(name, known)
     rest = f"known are {', '.join(known)}" if known else f"the scene has no {what}"
-    hint = f"did you mean '{close[0]}'?" if close else rest
+    hint = f"did you mean '{close}'?" if close else rest
     raise InputError(f"{where}: unknown {what} '{name}'; {hint}")
 
 
@@ -100,6 +99,12 @@ def _profile(value: object, where: str) -> Profile:
     return {key: list(_numbers(value[key], f"{where}.{key}")) for key in ("x", "value")}
 
 
+def _parameters(value: object, where: str) -> dict[str, float]:
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: must be a table {{name = number}}, not {_shown(value)}")
+    return {name: _number(item, f"{where}.{name}") for name, item in value.items()}
+
+
 def _traction(value: object, where: str) -> tuple[Profile, Profile]:
     if not isinstance(value, list) or len(value) != 2:
         raise InputError(f"{where}: must be [tx, ty] in global axes, not {_shown(value)}")
@@ -122,7 +127,9 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "bool": _truth,
     "Profile": _profile,
     "Profile | None": _profile,
+    "tuple[float, float]": _pair,
     "tuple[float, float] | None": _pair,
+    "dict[str, float]": _parameters,
     "tuple[Profile, Profile] | None": _traction,
     "tuple[str, ...]": _names,
     "tuple[tuple[float, ...], ...]": _rows,

@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from receding_fenicsx import scene_checks
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.expressions import evaluate_expression
 from receding_fenicsx.scene import (
@@ -172,10 +173,17 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["output.cycles=[0, 401]"], ["[output] cycles", "401", "0 to 400"]),
         (["history.initial_slip=log(x)"], ["[history] initial_slip", "finite"]),
         # not available yet
-        (["body.mesh=my.msh"], ["[body] mesh", "my.msh", "no such file"]),
+        (["body.mesh=my.msh"], ["[body] mesh", "not available yet"]),
+        (["body.position=[1, 0]"], ["[body] position", "not available yet"]),
+        (["body.surface=core"], ["[body] surface", "needs a mesh file"]),
+        (["body.parameters={a = 1}"], ["[body] parameters", "needs a mesh file"]),
+        (["body.parameters={a = true}"], ["[body] parameters.a", "number"]),
+        (["body.material=steel"], ["[body] material", "unknown material 'steel'"]),
+        (["body.name=a.b"], ["name", "dot"]),
         (["material.kinematics=axisymmetric"], ["axisymmetric", "not available yet"]),
-        (["contact.against=b.top"], ["[contact] against", "not available yet"]),
-        (["contact.edge=a.bottom"], ["[contact] edge", "two bodies", "not available yet"]),
+        (["contact.against=top"], ["[contact] against", "not available yet"]),
+        (["contact.edge=a.bottom"], ["[contact] edge", "a.bottom"]),
+        (["contact.2.edge=top"], ["--set", "contact.key=value"]),
         (["load.p0.displacement=[0, 1]"], ["load 'p0' displacement", "not available yet"]),
         (["load.p0.platen=true"], ["load 'p0' platen", "not available yet"]),
         (["material.a.young=1"], ["material.key=value"]),
@@ -203,7 +211,9 @@ def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]
         ("[[contact]]", ["not valid TOML"]),
         ("[body]", ["not valid TOML"]),
         ("[axis]", ["unknown table 'axis'"]),
-        ("[material.a]\nyoung = 1", ["[material.a]", "second body", "not available yet"]),
+        ("[material.a]\nyoung = 1", ["[material.a]", "no body is made of it"]),
+        ("[material.a]\nyuong = 1", ["[material.a]", "did you mean 'young'?"]),
+        ("[material.a]\nname = 1", ["[material.a]", "unknown key 'name'"]),
     ],
 )
 def test_bad_table_is_refused_in_one_line(extra: str, words: list[str]) -> None:
@@ -214,9 +224,59 @@ def test_bad_table_is_refused_in_one_line(extra: str, words: list[str]) -> None:
 
 def test_two_bodies_and_two_contacts_are_refused() -> None:
     with pytest.raises(InputError, match="two bodies are not available yet"):
-        from_toml(BLOCK.replace("[body]", "[[body]]") + "[[body]]\nwidth = 1.0\n")
+        from_toml(PAIR)
     with pytest.raises(InputError, match="several contact edges are not available yet"):
         from_toml(BLOCK.replace("[contact]", "[[contact]]") + '[[contact]]\nedge = "left"\n')
+
+
+PAIR = (
+    BLOCK.replace("[body]", '[[body]]\nname = "upper"\nposition = [0.0, 1.0]')
+    .replace('edge = "bottom"', 'edge = "upper.bottom"\nagainst = "lower.top"')
+    .replace('edge = "top"', 'edge = "upper.top"')
+    + """
+[[body]]
+name = "lower"
+[[support]]
+edge = "lower.bottom"
+fix = "xy"
+[material.lower]
+young = 3.0
+"""
+)
+"""The block on a second one, of another material."""
+
+
+def test_scene_of_two_bodies_reads_back_equal(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(scene_checks, "_check_available", lambda scene: None)
+    scene = from_toml(PAIR, ["body.lower.height=2", "material.lower.poisson=0.2"])
+    assert [body.name for body in scene.bodies] == ["upper", "lower"]
+    assert scene.others[0].height == 2.0 and scene.body.height == 1.0
+    assert [scene.material_of(body).young for body in scene.bodies] == [1.0, 3.0]
+    assert scene.find_edge("lower.top") == (scene.others[0], "top")
+    assert from_toml(to_toml(scene)) == scene
+
+
+def test_names_of_bodies_and_edges_are_checked() -> None:
+    cases = [
+        ('name = "lower"', "", "name: is missing"),
+        ('name = "lower"', 'name = "upper"', "body 'upper': 2 bodies"),
+        ('"lower.bottom"', '"lowre.bottom"', 'edge: "lowre.bottom" names none.*"lower.bottom"'),
+        ('"lower.bottom"', '"lower.botom"', "edge:.*botom.*unknown"),
+        ("[material.lower]", "[material.lowe]", r"\[material.lowe\]: no body is made of it"),
+        ("young = 3.0", "young = -3.0", r"\[material.lower\] young: must be positive"),
+        ("young = 3.0", 'kinematics = "plane stress"', "kinematics: differs from body to body"),
+    ]
+    for old, new, words in cases:
+        assert old in PAIR
+        with pytest.raises(InputError, match=words):
+            from_toml(PAIR.replace(old, new))
+
+
+def test_path_of_a_mesh_is_relative_to_the_scene_file(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(BLOCK.replace("[body]", '[body]\nmesh = "parts/my.msh"'))
+    with pytest.raises(InputError, match=r'\[body\] mesh: "parts/my.msh": no such file'):
+        read_scene(path)
 
 
 def test_scene_without_loads_is_refused() -> None:
