@@ -1,14 +1,27 @@
-"""The record of an evolved history: in memory, and as ``record.h5`` and ``summary.json``.
+"""The record of an evolved history, as ``record.h5`` holds it too.
 
-Everything here describes the whole contact, also when half of the body was modelled.
+Everything here describes the whole contact, also when half of the body was modelled. ::
+
+    record = receding_fenicsx.read_record("results/block/record.h5")
+    low = record.at(cycle=9, load="minimum")
+    low.p, low.q, low.v, low.zones          # arrays over the contact nodes record.x
+    record.cycles.dissipation               # one value a cycle, from cycle 1
+    record.to_pandas("turning_points")      # a labelled table, where pandas is installed
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
+
+from receding_fenicsx.output import labelled, moment
+
+if TYPE_CHECKING:
+    import pandas as pd
+    import xarray
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -142,3 +155,46 @@ class Record:
     energy_error_max: float
     sweeps: int
     n_events: int
+
+    def at(
+        self,
+        cycle: int = -1,
+        load: Literal["minimum", "maximum"] | float | None = None,
+        leg: int | None = None,
+        s: float | None = None,
+    ) -> moment.Moment:
+        """Return one stored instant by names.
+
+        Args:
+            cycle: cycle; 0 is the first loading, -1 the last cycle, -2 the one before.
+            load: "minimum" or "maximum": the turning point of the cycle with the smallest or the
+                largest loads; or, with a single load, its load factor, which must be stored.
+            leg: leg within the cycle, from 0 (in a plain cycle 0 is unloading, 1 reloading).
+            s: position along the leg, in [0, 1]; it must be stored. Without ``load`` and ``s``, the
+                end of the leg or of the cycle.
+
+        Returns:
+            The instant, with ``x``, ``state``, ``P``, ``Q``, ``p``, ``q``, ``v``, ``w``, ``zones``.
+
+        Raises:
+            InputError: nothing, or more than one instant, answers; it names the nearest.
+        """
+        return moment.find(self, cycle, load, leg, s)
+
+    def to_table(self, which: str = "turning_points") -> dict[str, NDArray[Any]]:
+        """Return "turning_points", "samples", "events" or "cycles" as columns of equal length.
+
+        Turning points, samples and cycles have a row for each instant (or cycle) and node.
+        """
+        return labelled.columns(self, which)
+
+    def to_pandas(self, which: str = "turning_points") -> pd.DataFrame:
+        """Return :meth:`to_table` as a DataFrame; needs pandas."""
+        return labelled.frame(self, which)
+
+    def to_xarray(self, which: str = "turning_points") -> xarray.Dataset:
+        """Return "turning_points", "samples" or "cycles" as a Dataset over named dimensions.
+
+        Dimensions are "instant" (or "cycle"), "node" and "load"; needs xarray.
+        """
+        return labelled.dataset(self, which)
