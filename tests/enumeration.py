@@ -3,10 +3,15 @@
 Nothing of the package's solvers is used; the definitions are the paper's eqs. (4) to (12).
 """
 
+import re
 from itertools import product
 
 import numpy as np
+from small import table
 
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactSystem
 
 STICK, OPEN, FORWARD, BACKWARD = 1, 2, 3, 4
@@ -18,7 +23,7 @@ def possible_states(
     """Return the states that each node may take next.
 
     Args:
-        system: whole model of at most a few nodes.
+        system: model of a few nodes with friction.
         r: reactions.
         u: displacements.
         state: present states.
@@ -30,11 +35,13 @@ def possible_states(
     k = np.diagonal(system.K)[n:]
     choices: list[tuple[int, ...]] = []
     for i in range(n):
+        every = (STICK, OPEN) if system.held[i] else (STICK, OPEN, FORWARD, BACKWARD)
         if state[i] == OPEN:
-            touching = gap[i] * k[i] <= near * force
-            choices.append((STICK, OPEN, FORWARD, BACKWARD) if touching else (OPEN,))
+            choices.append(every if gap[i] * k[i] <= near * force else (OPEN,))
         elif P[i] <= near * force:
-            choices.append((STICK, OPEN, FORWARD, BACKWARD))
+            choices.append(every)
+        elif system.held[i]:
+            choices.append((STICK,))
         else:
             may = [STICK]
             if Q[i] + system.f[i] * P[i] <= near * force:
@@ -57,7 +64,7 @@ def rate_solutions(
     """Return every combination of states whose rates satisfy the law.
 
     Args:
-        system: whole model of at most a few nodes.
+        system: model with friction and with a few nodes on limits.
         direction: (2N,) rate of the held reactions.
         r: reactions.
         u: displacements.
@@ -78,6 +85,8 @@ def rate_solutions(
             elif s == OPEN:
                 A[t], A[m] = K[t], K[m]
                 b[t], b[m] = -direction[t], -direction[m]
+                if system.held[i]:
+                    A[t], b[t] = np.eye(2 * n)[t], 0.0
             else:
                 sign = 1.0 if s == FORWARD else -1.0
                 A[t], b[t] = K[t] + sign * f[i] * K[m], -direction[t] - sign * f[i] * direction[m]
@@ -109,3 +118,30 @@ def rate_solutions(
         if kept:
             found.append(states)
     return found
+
+
+def confirmed(system: ContactSystem, history: History, error: SolveError) -> bool:
+    """Return whether no rates of any kind satisfy the law where the error says that none do.
+
+    The exact path is followed to just before that place, all states are tried there.
+    """
+    text = str(error)
+    found = re.search(r"cycle (\d+), leg (\d+): .* \(s = (\S+) of the leg\)", text)
+    assert found is not None, text
+    cycle, leg, s = int(found[1]), int(found[2]), float(found[3])
+    polyline = history.path if cycle == 0 else history.loop
+    corners = [*history.path[:-1]] + [*history.loop[:-1]] * max(cycle - 1, 0)
+    corners += [*polyline[: leg + 1]] if cycle else []
+    a, b = polyline[leg], polyline[leg + 1]
+    if s > 1e-8:
+        corners.append((1.0 - s + 1e-8) * a + (s - 1e-8) * b)
+    short = table(system, corners)
+    end = evolve(system, short).turning_points
+    direction = (b - a) @ system.r_star
+    # the record is of the whole contact, the axis node carrying both halves
+    state, Q, P, v, w = (
+        getattr(end, name)[-1, -system.n :].copy() for name in ("state", "Q", "P", "v", "w")
+    )
+    P[0] *= 0.5 if system.half else 1.0
+    r, u = np.concatenate([Q, P]), np.concatenate([v, w])
+    return not rate_solutions(system, direction, r, u, state, near=1e-4)

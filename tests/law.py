@@ -61,7 +61,7 @@ def worst_slip(system: ContactSystem, record: Record) -> float:
         dv = (s.v[j + 1] - s.v[j]) * k_t
         state = s.state[j]
         wrong = [
-            np.abs(dv[state == 1]).max(initial=0.0),
+            np.abs(dv[(state == 1) & (system.f > 0)]).max(initial=0.0),
             np.maximum(-dv[(state == 3) & (system.f > 0)], 0.0).max(initial=0.0),
             np.maximum(dv[(state == 4) & (system.f > 0)], 0.0).max(initial=0.0),
         ]

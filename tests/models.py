@@ -4,6 +4,8 @@ The assembly below shares nothing with the package: bilinear squares integrated 
 Gauss quadrature, condensed by SciPy. It is the independent reference of the interface tests.
 """
 
+from itertools import product
+
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
@@ -45,21 +47,37 @@ def block_system(
         half: model x >= 0 with symmetry on the axis.
         young: Young's modulus.
     """
-    x0, width = (0.0, 2.0) if half else (-2.0, 4.0)
-    hx, hy = width / nx, 1.0 / ny
+    xs = np.linspace(0.0 if half else -2.0, 2.0, nx + 1)
+    return grid_system(xs, np.linspace(0.0, 1.0, ny + 1), f, poisson, young)
+
+
+def grid_system(
+    xs: np.ndarray, ys: np.ndarray, f: float = 0.35, poisson: float = 0.3, young: float = 1.0
+) -> ContactSystem:
+    """Condense a rectangle of unequal cells, pressed on |x| < 1, to its bottom nodes.
+
+    Args:
+        xs: grid lines; from 0 on for half of a body symmetric about x = 0. One lies at 1.
+        ys: grid lines from 0 to the height.
+        f: coefficient of friction.
+        poisson: Poisson's ratio.
+        young: Young's modulus.
+    """
+    half, nx, ny = bool(xs[0] == 0.0), len(xs) - 1, len(ys) - 1
+    hx, hy = np.diff(xs), np.diff(ys)
     node = np.arange((nx + 1) * (ny + 1)).reshape(ny + 1, nx + 1)
     cells = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], -1).reshape(
         -1, 4
     )
     dofs = (2 * cells[:, :, None] + np.arange(2)).reshape(-1, 8)
-    k = q1_stiffness(hx, hy, young, poisson)
+    sizes = list(product(hy, hx))
+    k = {size: q1_stiffness(size[1], size[0], young, poisson).ravel() for size in set(sizes)}
     rows, cols = np.repeat(dofs, 8, axis=1).ravel(), np.tile(dofs, (1, 8)).ravel()
-    A = sp.csr_matrix((np.tile(k.ravel(), len(cells)), (rows, cols)))
-    xs = x0 + hx * np.arange(nx + 1)
+    A = sp.csr_matrix((np.concatenate([k[size] for size in sizes]), (rows, cols)))
     force = np.zeros(A.shape[0])
     for i in range(nx):
-        if abs(xs[i] + hx / 2) < 1:
-            force[2 * node[ny, i : i + 2] + 1] -= hx / 2
+        if abs(xs[i] + hx[i] / 2) < 1:
+            force[2 * node[ny, i : i + 2] + 1] -= hx[i] / 2
     contact = np.concatenate([2 * node[0], 2 * node[0] + 1])
     fixed = 2 * node[1:, 0] if half else np.array([], dtype=int)
     inner = np.setdiff1d(np.arange(A.shape[0]), np.concatenate([contact, fixed]))
@@ -72,8 +90,7 @@ def block_system(
     n = nx + 1
     held = np.zeros(2 * n, dtype=bool)
     held[0] = half
-    weight = np.full(n, hx)
-    weight[[0, -1]] = hx / 2
+    weight = 0.5 * (np.append(hx, 0.0) + np.append(0.0, hx))
     one, zero = np.ones(n), np.zeros(n)
     modes = [np.concatenate([zero, one])]
     if not half:

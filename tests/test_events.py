@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from enumeration import rate_solutions
+from enumeration import confirmed
 from law import random_system, worst_slip, worst_violation
 from models import block_system
 from small import cyclic, small_system, table
@@ -403,23 +403,3 @@ def test_what_is_refused_above_the_margin_has_no_continuation() -> None:
             assert worst_violation(system, record) <= 1e-9, seed
             solved += 1
     assert refused >= 3 and solved >= 60
-
-
-def confirmed(system: ContactSystem, history: History, error: SolveError) -> bool:
-    """Go to just before the place that the error names; ask there for rates of any kind."""
-    text = str(error)
-    found = re.search(r"cycle (\d+), leg (\d+): .* \(s = (\S+) of the leg\)", text)
-    assert found is not None, text
-    cycle, leg, s = int(found[1]), int(found[2]), float(found[3])
-    polyline = history.path if cycle == 0 else history.loop
-    corners = [*history.path[:-1]] + [*history.loop[:-1]] * max(cycle - 1, 0)
-    corners += [*polyline[: leg + 1]] if cycle else []
-    a, b = polyline[leg], polyline[leg + 1]
-    if s > 1e-8:
-        corners.append((1.0 - s + 1e-8) * a + (s - 1e-8) * b)
-    short = table(system, corners)
-    record = evolve(system, short, output=ALL)
-    end = record.turning_points
-    state, direction = end.state[-1], (b - a) @ system.r_star
-    r, u = np.concatenate([end.Q[-1], end.P[-1]]), np.concatenate([end.v[-1], end.w[-1]])
-    return not rate_solutions(system, direction, r, u, state, near=1e-4)

@@ -1,0 +1,71 @@
+"""Hard cases: what is expected, what came out, and how well it satisfies the laws.
+
+You will see one row a case: what was expected (written down in ``tests/hard.py`` before any run),
+the outcome, the largest violation of the contact law and of the energy identity found by code that
+shares nothing with the solvers, the CPU time, and what was said. Only lift-off, gross sliding, a
+pulling load, and jumps that an enumeration of all states confirms may be refused.
+"""
+
+import argparse
+import csv
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+from hard import CASES, Case, Outcome, judge
+
+from receding_fenicsx.errors import on_root
+
+HEADS = ("case", "expected", "outcome", "law", "energy", "CPU s", "said")
+
+
+def row(case: Case, found: Outcome) -> list[str]:
+    """Return a case's row of the table."""
+    return [
+        case.name,
+        case.expected,
+        found.outcome if found.as_expected else found.outcome + " !",
+        f"{found.violation:.0e}",
+        f"{found.energy:.0e}",
+        f"{found.seconds:.2f}",
+        found.said,
+    ]
+
+
+def play(folder: Path, fast: bool, only: str) -> None:
+    """Play the cases, print and write the table."""
+    rows, unexpected = [], []
+    for case in CASES:
+        if (fast and not case.fast) or only not in case.name:
+            continue
+        found = judge(case)
+        rows.append(row(case, found))
+        widths = (48, 38, 11, 7, 7, 7)
+        cells = [cell.ljust(width) for cell, width in zip(rows[-1], widths, strict=False)]
+        print("".join(cells) + found.said[:120], flush=True)
+        if not found.as_expected:
+            unexpected.append(case.name)
+    folder.mkdir(parents=True, exist_ok=True)
+    with (folder / "hard_cases.csv").open("w") as file:
+        csv.writer(file).writerows([HEADS, *rows])
+    lines = ["| " + " | ".join(cells) + " |" for cells in (HEADS, ["---"] * len(HEADS), *rows)]
+    (folder / "hard_cases.md").write_text("\n".join(lines) + "\n")
+    print(f"{len(rows)} cases, {len(unexpected)} not as expected; tables in {folder}")
+    assert not unexpected, f"not as expected: {unexpected}"
+
+
+def main() -> None:
+    """Play all cases, or some."""
+    parser = argparse.ArgumentParser(description="Hard cases: expected, outcome, residuals.")
+    parser.add_argument("--out", type=Path, default=Path("results/hard_cases"))
+    parser.add_argument("--fast", action="store_true", help="leave out the slow ones")
+    parser.add_argument("--only", default="", help="cases whose name holds this text")
+    options = parser.parse_args()
+    on_root(MPI.COMM_WORLD, lambda: play(options.out, options.fast, options.only))
+
+
+if __name__ == "__main__":
+    main()
