@@ -21,8 +21,17 @@ from receding_fenicsx.interface.cycles import SteadyWatch
 from receding_fenicsx.interface.events import EventPath
 from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, GaussSeidelPath
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.output.collect import Change, Instant, Kept, events_table, states_table
-from receding_fenicsx.output.record import Cycles, Record, Steady
+from receding_fenicsx.output.collect import (
+    Change,
+    Instant,
+    Kept,
+    Passed,
+    Totals,
+    record_of,
+    watch,
+)
+from receding_fenicsx.output.journal import Journal
+from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions, SolverOptions
 
 Progress = Callable[[int, int, str], None]
@@ -43,6 +52,7 @@ def evolve(
     output: OutputOptions | None = None,
     initial_slip: Array | None = None,
     progress: Progress | None = None,
+    journal: Journal | None = None,
 ) -> Record:
     """Evolve the contact from rest along the history (eqs. 4 to 15 of Ahn & Barber 2008).
 
@@ -53,6 +63,9 @@ def evolve(
         output: which cycles get samples and events, and how many samples a leg.
         initial_slip: (N,) tangential displacement at rest from which the first slip is counted.
         progress: called after every cycle.
+        journal: finished cycles to go on from, and where further ones go. At each of its
+            checkpoints all that is remembered of the way (factor, rates) is made anew, so that
+            going on from there changes no bit.
 
     Returns:
         The record of the whole contact.
@@ -66,42 +79,50 @@ def evolve(
             f"the history drives loads {list(history.load_names)}, the system has "
             f"{list(system.load_names)}: name the same loads in the same order"
         )
-    run = _Run(system, history, solver or SolverOptions(), output or OutputOptions())
-    run.rest(initial_slip)
+    journal = journal or Journal()
+    passed = journal.passed
+    run = _Run(system, history, solver or SolverOptions(), output or OutputOptions(), passed)
+    run.lay(initial_slip)
+    run.go_on()
     try:
-        run.cycle(0)
-        for number in range(1, history.cycles + 1 if len(history.loop) else 1):
-            run.cycle(number)
-            if progress is not None:
-                progress(number, history.cycles, f"change {run.watch.change[-1]:.1e}")
+        for number in range(len(passed), history.cycles + 1 if len(history.loop) else 1):
             if run.watch.cycle >= 0 and history.until_steady:
                 break
+            if journal.add(run.cycle(number)):
+                run.go_on()
+                journal.checkpoint()
+            watch(run.watch, passed, number)
+            if progress is not None and number > 0:
+                events = passed[-1].totals.events - passed[-2].totals.events
+                change = run.watch.change[-1]
+                progress(number, history.cycles, f"{events} events, change {change:.1e}")
     except SolveError as error:
-        error.record = run.record()
+        error.record = record_of(system, run.solver, passed, (run.corners, run.totals))
         raise
-    run.sample_last()
-    return run.record()
+    return record_of(system, run.solver, passed, last=run.sample_last())
 
 
 class _Run:
-    """The evolving state, and what has been collected for the record."""
+    """The evolving state of the modelled nodes."""
 
     def __init__(
-        self, system: ContactSystem, history: History, solver: SolverOptions, output: OutputOptions
+        self,
+        system: ContactSystem,
+        history: History,
+        solver: SolverOptions,
+        output: OutputOptions,
+        passed: list[Passed],
     ) -> None:
         self.system, self.history, self.solver, self.output = system, history, solver, output
+        self.passed = passed
         self.model = frictional_form(system)
-        self.tracer = make_tracer(self.model, solver)
         self.multiplicity = np.bincount(mirror_of(system).index)
-        self.turning: list[Instant] = []
-        self.kept: dict[int, Kept] = {}
-        self.dissipation: list[Array] = []
-        self.slip: list[Array] = []
-        self.residual = self.energy_error = self.force_scale = self.energy_scale = 0.0
-        self.sweeps = self.n_events = 0
         self.watch = SteadyWatch(solver.steady_tolerance)
+        self.corners: list[Instant] = []
+        for row in range(len(passed)):
+            watch(self.watch, passed, row)
 
-    def rest(self, initial_slip: Array | None) -> None:
+    def lay(self, initial_slip: Array | None) -> None:
         """Lay the unloaded body on the plane."""
         n = self.system.n
         self.has_initial_slip = initial_slip is not None
@@ -110,54 +131,63 @@ class _Run:
             raise InputError(f"initial_slip has shape {v.shape}, expected ({n},)")
         v[self.system.held[:n]] = 0.0
         state = np.where(self.system.g0 > 0.0, State.SEPARATION, State.STICK).astype(np.int8)
-        self.now = ContactState(np.concatenate([v, np.zeros(n)]), np.zeros(2 * n), state)
-        self.load = self.history.path[0]
+        self.rest = ContactState(np.concatenate([v, np.zeros(n)]), np.zeros(2 * n), state)
 
-    def cycle(self, number: int) -> None:
-        """Trace the legs of one cycle and collect its quantities."""
+    def go_on(self) -> None:
+        """Stand at the end of the last finished cycle, nothing of the way there remembered."""
+        self.tracer = make_tracer(self.model, self.solver)
+        if self.passed and self.passed[-1].refined:
+            assert isinstance(self.tracer, EventPath)
+            self.tracer.segments.refine()
+        self._stand_after(len(self.passed) - 1)
+
+    def _stand_after(self, number: int) -> None:
+        """Stand at the end of a finished cycle, or at rest for -1."""
+        self.now, self.load, self.totals = self.rest, self.history.path[0], Totals()
+        if number >= 0:
+            end = self.passed[number].corners[-1]
+            self.now, self.load = end.state, end.load
+            self.totals = self.passed[number].totals
+
+    def cycle(self, number: int) -> Passed:
+        """Trace the legs of one cycle; return what it leaves behind."""
         dissipation = np.zeros(self.system.n)
-        wanted = self._wanted(number)
-        self.last = number, self.now, self.load, self.force_scale
-        kept = Kept()
-        corners = [self._instant(number, 0, 0.0, self.load, self.now)]
+        kept = Kept() if self._wanted(number) else None
+        start = self._instant(number, 0, 0.0, self.load, self.now)
+        self.corners = []
         for k, (a, b) in enumerate(self._legs(number)):
             try:
-                leg = self._trace(number, k, a, b, self.output.samples_per_leg if wanted else 0)
+                leg = self._trace(number, k, a, b, kept)
             except SolveError as error:
                 error.args = (f"cycle {number}, leg {k}: {error}",)
                 raise
             self._take(leg, jump=number == 0 and k == 0 and self.has_initial_slip)
             dissipation += leg.dissipation
             self.now, self.load = leg.end, b
-            corners.append(self._instant(number, k, 1.0, b, leg.end))
-            self.turning.append(corners[-1])
-            self._keep(kept, number, k, (a, b), leg)
-        if wanted:
-            self.kept[number] = kept
-        self.dissipation.append(dissipation)
-        v = np.array([corner.v for corner in corners])
-        self.slip.append(v[-1] - v[0])
-        if number == 0:
-            self.watch.start(self.now.r, v[-1])
-        else:
-            first, last = self.dissipation[1].sum(), dissipation.sum()
-            slip_range = float(np.ptp(v, axis=0).max())
-            self.watch.add(self.now.r, v[-1], slip_range, float(last), float(first))
+            self.corners.append(self._instant(number, k, 1.0, b, leg.end))
+        v = np.array([start.v, *(corner.v for corner in self.corners)])
+        corners, self.corners = self.corners, []
+        return Passed(
+            corners=corners,
+            dissipation=dissipation,
+            slip=v[-1] - v[0],
+            slip_range=float(np.ptp(v, axis=0).max()),
+            totals=self.totals,
+            refined=isinstance(self.tracer, EventPath) and self.tracer.segments.refined,
+            kept=kept,
+        )
 
-    def sample_last(self) -> None:
+    def sample_last(self) -> Kept | None:
         """Trace the last cycle once more from its start, for its samples, unless they are kept."""
-        number, state, load, scale = self.last
-        if number in self.kept or self.output.cycles is not None:
-            return
+        number = len(self.passed) - 1
+        if self.passed[number].kept is not None or self.output.cycles is not None:
+            return None
         kept = Kept()
-        end = self.now, self.load, self.force_scale
-        self.now, self.load, self.force_scale = state, load, scale
+        self._stand_after(number - 1)
         for k, (a, b) in enumerate(self._legs(number)):
-            leg = self._trace(number, k, a, b, self.output.samples_per_leg)
-            self._keep(kept, number, k, (a, b), leg)
-            self.now, self.load, self.force_scale = leg.end, b, leg.force_scale
-        self.kept[number] = kept
-        self.now, self.load, self.force_scale = end
+            leg = self._trace(number, k, a, b, kept)
+            self.now, self.totals = leg.end, self.totals._replace(force_scale=leg.force_scale)
+        return kept
 
     def _legs(self, number: int) -> list[tuple[Array, Array]]:
         polyline = self.history.path if number == 0 else self.history.loop
@@ -168,14 +198,21 @@ class _Run:
         wanted = DEFAULT_KEPT if self.output.cycles is None else self.output.cycles
         return wanted == "all" or number in wanted
 
-    def _keep(self, kept: Kept, number: int, k: int, ends: tuple[Array, Array], leg: Leg) -> None:
-        """Add a leg's samples and events to what is kept of its cycle."""
-        a, b = ends
-        for s, state in leg.samples:
-            kept.instants.append(self._instant(number, k, s, (1 - s) * a + s * b, state))
-        kept.changes += [
-            Change(number, k, s, (1 - s) * a + s * b, *rest) for s, *rest in leg.events
-        ]
+    def _trace(self, number: int, k: int, a: Array, b: Array, kept: Kept | None) -> Leg:
+        """Trace one leg by the chosen method; keep its samples and events where wanted."""
+        scale = self.totals.force_scale
+        if number == 0 and k == 0 and self.has_initial_slip:
+            leg = self.tracer.static_leg(self.now, (a, b), scale)
+        else:
+            samples = self.output.samples_per_leg if kept is not None else 0
+            leg = self.tracer.trace_leg(self.now, (a, b), scale, samples)
+        if kept is not None:
+            for s, state in leg.samples:
+                kept.instants.append(self._instant(number, k, s, (1 - s) * a + s * b, state))
+            kept.changes += [
+                Change(number, k, s, (1 - s) * a + s * b, *rest) for s, *rest in leg.events
+            ]
+        return leg
 
     def _instant(self, cycle: int, leg: int, s: float, load: Array, state: ContactState) -> Instant:
         v = state.v
@@ -183,73 +220,30 @@ class _Run:
             v = self.system.slip_map @ np.concatenate([state.w, load])
         return Instant(cycle, leg, s, load, v, state)
 
-    def _trace(self, number: int, k: int, a: Array, b: Array, samples: int) -> Leg:
-        """Trace one leg by the chosen method."""
-        if number == 0 and k == 0 and self.has_initial_slip:
-            return self.tracer.static_leg(self.now, (a, b), self.force_scale)
-        return self.tracer.trace_leg(self.now, (a, b), self.force_scale, samples)
-
     def _take(self, leg: Leg, jump: bool) -> None:
         """Take over a leg's checks: residual, energy identity (not for a jump), counts."""
-        self.force_scale = leg.force_scale
-        self.residual = max(self.residual, leg.residual)
-        if not jump:
-            self.energy_error = max(self.energy_error, self._energy_error(leg))
-        self.sweeps += leg.sweeps
-        self.n_events += int(sum(self.multiplicity[event[1]] for event in leg.events))
+        before = self.totals
+        error, scale = (0.0, before.energy_scale) if jump else self._energy_error(leg)
+        self.totals = Totals(
+            force_scale=leg.force_scale,
+            energy_scale=scale,
+            residual=max(before.residual, leg.residual),
+            energy_error=max(before.energy_error, error),
+            sweeps=before.sweeps + leg.sweeps,
+            events=before.events + int(sum(self.multiplicity[event[1]] for event in leg.events)),
+        )
 
-    def _energy_error(self, leg: Leg) -> float:
-        """Return the relative error of D + change of (1/2 u K u) + integral lambda r* . du = 0."""
+    def _energy_error(self, leg: Leg) -> tuple[float, float]:
+        """Return the relative error of D + change of (1/2 u K u) + integral lambda r* . du = 0.
+
+        The second value is the largest energy of a leg so far.
+        """
         K = self.model.K
         stored = 0.5 * float((leg.end.u - self.now.u) @ K @ (leg.end.u + self.now.u))
         D = float(leg.dissipation.sum())
-        self.energy_scale = max(self.energy_scale, abs(D) + abs(stored))
-        scale = max(abs(D) + abs(stored), ENERGY_FLOOR * self.energy_scale)
-        return abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0
-
-    def record(self) -> Record:
-        """Return everything collected, for the whole contact."""
-        system, mirror = self.system, mirror_of(self.system)
-        n_loads = len(system.load_names)
-        weight = mirror.total(system.weight)
-        D = np.array(self.dissipation[1:]).reshape(-1, system.n)
-        slip = np.array(self.slip[1:]).reshape(-1, system.n)
-        flip = np.where(mirror.left, -1.0, 1.0)
-        instants = [i for kept in self.kept.values() for i in kept.instants]
-        changes = [c for kept in self.kept.values() for c in kept.changes]
-        return Record(
-            x=flip * system.x[mirror.index],
-            points=system.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1),
-            f=mirror.even(system.f),
-            g0=mirror.even(system.g0),
-            weight=weight,
-            load_names=system.load_names,
-            scene_toml=system.scene_toml,
-            method=self.solver.method,
-            modelled_nodes=system.n,
-            modelled_dofs=int(np.sum(~self.model.held)),
-            half=system.half,
-            turning_points=states_table(system, mirror, self.turning),
-            samples=states_table(system, mirror, instants),
-            events=events_table(mirror, changes, n_loads),
-            cycles=Cycles(
-                dissipation=mirror.factor * D.sum(axis=1),
-                dissipation_density=mirror.total(D) / np.where(weight > 0.0, weight, np.inf),
-                slip_increment=mirror.odd(slip),
-            ),
-            dissipation_first_loading=mirror.factor * float(np.sum(self.dissipation[:1])),
-            steady=Steady(
-                reached=self.watch.cycle >= 0,
-                cycle=self.watch.cycle,
-                kind=self.watch.kind,
-                period=self.watch.period,
-                change=np.array(self.watch.change),
-            ),
-            residual_max=self.residual,
-            energy_error_max=self.energy_error,
-            sweeps=self.sweeps,
-            n_events=self.n_events,
-        )
+        largest = max(self.totals.energy_scale, abs(D) + abs(stored))
+        scale = max(abs(D) + abs(stored), ENERGY_FLOOR * largest)
+        return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
 
 
 def make_tracer(system: ContactSystem, solver: SolverOptions) -> GaussSeidelPath | EventPath:

@@ -7,9 +7,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem
-from receding_fenicsx.interface.mirror import SWAPPED, Mirror
-from receding_fenicsx.output.record import Events, States
+from receding_fenicsx.interface.contact import (
+    Array,
+    ContactState,
+    ContactSystem,
+    frictional_form,
+)
+from receding_fenicsx.interface.cycles import SteadyWatch
+from receding_fenicsx.interface.mirror import SWAPPED, Mirror, mirror_of
+from receding_fenicsx.output.record import Cycles, Events, Record, States, Steady
+from receding_fenicsx.scene import SolverOptions
 
 
 class Instant(NamedTuple):
@@ -41,6 +48,123 @@ class Kept:
 
     instants: list[Instant] = field(default_factory=list)
     changes: list[Change] = field(default_factory=list)
+
+
+class Totals(NamedTuple):
+    """What is gathered over the whole history up to an instant.
+
+    Attributes:
+        force_scale: largest nodal force.
+        energy_scale: largest energy of a leg.
+        residual: largest residual of the contact law over the force scale.
+        energy_error: largest relative error of a leg's energy identity.
+        sweeps: Gauss-Seidel sweeps.
+        events: changes of state of the whole contact.
+    """
+
+    force_scale: float = 0.0
+    energy_scale: float = 0.0
+    residual: float = 0.0
+    energy_error: float = 0.0
+    sweeps: int = 0
+    events: int = 0
+
+
+@dataclass(frozen=True)
+class Passed:
+    """What one finished cycle leaves behind; all finished cycles together are the whole run so far.
+
+    Attributes:
+        corners: the ends of its legs.
+        dissipation: (N,) frictional dissipation of the modelled nodes.
+        slip: (N,) v at its end less v at its start.
+        slip_range: largest range of v of any node over its corners.
+        totals: over the history up to its end.
+        refined: the rates of the legs to come are refined.
+        kept: its samples and events, where they were asked for.
+    """
+
+    corners: list[Instant]
+    dissipation: Array
+    slip: Array
+    slip_range: float
+    totals: Totals
+    refined: bool = False
+    kept: Kept | None = None
+
+
+def watch(watcher: SteadyWatch, passed: list[Passed], row: int) -> None:
+    """Show a finished cycle to what watches for the steady state."""
+    cycle, end = passed[row], passed[row].corners[-1]
+    if row == 0:
+        watcher.start(end.state.r, end.v)
+    else:
+        first, last = (float(p.dissipation.sum()) for p in (passed[1], cycle))
+        watcher.add(end.state.r, end.v, cycle.slip_range, last, first)
+
+
+def record_of(
+    system: ContactSystem,
+    solver: SolverOptions,
+    passed: list[Passed],
+    unfinished: tuple[list[Instant], Totals] = ([], Totals()),
+    last: Kept | None = None,
+) -> Record:
+    """Return the record of the whole contact.
+
+    Args:
+        system: the condensed body.
+        solver: method and tolerances.
+        passed: the finished cycles.
+        unfinished: ends of the finished legs of a cycle that ended early, and the totals there.
+        last: samples and events of the last finished cycle, where it has none of its own.
+    """
+    mirror = mirror_of(system)
+    n_loads = len(system.load_names)
+    weight = mirror.total(system.weight)
+    D = np.array([p.dissipation for p in passed[1:]]).reshape(-1, system.n)
+    slip = np.array([p.slip for p in passed[1:]]).reshape(-1, system.n)
+    flip = np.where(mirror.left, -1.0, 1.0)
+    kept = [p.kept for p in passed if p.kept is not None] + ([last] if last else [])
+    watcher = SteadyWatch(solver.steady_tolerance)
+    for row in range(len(passed)):
+        watch(watcher, passed, row)
+    corners = [i for p in passed for i in p.corners] + unfinished[0]
+    first_loading = sum(float(p.dissipation.sum()) for p in passed[:1])
+    totals = unfinished[1] if unfinished[0] or not passed else passed[-1].totals
+    return Record(
+        x=flip * system.x[mirror.index],
+        points=system.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1),
+        f=mirror.even(system.f),
+        g0=mirror.even(system.g0),
+        weight=weight,
+        load_names=system.load_names,
+        scene_toml=system.scene_toml,
+        method=solver.method,
+        modelled_nodes=system.n,
+        modelled_dofs=int(np.sum(~frictional_form(system).held)),
+        half=system.half,
+        turning_points=states_table(system, mirror, corners),
+        samples=states_table(system, mirror, [i for k in kept for i in k.instants]),
+        events=events_table(mirror, [c for k in kept for c in k.changes], n_loads),
+        cycles=Cycles(
+            dissipation=mirror.factor * D.sum(axis=1),
+            dissipation_density=mirror.total(D) / np.where(weight > 0.0, weight, np.inf),
+            slip_increment=mirror.odd(slip),
+        ),
+        dissipation_first_loading=mirror.factor * first_loading,
+        steady=Steady(
+            reached=watcher.cycle >= 0,
+            cycle=watcher.cycle,
+            kind=watcher.kind,
+            period=watcher.period,
+            change=np.array(watcher.change),
+        ),
+        residual_max=totals.residual,
+        energy_error_max=totals.energy_error,
+        sweeps=totals.sweeps,
+        n_events=totals.events,
+    )
 
 
 def states_table(system: ContactSystem, mirror: Mirror, instants: list[Instant]) -> States:
