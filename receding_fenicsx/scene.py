@@ -62,7 +62,10 @@ class Body:
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity; ``name`` is that of a table [material.NAME]."""
+    """Isotropic linear elasticity; ``name`` is that of a table [material.NAME].
+
+    ``kinematics`` is "plane strain", "plane stress" or "axisymmetric": x is then r, y is z.
+    """
 
     young: float = 1.0
     poisson: float = 0.3
@@ -178,6 +181,11 @@ class Scene:
     solver: SolverOptions = field(default_factory=SolverOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
 
+    @property
+    def axisymmetric(self) -> bool:
+        """Whether x stands for r and y for z of a body of revolution."""
+        return self.material_of(self.body).kinematics == "axisymmetric"
+
     def validate(self) -> None:
         """Raise InputError, one line, when the scene cannot be modelled."""
         from receding_fenicsx.scene_checks import validate
@@ -259,7 +267,7 @@ def edge_range(scene: Scene, edge: str) -> tuple[float, float]:
     if name not in EDGES:
         raise InputError(f"'{edge}' is no edge of a rectangle; use one of {', '.join(EDGES)}")
     half = 0.5 * (body.width if name in HORIZONTAL else body.height)
-    return -half, half
+    return 0.0 if scene.axisymmetric and name in HORIZONTAL else -half, half
 
 
 def edge_points(scene: Scene, edge: str, along: ArrayLike) -> tuple[Array, Array]:

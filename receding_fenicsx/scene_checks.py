@@ -115,6 +115,13 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     )
 
 
+def is_half_meshed(scene: Scene) -> bool:
+    """Whether only x >= 0 is meshed: an axisymmetric body, or half of a mirror-symmetric scene."""
+    if scene.axisymmetric:
+        return True
+    return scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
+
+
 def contact_samples(scene: Scene, contact: Contact) -> Array:
     """Positions of the nodes that a contact edge will have, nominally equally spaced."""
     low, high = contact.span or edge_range(scene, contact.edge)
@@ -237,12 +244,9 @@ def _check_body(body: Body, label: str) -> None:
 def _check_material(material: Material) -> None:
     where = f"[material.{material.name}]" if material.name else "[material]"
     _check_positive(material.young, f"{where} young")
-    if material.kinematics == "axisymmetric":
-        raise InputError(
-            f"{where} kinematics: axisymmetric is not available yet; use plane strain or stress"
-        )
-    _check_choice(material.kinematics, ("plane strain", "plane stress"), f"{where} kinematics")
-    limit, text = (0.5, "below 0.5") if material.kinematics == "plane strain" else (1.0, "below 1")
+    choices = ("plane strain", "plane stress", "axisymmetric")
+    _check_choice(material.kinematics, choices, f"{where} kinematics")
+    limit, text = (1.0, "below 1") if material.kinematics == "plane stress" else (0.5, "below 0.5")
     if not -1.0 < material.poisson < limit:
         raise InputError(
             f"{where} poisson: must lie above -1 and {text} in {material.kinematics}, "
@@ -285,6 +289,11 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
     _check_edge(scene, contact.edge, f"{where} edge")
     if contact.against is not None:
         _check_edge(scene, contact.against, f"{where} against")
+    if scene.axisymmetric and not _is_horizontal(scene, contact.edge):
+        raise InputError(
+            f'{where} edge: "{contact.edge}" cannot touch a plane in an axisymmetric body; use '
+            "bottom or top"
+        )
     _check_span(scene, contact.edge, contact.span, f"{where} span")
     x = contact_samples(scene, contact)
     for profile, key in ((contact.friction, "friction"), (contact.initial_gap, "initial_gap")):
@@ -302,6 +311,11 @@ def _check_edge(scene: Scene, edge: str, where: str) -> None:
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     _check_choice(name, EDGES, where)
+    if scene.axisymmetric and name == "left":
+        raise InputError(
+            f'{where}: "{edge}" is the axis r = 0 of the axisymmetric body, which is held by '
+            "itself; use another edge"
+        )
 
 
 def _check_span(scene: Scene, edge: str, span: tuple[float, float] | None, where: str) -> None:
@@ -397,10 +411,11 @@ def _check_support(scene: Scene, support: Support) -> None:
     x, y = support.point
     half, height = 0.5 * scene.body.width, scene.body.height
     slack = LENGTH_TOLERANCE * max(scene.body.width, height)
-    if abs(x) > half + slack or not -slack <= y <= height + slack:
+    least = 0.0 if scene.axisymmetric else -half
+    if not (least - slack <= x <= half + slack and -slack <= y <= height + slack):
         raise InputError(
-            f"{where} point: ({x:g}, {y:g}) lies outside the body, which fills |x| <= {half:g}, "
-            f"0 <= y <= {height:g}"
+            f"{where} point: ({x:g}, {y:g}) lies outside the body, which fills "
+            f"{least:g} <= x <= {half:g}, 0 <= y <= {height:g}"
         )
 
 

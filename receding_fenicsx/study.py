@@ -27,7 +27,7 @@ from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.replay import state_at
 from receding_fenicsx.scene import Scene, evaluate
-from receding_fenicsx.scene_checks import is_mirror_symmetric
+from receding_fenicsx.scene_checks import is_half_meshed
 from receding_fenicsx.scene_file import from_toml
 
 if TYPE_CHECKING:
@@ -230,7 +230,7 @@ def _folder(comm: MPI.Comm, out: str | Path | None, overwrite: bool) -> Iterator
 def _bulk(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk:
     from receding_fenicsx.bulk import elasticity, meshing
 
-    half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
+    half = is_half_meshed(scene)
     with timer("mesh"), _signals_kept():
         body = meshing.make_mesh(comm, scene, half)
     with timer("assemble"):

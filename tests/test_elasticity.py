@@ -321,7 +321,7 @@ def test_field_carries_the_condensed_reactions(
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"material": Material(kinematics="axisymmetric")}, "material.kinematics = 'axisymm"),
+        ({"material": Material(kinematics="spherical")}, "material.kinematics = 'spherical"),
         ({"material": Material(poisson=0.5)}, "material.poisson = 0.5"),
         ({"material": Material(young=0.0)}, "material.young = 0"),
         ({"mesh": MeshOptions(contact_elements=16, degree=3)}, "mesh.degree = 3"),

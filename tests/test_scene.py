@@ -180,7 +180,7 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["body.parameters={a = true}"], ["[body] parameters.a", "number"]),
         (["body.material=steel"], ["[body] material", "unknown material 'steel'"]),
         (["body.name=a.b"], ["name", "dot"]),
-        (["material.kinematics=axisymmetric"], ["axisymmetric", "not available yet"]),
+        (["material.kinematics=axisymmetric"], ["load 'p0' span", "from 0 to"]),
         (["contact.against=top"], ["[contact] against", "not available yet"]),
         (["contact.edge=a.bottom"], ["[contact] edge", "a.bottom"]),
         (["contact.2.edge=top"], ["--set", "contact.key=value"]),

@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, integrate, positions
+from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, integrate, measure, positions
 from receding_fenicsx.bulk.meshing import BodyMesh
 from receding_fenicsx.bulk.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.errors import InputError, on_all
@@ -21,6 +21,8 @@ NORMAL_TOLERANCE = 1e-10
 """Largest component of a difference between unit vectors that are to be the same."""
 MOTION_TOLERANCE = 1e-12
 """Size of a constraint on a rigid motion (lengths over the body's) that counts as none."""
+WEIGHT_TOLERANCE = 1e-9
+"""Weight of a contact node over the largest one below which it is none."""
 AXES = {"x": (0,), "y": (1,), "xy": (0, 1)}
 
 
@@ -34,7 +36,7 @@ class ContactNodes:
         node: (N,) global number of the node, whose displacements are 2 node and 2 node + 1.
         tangent: (2,) unit vector t = (n_y, -n_x).
         normal: (2,) unit vector n into the body.
-        weight: (N,) integral of N_i over the modelled contact edge.
+        weight: (N,) integral of N_i over the modelled contact edge, axisymmetric times r.
         held: (2N,) degrees of freedom [v; w] fixed by symmetry or supports.
         rigid: (2N, n) rigid motions [v; w] that supports and symmetry leave, each with largest
             entry 1.
@@ -103,18 +105,23 @@ def find_contact(
     normal = -facets.outward[0] + 0.0
     if np.abs(facets.outward + normal).max() > NORMAL_TOLERANCE:
         raise InputError(f"contact.edge = '{contact.edge}' is not straight; it has to be")
-    weights = integrate(facets, lambda points, normals: np.ones((len(points), 1)))[:, :, 0]
+    weights = integrate(facets, lambda points, normals: measure(scene, points))[:, :, 0]
     node, first, inverse = np.unique(facets.nodes.ravel(), return_index=True, return_inverse=True)
     points = facets.points.reshape(-1, 2)[first]
     weight = np.bincount(inverse.ravel(), weights=weights.ravel()).astype(float)
     x = positions(points, normal, body.centre)
     order = np.argsort(x)
+    if scene.axisymmetric:
+        # at order 2 the node on the axis has no weight: it gets no contact condition
+        order = order[weight[order] > WEIGHT_TOLERANCE * weight.max()]
     node, points, x, weight = node[order], points[order], x[order], weight[order]
     tangent = np.array([normal[1], -normal[0]]) + 0.0
 
     dofs, places = _held(scene, space, body)
     pivot = 0.5 * (points[0] + points[-1])
     constraints = _motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
+    # a body of revolution moves along its axis only
+    never = np.eye(3)[[0, 2]] if scene.axisymmetric else np.empty((0, 3))
     at_contact = np.isin(dofs // 2, node)
     on_nodes = _motions(points, pivot, body.size)
     modes = np.concatenate([np.einsum("c,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
@@ -126,8 +133,8 @@ def find_contact(
         normal=normal,
         weight=weight,
         held=_held_at_contact(dofs[at_contact], node, tangent, normal),
-        rigid=_scaled(modes @ _left(constraints)),
-        null=_scaled(modes @ _left(constraints[~at_contact])),
+        rigid=_scaled(modes @ _left(np.vstack([constraints, never]))),
+        null=_scaled(modes @ _left(np.vstack([constraints[~at_contact], never]))),
     )
     return found, dofs[~at_contact]
 
@@ -140,7 +147,16 @@ def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints,
 
     def search() -> list[tuple[Ints, Array, tuple[int, ...]]]:
         found = []
-        if body.half:
+        coordinates = space.tabulate_dof_coordinates()[: end - start, :2]
+        if scene.axisymmetric:
+            r = coordinates[:, 0]
+            if r.min(initial=0.0) < -near:
+                raise InputError(
+                    f"body: a node has r = x = {r.min():g}; an axisymmetric body lies at x >= 0"
+                )
+            at = np.flatnonzero(r <= near)
+            found.append((start + at.astype(np.int64), coordinates[at], AXES["x"]))
+        elif body.half:
             facets = edge_facets(space, body, "axis")
             found.append((facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES["x"]))
         for support in scene.supports:
@@ -154,7 +170,6 @@ def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints,
                     (facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES[support.fix])
                 )
             elif support.point is not None:
-                coordinates = space.tabulate_dof_coordinates()[: end - start, :2]
                 at = np.flatnonzero(np.hypot(*(coordinates - np.array(support.point)).T) <= near)
                 found.append((start + at.astype(np.int64), coordinates[at], AXES[support.fix]))
             else:
@@ -162,8 +177,8 @@ def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints,
         return found
 
     parts = comm.allgather(on_all(comm, search))
-    for k, support in enumerate(scene.supports, start=int(body.half)):
-        mirrored = body.half and (
+    for k, support in enumerate(scene.supports, start=int(body.half or scene.axisymmetric)):
+        mirrored = (body.half and not scene.axisymmetric) and (
             support.edge == "left" or (support.point is not None and support.point[0] < -near)
         )
         if not mirrored and not any(len(part[k][0]) for part in parts):

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.meshing import BodyMesh
+from receding_fenicsx.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -96,6 +97,11 @@ def positions(points: Array, normal: Array, centre: Array) -> Array:
     larger = direction[np.argmax(np.abs(direction))]
     direction = direction * np.sign(larger) + 0.0
     return (points - centre) @ direction
+
+
+def measure(scene: Scene, points: Array) -> Array:
+    """Return (n, 1) what an element of length at points (n, 2) counts: 1; axisymmetric r."""
+    return points[:, :1] if scene.axisymmetric else np.ones((len(points), 1))
 
 
 def integrate(facets: EdgeFacets, traction: Callable[[Array, Array], Array]) -> Array:

@@ -8,23 +8,26 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.edges import edge_facets, integrate
+from receding_fenicsx.bulk.edges import edge_facets, integrate, measure
 from receding_fenicsx.bulk.meshing import BodyMesh
 from receding_fenicsx.errors import InputError, on_all
-from receding_fenicsx.scene import Load, Profile, evaluate
+from receding_fenicsx.scene import Load, Profile, Scene, evaluate
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 
-def add_load(vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, load: Load) -> None:
+def add_load(
+    vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
+) -> None:
     """Add the nodal forces of a load with factor 1.
 
     Args:
         vector: nodal forces.
         space: displacement space.
         body: the mesh.
-        load: the load; on a half body, only its part at x >= 0 is there.
+        scene: the scene.
+        load: one of its loads; on a half body, only its part at x >= 0 is there.
 
     Raises:
         InputError: no facet lies in the load's span, or its profile cannot be evaluated; on all
@@ -34,13 +37,15 @@ def add_load(vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, load: 
 
     def forces() -> tuple[Ints, Array]:
         facets = edge_facets(space, body, load.edge, load.span)
-        return facets.nodes, integrate(facets, lambda *at: _traction(load, body, *at))
+        return facets.nodes, integrate(
+            facets, lambda *at: measure(scene, at[0]) * _traction(load, body, *at)
+        )
 
     nodes, values = on_all(comm, forces)
     left = load.edge == "left" or (
         load.edge != "right" and load.span is not None and load.span[1] <= 0.0
     )
-    if comm.allreduce(len(nodes)) == 0 and not (body.half and left):
+    if comm.allreduce(len(nodes)) == 0 and not (body.half and left and not scene.axisymmetric):
         raise InputError(
             f"load.{load.name}: no part of edge '{load.edge}' lies in its span; move the span"
         )

@@ -14,11 +14,13 @@ from numpy.typing import NDArray
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.material import lame_constants
+from receding_fenicsx.bulk.rectangle import POSITION_TOLERANCE
 
 Array = NDArray[np.float64]
 
 STRESSES = ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear")
-"""Names of the stresses; "max_shear" is the largest shear in the plane."""
+"""Names of the stresses; "max_shear" is the largest shear in the plane. In an axisymmetric body
+"x" is r, "y" is z and "szz" the hoop stress."""
 
 
 @dataclass(frozen=True)
@@ -46,7 +48,7 @@ def stresses(bulk: Bulk, displacement: fem.Function) -> Stresses:
     """
     corners = _dolfinx.REFERENCE_CORNERS[bulk.body.cell]
     points = np.vstack([corners, corners.mean(axis=0)])
-    gradient = _dolfinx.evaluate_in_cells(ufl.grad(displacement), points, bulk.space)
+    gradient = _gradient(bulk, displacement, points)
     constant = _dolfinx.scalar_space(bulk.body.mesh, "DG", 0)
     linear = _dolfinx.scalar_space(bulk.body.mesh, "Lagrange", 1)
     cell_dofs = _cell_dofs(constant, len(gradient))[:, 0]
@@ -64,16 +66,37 @@ def stresses(bulk: Bulk, displacement: fem.Function) -> Stresses:
     return Stresses(in_cells, at_vertices)
 
 
+def _gradient(bulk: Bulk, displacement: fem.Function, points: Array) -> Array:
+    """Return (cells, n, [xx, xy, yx, yy, zz]) displacement gradients at reference points.
+
+    The last is 0 in the plane; in an axisymmetric body it is the hoop strain u_r/r, on the axis
+    du_r/dr.
+    """
+    grad = ufl.grad(displacement)
+    if not bulk.scene.axisymmetric:
+        plane = _dolfinx.evaluate_in_cells(grad, points, bulk.space)
+        return np.concatenate([plane, np.zeros_like(plane[..., :1])], axis=-1)
+    x = ufl.SpatialCoordinate(bulk.body.mesh)
+    parts = [grad[0, 0], grad[0, 1], grad[1, 0], grad[1, 1], displacement[0], x[0]]
+    values = _dolfinx.evaluate_in_cells(ufl.as_vector(parts), points, bulk.space)
+    r = values[..., 5]
+    on_axis = np.abs(r) <= POSITION_TOLERANCE * bulk.body.size
+    hoop = np.where(on_axis, values[..., 0], values[..., 4] / np.where(on_axis, 1.0, r))
+    return np.concatenate([values[..., :4], hoop[..., None]], axis=-1)
+
+
 def _components(bulk: Bulk, gradient: Array) -> dict[str, Array]:
-    """Return each stress of ``STRESSES`` from displacement gradients (..., [xx, xy, yx, yy])."""
+    """Return each stress of ``STRESSES`` from gradients (..., [xx, xy, yx, yy, zz])."""
     material = bulk.scene.material
     lam, mu = (material.young * constant for constant in lame_constants(material))
-    exx, eyy = gradient[..., 0], gradient[..., 3]
-    sxx = lam * (exx + eyy) + 2.0 * mu * exx
-    syy = lam * (exx + eyy) + 2.0 * mu * eyy
+    exx, eyy, ezz = gradient[..., 0], gradient[..., 3], gradient[..., 4]
+    dilation = exx + eyy + ezz
+    sxx = lam * dilation + 2.0 * mu * exx
+    syy = lam * dilation + 2.0 * mu * eyy
     sxy = mu * (gradient[..., 1] + gradient[..., 2])
-    plane_strain = material.kinematics == "plane strain"
-    szz = material.poisson * (sxx + syy) if plane_strain else np.zeros_like(sxx)
+    szz = lam * dilation + 2.0 * mu * ezz
+    if material.kinematics == "plane stress":
+        szz = np.zeros_like(sxx)
     pairs = (sxx - syy) ** 2 + (syy - szz) ** 2 + (szz - sxx) ** 2
     von_mises = np.sqrt(0.5 * pairs + 3.0 * sxy**2)
     max_shear = np.hypot(0.5 * (sxx - syy), sxy)

@@ -59,6 +59,7 @@ class ContactSystem:
             contact held.
         load_sign: (n_loads,) -1 for force-like loads, +1 for prescribed displacements:
             load_displacement = load_compliance @ lambda + load_sign * (r_star @ u).
+        axisymmetric: x is the radius, and everything is per radian.
         scene_toml: text of the scene that the system was condensed from, "" when made by hand.
     """
 
@@ -77,6 +78,7 @@ class ContactSystem:
     slip_map: Array | None = None
     load_compliance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     load_sign: Array = field(default_factory=lambda: np.zeros(0))
+    axisymmetric: bool = False
     scene_toml: str = ""
 
     @property

@@ -1,8 +1,8 @@
-"""From the modelled half of a mirror-symmetric contact to the whole contact."""
+"""From the modelled half of a mirror-symmetric contact, or one radian, to the whole contact."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -21,13 +21,16 @@ class Mirror:
         index: (M,) modelled node behind each node of the whole contact.
         left: (M,) True for reflected nodes.
         axis: (M,) True for the node on the axis of a half model.
-        factor: 2 for a half model, else 1: whole-contact energies over modelled ones.
+        factor: 2 for a half model, 2 pi for one radian, else 1: whole-contact energies over
+            modelled ones.
+        circle: 2 pi for one radian, else 1: nodal totals over modelled ones.
     """
 
     index: NDArray[np.intp]
     left: NDArray[np.bool_]
     axis: NDArray[np.bool_]
     factor: float
+    circle: float = 1.0
 
     def even(self, a: Array) -> Array:
         """Return w-like values (last axis over nodes): equal on both sides."""
@@ -40,7 +43,11 @@ class Mirror:
 
     def total(self, a: Array) -> Array:
         """Return P-like nodal totals: even, the axis node's doubled."""
-        return np.where(self.axis, 2.0, 1.0) * a[..., self.index]
+        return self.circle * np.where(self.axis, 2.0, 1.0) * a[..., self.index]
+
+    def odd_total(self, a: Array) -> Array:
+        """Return Q-like nodal totals: opposite on the two sides, zero on the axis."""
+        return self.circle * self.odd(a)
 
     def states(self, a: NDArray[np.int8]) -> NDArray[np.int8]:
         """Return states: forward and backward slip change places on reflected nodes."""
@@ -60,7 +67,10 @@ SWAPPED = np.array(
 
 def mirror_of(system: ContactSystem) -> Mirror:
     """Return the map from the modelled nodes to the whole contact."""
-    return mirror_nodes(system.x, system.half)
+    mirror = mirror_nodes(system.x, system.half)
+    if system.axisymmetric:
+        return replace(mirror, factor=2.0 * np.pi, circle=2.0 * np.pi)
+    return mirror
 
 
 def mirror_nodes(x: Array, half: bool) -> Mirror:

@@ -1,7 +1,7 @@
 """Zones of stick, slip and separation along the contact edge, and their widths.
 
 A zone's end lies midway between its last node and the next one; the outermost zones end at the
-outermost nodes.
+outermost nodes. Axisymmetric, x is the radius and the first zone begins on the axis.
 """
 
 from __future__ import annotations
@@ -17,12 +17,13 @@ Zone = tuple[str, float, float]
 """Name of the state, and the two ends."""
 
 
-def zones(x: Array, state: NDArray[np.integer]) -> list[Zone]:
+def zones(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> list[Zone]:
     """Split the contact edge into zones of equal state.
 
     Args:
         x: (N,) positions, increasing.
         state: (N,) values of :class:`State`.
+        axisymmetric: x is the radius.
 
     Returns:
         The zones from the smallest x to the greatest; each begins where the one before ends.
@@ -30,7 +31,8 @@ def zones(x: Array, state: NDArray[np.integer]) -> list[Zone]:
     if len(x) == 0:
         return []
     starts = np.flatnonzero(np.diff(state)) + 1
-    ends = np.concatenate([x[:1], 0.5 * (x[starts - 1] + x[starts]), x[-1:]])
+    begin = [0.0] if axisymmetric else x[:1]
+    ends = np.concatenate([begin, 0.5 * (x[starts - 1] + x[starts]), x[-1:]])
     first = np.concatenate([[0], starts])
     return [
         (STATE_NAMES[State(int(state[i]))], float(a), float(b))
@@ -38,32 +40,40 @@ def zones(x: Array, state: NDArray[np.integer]) -> list[Zone]:
     ]
 
 
-def contact_half_width(x: Array, state: NDArray[np.integer]) -> float:
-    """Half the distance between the ends of the outermost zones in contact; 0 without contact."""
-    touching = [z for z in zones(x, state) if z[0] != STATE_NAMES[State.SEPARATION]]
+def contact_half_width(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> float:
+    """Half the distance between the ends of the outermost zones in contact; 0 without contact.
+
+    Axisymmetric it is the radius of the outer end.
+    """
+    touching = [z for z in zones(x, state, axisymmetric) if z[0] != STATE_NAMES[State.SEPARATION]]
+    if axisymmetric:
+        return touching[-1][2] if touching else 0.0
     return 0.5 * (touching[-1][2] - touching[0][1]) if touching else 0.0
 
 
-def stick_half_width(x: Array, state: NDArray[np.integer], f: Array | None = None) -> float:
+def stick_half_width(
+    x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
+) -> float:
     """Half the width of the stick zone around the centre of the contact edge; 0 when there is none.
 
     Args:
         x: (N,) positions, increasing.
         state: (N,) values of :class:`State`.
         f: (N,) coefficient of friction: nodes without friction do not stick.
+        axisymmetric: x is the radius, the centre x = 0.
 
     Returns:
-        The half width.
+        The half width, axisymmetric the radius.
     """
     if len(x) == 0:
         return 0.0
     sticks = np.asarray(state) == State.STICK
     if f is not None:
         sticks &= np.asarray(f) > 0.0
-    centre = 0.5 * (x[0] + x[-1])
-    for name, a, b in zones(x, np.where(sticks, State.STICK, State.SEPARATION)):
+    centre = 0.0 if axisymmetric else 0.5 * (x[0] + x[-1])
+    for name, a, b in zones(x, np.where(sticks, State.STICK, State.SEPARATION), axisymmetric):
         if name == STATE_NAMES[State.STICK] and a <= centre <= b:
-            return 0.5 * (b - a)
+            return b if axisymmetric else 0.5 * (b - a)
     return 0.0
 
 

@@ -144,6 +144,7 @@ def record_of(
         modelled_nodes=system.n,
         modelled_dofs=int(np.sum(~frictional_form(system).held)),
         half=system.half,
+        axisymmetric=system.axisymmetric,
         turning_points=states_table(system, mirror, corners),
         samples=states_table(system, mirror, [i for k in kept for i in k.instants]),
         events=events_table(mirror, [c for k in kept for c in k.changes], n_loads),
@@ -176,7 +177,7 @@ def states_table(system: ContactSystem, mirror: Mirror, instants: list[Instant])
     v = np.array([i.v for i in instants]).reshape(-1, n)
     load = np.array([i.load for i in instants]).reshape(-1, n_loads)
     state = np.array([i.state.state for i in instants], dtype=np.int8).reshape(-1, n)
-    Q, P = mirror.odd(r[:, :n]), mirror.total(r[:, n:])
+    Q, P = mirror.odd_total(r[:, :n]), mirror.total(r[:, n:])
     weighted = weight > 0.0
     safe = np.where(weighted, weight, 1.0)
     return States(

@@ -142,9 +142,9 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
 
 def digest(scene: Scene) -> str:
     """SHA-256 of all of a scene that its condensed system depends on."""
-    from receding_fenicsx.scene_checks import is_mirror_symmetric
+    from receding_fenicsx.scene_checks import is_half_meshed
 
-    half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
+    half = is_half_meshed(scene)
     rest = Scene(
         body=scene.body,
         material=scene.material,

@@ -122,6 +122,7 @@ class Record:
         method: "gauss-seidel" or "events".
         modelled_nodes, modelled_dofs: contact nodes and degrees of freedom that were solved for.
         half: True when half of the body was modelled.
+        axisymmetric: True when x is the radius; forces and energies are those of the full circle.
         turning_points: the end of every leg.
         samples: instants along the legs of the kept cycles.
         events: changes of state in the kept cycles.
@@ -145,6 +146,7 @@ class Record:
     modelled_nodes: int
     modelled_dofs: int
     half: bool
+    axisymmetric: bool
     turning_points: States
     samples: States
     events: Events

@@ -43,7 +43,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "dofs": 2 * len(record.x),
         "modelled_nodes": record.modelled_nodes,
         "modelled_dofs": record.modelled_dofs,
-        "symmetry": "mirror" if record.half else "none",
+        "symmetry": _symmetry(record),
         "turning_points": [_turning_point(record, i) for i in range(len(record.turning_points.s))],
         "dissipation_first_loading": float(record.dissipation_first_loading),
         "dissipation_per_cycle": record.cycles.dissipation.tolist(),
@@ -63,6 +63,13 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "paper": paper_table(record),
         **(extra or {}),
     }
+
+
+def _symmetry(record: Record) -> str:
+    """What spared part of the body: a mirror, an axis of revolution, or nothing."""
+    if record.axisymmetric:
+        return "axisymmetric"
+    return "mirror" if record.half else "none"
 
 
 def _trend(record: Record) -> dict[str, Any]:
@@ -126,9 +133,9 @@ def _turning_point(record: Record, i: int) -> dict[str, Any]:
         "cycle": int(table.cycle[i]),
         "leg": int(table.leg[i]),
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
-        "zones": [list(zone) for zone in zones(x, state)],
-        "contact_half_width": contact_half_width(x, state),
-        "stick_half_width": stick_half_width(x, state, record.f),
+        "zones": [list(zone) for zone in zones(x, state, record.axisymmetric)],
+        "contact_half_width": contact_half_width(x, state, record.axisymmetric),
+        "stick_half_width": stick_half_width(x, state, record.f, record.axisymmetric),
         "p_max": float(table.p[i].max()),
         "q_min": float(table.q[i].min()),
         "q_max": float(table.q[i].max()),

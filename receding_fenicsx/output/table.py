@@ -35,7 +35,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
             f"{p['stick_half_width']:.4f}",
             f"{p['p_max']:.4f}",
             f"{max(abs(p['q_min']), abs(p['q_max'])):.4f}",
-            _right(p["zones"]),
+            _right(p["zones"], summary["symmetry"] == "axisymmetric"),
         ]
         for p in points
         if p["cycle"] in (0, 1, last)
@@ -85,9 +85,9 @@ def run_table(summary: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _right(zones: list[list[Any]]) -> str:
+def _right(zones: list[list[Any]], axisymmetric: bool) -> str:
     """The zones from the centre to the right end."""
-    centre = 0.5 * (zones[0][1] + zones[-1][2])
+    centre = 0.0 if axisymmetric else 0.5 * (zones[0][1] + zones[-1][2])
     return " | ".join(f"{name} to {end:.4f}" for name, _, end in zones if end > centre)
 
 

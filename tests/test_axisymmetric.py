@@ -1,0 +1,220 @@
+"""Axisymmetric bodies against closed forms: patch tests, Lame's ring, Boussinesq's punch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import CELLS, block, built
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.elasticity import STRESSES, back_substitute, build, stresses
+from receding_fenicsx.bulk.meshing import make_mesh
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import from_scene
+from receding_fenicsx.interface.axis import on_axis
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.summary import summarise
+from receding_fenicsx.scene import (
+    Body,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    Scene,
+    Support,
+)
+from receding_fenicsx.study import condense as condense_scene
+
+comm = MPI.COMM_WORLD
+Array = NDArray[np.float64]
+
+RADIUS = 2.0
+YOUNG, NU = 2.0, 0.3
+ROUND = Material(YOUNG, NU, "axisymmetric")
+ONCE = HistoryOptions(kind="monotonic")
+
+
+def cylinder(cell: str = "triangle", degree: int = 1, **parts: object) -> Scene:
+    """A cylinder of radius 2 and height 1 on a smooth plane, pressed over all of its top."""
+    smooth = {"contacts": (Contact(friction=0.0),), "material": ROUND, "history": ONCE}
+    scene = block(cell, degree, load=Load("p", "top", pressure=1.0))
+    return replace(scene, **(smooth | parts))  # type: ignore[arg-type]
+
+
+def evolved(scene: Scene) -> Record | None:
+    system = condense_scene(scene)
+    return None if system is None else evolve(system, from_scene(scene))
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_forces_and_displacements_are_those_of_the_full_circle(cell: str, degree: int) -> None:
+    p = 0.75
+    scene = cylinder(cell, degree, history=replace(ONCE, maximum=p))
+    record = evolved(scene)
+    if record is None:
+        return
+    table, area = record.turning_points, np.pi * RADIUS**2
+    assert record.weight.sum() == pytest.approx(area, rel=1e-13)
+    assert table.P[-1].sum() == pytest.approx(p * area, rel=1e-13)
+    assert table.p[-1] == pytest.approx(p, rel=1e-11)
+    assert table.v[-1] == pytest.approx(NU * p / YOUNG * record.x, abs=1e-13)
+    # work-conjugate to the pressure: the volume that the top sweeps
+    assert table.load_displacement[-1, 0] == pytest.approx(p / YOUNG * area, rel=1e-12)
+    summary = summarise(record)
+    assert summary["symmetry"] == "axisymmetric"
+    assert summary["turning_points"][-1]["contact_half_width"] == RADIUS
+    assert summary["turning_points"][-1]["zones"] == [["stick", 0.0, RADIUS]]
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("nu", [-0.4, 0.0, 0.3, 0.49])
+def test_pressure_on_the_mantle_gives_uniform_stress(cell: str, degree: int, nu: float) -> None:
+    """Patch test: radial and hoop stress -p, u_r = -(1 - nu) p r / E; squeezed between smooth ends.
+
+    The end pressure is chosen to leave the height as it is: 2 nu p.
+    """
+    p = 0.5
+    loads = (Load("p", "right", pressure=1.0), Load("ends", "top", pressure=2.0 * nu))
+    material = replace(ROUND, poisson=nu)
+    bulk = built(cylinder(cell, degree, loads=loads, material=material), half=True)
+    system = condense(bulk)
+    u = None
+    if system is not None:
+        n = system.n
+        load = p * system.r_star.sum(axis=0)
+        u = np.zeros(2 * n)
+        free = np.flatnonzero(~system.held[:n])
+        u[free] = np.linalg.solve(system.K[np.ix_(free, free)], -load[free])
+        r = load + system.K @ u
+        assert np.abs(r[:n][~system.held[:n]]).max() < 1e-12
+        assert r[n:] == pytest.approx(2.0 * nu * p * system.weight, abs=1e-11)
+        strain = -(1.0 - nu - 2.0 * nu**2) * p / YOUNG
+        assert u[:n] == pytest.approx(strain * system.x, abs=1e-12)
+    field = back_substitute(bulk, np.array([p, p]), u)
+    found = stresses(bulk, field)
+    difference = abs(p - 2.0 * nu * p)
+    expected = (-p, -2.0 * nu * p, -p, 0.0, difference, 0.5 * difference)
+    for name, value in zip(STRESSES, expected, strict=True):
+        for function in (found.cell[name], found.nodal[name]):
+            assert np.abs(function.x.array - value).max() < 1e-11, name
+    bulk.destroy()
+
+
+def ring(degree: int, elements: int, inner: float) -> tuple[float, float]:
+    """Largest errors of u_r and of the hoop stress at midpoints of cells, Lame's ring, p inside."""
+    width, p = 1.0, 1.0
+    scene = cylinder(
+        "quadrilateral",
+        degree,
+        body=Body(width=width, height=0.5),
+        mesh=MeshOptions(elements, "quadrilateral", degree, 1.0),
+        loads=(Load("p", "left", pressure=p),),
+    )
+    body = make_mesh(comm, replace(scene, material=Material(YOUNG, NU)), half=False)
+    body.mesh.geometry.x[:, 0] += inner + 0.5 * width
+    bulk = build(scene, body, half=False)
+    system = condense(bulk)
+    u = np.zeros(0)
+    if system is not None:
+        n = system.n
+        K, load = system.K[:n, :n], system.r_star[0, :n]
+        u = np.concatenate([np.linalg.solve(K, -p * load), np.zeros(n)])
+        assert system.rigid.shape[1] == 1
+    field = back_substitute(bulk, np.array([p]), u)
+    a, b = inner, inner + width
+    A, B = p * a**2 / (b**2 - a**2), p * a**2 * b**2 / (b**2 - a**2)
+    r = bulk.space.tabulate_dof_coordinates()[:, 0]
+    radial = ((1.0 - NU) * A * r + (1.0 + NU) * B / r) / YOUNG
+    hoop = stresses(bulk, field).cell["szz"]
+    middle = hoop.function_space.tabulate_dof_coordinates()[:, 0]
+    errors = (
+        np.abs(field.x.array[::2] - radial).max() / radial.max(),
+        np.abs(hoop.x.array - (A + B / middle**2)).max() / (A + B / a**2),
+    )
+    bulk.destroy()
+    return comm.allreduce(errors[0], MPI.MAX), comm.allreduce(errors[1], MPI.MAX)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_lame_ring_under_inner_pressure_converges(degree: int) -> None:
+    """Displacement of order degree + 1, stress at midpoints of cells of order degree."""
+    coarse, fine = (ring(degree, elements, 0.5) for elements in (16, 32))
+    orders = np.log2(np.array(coarse) / np.array(fine))
+    assert orders[0] > degree + 0.6 and orders[1] > degree - 0.25
+    assert fine[0] < (2e-3, 2e-5)[degree - 1] and fine[1] < (3e-3, 1e-3)[degree - 1]
+
+
+def punch(degree: int, elements: int) -> tuple[float, float, float]:
+    """Errors of the pressure on the axis, within 0.9 a, and of the first node against the axis."""
+    height, force = 20.0, 1.0
+    scene = cylinder(
+        degree=degree,
+        body=Body(width=2.0 * height, height=height),
+        mesh=MeshOptions(elements, "triangle", degree, 1.15),
+        contacts=(Contact(friction=0.0, span=(0.0, 1.0)),),
+        loads=(Load("P", "top", pressure=force / (np.pi * height**2)),),
+    )
+    record = evolved(scene)
+    if record is None:
+        return 0.0, 0.0, 0.0
+    inside = record.x < 0.9
+    p, exact = record.turning_points.p[-1], 1.0 / (2.0 * np.pi)
+    shape = exact / np.sqrt(1.0 - record.x[inside] ** 2)
+    assert record.turning_points.P[-1].sum() == pytest.approx(force, rel=1e-10)
+    first = float(p[0] / on_axis(record.x, p) - 1.0)
+    axis = float(on_axis(record.x, p) / exact - 1.0)
+    return abs(axis), float(np.abs(p[inside] / shape - 1.0).max()), abs(first)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_pressure_under_a_flat_punch_converges_to_boussinesq(degree: int) -> None:
+    """The closed form p = P / (2 pi a sqrt(a^2 - r^2)), also on the axis; order 1 by its edge."""
+    coarse, fine = (punch(degree, elements) for elements in (400, 800))
+    if comm.rank == 0:
+        assert fine[0] < 0.55 * coarse[0] < 0.04
+        assert fine[1] < 0.7 * coarse[1] < 0.09
+        assert fine[2] < 3e-3
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_node_on_the_axis_has_a_contact_condition_only_where_it_has_weight(degree: int) -> None:
+    bulk = built(cylinder(degree=degree), half=True)
+    contact = bulk.contact
+    assert contact.x[0] == (0.0 if degree == 1 else 0.125)
+    assert contact.weight.min() > 0.0
+    assert contact.held.tolist() == [degree == 1] + [False] * (2 * len(contact.x) - 1)
+    # the axial motion alone is rigid
+    rigid = np.concatenate([np.zeros(len(contact.x)), np.ones(len(contact.x))])
+    assert contact.rigid == pytest.approx(rigid[:, None])
+    bulk.destroy()
+
+
+def test_value_on_the_axis_of_an_even_field() -> None:
+    x = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 9.0])
+    field = np.stack([3.0 - 2.0 * x**2, np.where(x == 0.0, 7.0, 1.0)])
+    assert on_axis(x, field) == pytest.approx([3.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"loads": (Load("p", "left", pressure=1.0),)}, '"left" is the axis'),
+        ({"supports": (Support("y", edge="left"),)}, '"left" is the axis'),
+        ({"supports": (Support("y", point=(-1.0, 1.0)),)}, "0 <= x <= 2"),
+        ({"contacts": (Contact(edge="right"),)}, "cannot touch a plane"),
+        ({"loads": (Load("p", "top", (-1.0, 1.0), pressure=1.0),)}, "runs from 0 to 2"),
+        ({"material": replace(ROUND, poisson=0.5)}, "below 0.5"),
+    ],
+)
+def test_what_a_body_of_revolution_has_not_is_refused(change: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        cylinder(**change).validate()
