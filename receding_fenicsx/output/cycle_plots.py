@@ -7,7 +7,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.output import style
@@ -17,6 +17,8 @@ from receding_fenicsx.output.series import fitted_cycles, slip_lines
 from receding_fenicsx.reference import DISSIPATION_RATIO, SLIP_EXPONENT
 
 METHODS = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
+MOST_LINEAR = 40
+"""Cycles up to which their axis is linear."""
 PAPER = "Ahn & Barber (2008)"
 
 
@@ -108,9 +110,14 @@ def dissipation_per_cycle(
         axes.annotate(f"{ratio[-1]:.4f}", (float(N[-1]), ratio[-1]), xytext=(-4, 5), **small)
         axes.set_xlabel("cycle $N$")
         axes.set_ylabel("dissipation, $D_N/D_1$")
-        axes.set_xlim(0.0, 1.03 * len(ratio) + 0.5)
         axes.set_ylim(0.0, 1.1 * float(ratio.max()))
-        axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+        if len(ratio) > MOST_LINEAR:
+            axes.set_xscale("log")
+            axes.set_xlim(0.9, 1.15 * len(ratio))
+            axes.xaxis.set_major_formatter(ScalarFormatter())
+        else:
+            axes.set_xlim(0.0, 1.03 * len(ratio) + 0.5)
+            axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
     return figure
 
 

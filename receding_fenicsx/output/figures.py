@@ -21,6 +21,9 @@ from receding_fenicsx.output.cycle_plots import (
     dissipation_per_cycle,
     slip_per_cycle,
 )
+from receding_fenicsx.output.loop_plots import hysteresis, moving_loads, trajectories
+from receding_fenicsx.output.loops import loop_of, sampled_cycles, shown_cycles, telling_nodes
+from receding_fenicsx.output.moment import moment_of
 from receding_fenicsx.output.record import Record, States
 from receding_fenicsx.output.scales import Scales, scales_of
 from receding_fenicsx.output.series import (
@@ -35,10 +38,12 @@ from receding_fenicsx.output.zone_plots import zone_maps
 __all__ = [
     "dissipation_density",
     "dissipation_per_cycle",
+    "hysteresis",
     "plot_all",
     "save",
     "slip_per_cycle",
     "tractions",
+    "trajectories",
     "zone_maps",
 ]
 
@@ -47,6 +52,8 @@ PAPERS_CYCLE = 9
 """The cycle of the paper's Fig. 7."""
 LOW_LOAD = 1.0 / 3.0
 """Part of the largest load at which the paper's Fig. 6 stands."""
+MOST_ROWS, MOST_COLUMNS = 5, 3
+"""Cycles, and legs of each, in the overview of all sampled cycles at most."""
 MOST_PANELS = 6
 """Legs of a cycle that are drawn in one figure at most."""
 
@@ -112,17 +119,26 @@ def draw_all(
     if legs and last > 1:
         still = limit_without_slip(record, last)
         yield "fig09_zones_last_cycle", zone_maps(record, legs, scales, still)
+    if len(sampled := [cycle for cycle in sampled_cycles(record) if cycle][:MOST_ROWS]) > 1:
+        legs = [leg for cycle in sampled for leg in legs_of(record, cycle)[:MOST_COLUMNS]]
+        yield "zones_by_cycle", zone_maps(record, legs, scales, columns=len(legs) // len(sampled))
     dissipation = record.cycles.dissipation
     if len(dissipation) > 1 and dissipation[0] > 0.0:
         yield "fig10_dissipation_per_cycle", dissipation_per_cycle(record, scales, stepped)
     if np.any(record.cycles.dissipation_density > 0.0):
         yield "dissipation_density", dissipation_density(record, scales)
+    if last > 0 and shown_cycles(record):
+        paths = [loop_of(record, cycle) for cycle in shown_cycles(record)]
+        if moving_loads(paths):
+            yield "hysteresis", hysteresis(record, scales=scales)
+        if telling_nodes(record):
+            yield "trajectories", trajectories(record, scales=scales)
     if last > 0:
         table = record.turning_points
         rows = np.flatnonzero((table.cycle == last) & np.any(table.P > 0.0, axis=1))
         if len(rows):
-            chosen = rows[:MOST_PANELS].tolist()
-            yield "tractions_last_cycle", tractions(record, table, chosen, scales)
+            chosen = [moment_of(record, table, int(row)) for row in rows[:MOST_PANELS]]
+            yield "tractions_last_cycle", tractions(record, chosen, scales)
 
 
 def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure]]:
@@ -132,7 +148,10 @@ def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure
     if len(rows):
         size = np.abs(table.load[rows] / scales.load_max).sum(axis=1)
         row = int(rows[np.argmax(size)])
-        yield "fig04_tractions_first_loading", tractions(record, table, [row], scales)
+        yield (
+            "fig04_tractions_first_loading",
+            tractions(record, [moment_of(record, table, row)], scales),
+        )
 
 
 def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
@@ -152,4 +171,4 @@ def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
                 instants.append((off, len(instants), record, table, int(row)))
     if instants:
         _, _, record, table, row = min(instants, key=lambda instant: instant[:2])
-        yield "fig06_tractions_first_unloading", tractions(record, table, [row])
+        yield "fig06_tractions_first_unloading", tractions(record, [moment_of(record, table, row)])

@@ -9,7 +9,8 @@ import numpy as np
 
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.interface.mirror import SWAPPED
-from receding_fenicsx.output.record import Record, States
+from receding_fenicsx.output.moment import Moment
+from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.series import first_unloading, is_unloading, leg_ends
 from receding_fenicsx.reference import is_papers_block
 from receding_fenicsx.scene import Scene
@@ -48,10 +49,17 @@ class Scales:
         """Label of the axis along the contact edge."""
         return f"$x/{self.length_symbol}$" if self.length_symbol else "$x$"
 
-    def traction_unit(self, load: Array) -> float:
-        """What tractions are divided by at the load factors: the pressure then acting, or 1."""
-        now = abs(float(load[0])) * self.pressure if self.pressure_symbol else 0.0
-        return now or 1.0
+    def traction_unit(self, moment: Moment) -> float:
+        """What tractions are divided by at an instant: the pressure then acting, or 1."""
+        if not self.pressure_symbol:
+            return 1.0
+        return abs(next(iter(moment.load.values()))) * self.pressure or 1.0
+
+    def peak_traction(self) -> tuple[float, str]:
+        """What tractions of many instants are divided by, and what is written behind a symbol."""
+        if not self.pressure_symbol:
+            return 1.0, ""
+        return self.pressure * float(self.load_max[0]), f"/{self._peak()}"
 
     def traction_labels(self) -> tuple[str, str, str]:
         """Labels of normal traction, tangential traction and friction limit."""
@@ -73,6 +81,16 @@ class Scales:
             return 1.0, ""
         p = self.pressure * float(self.load_max[0])
         return p * self.length / self.young, rf"\,E/({self._peak()}\,{self.length_symbol})"
+
+    def load_displacement(self) -> tuple[float, str]:
+        """What a load's displacement is divided by, and what is written behind its symbol.
+
+        With a scale it becomes the displacement conjugate to the pressure, not to the factor.
+        """
+        if not self.normalised():
+            return 1.0, ""
+        unit, _ = self.slip()
+        return self.pressure * self.length * unit, rf"\,E/({self._peak()}\,{self.length_symbol}^2)"
 
     def dissipation_density(self) -> tuple[float, str]:
         """What an energy per contact area is divided by, and what is written behind its symbol."""
@@ -141,10 +159,12 @@ def peak(symbol: str) -> str:
     return rf"{symbol}^{{\,\mathrm{{max}}}}"
 
 
-def describe_load(record: Record, table: States, row: int, scales: Scales) -> str:
-    """Say at what load, in which cycle and on the way to where a row of a table stands."""
-    way = _way(record, int(table.cycle[row]), int(table.leg[row]))
-    factors = describe_factors(record.load_names, table.load[row] / scales.load_max)
+def describe_load(record: Record, moment: Moment, scales: Scales) -> str:
+    """Say at what load, in which cycle and on the way to where an instant stands."""
+    way = _way(record, moment.cycle, moment.leg)
+    factors = describe_factors(
+        record.load_names, np.array(list(moment.load.values())) / scales.load_max
+    )
     return f"{way}, {factors}" if len(record.load_names) == 1 else f"{way}\n{factors}"
 
 

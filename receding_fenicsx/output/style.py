@@ -46,6 +46,8 @@ INK_OF_GUIDES = "#505050"
 """Text of less weight than the rest."""
 GUIDE: dict[str, Any] = {"color": GUIDE_COLOUR, "dashes": (3, 2), "lw": 0.8}
 """A line that helps to read the others."""
+CONE: dict[str, Any] = {"fc": "#ececec", "ec": GUIDE_COLOUR, "ls": (0, (3, 2)), "lw": 0.7}
+"""What lies within the friction cone, |q| <= f p, and its boundary."""
 SERIES_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
 """Colours of lines that stand for nothing in particular, one after the other."""
 

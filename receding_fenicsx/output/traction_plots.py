@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import STATE_NAMES
 from receding_fenicsx.interface.zones import zones
 from receding_fenicsx.output import style
-from receding_fenicsx.output.record import Record, States
+from receding_fenicsx.output.moment import Moment
+from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import Scales, describe_load, scales_of
 
 STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
@@ -20,43 +24,41 @@ NUMBERED = 0.03
 """Part of the contact edge that a zone must cover to have its number in the band."""
 
 
-def tractions(
-    record: Record, table: States, rows: list[int], scales: Scales | None = None
-) -> Figure:
-    """Draw tractions, the friction limit and the states along the contact edge.
+def tractions(record: Record, moments: Sequence[Moment], scales: Scales | None = None) -> Figure:
+    """Draw tractions, the friction cone and the states along the contact edge (Figs. 4 and 6).
 
     Args:
         record: the record.
-        table: its turning points or samples.
-        rows: rows of the table, a panel each.
+        moments: instants of it, a panel each, such as ``[record.at(9, "minimum")]``.
         scales: units; the record's own when left out.
 
     Returns:
         The figure.
     """
     scales = scales or scales_of(record)
+    panels = len(moments)
     with mpl.rc_context(style.RC):
-        figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * len(rows))
-        grid = figure.add_gridspec(2 * len(rows), 1, height_ratios=[0.09, 1.0] * len(rows))
+        figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels)
+        grid = figure.add_gridspec(2 * panels, 1, height_ratios=[0.09, 1.0] * panels)
         axes: Axes | None = None
-        for n, row in enumerate(rows):
+        for n, moment in enumerate(moments):
             band = figure.add_subplot(grid[2 * n], sharex=axes)
             axes = figure.add_subplot(grid[2 * n + 1], sharex=band)
-            _draw_band(band, record, table.state[row], scales)
-            text = describe_load(record, table, row, scales)
-            band.set_title(style.panel_title(n, len(rows), text), pad=4.0)
-            _draw_curves(axes, record, table, row, scales)
-            axes.tick_params(labelbottom=n == len(rows) - 1)
-            if n == len(rows) - 1:
+            _draw_band(band, record, moment.state, scales)
+            text = describe_load(record, moment, scales)
+            band.set_title(style.panel_title(n, panels, text), pad=4.0)
+            _draw_curves(axes, record, moment, scales)
+            axes.tick_params(labelbottom=n == panels - 1)
+            if n == panels - 1:
                 axes.set_xlabel(scales.x_label)
         p, q, _ = scales.traction_labels()
         curves = [
             Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
             Line2D([], [], color=style.SHEAR_COLOUR, label=q),
-            Line2D([], [], label=scales.traction_labels()[2], **style.GUIDE),
+            Patch(label=f"friction cone, {scales.traction_labels()[2]}", **style.CONE),
         ]
         figure.legend(handles=curves, loc="outside upper center", ncols=3)
-        patches = style.state_patches(np.unique(table.state[rows]))
+        patches = style.state_patches(np.unique([moment.state for moment in moments]))
         figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
     return figure
 
@@ -83,18 +85,17 @@ def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scal
     )
 
 
-def _draw_curves(axes: Axes, record: Record, table: States, row: int, scales: Scales) -> None:
-    """Draw p, q and the friction limit of the nodes that stand for a length of the edge."""
+def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> None:
+    """Draw p, q and the friction cone of the nodes that stand for a length of the edge."""
     used = record.weight > 0.0
     x = record.x[used] / scales.length
-    unit = scales.traction_unit(table.load[row])
-    p, q = table.p[row][used] / unit, table.q[row][used] / unit
+    unit = scales.traction_unit(moment)
+    p, q = moment.p[used] / unit, moment.q[used] / unit
     limit = record.f[used] * p
     axes.axhline(0.0, color="black", lw=0.4)
-    for _, begin, _ in zones(record.x / scales.length, table.state[row])[1:]:
+    for _, begin, _ in zones(record.x / scales.length, moment.state)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
-    for cone in (limit, -limit):
-        axes.plot(x, cone, **style.GUIDE)
+    axes.fill_between(x, -limit, limit, **style.CONE)
     axes.plot(x, p, color=style.PRESSURE_COLOUR)
     axes.plot(x, q, color=style.SHEAR_COLOUR)
     axes.set_xlim(*(record.x[[0, -1]] / scales.length))

@@ -35,6 +35,7 @@ def zone_maps(
     legs: list[tuple[int, int]],
     scales: Scales | None = None,
     still: Still | None = None,
+    columns: int = 1,
 ) -> Figure:
     """Map the zones along legs.
 
@@ -43,6 +44,7 @@ def zone_maps(
         legs: (cycle, leg), a panel each.
         scales: units; the record's own when left out.
         still: nodes that reach the friction limit without slipping, for a dashed line.
+        columns: panels beside each other; with more than one the figure is as wide as a page.
 
     Returns:
         The figure; only x >= 0 is shown where the contact is symmetric.
@@ -50,8 +52,13 @@ def zone_maps(
     scales = scales or scales_of(record)
     stuck = None if still is None else still.stuck
     with mpl.rc_context(style.RC):
-        figure = style.new_figure(style.COLUMN, 0.9 + (PANEL_HEIGHT + 0.25) * len(legs))
-        panels = figure.subplots(len(legs), 1, sharex=True, squeeze=False)[:, 0]
+        rows = -(-len(legs) // columns)
+        width = style.COLUMN if columns == 1 else style.PAGE
+        figure = style.new_figure(width, 0.9 + (PANEL_HEIGHT + 0.25) * rows)
+        grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
+        panels = grid.ravel()
+        for axes in panels[len(legs) :]:
+            axes.set_axis_off()
         shown: set[int] = set()
         dashed = False
         for n, (axes, (cycle, leg)) in enumerate(zip(panels, legs, strict=True)):
@@ -61,11 +68,14 @@ def zone_maps(
                 style.panel_title(n, len(legs), describe_leg(record, cycle, leg, scales))
             )
             begin, end, label = load_axis(record, cycle, leg, scales)
-            _draw_map(axes, drawn, (begin, end), scales)
-            axes.set_ylabel(label)
+            inches = (AXES_WIDTH - style.COLUMN + width) / columns
+            _draw_map(axes, drawn, (begin, end), scales, inches)
+            if n % columns == 0 or label != load_axis(record, *legs[n - 1], scales)[2]:
+                axes.set_ylabel(label)
             if still is not None:
                 dashed |= _draw_limit(axes, record, still, leg, (begin, end), scales)
-        panels[-1].set_xlabel(scales.x_label)
+        for axes in grid[-1]:
+            axes.set_xlabel(scales.x_label)
         handles: list[Line2D] = []
         if still is not None and dashed:
             text = "reaches the friction limit, does not slip"
@@ -78,7 +88,7 @@ def zone_maps(
         figure.legend(
             handles=style.state_patches(shown),
             loc="outside lower center",
-            ncols=2,
+            ncols=2 if columns == 1 else 4,
             columnspacing=1.4,
         )
     return figure
@@ -97,8 +107,10 @@ def load_axis(record: Record, cycle: int, leg: int, scales: Scales) -> tuple[flo
     return float(begin[k]), float(end[k]), scales.load_label(record.load_names[k])
 
 
-def _draw_map(axes: Axes, drawn: ZoneMap, ends: tuple[float, float], scales: Scales) -> None:
-    """Draw zones, their ends and the states' numbers."""
+def _draw_map(
+    axes: Axes, drawn: ZoneMap, ends: tuple[float, float], scales: Scales, inches: float
+) -> None:
+    """Draw zones, their ends and the states' numbers; the axes are so many inches wide."""
     begin, end = ends
 
     def place(points: Array) -> Array:
@@ -126,7 +138,7 @@ def _draw_map(axes: Axes, drawn: ZoneMap, ends: tuple[float, float], scales: Sca
     axes.set_ylim(min(ends), max(ends))
     style.ticks(axes.xaxis, 5)
     axes.set_axisbelow(False)
-    for label in place_labels(drawn, (low, high), (AXES_WIDTH, PANEL_HEIGHT)):
+    for label in place_labels(drawn, (low, high), (inches, PANEL_HEIGHT)):
         at = _pair(place(np.array(label.at)))
         ink = style.STATE_INKS[label.on]
         text = str(int(label.state))

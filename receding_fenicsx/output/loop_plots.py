@@ -1,0 +1,195 @@
+"""Hysteresis loops of the loads, and what chosen nodes go through in the planes of their forces."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.contact import Array
+from receding_fenicsx.output import style
+from receding_fenicsx.output.loops import Loop, loop_of, shown_cycles, telling_nodes
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.scales import Scales, is_word, load_symbol, scales_of
+
+FIRST_LOADING = {"color": style.GUIDE_COLOUR, "lw": 0.9}
+
+
+def hysteresis(
+    record: Record, cycles: Sequence[int] | None = None, scales: Scales | None = None
+) -> Figure:
+    """Draw each load against its work-conjugate displacement: the loops' area is dissipation.
+
+    Args:
+        record: the record.
+        cycles: cycles with samples; first loading, the first and the last when left out.
+        scales: units; the record's own when left out.
+
+    Returns:
+        The figure, a row a load: the loops, and on the right the same less the straight line that
+        joins the last loop's extreme loads, which shows how far they open.
+
+    Raises:
+        InputError: the record has no samples of a cycle, or no displacements of the loads.
+    """
+    scales = scales or scales_of(record)
+    paths = [loop_of(record, c) for c in (shown_cycles(record) if cycles is None else cycles)]
+    moves = moving_loads(paths)
+    if not moves:
+        raise InputError("hysteresis: no load moves, or the record has no load displacements")
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.PAGE, 0.75 + 1.95 * len(moves))
+        panels = figure.subplots(len(moves), 2, squeeze=False)
+        for n, (k, row) in enumerate(zip(moves, panels, strict=True)):
+            name = record.load_names[k]
+            delta = r"\delta" if is_word(name) else rf"\delta_{{{load_symbol(name)}}}"
+            unit, behind = scales.load_displacement()
+            straight = _chord(paths[-1], k)
+            for path in paths:
+                load = path.load[:, k] / scales.load_max[k]
+                size = path.displacement[:, k] / unit
+                bend = (path.displacement[:, k] - straight * path.load[:, k]) / unit
+                bend = bend - _offset(paths[-1], k, straight) / unit
+                _draw_path(row[0], size, load, path, paths)
+                # first loading is no loop and lies far from the chord
+                if path.cycle or len(paths) == 1:
+                    _draw_path(row[1], bend, load, path, paths)
+            for m, axes in enumerate(row):
+                axes.set_ylabel(scales.load_label(name))
+                axes.ticklabel_format(axis="x", scilimits=(-2, 3), useMathText=True)
+                style.ticks(axes.xaxis, 5)
+                letter = style.panel_title(2 * n + m, 2 * len(moves), "")
+                note = ("", "less the chord of the last loop")[m]
+                axes.set_title(f"{letter}{note}", loc="left", pad=4.0)
+            row[0].set_xlabel(rf"${delta}{behind}$")
+            row[1].set_xlabel(rf"$({delta} - \mathrm{{chord}}){behind}$")
+        figure.legend(handles=_cycle_handles(paths), loc="outside lower center", ncols=len(paths))
+    return figure
+
+
+def trajectories(
+    record: Record,
+    nodes: Sequence[int] | None = None,
+    cycles: Sequence[int] | None = None,
+    scales: Scales | None = None,
+) -> Figure:
+    """Draw what nodes go through in the planes of tractions (q, p) and displacements (v, w).
+
+    Args:
+        record: the record.
+        nodes: contact nodes, a column each; some that differ when left out.
+        cycles: cycles with samples; first loading, the first and the last when left out.
+        scales: units; the record's own when left out.
+
+    Returns:
+        The figure: above, (Q, P) over the node's weight in the friction cone |Q| <= f P; below,
+        (v, w) over the plane w = -g0. Dots are turning points.
+
+    Raises:
+        InputError: the record has no samples of a cycle, no such node, or no node in contact.
+    """
+    scales = scales or scales_of(record)
+    paths = [loop_of(record, c) for c in (shown_cycles(record) if cycles is None else cycles)]
+    chosen = telling_nodes(record) if nodes is None else list(nodes)
+    if not chosen or not all(0 <= i < len(record.x) for i in chosen):
+        raise InputError(f"trajectories: nodes {chosen} are not among 0 to {len(record.x) - 1}")
+    unit, behind = scales.peak_traction()
+    length, beside = scales.slip()
+    low, high = (f([f(path.w[:, chosen]) for path in paths]) / length for f in (np.min, np.max))
+    room = 0.1 * (high - low) or 1.0
+    lifted = low - room, high + room
+    with mpl.rc_context(style.RC):
+        columns = len(chosen)
+        figure = style.new_figure(max(style.COLUMN, 0.3 + 1.8 * columns), 4.3)
+        panels = figure.subplots(2, columns, squeeze=False)
+        for n, i in enumerate(chosen):
+            above, below = panels[:, n]
+            for path in paths:
+                _draw_path(above, path.q[:, i] / unit, path.p[:, i] / unit, path, paths)
+                _draw_path(below, path.v[:, i] / length, path.w[:, i] / length, path, paths)
+            _draw_cone(above, float(record.f[i]))
+            if np.any([path.w[:, i] > -record.g0[i] for path in paths][-1]):
+                below.axhline(-float(record.g0[i]) / length, **style.GUIDE)
+            where = f"{scales.x_label[:-1]} = {record.x[i] / scales.length:.3g}$"
+            above.set_title(style.panel_title(n, columns, where))
+            below.set_ylim(*lifted)
+            below.tick_params(labelleft=n == 0)
+            for axes in (above, below):
+                style.ticks(axes.xaxis, 3)
+                style.ticks(axes.yaxis, 5)
+                axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+            above.set_xlabel(f"$q{behind}$")
+            below.set_xlabel(f"$v{beside}$")
+        panels[0, 0].set_ylabel(f"$p{behind}$")
+        panels[1, 0].set_ylabel(f"$w{beside}$")
+        handles: list[Any] = _cycle_handles(paths)
+        handles.append(Patch(label=r"friction cone, $|Q| \leq f P$", **style.CONE))
+        figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    return figure
+
+
+def moving_loads(paths: Sequence[Loop]) -> list[int]:
+    """Loads that change along the paths and whose displacements are known."""
+    return [
+        k
+        for k in range(paths[0].load.shape[1] if paths else 0)
+        if any(np.ptp(path.load[:, k]) > 0.0 for path in paths)
+        and all(np.all(np.isfinite(path.displacement[:, k])) for path in paths)
+    ]
+
+
+def _chord(path: Loop, k: int) -> float:
+    """Displacement per load between the extreme loads of a path."""
+    low, high = np.argmin(path.load[:, k]), np.argmax(path.load[:, k])
+    run = float(path.load[high, k] - path.load[low, k])
+    return float(path.displacement[high, k] - path.displacement[low, k]) / run if run else 0.0
+
+
+def _offset(path: Loop, k: int, straight: float) -> float:
+    """Where the chord of a path meets zero load."""
+    high = np.argmax(path.load[:, k])
+    return float(path.displacement[high, k] - straight * path.load[high, k])
+
+
+def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]) -> None:
+    look = _look(path, paths)
+    axes.plot(x, y, **look)
+    axes.plot(x[path.turning], y[path.turning], "o", color=look["color"], ms=2.6)
+
+
+def _draw_cone(axes: Axes, f: float) -> None:
+    """Fill |q| <= f p up to the top of the axes, and keep the axes' limits."""
+    top = 1.05 * max(float(line.get_ydata().max()) for line in axes.lines)  # type: ignore[union-attr]
+    top = top or 1.0
+    left, right = axes.get_xlim()
+    reach = 1.15 * max(abs(left), abs(right), f * top) or 1.0
+    axes.fill_between([-f * top, 0.0, f * top], [top, 0.0, top], top, zorder=0, **style.CONE)
+    axes.set_xlim(-reach, reach)
+    axes.set_ylim(-0.04 * top, top)
+
+
+def _cycle_handles(paths: Sequence[Loop]) -> list[Line2D]:
+    return [
+        Line2D(
+            [],
+            [],
+            label=f"cycle {path.cycle}" if path.cycle else "first loading",
+            **_look(path, paths),
+        )
+        for path in paths
+    ]
+
+
+def _look(path: Loop, paths: Sequence[Loop]) -> dict[str, Any]:
+    if path.cycle == 0:
+        return FIRST_LOADING
+    numbers = [other.cycle for other in paths if other.cycle]
+    colours = style.SERIES_COLOURS
+    return {"color": colours[numbers.index(path.cycle) % len(colours)]}

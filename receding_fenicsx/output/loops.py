@@ -1,0 +1,126 @@
+"""Paths through a cycle as arrays: hysteresis loops, and what single nodes go through."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.contact import Array, State
+from receding_fenicsx.output.record import Record, States
+
+MOST_NODES = 4
+"""Nodes whose paths are drawn unless they are asked for."""
+MOST_CYCLES = 3
+"""Cycles whose paths are drawn in one panel unless they are asked for."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """n instants of one cycle in their order, from the end of the cycle before.
+
+    Attributes:
+        cycle: the cycle.
+        load, displacement: (n, n_loads) load factors and their work-conjugate displacements.
+        p, q, v, w: (n, N) tractions and displacements.
+        turning: (n,) True at turning points.
+    """
+
+    cycle: int
+    load: Array
+    displacement: Array
+    p: Array
+    q: Array
+    v: Array
+    w: Array
+    turning: NDArray[np.bool_]
+
+    def area(self) -> Array:
+        r"""(n_loads,) work of each load over the cycle, the integral of its factor times d delta.
+
+        Over a closed cycle their sum is the dissipation; the trapezoidal rule on the samples is
+        exact where no node changes its state between two of them.
+        """
+        mean = 0.5 * (self.load[1:] + self.load[:-1])
+        return np.asarray(np.sum(mean * np.diff(self.displacement, axis=0), axis=0))
+
+
+def sampled_cycles(record: Record) -> list[int]:
+    """Cycles that the record holds samples of."""
+    return [int(cycle) for cycle in np.unique(record.samples.cycle)]
+
+
+def shown_cycles(record: Record) -> list[int]:
+    """First loading, first and last cycle, as far as there are samples."""
+    cycles = sampled_cycles(record)
+    return sorted({*cycles[:2], *cycles[-1:]})[:MOST_CYCLES]
+
+
+def loop_of(record: Record, cycle: int) -> Loop:
+    """Return a sampled cycle's path.
+
+    Raises:
+        InputError: the record holds no samples of the cycle.
+    """
+    points, samples = record.turning_points, record.samples
+    if cycle not in sampled_cycles(record):
+        raise InputError(
+            f"cycle {cycle}: the record has no samples of it, only of {sampled_cycles(record)}; "
+            "name it in [output] cycles"
+        )
+    parts: list[tuple[States, NDArray[np.intp], bool]] = []
+    before = np.flatnonzero(points.cycle < cycle)[-1:]
+    parts.append((points, before, True))
+    for end in np.flatnonzero(points.cycle == cycle):
+        leg = points.leg[end]
+        here = np.flatnonzero((samples.cycle == cycle) & (samples.leg == leg) & (samples.s < 1.0))
+        here = here[samples.s[here] > 0.0] if parts[0][1].size else here
+        parts.append((samples, here[np.argsort(samples.s[here], kind="stable")], False))
+        parts.append((points, np.array([end]), True))
+
+    def join(name: str) -> Array:
+        return np.vstack([getattr(table, name)[rows] for table, rows, _ in parts])
+
+    return Loop(
+        cycle=cycle,
+        load=join("load"),
+        displacement=join("load_displacement"),
+        p=join("p"),
+        q=join("q"),
+        v=join("v"),
+        w=join("w"),
+        turning=np.concatenate([np.full(len(rows), turns) for _, rows, turns in parts]),
+    )
+
+
+def telling_nodes(record: Record) -> list[int]:
+    """Choose nodes whose paths differ, of the half x >= 0 where there are such.
+
+    Returns:
+        Up to ``MOST_NODES`` nodes in the order of x: of those that touch in the last sampled cycle
+        the one that dissipates most, the middle ones of those that open too and of those that
+        always stick, and others evenly between them.
+    """
+    rows = np.isin(record.samples.cycle, sampled_cycles(record)[-1:])
+    state = record.samples.state[rows]
+    usable = np.any(record.samples.P[rows] > 0.0, axis=0) & (record.weight > 0.0)
+    if np.any(usable & (record.x > 0.0)):
+        usable &= record.x > 0.0
+    if not np.any(usable):
+        return []
+    chosen = set()
+    density = record.cycles.dissipation_density[-1:]
+    if np.any(density > 0.0):
+        chosen.add(int(np.argmax(np.where(usable, density[0], -1.0))))
+    for kind in (np.any(state == State.SEPARATION, axis=0), np.all(state == State.STICK, axis=0)):
+        nodes = np.flatnonzero(usable & kind)
+        chosen |= {int(nodes[len(nodes) // 2])} if len(nodes) else set()
+    between = np.flatnonzero(usable)
+    if len(chosen) > 1:
+        between = between[(between > min(chosen)) & (between < max(chosen))]
+    missing = min(MOST_NODES - len(chosen), len(between))
+    for part in (np.arange(missing) + 1.0) / (missing + 1.0):
+        chosen.add(int(between[round(part * (len(between) - 1))]))
+    return sorted(chosen, key=lambda i: float(record.x[i]))
