@@ -5,7 +5,7 @@ from functools import cache
 import models
 import numpy as np
 import pytest
-from matplotlib.colors import to_hex
+from matplotlib.colors import to_rgb
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import evolve
@@ -80,8 +80,8 @@ def test_trajectories_stay_in_the_friction_cone_that_is_drawn() -> None:
     figure = figures.trajectories(found)
     for axes in figure.axes[:4]:
         (cone,) = axes.collections
-        assert to_hex(cone.get_facecolor()[0]) == style.CONE["fc"]
-        corners = cone.get_paths()[0].vertices
+        assert np.allclose(np.asarray(cone.get_facecolor())[0, :3], to_rgb(style.CONE["fc"]))
+        corners = np.asarray(cone.get_paths()[0].vertices)
         slope = np.abs(corners[:, 0]).max() / corners[:, 1].max()
         assert slope == pytest.approx(found.f[0], rel=1e-9)
         for line in axes.lines:
