@@ -65,16 +65,40 @@ def stick_half_width(
     Returns:
         The half width, axisymmetric the radius.
     """
-    if len(x) == 0:
+    found = stick_zone(x, state, f, axisymmetric)
+    if found is None:
         return 0.0
+    left, right = _midway(x, *found)
+    return right if axisymmetric else 0.5 * (right - left)
+
+
+def stick_zone(
+    x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
+) -> tuple[int, int] | None:
+    """First and last node of the stick zone around the centre of the contact edge, or None.
+
+    The arguments are those of :func:`stick_half_width`.
+    """
+    if len(x) == 0:
+        return None
     sticks = np.asarray(state) == State.STICK
     if f is not None:
         sticks &= np.asarray(f) > 0.0
-    centre = 0.0 if axisymmetric else 0.5 * (x[0] + x[-1])
-    for name, a, b in zones(x, np.where(sticks, State.STICK, State.SEPARATION), axisymmetric):
-        if name == STATE_NAMES[State.STICK] and a <= centre <= b:
-            return b if axisymmetric else 0.5 * (b - a)
-    return 0.0
+    ends = np.append(np.flatnonzero(np.diff(sticks)), len(x) - 1)
+    centre = 0.5 * (x[0] + x[-1])
+    first = 0
+    for last in ends:
+        low, high = _midway(x, first, last)
+        if sticks[first] and (first == 0 if axisymmetric else low <= centre <= high):
+            return int(first), int(last)
+        first = last + 1
+    return None
+
+
+def _midway(x: Array, first: int, last: int) -> tuple[float, float]:
+    """Ends of the zone between two nodes."""
+    low = 0.5 * (x[max(first - 1, 0)] + x[first])
+    return float(low), float(0.5 * (x[last] + x[min(last + 1, len(x) - 1)]))
 
 
 def pattern(found: Sequence[Zone]) -> list[str]:

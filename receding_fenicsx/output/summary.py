@@ -17,6 +17,7 @@ from receding_fenicsx.interface.zones import contact_half_width, stick_half_widt
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.series import limit_without_slip
+from receding_fenicsx.output.widths import contact_beta, estimates
 from receding_fenicsx.reference import paper_table
 from receding_fenicsx.scene_file import from_toml
 
@@ -36,6 +37,8 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
     """
     title = from_toml(record.scene_toml).title if record.scene_toml else ""
     steady = record.steady
+    beta = contact_beta(record)
+    rows = range(len(record.turning_points.s))
     return {
         "title": title,
         "method": record.method,
@@ -44,7 +47,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "modelled_nodes": record.modelled_nodes,
         "modelled_dofs": record.modelled_dofs,
         "symmetry": _symmetry(record),
-        "turning_points": [_turning_point(record, i) for i in range(len(record.turning_points.s))],
+        "turning_points": [_turning_point(record, i, beta) for i in rows],
         "dissipation_first_loading": float(record.dissipation_first_loading),
         "dissipation_per_cycle": record.cycles.dissipation.tolist(),
         "slip_per_cycle_max": slip_per_cycle_max(record),
@@ -126,7 +129,7 @@ def read_summary(path: Path) -> dict[str, Any]:
     return summary
 
 
-def _turning_point(record: Record, i: int) -> dict[str, Any]:
+def _turning_point(record: Record, i: int, beta: float | None) -> dict[str, Any]:
     table = record.turning_points
     x, state = record.x, table.state[i]
     return {
@@ -139,6 +142,7 @@ def _turning_point(record: Record, i: int) -> dict[str, Any]:
         "p_max": float(table.p[i].max()),
         "q_min": float(table.q[i].min()),
         "q_max": float(table.q[i].max()),
+        **estimates(record, i, beta),
     }
 
 
