@@ -26,7 +26,7 @@ from receding_fenicsx.output.files import (
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.summary import read_summary, summarise, write_summary
 from receding_fenicsx.output.table import run_table
-from receding_fenicsx.reference import is_papers_block, paper_table
+from receding_fenicsx.paper import is_papers_block, paper_table
 from receding_fenicsx.replay import state_at
 from receding_fenicsx.scene_file import from_toml, to_toml
 

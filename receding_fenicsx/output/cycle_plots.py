@@ -14,7 +14,7 @@ from receding_fenicsx.output import style
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import Scales, scales_of
 from receding_fenicsx.output.series import fitted_cycles, slip_lines
-from receding_fenicsx.reference import DISSIPATION_RATIO, SLIP_EXPONENT
+from receding_fenicsx.paper import DISSIPATION_RATIO, SLIP_EXPONENT
 
 METHODS = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
 MOST_LINEAR = 40

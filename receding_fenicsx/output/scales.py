@@ -12,7 +12,7 @@ from receding_fenicsx.interface.mirror import SWAPPED
 from receding_fenicsx.output.moment import Moment
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.series import first_unloading, is_unloading, leg_ends
-from receding_fenicsx.reference import is_papers_block
+from receding_fenicsx.paper import is_papers_block
 from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_file import from_toml
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.interface.contact import Array, State
 from receding_fenicsx.interface.cycles import PowerLaw, fit_power_law
 from receding_fenicsx.output.record import Ints, Record
-from receding_fenicsx.reference import SLIP_CYCLES, SLIP_FLOOR, SLIP_NODES
+from receding_fenicsx.paper import SLIP_CYCLES, SLIP_FLOOR, SLIP_NODES
 
 AT_LIMIT = 1e-6
 """A node is at its friction limit when |Q| is within this part of f P."""

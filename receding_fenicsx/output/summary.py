@@ -18,7 +18,7 @@ from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.series import limit_without_slip
 from receding_fenicsx.output.widths import contact_beta, estimates
-from receding_fenicsx.reference import paper_table
+from receding_fenicsx.paper import paper_table
 from receding_fenicsx.scene_file import from_toml
 
 TREND_CYCLES = 8
