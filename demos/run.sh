@@ -5,7 +5,7 @@ set -euo pipefail
 usage="usage: bash demos/run.sh                    set up what is missing, then run the paper's study (demos/block.py)
        bash demos/run.sh NAME [options]     run demos/NAME.py instead; the options are its own
        bash demos/run.sh --setup            only set up
-The demos run under mpirun -n 2."
+The demos run under mpirun -n 2. With RECEDING_ENV=pypi before it, all comes from PyPI instead of Debian."
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
 # shellcheck source=demos/setup.sh

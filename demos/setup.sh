@@ -1,19 +1,27 @@
 # shellcheck shell=bash
+# shellcheck disable=SC2154 # whoever sources it has set `root`
 # Sourced by demos/run.sh and tests/run.sh, which set `root` to the project's folder.
 #
-# set_up   makes what is missing: Debian packages, and root/.venv, an environment that sees Debian's DOLFINx.
+# set_up   makes what is missing: Debian packages, and root/.venv, an environment that sees Debian's DOLFINx; or, with
+#          RECEDING_ENV=pypi, root/.venv-pypi, an environment of PyPI's wheels alone.
 # Then     $python is the environment's interpreter, $mpirun starts MPI programs.
 
+# What PyPI's gmsh loads, and VTK for pictures without a display:
+graphics_packages=(
+    libosmesa6 libgl1 libglu1-mesa libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1
+)
 debian_packages=(
     python3-dolfinx-real python3-h5py python3-venv ca-certificates
     libopenblas0-pthread # without it MUMPS is 3 to 5 times slower
-    # What PyPI's gmsh loads, and VTK for pictures without a display:
-    libosmesa6 libgl1 libglu1-mesa libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1
+    "${graphics_packages[@]}"
 )
-system_python=/usr/bin/python3 # Debian's DOLFINx serves this one only, whatever python3 comes first on PATH
-venv=$root/.venv
-stamp=$venv/complete # written last; holds the key of what the environment was made from
-spare=$root/.venv.old
+
+# What must run before an environment counts as made: the imports, and compiling a form.
+works='
+from receding_fenicsx.bulk.elasticity import warm_up
+import gmsh, h5py, matplotlib, pytest, scipy, vtk
+from mpi4py import MPI
+warm_up(MPI.COMM_SELF, "triangle", 1)'
 
 say() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; }
 
@@ -22,10 +30,17 @@ die() {
     exit 1
 }
 
+# For what this machine lacks, not what is wrong with the project.
+unavailable() {
+    say "$@"
+    exit 69
+}
+
 set_up() {
     case ${RECEDING_ENV:-debian} in
         debian) set_up_debian ;;
-        *) die "RECEDING_ENV=$RECEDING_ENV is not known; leave it out, or say debian" ;;
+        pypi) set_up_pypi ;;
+        *) die "RECEDING_ENV=$RECEDING_ENV is not known; leave it out, or say debian or pypi" ;;
     esac
     # A foreign PYTHONPATH or packages in the user's home would come before what was set up here.
     unset PYTHONPATH PYTHONHOME
@@ -40,14 +55,38 @@ set_up() {
 }
 
 set_up_debian() {
+    venv=$root/.venv
+    base_python=/usr/bin/python3 # Debian's DOLFINx serves this one only, whatever python3 comes first on PATH
+    venv_options=(--system-site-packages)
+    base_imports='import venv, ensurepip, mpi4py.MPI, petsc4py.PETSc, dolfinx'
     install_debian_packages
-    if ! is_complete; then
-        [ -w "$root" ] || die "no right to write in $root; clone the project into a folder of your own"
-        build_environment
-    fi
-    python=$venv/bin/python
+    ensure_environment
     mpirun=/usr/bin/mpirun.openmpi # what Debian's DOLFINx is linked with; `mpirun` may be another MPI's
     [ -x "$mpirun" ] || mpirun=/usr/bin/mpirun
+}
+
+set_up_pypi() {
+    venv=$root/.venv-pypi
+    base_python=$(find_new_python) || unavailable "PyPI's DOLFINx needs Python >= 3.12 with venv and ensurepip, and there is none on" \
+        "PATH or among pyenv's versions. Install one: 'pyenv install 3.13', or Debian 13's python3-venv and python3-dev"
+    venv_options=()
+    base_imports='import venv, ensurepip'
+    command -v "${CC:-cc}" >/dev/null ||
+        unavailable "there is no C compiler (${CC:-cc}), with which DOLFINx compiles its forms. Install gcc, or name yours in CC"
+    ensure_environment
+    mpirun=$venv/bin/mpiexec # PyPI's MPI cannot be started by another one
+}
+
+# Prints the oldest Python >= 3.12 that can make environments, or nothing: for the newest there may be no wheels yet.
+find_new_python() {
+    local candidate
+    for candidate in python3 python3.{12..19} "${PYENV_ROOT:-$HOME/.pyenv}"/versions/3.*/bin/python; do
+        # a name without a slash may be a shim of pyenv for a version that is not chosen: only running it tells
+        "$candidate" -I -c 'if True:
+            import sys, venv, ensurepip
+            if sys.version_info >= (3, 12) and sys.version_info.releaselevel == "final":
+                print(*sys.version_info[:3], sys.executable)' 2>/dev/null </dev/null || true
+    done | sort -k1,1n -k2,2n -k3,3n | head -n 1 | cut -d ' ' -f 4- | grep .
 }
 
 # Prints those of the Debian packages that are not installed.
@@ -61,8 +100,8 @@ missing_packages() {
 install_debian_packages() {
     local missing become=() command
     if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
-        die "apt is not here: this sets up Debian 12 and its like only." \
-            "Elsewhere make DOLFINx work in a Python environment of your own and run 'pip install .' in it"
+        die "apt is not here: this sets up Debian 12 and its like only. Elsewhere set RECEDING_ENV=pypi, which needs" \
+            "Python >= 3.12, or make DOLFINx work in a Python environment of your own and run 'pip install .' in it"
     fi
     mapfile -t missing < <(missing_packages)
     [ ${#missing[@]} -gt 0 ] || return 0
@@ -95,9 +134,19 @@ environment_key() {
     {
         cat "$root/demos/setup.sh"
         sed '/^# What follows configures tools only/,$d' "$root/pyproject.toml"
-        readlink -f "$system_python"
+        readlink -f "$base_python"
         printf '%s\n' "$root"
     } | sha256sum
+}
+
+ensure_environment() {
+    stamp=$venv/complete # written last; holds the key of what the environment was made from
+    spare=$venv.old
+    if ! is_complete; then
+        [ -w "$root" ] || die "no right to write in $root; clone the project into a folder of your own"
+        build_environment
+    fi
+    python=$venv/bin/python
 }
 
 is_complete() {
@@ -108,7 +157,7 @@ is_complete() {
 build_environment() {
     local log
     child=''
-    exec 9>"$root/.venv.lock"
+    exec 9>"$venv.lock"
     if ! flock -n 9; then
         say "another setup is under way in $root; waiting for it"
         flock 9
@@ -122,32 +171,36 @@ build_environment() {
         return
     fi
 
-    if ! python_says 'import venv, ensurepip, mpi4py.MPI, petsc4py.PETSc, dolfinx'; then
-        die "Debian's packages are installed, but $system_python cannot import them: $python_said"
+    if ! python_says "$base_imports"; then
+        die "what the environment is made from is installed, but $base_python cannot import it: $python_said"
     fi
     trap 'leave_no_half' EXIT
     trap 'exit 129' HUP
     trap 'exit 130' INT
     trap 'exit 143' TERM
     if [ -e "$venv" ] || [ -L "$venv" ]; then mv "$venv" "$spare"; fi
-    say "making the Python environment .venv (1 GB from the network, about half a minute)"
-    "$system_python" -I -m venv --system-site-packages "$venv" || die "could not make $venv: is the disk full?"
+    say "making the Python environment ${venv##*/} (1 GB from the network, about half a minute)"
+    "$base_python" -I -m venv "${venv_options[@]}" "$venv" || die "could not make $venv: is the disk full?"
     mkdir "$venv/tmp"
     log=$venv/tmp/pip.log
     # In a session of its own, so that it can be ended with all its children.
     TMPDIR=$venv/tmp PIP_USER=0 PIP_REQUIRE_VIRTUALENV=0 PIP_DISABLE_PIP_VERSION_CHECK=1 PYTHONNOUSERSITE=1 \
         setsid env -u PYTHONPATH -u PYTHONHOME -u PIP_TARGET -u PIP_PREFIX \
-        "$venv/bin/python" -m pip install --retries 2 --editable "$root[test,dev]" >"$log" 2>&1 </dev/null &
+        "$venv/bin/python" -m pip install --retries 2 --editable "${root}[test,dev]" >"$log" 2>&1 </dev/null &
     child=$!
     if ! wait "$child"; then
         child=''
         grep -E '^ *(ERROR|error):|No space left|Connection|Temporary failure' "$log" | tail -n 4 >&2 || true
-        die "pip could not install the Python packages (its own words are above): is the network there," \
+        unavailable "pip could not install the Python packages (its own words are above): is the network there," \
             "is a proxy or an index to be set (PIP_INDEX_URL), is the disk full? Nothing half-made was left"
     fi
     child=''
     python=$venv/bin/python
-    if ! python_says 'import dolfinx, h5py, scipy, gmsh, matplotlib, vtk, pytest, receding_fenicsx'; then
+    if ! python_says "$works"; then
+        if [[ $python_said == *'shared object file'* ]]; then
+            unavailable "a library of the system is missing: $python_said. On Debian the packages with all of them are:" \
+                "${graphics_packages[*]}. The environment was taken away again"
+        fi
         die "the Python environment was made, but does not work: $python_said. It was taken away again"
     fi
     rm -rf "$venv/tmp" # while it holds the log, nothing is complete
@@ -162,7 +215,7 @@ build_environment() {
 python_says() {
     local all
     all=$(env -u PYTHONPATH -u PYTHONHOME PYTHONNOUSERSITE=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 \
-        "${python:-$system_python}" -c "$1" 2>&1 </dev/null) && return
+        "${python:-$base_python}" -c "$1" 2>&1 </dev/null) && return
     python_said=$(tail -n 1 <<<"$all")
     return 1
 }

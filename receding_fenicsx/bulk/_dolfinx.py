@@ -1,6 +1,6 @@
 """The only place that knows which DOLFINx version is running: a function for each changed call.
 
-Written and tested with 0.5.2; the branches for 0.7 to 0.11 follow those releases' documentation.
+Tested with 0.5.2 and 0.11; the branches for the releases between follow their documentation.
 """
 
 from __future__ import annotations
@@ -132,9 +132,11 @@ def tag_entities(mesh: dmesh.Mesh, dim: int, entities: Ints, values: NDArray[np.
 
 def cell_nodes(mesh: dmesh.Mesh, cell: int) -> NDArray[np.int32]:
     """Return the local geometry nodes of a cell: its vertices, as cells are straight-sided."""
-    dofmap = mesh.geometry.dofmap
-    # 0.7 made the adjacency list an array
-    return dofmap.links(cell) if VERSION < (0, 7) else dofmap[cell]
+    if VERSION < (0, 7):  # 0.7 made the adjacency list an array
+        return mesh.geometry.dofmap.links(cell)
+    if VERSION < (0, 11):  # 0.11 has one dofmap for each kind of cell
+        return mesh.geometry.dofmap[cell]
+    return mesh.geometry.dofmaps[0][cell]
 
 
 def assemble_matrix(form: Any) -> PETSc.Mat:

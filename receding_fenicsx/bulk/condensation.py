@@ -13,6 +13,7 @@ no ordering to choose: with a Schur complement MUMPS 5.5 takes minimum degree wh
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -35,6 +36,8 @@ from receding_fenicsx.scene import evaluate
 from receding_fenicsx.scene_file import to_toml
 
 Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+"""Solves A_II x_I = b_I for the columns of b, each rank giving its own rows; the rest of x is 0."""
 
 RIGID_TOLERANCE = 1e-12
 """Largest force of a rigid motion over the largest row sum of |K|."""
@@ -128,30 +131,77 @@ def _system(bulk: Bulk, condensed: Condensed) -> ContactSystem:
     )
 
 
-def _held_response(bulk: Bulk, solve: Any) -> tuple[Array | None, Array]:
-    """Return the loads' reactions (2N, n_loads; rank 0) and compliance, all contact nodes held.
+def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:
+    """Return the loads' reactions (2N, n_loads; rank 0) and compliance, all contact nodes held."""
+    rows = bulk.stiffness.getLocalSize()[0]
+    loads = np.zeros((rows, len(bulk.loads)))
+    if not bulk.loads:  # MUMPS wants one right-hand side at least
+        return gather_contact(bulk, loads), np.zeros((0, 0))
+    for column, load in zip(loads.T, bulk.loads, strict=True):
+        column[:] = load.getArray(readonly=True)
+    x = solve(loads)
+    held = gather_contact(bulk, _times(bulk.stiffness, x) - loads)
+    compliance = bulk.comm.allreduce(loads.T @ x)
+    return held, 0.5 * (compliance + compliance.T)
+
+
+def _contact_forces(bulk: Bulk, solve: Solve, u: Array, first: int = 0) -> Array | None:
+    """Return K u (2N, n; rank 0) by solves.
 
     Args:
         bulk: the body.
-        solve: function (rhs, x) that solves A_II x_I = rhs_I, with x_C = 0.
+        solve: see ``Solve``.
+        u: (m, n) displacements of the contact's degrees of freedom from ``first`` on, the others 0.
+        first: see ``u``.
     """
-    n = len(bulk.loads)
-    start = bulk.stiffness.getOwnershipRange()[0]
-    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]]) - start
-    rhs, x, force = (bulk.stiffness.createVecLeft() for _ in range(3))
-    rows = np.zeros((rhs.getLocalSize(), n))
-    compliance = np.zeros((n, n))
-    for k, load in enumerate(bulk.loads):
-        load.copy(rhs)
-        rhs.getArray()[off] = 0.0
-        solve(rhs, x)
-        bulk.stiffness.mult(x, force)
-        force.axpy(-1.0, load)
-        rows[:, k] = force.getArray(readonly=True)
-        compliance[:, k] = [other.dot(x) for other in bulk.loads]
-    for vector in (rhs, x, force):
-        vector.destroy()
-    return gather_contact(bulk, rows), 0.5 * (compliance + compliance.T)
+    dofs, places = owned_contact(bulk)
+    inside = (places >= first) & (places < first + len(u))
+    start, rows = bulk.stiffness.getOwnershipRange()[0], bulk.stiffness.getLocalSize()[0]
+    x = np.zeros((rows, u.shape[1]))
+    x[dofs[inside] - start] = u[places[inside] - first]
+    force = _times(bulk.stiffness, x)
+    return gather_contact(bulk, force - _times(bulk.stiffness, solve(force)))
+
+
+def _times(matrix: PETSc.Mat, columns: Array) -> Array:
+    """Multiply a matrix by columns, each rank giving and getting its own rows."""
+    right = _dense(matrix, columns)
+    left = matrix.matMult(right)
+    product = np.array(left.getDenseArray(readonly=True))
+    left.destroy()
+    right.destroy()
+    return product
+
+
+def _dense(matrix: PETSc.Mat, columns: Array) -> PETSc.Mat:
+    """Return columns, of which each rank gives its own rows, as a matrix of PETSc."""
+    sizes = (matrix.getSizes()[0], (None, columns.shape[1]))
+    dense = PETSc.Mat().createDense(sizes, comm=matrix.comm)
+    dense.setUp()
+    dense.getDenseArray()[:] = columns
+    dense.assemble()
+    return dense
+
+
+def _solver(bulk: Bulk, factor: PETSc.Mat) -> Solve:
+    """Return the function that solves with a factor of A_II, or one that can be used as such."""
+    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]])
+    off = off - bulk.stiffness.getOwnershipRange()[0]
+
+    def solve(columns: Array) -> Array:
+        rhs = _dense(bulk.stiffness, columns)
+        rhs.getDenseArray()[off] = 0.0
+        rhs.assemble()
+        x = rhs.duplicate()
+        x.assemble()
+        factor.matSolve(rhs, x)
+        solution = np.array(x.getDenseArray(readonly=True))
+        solution[off] = 0.0
+        rhs.destroy()
+        x.destroy()
+        return solution
+
+    return solve
 
 
 def _by_schur(bulk: Bulk) -> Condensed:
@@ -180,66 +230,33 @@ def _by_schur(bulk: Bulk) -> Condensed:
             f"INFOG(2) = {factor.getMumpsInfog(2)}); check the supports and the memory"
         ) from failure
     K = on_root(bulk.comm, lambda: _schur_complement(factor, len(indices), bulk.comm.size))
-    factor.setMumpsIcntl(26, 0)  # solve with A_II alone
-    held, compliance = _held_response(bulk, factor.solve)
-    probe = _probe(bulk, matrix, factor.solve)
+    # From here on the factor serves for solves with A_II alone. PETSc refuses those on more than
+    # one rank while a Schur complement is asked for (19), which MUMPS itself no longer reads.
+    factor.setMumpsIcntl(26, 0)
+    factor.setMumpsIcntl(19, 0)
+    solve = _solver(bulk, factor)
+    held, compliance = _held_response(bulk, solve)
+    u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
+    force = _contact_forces(bulk, solve, u[:, None])
     for thing in (where, factor, pc, *([matrix] if supported else [])):
         thing.destroy()
-    return Condensed(K, held, compliance, probe)
-
-
-def _probe(bulk: Bulk, matrix: PETSc.Mat, solve: Any) -> tuple[Array, Array] | None:
-    """Return contact displacements u and the forces K u by a solve, [x; y], on rank 0."""
-    start = matrix.getOwnershipRange()[0]
-    dofs, places = owned_contact(bulk)
-    u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
-    x, rhs, inner = (matrix.createVecLeft() for _ in range(3))
-    x.set(0.0)
-    x.getArray()[dofs - start] = u[places]
-    matrix.mult(x, rhs)
-    rhs.getArray()[dofs - start] = 0.0
-    solve(rhs, inner)
-    x.axpy(-1.0, inner)
-    matrix.mult(x, rhs)
-    force = gather_contact(bulk, rhs.getArray(readonly=True)[:, None])
-    for vector in (x, rhs, inner):
-        vector.destroy()
-    return None if force is None else (u, force[:, 0])
+    return Condensed(K, held, compliance, None if force is None else (u, force[:, 0]))
 
 
 def _by_solves(bulk: Bulk) -> Condensed:
-    """Condense by solves with A_II for blocks of right-hand sides."""
+    """Condense by solves with A_II for blocks of unit displacements."""
     solver = interior_solver(bulk)
     pc = solver.getPC()
     factor = pc.getFactorMatrix()
-    start = bulk.stiffness.getOwnershipRange()[0]
-    dofs, places = owned_contact(bulk)
-    off = np.concatenate([bulk.fixed, dofs]) - start
+    solve = _solver(bulk, factor)
     size = len(bulk.contact.dofs)
-    K = np.zeros((size, size))
-    sizes = bulk.stiffness.getSizes()[0]
+    K = np.empty((size, size)) if bulk.comm.rank == 0 else None
     for first in range(0, size, BLOCK):
-        columns = np.arange(first, min(first + BLOCK, size))
-        unit = PETSc.Mat().createDense((sizes, len(columns)), comm=bulk.comm)
-        unit.setUp()
-        inside = (places >= columns[0]) & (places <= columns[-1])
-        unit.getDenseArray()[dofs[inside] - start, places[inside] - first] = 1.0
-        unit.assemble()
-        force = bulk.stiffness.matMult(unit)
-        direct = force.getDenseArray().copy()
-        rhs = force.duplicate(copy=True)
-        rhs.getDenseArray()[off] = 0.0
-        rhs.assemble()
-        inner = rhs.duplicate()
-        inner.assemble()
-        factor.matSolve(rhs, inner)
-        back = bulk.stiffness.matMult(inner)
-        gathered = gather_contact(bulk, direct - back.getDenseArray())
-        if gathered is not None:
-            K[:, columns] = gathered
-        for thing in (unit, force, rhs, inner, back):
-            thing.destroy()
-    held, compliance = _held_response(bulk, solver.solve)
+        unit = np.eye(min(BLOCK, size - first))
+        columns = _contact_forces(bulk, solve, unit, first)
+        if K is not None and columns is not None:
+            K[:, first : first + len(unit)] = columns
+    held, compliance = _held_response(bulk, solve)
     for thing in (factor, pc, solver):
         thing.destroy()
     return Condensed(K, held, compliance)
