@@ -16,9 +16,10 @@ from petsc4py import PETSc
 import dolfinx
 import numpy as np
 import ufl
-from dolfinx import cpp, fem
+from dolfinx import fem, graph
 from dolfinx import mesh as dmesh
 from dolfinx.fem import petsc as fem_petsc
+from dolfinx.io.utils import distribute_entity_data
 from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
@@ -62,10 +63,7 @@ def compile_form(form: ufl.Form) -> Any:
 def vector_space(mesh: dmesh.Mesh, degree: int) -> fem.FunctionSpace:
     """Return the continuous Lagrange space of plane displacements."""
     with _quiet():
-        if VERSION < (
-            0,
-            7,
-        ):  # 0.7 took VectorFunctionSpace away in favour of a shape in the element
+        if VERSION < (0, 7):  # 0.7 put the number of components into the element
             return fem.VectorFunctionSpace(mesh, ("Lagrange", degree), dim=2)
         return fem.functionspace(mesh, ("Lagrange", degree, (2,)))
 
@@ -115,19 +113,10 @@ def tag_entities(mesh: dmesh.Mesh, dim: int, entities: Ints, values: NDArray[np.
     entities = np.ascontiguousarray(entities, dtype=np.int64)
     mesh.topology.create_connectivity(dim, 0)
     mesh.topology.create_connectivity(dim, mesh.topology.dim)
-    if VERSION < (0, 6):  # the C++ mesh was `_mesh` before it became `_cpp_object`
-        owned, tags = cpp.io.distribute_entity_data(mesh._mesh, dim, entities, values)
-        adjacency = cpp.graph.AdjacencyList_int32(owned)
-        return dmesh.meshtags_from_entities(mesh, dim, adjacency, tags.astype(np.int32))
-    if VERSION < (0, 9):  # 0.9 wrapped the function in Python
-        owned, tags = cpp.io.distribute_entity_data(mesh._cpp_object, dim, entities, values)
-    else:
-        from dolfinx.io.utils import distribute_entity_data
-
-        owned, tags = distribute_entity_data(mesh, dim, entities, values)
-    from dolfinx.graph import adjacencylist
-
-    return dmesh.meshtags_from_entities(mesh, dim, adjacencylist(owned), tags.astype(np.int32))
+    owned, tags = distribute_entity_data(mesh, dim, entities, values)
+    # 0.7 renamed the function
+    listed = graph.create_adjacencylist if VERSION < (0, 7) else graph.adjacencylist
+    return dmesh.meshtags_from_entities(mesh, dim, listed(owned), tags.astype(np.int32))
 
 
 def cell_nodes(mesh: dmesh.Mesh, cell: int) -> NDArray[np.int32]:
