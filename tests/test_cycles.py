@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small import cyclic
@@ -73,12 +75,13 @@ def test_a_sequence_that_stands_is_its_own_limit() -> None:
 
 R = np.array([3.0, -1.0, 2.0, 5.0])
 V = np.array([0.4, -0.2])
+SLIDE = np.array([[1.0], [1.0], [0.0], [0.0]])
 
 
 def watch(
     ends: list[tuple[np.ndarray, np.ndarray]], slip_range: float = 0.1, D: float = 1.0
 ) -> SteadyWatch:
-    watching = SteadyWatch(1e-8)
+    watching = SteadyWatch(1e-8, SLIDE)
     watching.start(*ends[0])
     for r, v in ends[1:]:
         watching.add(r, v, slip_range, D, 1.0)
@@ -103,6 +106,19 @@ def test_a_displacement_gained_every_cycle_is_ratchetting() -> None:
     assert watch([(R, V + 0.03 * n) for n in range(5)]).kind == "ratchetting"
     assert watch([(R, V + 0.9e-7 * n) for n in range(5)]).kind == "cyclic slip"
     assert watch([(R, V + 1.1e-7 * n) for n in range(5)]).kind == "ratchetting"
+
+
+def test_displacements_that_are_no_sliding_are_not_ratchetting() -> None:
+    # slip that dies away: each cycle gains as much as its whole range, a part of it uniform
+    ends = [(R, V + 0.5**n * np.array([1e-9, 0.2e-9])) for n in range(5)]
+    assert watch(ends, slip_range=1e-9, D=1e-9).kind == "shakedown"
+
+
+def test_strong_friction_shakes_down_though_its_last_slips_go_one_way() -> None:
+    record = evolve(replace(SMALL, f=np.full(SMALL.n, 1.0)), cyclic(100))
+    D = record.cycles.dissipation
+    assert D[-1] <= 1e-6 * D[0]
+    assert record.steady.reached and record.steady.kind == "shakedown"
 
 
 def test_two_cycles_in_turn_are_a_period_of_two() -> None:

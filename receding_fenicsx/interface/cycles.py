@@ -10,8 +10,12 @@ from numpy.typing import NDArray
 from receding_fenicsx.interface.contact import Array
 
 RATCHET_TOLERANCE = 1e-6
-"""Displacement gained per period over the largest slip range of a cycle that counts as
+"""Rigid sliding gained per period over the largest slip range of a cycle that counts as
 ratchetting."""
+
+RIGID_PART = 0.1
+"""What a displacement gained per period may lack of a rigid sliding, over that sliding: slips that
+die away gain displacements too, however small a cycle's slip has become."""
 
 SHAKEDOWN_TOLERANCE = 1e-6
 """Dissipation of a cycle over that of cycle 1 below which the contact has shaken down."""
@@ -85,9 +89,16 @@ class SteadyWatch:
     steady at the first n with A_n below the tolerance for two periods running.
     """
 
-    def __init__(self, tolerance: float) -> None:
-        """Start with no cycles seen; ``tolerance`` bounds A_n."""
+    def __init__(self, tolerance: float, rigid: Array) -> None:
+        """Start with no cycles seen.
+
+        Args:
+            tolerance: bound of A_n.
+            rigid: (2N, n) rigid motions that supports and symmetry leave.
+        """
         self.tolerance = tolerance
+        v = rigid[: len(rigid) // 2]
+        self.slides = v[:, np.any(v != 0.0, axis=0)]
         self.ends: list[tuple[Array, Array]] = []
         self.change: list[float] = []
         self.change_2: list[float] = []
@@ -117,10 +128,18 @@ class SteadyWatch:
             for period, needed, change in ((1, 2, self.change), (2, 4, self.change_2)):
                 if len(change) >= needed and max(change[-needed:]) < self.tolerance:
                     self.cycle, self.period = len(self.change), period
-                    gain = np.abs(v - self.ends[-1 - period][1]).max()
-                    self.kind = _kind(float(gain), slip_range, dissipation, first)
+                    gain = self._gain(v - self.ends[-1 - period][1])
+                    self.kind = _kind(gain, slip_range, dissipation, first)
                     break
         return self.cycle >= 0
+
+    def _gain(self, change: Array) -> float:
+        """Return the rigid sliding in a change of v; 0 where the change is no sliding."""
+        if self.slides.shape[1] == 0:
+            return 0.0
+        slide = self.slides @ np.linalg.lstsq(self.slides, change, rcond=None)[0]
+        gain = float(np.abs(slide).max())
+        return gain if np.abs(change - slide).max() <= RIGID_PART * gain else 0.0
 
 
 def _relative(a: Array, b: Array, scale: float) -> float:

@@ -126,7 +126,7 @@ def record_of(
     slip = np.array([p.slip for p in passed[1:]]).reshape(-1, system.n)
     flip = np.where(mirror.left, -1.0, 1.0)
     kept = [p.kept for p in passed if p.kept is not None] + ([last] if last else [])
-    watcher = SteadyWatch(solver.steady_tolerance)
+    watcher = SteadyWatch(solver.steady_tolerance, system.rigid)
     for row in range(len(passed)):
         watch(watcher, passed, row)
     corners = [i for p in passed for i in p.corners] + unfinished[0]
