@@ -154,6 +154,17 @@ def _parser(comm: MPI.Comm | None) -> argparse.ArgumentParser:
     )
     added.add_argument("--at", type=float, default=1.0, metavar="S", help="0 to 1 along the leg")
 
+    added = command("animate", _animate, "make a film of one cycle of a finished run")
+    added.add_argument("folder", metavar="DIR", help="folder of the run")
+    added.add_argument("--cycle", type=int, required=True, metavar="N", help="0: first loading")
+    added.add_argument("--frames", type=int, default=60, metavar="N", help="pictures (60)")
+    added.add_argument(
+        "--stress",
+        default="max_shear",
+        metavar="NAME",
+        help="max_shear (fringes), von_mises, sxx, syy or sxy",
+    )
+
     scene_arguments(command("check", _check, "look whether a scene can be modelled, no more"))
     command("doctor", _doctor, "show what is installed and whether it works")
     return parser
@@ -244,6 +255,17 @@ def _snapshot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     with _Progress(comm) as say:
         made = study.snapshot(
             options.folder, options.cycle, options.leg, options.at, _needed(comm), say
+        )
+    for path in made or ():
+        print(path)
+
+
+def _animate(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import study
+
+    with _Progress(comm) as say:
+        made = study.animate(
+            options.folder, options.cycle, options.frames, options.stress, _needed(comm), say
         )
     for path in made or ():
         print(path)

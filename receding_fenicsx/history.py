@@ -131,6 +131,45 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
     return int(name)
 
 
+def spread(
+    history: History, cycle: int, n: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Spread instants over a cycle, evenly in the way that the loads go.
+
+    Args:
+        history: the history.
+        cycle: cycle, 0 for the path from rest.
+        n: instants, at least one more than the cycle has legs.
+
+    Returns:
+        For each instant the leg, the position s in [0, 1] along it, and the part of the cycle's
+        whole way that lies behind. The first is at the cycle's start (on the path from rest, where
+        nothing is loaded, a little later), every leg's end is among them, the last is at its end.
+
+    Raises:
+        InputError: there is no such cycle, or n is too small.
+    """
+    if not 0 <= cycle <= history.cycles:
+        raise InputError(
+            f"cycle {cycle} does not occur: the history has cycles 0 to {history.cycles}"
+        )
+    polyline = history.path if cycle == 0 else history.loop
+    legs = len(polyline) - 1
+    if n < legs + 1:
+        raise InputError(f"{n} frames: a cycle of {legs} legs needs at least {legs + 1}")
+    largest = np.abs(np.vstack([history.path, history.loop])).max(axis=0)
+    way = np.abs(np.diff(polyline, axis=0) / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+    share = np.maximum(1, np.round((n - 1) * way / way.sum())).astype(int)
+    share[np.argmax(share)] += n - 1 - share.sum()
+    before = np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
+    leg, s = [0], [0.0 if cycle else 0.5 / share[0]]
+    for k, count in enumerate(share):
+        leg += [k] * count
+        s += ((np.arange(count) + 1.0) / count).tolist()
+    number, position = np.array(leg), np.array(s)
+    return number, position, before[number] + position * np.diff(before)[number]
+
+
 def _from_table(scene: Scene, names: tuple[str, ...]) -> History:
     options = scene.history
     if options.load is not None:

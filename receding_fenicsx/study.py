@@ -182,6 +182,56 @@ def snapshot(
         bulk.destroy()
 
 
+def animate(
+    folder: str | Path,
+    cycle: int,
+    frames: int = 60,
+    stress: str = "max_shear",
+    comm: MPI.Comm | None = None,
+    progress: Say | None = None,
+) -> list[Path] | None:
+    """Make a film of one cycle of a finished run; all ranks call this together.
+
+    Args:
+        folder: folder of the run; films go to its ``animations``.
+        cycle: cycle, 0 for the first loading.
+        frames: pictures, spread over the legs by the loads' way in each.
+        stress: what is drawn: "max_shear" (as fringes), "von_mises", "sxx", "syy" or "sxy".
+        comm: communicator; all processes of the job when left out.
+        progress: told on rank 0 what is being done.
+
+    Returns:
+        The files that were made, .mp4 and .gif, on rank 0; None on the others.
+    """
+    animation, snapshots = _drawing("animation"), _drawing("snapshots")
+    comm = comm or _world()
+    folder = Path(folder)
+    timer = Timer(progress if comm.rank == 0 else None)
+    quantity = snapshots.quantity_of(stress)
+
+    def find() -> tuple[str, Any]:
+        record = files.read_record(folder / "record.h5")
+        scene = from_toml(record.scene_toml)
+        system = files.read_system(folder / "system.h5", scene)
+        legs, at, time = history.spread(history.from_scene(scene), cycle, frames)
+        instants = [
+            instant_of(scene, system, record, cycle, str(leg), float(s))
+            for leg, s in zip(legs, at, strict=True)
+        ]
+        return record.scene_toml, animation.Scenario(instants, time)
+
+    text, scenario = comm.bcast(errors.on_root(comm, find))
+    bulk = picture_body(from_toml(text), comm)
+    try:
+        with timer("pictures"):
+            made: list[Path] | None = animation.animate(
+                bulk, scenario, quantity, folder / "animations" / f"cycle{cycle:04d}_{stress}"
+            )
+            return made
+    finally:
+        bulk.destroy()
+
+
 def instant_of(
     scene: Scene, system: ContactSystem, record: Record, cycle: int, leg: str, at: float = 1.0
 ) -> Instant:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.history import History, from_scene, leg_number
+from receding_fenicsx.history import History, from_scene, leg_number, spread
 from receding_fenicsx.scene_file import from_toml
 
 BLOCK = (Path(__file__).parents[1] / "demos" / "block.toml").read_text()
@@ -143,3 +143,28 @@ def test_leg_name_must_mean_one_leg() -> None:
     with pytest.raises(InputError, match="2 unloading legs"):
         leg_number(history, "unloading", 1)
     assert leg_number(history, "3", 1) == 3
+
+
+def test_instants_spread_over_a_cycle_go_evenly_and_meet_every_turning_point() -> None:
+    path = np.array([[0.0, 0.0], [2.0, 0.0]])
+    loop = np.array([[2.0, 0.0], [2.0, 1.0], [1.0, -1.0], [2.0, 0.0]])
+    table = History(("P", "Q"), path, loop, 3)
+    way = np.array([1.0, 2.5, 1.5])  # over the largest loads, 2 and 1
+    for n in (4, 11, 60):
+        leg, s, time = spread(table, 2, n)
+        assert len(leg) == len(s) == len(time) == n
+        assert (leg[0], s[0], time[0], time[-1]) == (0, 0.0, 0.0, 1.0)
+        assert np.all(np.diff(time) > 0.0)
+        for k in range(3):
+            assert np.any((leg == k) & (s == 1.0))
+        assert time[(leg == 1) & (s == 1.0)][0] == pytest.approx(way[:2].sum() / way.sum())
+    assert np.diff(spread(table, 2, 60)[2]).max() < 1.2 / 59
+    # at rest nothing is loaded and nothing to be seen
+    assert spread(table, 0, 5)[1][0] > 0.0
+
+
+@pytest.mark.parametrize(("cycle", "n"), [(4, 10), (-1, 10), (1, 3)])
+def test_instants_cannot_be_spread_over_what_is_not_there(cycle: int, n: int) -> None:
+    path, loop = np.array([[0.0], [1.0]]), np.array([[1.0], [0.5], [0.2], [1.0]])
+    with pytest.raises(InputError):
+        spread(History(("p0",), path, loop, 3), cycle, n)

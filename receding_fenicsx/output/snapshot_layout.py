@@ -59,6 +59,7 @@ class Layout:
         body: left, bottom, width and height of the body's axes.
         tractions: likewise of the tractions'.
         window: left, right, bottom and top in units of the view.
+        dpi: dots per inch.
     """
 
     width: float
@@ -66,19 +67,39 @@ class Layout:
     body: tuple[float, float, float, float]
     tractions: tuple[float, float, float, float]
     window: tuple[float, float, float, float]
+    dpi: float
 
     @property
     def pixels(self) -> tuple[int, int]:
         """Width and height of the body's axes in dots."""
-        return round(self.body[2] * style.DPI), round(self.body[3] * style.DPI)
+        return round(self.body[2] * self.dpi), round(self.body[3] * self.dpi)
 
 
-def layout_of(view: View) -> Layout:
-    """Arrange a page for a view."""
-    shown = [view.points, view.moved, view.place - _band(view)[1] * view.normal]
-    shown += [end for arrows in view.arrows for end in (arrows.tails, arrows.heads)]
-    corners = np.vstack(shown)
-    margin = 0.03 * view.size
+@dataclass(frozen=True)
+class Clock:
+    """Where a picture stands in a film.
+
+    Attributes:
+        time: (n,) progress of the film at the ends of its legs and between.
+        load: (n, n_loads) each load over its largest value then.
+        names: the loads' names as mathematics.
+        now: progress at the picture.
+        now_load: (n_loads,) loads over their largest values at the picture.
+        tractions: lowest and highest traction in the film.
+    """
+
+    time: Array
+    load: Array
+    names: tuple[str, ...]
+    now: float
+    now_load: Array
+    tractions: tuple[float, float]
+
+
+def layout_of(*views: View, dpi: float = style.DPI) -> Layout:
+    """Arrange a page that suits one view, or several of the same body."""
+    corners = np.vstack([_corners(view) for view in views])
+    margin = 0.03 * views[0].size
     low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
     width = style.PAGE - LEFT - RIGHT
     scale = min(width / (high[0] - low[0]), TALLEST / (high[1] - low[1]))
@@ -93,12 +114,34 @@ def layout_of(view: View) -> Layout:
         body=(LEFT, bottom, width, height),
         tractions=(LEFT, BELOW, width, TRACTIONS),
         window=(float(low[0]), float(high[0]), float(low[1]), float(high[1])),
+        dpi=dpi,
     )
 
 
-def compose(view: View, layout: Layout, pixels: Pixels, colours: Colours) -> Figure:
-    """Put the page together around the rendered field."""
-    figure = Figure(figsize=(layout.width, layout.height))
+def _corners(view: View) -> Array:
+    """(2, 2) lowest and highest coordinates of all that is drawn of a view."""
+    shown = [view.points, view.moved, view.place - _band(view)[1] * view.normal]
+    shown += [end for arrows in view.arrows for end in (arrows.tails, arrows.heads)]
+    points = np.vstack(shown)
+    return np.stack([points.min(axis=0), points.max(axis=0)])
+
+
+def compose(
+    view: View, layout: Layout, pixels: Pixels, colours: Colours, clock: Clock | None = None
+) -> Figure:
+    """Put the page together around the rendered field.
+
+    Args:
+        view: what is shown.
+        layout: where.
+        pixels: the field.
+        colours: its colours.
+        clock: place in a film, if it is of one.
+
+    Returns:
+        The page.
+    """
+    figure = Figure(figsize=(layout.width, layout.height), dpi=layout.dpi)
     page = (layout.width, layout.height) * 2
 
     def axes_at(box: tuple[float, float, float, float]) -> Axes:
@@ -113,7 +156,10 @@ def compose(view: View, layout: Layout, pixels: Pixels, colours: Colours) -> Fig
     _draw_outlines(body, view)
     _draw_band(body, view)
     _draw_loads(body, view)
-    _draw_tractions(axes_at(layout.tractions), view, layout)
+    _draw_tractions(axes_at(layout.tractions), view, layout, clock)
+    if clock is not None:
+        left, bottom, width, height = layout.tractions
+        _draw_clock(axes_at((left + width + 0.22, bottom, RIGHT - 0.45, height)), clock)
     left, _, width, height = layout.body
     scale = height / (layout.window[3] - layout.window[2])
     base = layout.body[1] + scale * (float(view.moved[:, 1].min()) - layout.window[2])
@@ -216,11 +262,33 @@ def _draw_loads(axes: Axes, view: View) -> None:
             axes.plot(*arrows.tails.T, color=INK, lw=0.8, zorder=7)
 
 
-def _draw_tractions(axes: Axes, view: View, layout: Layout) -> None:
-    """Draw p and q along the contact edge, below the body where that edge is level."""
+def _draw_clock(axes: Axes, clock: Clock) -> None:
+    """Draw the loads over the film's time, and where it stands."""
+    for k, name in enumerate(clock.names):
+        colour = "black" if len(clock.names) == 1 else style.SERIES_COLOURS[k % 6]
+        axes.plot(clock.time, clock.load[:, k], color=colour, lw=0.9, label=name)
+        axes.plot(clock.now, clock.now_load[k], "o", color=colour, ms=5.0, clip_on=False)
+    axes.set_xlim(0.0, 1.0)
+    axes.set_xticks([])
+    low, high = min(0.0, float(clock.load.min())), max(0.0, float(clock.load.max()))
+    room = 0.06 * (high - low)
+    axes.set_ylim(low - room, high + room)
+    axes.yaxis.tick_right()
+    axes.set_yticks(sorted({low, high}))
+    axes.tick_params(left=False, pad=2.0)
+    if len(clock.names) == 1:
+        axes.set_xlabel(f"{clock.names[0]} over time", labelpad=3.0)
+    else:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), fontsize=7.0, labelspacing=0.2)
+
+
+def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None) -> None:
+    """Draw p, q and the friction cone along the edge, below the body where that edge is level."""
     known = np.isfinite(view.p)
     divided = f"/{view.pressure_symbol}" if view.pressure_symbol else ""
     axes.axhline(0.0, color="black", lw=0.4)
+    limit = (view.f * view.p)[known]
+    axes.fill_between(view.x[known], -limit, limit, **style.CONE)
     for _, begin, _ in zones(view.x, view.state)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
     for values, colour, name in (
@@ -228,6 +296,9 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout) -> None:
         (view.q, style.SHEAR_COLOUR, "q"),
     ):
         axes.plot(view.x[known], values[known], color=colour, label=f"${name}{divided}$")
+    if clock is not None:
+        low, high = clock.tractions
+        axes.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
     level = abs(view.normal[1]) == 1.0
     axes.set_xlim(layout.window[:2] if level else (view.x[0], view.x[-1]))
     axes.legend(loc="upper right", borderaxespad=0.2, handlelength=1.2)

@@ -19,7 +19,7 @@ from receding_fenicsx.scene import EDGES, Load, Scene, edge_points, edge_range, 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
 
-EXAGGERATED = 0.08
+EXAGGERATED = 0.1
 """Largest displacement in the picture over the body's smaller extent."""
 ARROW = 0.24
 """Length of the arrow of the largest traction over the body's smaller extent."""
@@ -45,6 +45,21 @@ class Arrows:
 
 
 @dataclass(frozen=True)
+class Units:
+    """What a picture's displacements and stresses are shown in.
+
+    Attributes:
+        factor: exaggeration of displacements.
+        traction: what stresses are divided by.
+        symbol: its symbol; "" for the scene's own units.
+    """
+
+    factor: float
+    traction: float
+    symbol: str
+
+
+@dataclass(frozen=True)
 class View:
     """A body at one instant; all lengths over the length scale, all stresses over the pressure's.
 
@@ -59,6 +74,7 @@ class View:
         normal: (2,) unit vector into the body.
         gap: (N,) exaggerated initial gap, from the contact nodes to the plane.
         state, p, q: (N,) states and tractions; p, q are nan where a node stands for no length.
+        f: (N,) coefficients of friction.
         arrows: the loads.
         length_symbol, pressure_symbol: what is divided by; "" for the scene's own units.
         caption: which instant this is.
@@ -78,19 +94,21 @@ class View:
     state: NDArray[np.int8]
     p: Array
     q: Array
+    f: Array
     arrows: list[Arrows]
     length_symbol: str
     pressure_symbol: str
     caption: str
 
 
-def view_of(bulk: Bulk, fields: Fields, instant: Instant) -> View:
+def view_of(bulk: Bulk, fields: Fields, instant: Instant, units: Units | None = None) -> View:
     """Put together what a picture shows, on rank 0.
 
     Args:
         bulk: the body.
         fields: its fields at the instant.
         instant: state of the modelled contact nodes.
+        units: what it is shown in; what suits the instant when left out.
 
     Returns:
         The view of the whole body.
@@ -100,17 +118,13 @@ def view_of(bulk: Bulk, fields: Fields, instant: Instant) -> View:
         fields = _joined(fields)
     length = length_of(scene)
     unit = length or 1.0
-    pressure, symbol = pressure_of(scene, bulk.load_names)
-    now = pressure * abs(float(instant.load[0])) if symbol else 1.0
-    if now == 0.0:
-        now, symbol = 1.0, ""
+    shown = units or units_of(bulk, [fields], instant.load)
+    now, factor = shown.traction, shown.factor
     mirror = mirror_nodes(contact.x, bulk.body.half)
     weight = mirror.total(contact.weight)
     per_length = np.where(weight > 0.0, 1.0 / np.where(weight > 0.0, weight, 1.0), np.nan) / now
     flip = np.where(mirror.left, -1.0, 1.0)
     size = float(np.ptp(fields.points, axis=0).min())
-    largest = float(np.linalg.norm(fields.displacement, axis=1).max())
-    factor = _round(EXAGGERATED * size / largest) if largest > 0.0 else 1.0
     place = contact.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1)
     x = flip * contact.x[mirror.index]
     return View(
@@ -128,17 +142,35 @@ def view_of(bulk: Bulk, fields: Fields, instant: Instant) -> View:
         state=mirror.states(instant.state.state),
         p=mirror.total(instant.state.P) * per_length,
         q=mirror.odd(instant.state.Q) * per_length,
+        f=evaluate(scene.contacts[0].friction, x, place[:, 1]),
         arrows=_arrows(scene, fields, bulk.load_names, instant.load, (factor, unit, size)),
         length_symbol="h" if length else "",
-        pressure_symbol=symbol,
+        pressure_symbol=shown.symbol,
         caption=_caption(scene, bulk.load_names, instant),
     )
 
 
+def units_of(bulk: Bulk, fields: list[Fields], load: Array, symbol: str = "") -> Units:
+    """Choose what one picture, or several alike, are shown in.
+
+    Args:
+        bulk: the body.
+        fields: its fields in all of them.
+        load: (n_loads,) load factors whose pressure stresses are divided by.
+        symbol: symbol of that pressure; that of the load when left out.
+    """
+    size = float(np.ptp(fields[0].points, axis=0).min())
+    largest = max(float(np.linalg.norm(f.displacement, axis=1).max()) for f in fields)
+    factor = _round(EXAGGERATED * size / largest) if largest > 0.0 else 1.0
+    pressure, own = pressure_of(bulk.scene, bulk.load_names)
+    traction = pressure * abs(float(load[0])) if own else 0.0
+    return Units(factor, traction, symbol or own) if traction else Units(factor, 1.0, "")
+
+
 def _round(value: float) -> float:
-    """Return the nearest number below of the series 1, 2, 5, 10."""
+    """Return the nearest number below with one figure."""
     power = 10.0 ** np.floor(np.log10(value))
-    return float(power * max(step for step in (1.0, 2.0, 5.0) if step * power <= value))
+    return float(f"{np.floor(value / power) * power:.0e}")
 
 
 def _joined(fields: Fields) -> Fields:
@@ -170,7 +202,7 @@ def _outline(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.asarray(edges[count == 1], dtype=np.int64)
 
 
-def _largest_factors(scene: Scene) -> Array:
+def largest_factors(scene: Scene) -> Array:
     """(n_loads,) largest absolute factor of each load over the history; 1 where it is 0."""
     path = history.from_scene(scene)
     largest = np.abs(np.vstack([path.path, path.loop])).max(axis=0)
@@ -187,7 +219,7 @@ def _caption(scene: Scene, names: tuple[str, ...], instant: Instant) -> str:
     falls = (min(instant.cycle, 1), instant.leg) in falling
     first = falling[:1] == [(instant.cycle, instant.leg)]
     way = name_leg(instant.cycle, instant.leg, falls, first, plain)
-    return f"{way}, {describe_factors(names, instant.load / _largest_factors(scene))}"
+    return f"{way}, {describe_factors(names, instant.load / largest_factors(scene))}"
 
 
 def _arrows(
@@ -201,7 +233,7 @@ def _arrows(
     if scene.body.mesh is not None or scene.body.shape != "rectangle":
         return []
     exaggeration, unit, size = units
-    largest = dict(zip(names, _largest_factors(scene), strict=True))
+    largest = dict(zip(names, largest_factors(scene), strict=True))
     found = []
     for load in scene.loads:
         if load.edge in EDGES:

@@ -14,7 +14,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
-from receding_fenicsx.errors import on_root
+from receding_fenicsx.errors import InputError, on_root
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.output import style
 from receding_fenicsx.output.collect import Instant
@@ -69,6 +69,19 @@ IN_EVERY_RUN = tuple(q for q in QUANTITIES if q.name in ("von_mises", "max_shear
 """What a run draws without being asked: a picture takes about half a second."""
 
 
+def quantity_of(name: str) -> Quantity:
+    """Return the quantity with this name.
+
+    Raises:
+        InputError: there is none.
+    """
+    found = [quantity for quantity in QUANTITIES if quantity.name == name]
+    if not found:
+        known = ", ".join(quantity.name for quantity in QUANTITIES)
+        raise InputError(f"stress '{name}': is unknown; use one of {known}")
+    return found[0]
+
+
 def snapshot(
     bulk: Bulk,
     instant: Instant | None,
@@ -120,7 +133,7 @@ def draw_view(view: View, quantity: Quantity, path: Path) -> None:
     Raises:
         RecedingError: nothing can be drawn off-screen on this machine.
     """
-    values = view.stress[quantity.name] * (2.0 if quantity.fringes else 1.0)
+    values = scaled(view, quantity)
     colours, levels = colours_of(values, quantity, view.pressure_symbol)
     with mpl.rc_context(style.RC):
         layout = layout_of(view)
@@ -135,6 +148,11 @@ def draw_view(view: View, quantity: Quantity, path: Path) -> None:
             size=layout.pixels,
         )
         save(compose(view, layout, renderer.draw(picture), colours), path)
+
+
+def scaled(view: View, quantity: Quantity) -> Array:
+    """Return what is drawn of a view: for fringes twice the largest shear, which light counts."""
+    return view.stress[quantity.name] * (2.0 if quantity.fringes else 1.0)
 
 
 def colours_of(values: Array, quantity: Quantity, pressure_symbol: str) -> tuple[Colours, Array]:
@@ -152,7 +170,6 @@ def colours_of(values: Array, quantity: Quantity, pressure_symbol: str) -> tuple
     divided = f"/{pressure_symbol}" if pressure_symbol else ""
     label = f"${quantity.symbol}{divided}$"
     if quantity.fringes:
-        # twice the largest shear is the difference of principal stresses, which light counts
         apart = fringe_value(high)
         limits = (0.0, max(float(values.max()), apart))
         order = np.linspace(0.0, limits[1] / apart, SHADES)
