@@ -88,7 +88,6 @@ def bilateral_pressure(x: ArrayLike, load: float = 0.0) -> Array:
 
     Source: L.N.G. Filon, Philosophical Transactions of the Royal Society A 201 (1903) 63-155.
     """
-
     # Gauss's rule on panels; at u = 40 the integrand has fallen to 1e-16 of its first value
     points, weights = leggauss(10)
     panels = np.linspace(0.0, 40.0, 201)
