@@ -27,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import Array, State
+from receding_fenicsx.interface.tractions import cell_means, is_quadratic
 from receding_fenicsx.interface.zones import stick_zone
 
 Window = tuple[int, int, int]
@@ -49,8 +50,6 @@ CANDIDATES = 49
 """Ends that are tried at once, between which the best one is looked for again."""
 REFINEMENTS = 4
 """Rounds of trying; each narrows the search by the number of candidates."""
-HEAVY = 1.5
-"""Weight of a midside node over its neighbours' beyond which elements are seen to be of order 2."""
 
 
 @dataclass(frozen=True)
@@ -166,14 +165,14 @@ def zone_end(at: Tractions, last: int, side: int) -> ZoneEnd:
         return ZoneEnd(at.x[-1], at.x[-1], at.x[-1], fitted=False)
     low, high = float(at.x[last]), float(at.x[last + 1])
     spacing = high - low
-    quadratic = not at.axisymmetric and _is_quadratic(at.weight)
+    quadratic = not at.axisymmetric and is_quadratic(at.weight)
     shift = (QUADRATIC_SHIFT if quadratic else LINEAR_SHIFT) * spacing
     bracket = ZoneEnd(0.5 * (low + high), low - shift, high + shift, fitted=False)
     quantity = _vanishing(at, last)
     if quantity is None:
         return bracket
     y, exponent, first = quantity
-    left, right, mean = _cells(at.x, at.weight, y, quadratic)
+    left, right, mean = cell_means(at.x, at.weight, y, quadratic)
     inside = np.flatnonzero((right <= low) & (left >= at.x[first]))[::-1]
     search = SEARCH[0] * spacing, SEARCH[1] * spacing
     ends = []
@@ -237,32 +236,6 @@ def _first_alike(at: Tractions, last: int) -> int:
     """First node of the run of equal states that ends at a node."""
     other = np.flatnonzero(np.asarray(at.state[: last + 1]) != at.state[last])
     return int(other[-1]) + 1 if len(other) else 0
-
-
-def _is_quadratic(weight: Array) -> bool:
-    """Whether every second node is the midside node of an element of order 2."""
-    ends = np.maximum(weight[:-1:2], weight[2::2]) if len(weight) % 2 else weight
-    return len(weight) % 2 == 1 and bool(np.all(weight[1::2] > HEAVY * ends))
-
-
-def _cells(x: Array, weight: Array, force: Array, quadratic: bool) -> tuple[Array, Array, Array]:
-    """Ends of cells along the edge, and the mean traction in each.
-
-    On elements of order 2 lumped tractions err by opposite amounts at vertices and midside nodes;
-    an element's share of the nodal forces over its length is its mean traction to fourth order.
-    On elements of order 1 a cell reaches half-way to the neighbouring nodes.
-    """
-    if quadratic:
-        left, right = x[:-1:2], x[2::2]
-        length = right - left
-        part = np.ones((2, len(length)))
-        both = length[1:] + length[:-1]
-        part[0, 1:], part[1, :-1] = length[1:] / both, length[:-1] / both
-        total = force[1::2] + part[0] * force[:-1:2] + part[1] * force[2::2]
-        return left, right, total / length
-    between = 0.5 * (x[1:] + x[:-1])
-    traction = force / np.where(weight > 0.0, weight, np.inf)
-    return np.append(x[0], between), np.append(between, x[-1]), traction
 
 
 def _fit(
