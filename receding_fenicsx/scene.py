@@ -31,6 +31,8 @@ Profile = float | str | dict[str, list[float]]
 EDGES = ("bottom", "top", "left", "right")
 """Edges of a rectangle; "bottom" is y = 0 and x = 0 is the centre."""
 HORIZONTAL = ("bottom", "top")
+FREE = "free"
+"""A component of a load's displacement that is not prescribed."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +102,12 @@ class Contact:
 
 @dataclass(frozen=True)
 class Load:
-    """One named load with its load factor: exactly one of pressure and traction (global axes).
+    """One named load with its load factor: one of pressure, traction, displacement and force.
 
+    Tractions, displacements and forces are [x, y] in global axes. A component of ``displacement``
+    that is "free" is not prescribed. A ``platen`` is an edge that moves rigidly without rotation,
+    under the resultant ``force`` (axisymmetric: of the full circle; one half of a symmetric body
+    carries half) or with a constant ``displacement``; loads with the same edge and span share it.
     ``span`` runs along the edge from its middle, rightwards or upwards.
     """
 
@@ -110,6 +116,9 @@ class Load:
     span: tuple[float, float] | None = None
     pressure: Profile | None = None
     traction: tuple[Profile, Profile] | None = None
+    displacement: tuple[Profile, Profile] | None = None
+    platen: bool = False
+    force: tuple[float, float] | None = None
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import (
     EDGES,
+    FREE,
     HORIZONTAL,
     Body,
     Contact,
@@ -109,6 +110,14 @@ def is_mirror_symmetric(scene: Scene) -> bool:
             tx, ty = (evaluate(part, x, y) for part in load.traction)
             scale = max(np.abs(tx).max(), np.abs(ty).max())
             if not (_is_even(tx, -1.0, scale) and _is_even(ty, 1.0, scale)):
+                return False
+        if load.force is not None and load.force[0] != 0.0:
+            return False
+        if load.displacement is not None:
+            given = zip((-1.0, 1.0), load.displacement, strict=True)
+            parts = [(sign, evaluate(part, x, y)) for sign, part in given if part != FREE]
+            scale = max(np.abs(values).max() for _, values in parts)
+            if not all(_is_even(values, sign, scale) for sign, values in parts):
                 return False
     return Counter(_support_key(scene, s) for s in scene.supports) == Counter(
         _support_key(scene, s, mirrored=True) for s in scene.supports
@@ -355,9 +364,7 @@ def _check_load(scene: Scene, load: Load) -> None:
     where = f"load '{load.name}'"
     _check_edge(scene, load.edge, f"{where} edge")
     _check_span(scene, load.edge, load.span, f"{where} span")
-    if (load.pressure is None) == (load.traction is None):
-        have = "both" if load.pressure is not None else "neither"
-        raise InputError(f"{where}: has {have} of pressure and traction; give exactly one of them")
+    kind = _load_kind(scene, load, where)
     for contact in scene.contacts:
         if scene.find_edge(load.edge) == scene.find_edge(contact.edge):
             whole = edge_range(scene, load.edge)
@@ -369,16 +376,39 @@ def _check_load(scene: Scene, load: Load) -> None:
                 )
     along = _load_samples(scene, load)
     x, y = edge_points(scene, load.edge, along)
-    parts = (load.traction[0], load.traction[1]) if load.traction else (load.pressure,)
-    key = f"{where} traction" if load.traction else f"{where} pressure"
+    value = getattr(load, kind)
+    key = f"{where} {kind}"
     zero = True
-    for part in parts:
-        if part is not None:
+    for part in value if isinstance(value, tuple) else (value,):
+        if part != FREE:
             # a table runs along the edge, an expression knows x and y
             values = _values(part, along if isinstance(part, dict) else x, y, key)
             zero = zero and not np.any(values)
     if zero:
         raise InputError(f"{key}: is zero everywhere; give it a value or leave the load out")
+
+
+def _load_kind(scene: Scene, load: Load, where: str) -> str:
+    """Return which of its four forms a load has."""
+    known = ("pressure", "traction", "displacement", "force")
+    kinds = [kind for kind in known if getattr(load, kind) is not None]
+    if len(kinds) != 1:
+        raise InputError(
+            f"{where}: has {' and '.join(kinds) or 'none'} of {', '.join(known)}; give exactly one "
+            "of them"
+        )
+    if load.force is not None and not load.platen:
+        raise InputError(f"{where} force: belongs to a platen; add platen = true, or use traction")
+    if load.platen and kinds[0] in ("pressure", "traction"):
+        raise InputError(
+            f"{where} platen: moves under force or displacement, not {kinds[0]}; give one of them"
+        )
+    if scene.axisymmetric and load.platen and getattr(load, kinds[0])[0] not in (0.0, FREE):
+        raise InputError(
+            f"{where} {kinds[0]}: a platen on a body of revolution moves along its axis only; "
+            f"write [0.0, {getattr(load, kinds[0])[1]}]"
+        )
+    return kinds[0]
 
 
 def _check_load_names(scene: Scene) -> None:

@@ -45,11 +45,6 @@ NAMED = ("body", "load")
 """Tables that may occur several times and are then told apart by their names."""
 
 LATER = {
-    "load": {
-        "displacement": "a prescribed edge displacement",
-        "platen": "a platen",
-        "force": "a platen",
-    },
     "solver": {"on_jump": "stepping over a jump", "checkpoint_cycles": "a checkpoint"},
     "output": {"checkpoint_cycles": "a checkpoint"},
 }

@@ -107,7 +107,7 @@ def _parameters(value: object, where: str) -> dict[str, float]:
 
 def _traction(value: object, where: str) -> tuple[Profile, Profile]:
     if not isinstance(value, list) or len(value) != 2:
-        raise InputError(f"{where}: must be [tx, ty] in global axes, not {_shown(value)}")
+        raise InputError(f"{where}: must be a pair [x, y] in global axes, not {_shown(value)}")
     return _profile(value[0], f"{where}[0]"), _profile(value[1], f"{where}[1]")
 
 

@@ -326,7 +326,7 @@ def test_field_carries_the_condensed_reactions(
         ({"material": Material(young=0.0)}, "material.young = 0"),
         ({"mesh": MeshOptions(contact_elements=16, degree=3)}, "mesh.degree = 3"),
         ({"loads": (Load("a", "front", pressure=1.0),)}, "load.a: no part of edge 'front'"),
-        ({"loads": (Load("a", "top"),)}, "load.a has neither pressure nor traction"),
+        ({"loads": (Load("a", "top"),)}, "load.a has no pressure, traction"),
         ({"loads": (Load("a", "top", pressure="sqrt(x)"),)}, "finite"),
         ({"supports": (Support("z", edge="top"),)}, "support.fix = 'z'"),
         ({"supports": (Support("x"),)}, "support: it has neither edge nor point"),

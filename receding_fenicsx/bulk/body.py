@@ -27,12 +27,15 @@ class Bulk:
         scene: what it was built from.
         body: its mesh.
         space: displacements.
-        stiffness: A, for Young's modulus 1, without boundary conditions.
+        stiffness: A, for Young's modulus 1, without boundary conditions; with platens P^T A P.
         load_names: names of the loads.
-        loads: nodal forces of each load with factor 1.
-        fixed: degrees of freedom off the contact that symmetry and supports hold, this rank's own
-            by their global numbers.
+        loads: nodal forces of each load with factor 1, with platens P^T f; of a prescribed
+            displacement d, those that stand for it once it is held: -E A d.
+        fixed: degrees of freedom off the contact that symmetry and supports hold, that are
+            prescribed or that follow a platen's, this rank's own by their global numbers.
         contact: the contact nodes.
+        prescribed: by the name of its load, a displacement d that is prescribed with factor 1.
+        ties: P, when there are platens: u = P u'.
         seconds: time spent on "forms" (compiling or loading them) and on "assemble".
         interior: solver with contact and supports held, made when first asked for.
     """
@@ -45,6 +48,8 @@ class Bulk:
     loads: list[PETSc.Vec]
     fixed: Ints
     contact: ContactNodes
+    prescribed: dict[str, PETSc.Vec] = field(default_factory=dict)
+    ties: PETSc.Mat | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     interior: PETSc.KSP | None = None
 
@@ -65,10 +70,11 @@ class Bulk:
 
     def destroy(self) -> None:
         """Free PETSc's objects; on all ranks together."""
-        for thing in (self.stiffness, self.interior, *self.loads):
+        parts = (self.stiffness, self.interior, self.ties, *self.loads, *self.prescribed.values())
+        for thing in parts:
             if thing is not None:
                 thing.destroy()
-        self.interior, self.loads = None, []
+        self.interior, self.ties, self.loads, self.prescribed = None, None, [], {}
 
 
 def constrained(bulk: Bulk, held: Ints) -> PETSc.Mat:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, integrate, measure, positions
 from receding_fenicsx.bulk.meshing import BodyMesh
 from receding_fenicsx.bulk.rectangle import POSITION_TOLERANCE
+from receding_fenicsx.bulk.ties import Prescribed, Ties, tied_dofs
 from receding_fenicsx.errors import InputError, on_all
 from receding_fenicsx.scene import Scene
 
@@ -76,7 +78,11 @@ def _turn(values: Array, rotation: Array) -> Array:
 
 
 def find_contact(
-    scene: Scene, space: fem.FunctionSpace, body: BodyMesh
+    scene: Scene,
+    space: fem.FunctionSpace,
+    body: BodyMesh,
+    ties: Ties,
+    prescribed: Iterable[Prescribed] = (),
 ) -> tuple[ContactNodes, Ints]:
     """Find the contact nodes and what is held.
 
@@ -84,13 +90,17 @@ def find_contact(
         scene: the scene, with one contact.
         space: displacement space.
         body: the mesh.
+        ties: its platens.
+        prescribed: displacements that loads prescribe.
 
     Returns:
-        The contact nodes, and the global degrees of freedom off the contact that symmetry and
-        supports hold; both alike on every rank.
+        The contact nodes, and the global degrees of freedom off the contact that symmetry,
+        supports, prescribed displacements and platens leave no freedom of their own; both alike on
+        every rank.
 
     Raises:
-        InputError: an edge that is not straight, a span without facets, a support without nodes.
+        InputError: an edge that is not straight, a span without facets, a support without nodes, a
+            contact node that moves with a platen or as prescribed.
     """
     comm, contact = body.mesh.comm, scene.contacts[0]
     facets = on_all(comm, lambda: edge_facets(space, body, contact.edge, contact.span))
@@ -117,11 +127,13 @@ def find_contact(
     node, points, x, weight = node[order], points[order], x[order], weight[order]
     tangent = np.array([normal[1], -normal[0]]) + 0.0
 
-    dofs, places = _held(scene, space, body)
+    _check_apart(node, ties, prescribed)
+    dofs, places = _held(scene, space, body, ties, prescribed)
     pivot = 0.5 * (points[0] + points[-1])
     constraints = _motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
+    apart = _motions(ties.places, pivot, body.size) - _motions(ties.master_places, pivot, body.size)
     # a body of revolution moves along its axis only
-    never = np.eye(3)[[0, 2]] if scene.axisymmetric else np.empty((0, 3))
+    never = np.vstack([apart.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []]])
     at_contact = np.isin(dofs // 2, node)
     on_nodes = _motions(points, pivot, body.size)
     modes = np.concatenate([np.einsum("c,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
@@ -136,10 +148,26 @@ def find_contact(
         rigid=_scaled(modes @ _left(np.vstack([constraints, never]))),
         null=_scaled(modes @ _left(np.vstack([constraints[~at_contact], never]))),
     )
-    return found, dofs[~at_contact]
+    return found, np.union1d(dofs[~at_contact], tied_dofs(ties))
 
 
-def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints, Array]:
+def _check_apart(node: Ints, ties: Ties, prescribed: Iterable[Prescribed]) -> None:
+    """Raise where a contact node follows a platen, or a displacement other than zero."""
+    moved = [part.dofs[part.values != 0.0] // 2 for part in prescribed]
+    if np.isin(node, np.concatenate([ties.slaves, ties.masters, *moved])).any():
+        raise InputError(
+            "load: its platen or prescribed displacement takes along a contact node; restrict it "
+            "by a span that ends before the contact edge"
+        )
+
+
+def _held(
+    scene: Scene,
+    space: fem.FunctionSpace,
+    body: BodyMesh,
+    ties: Ties,
+    prescribed: Iterable[Prescribed],
+) -> tuple[Ints, Array]:
     """Return all held degrees of freedom, sorted, and their nodes' places (n, 2); on every rank."""
     comm = body.mesh.comm
     near = POSITION_TOLERANCE * body.size
@@ -187,12 +215,26 @@ def _held(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> tuple[Ints,
             )
     dofs = [np.empty(0, dtype=np.int64)]
     places = [np.empty((0, 2))]
+    if scene.axisymmetric:
+        # a rigid ring cannot widen
+        dofs.append(2 * ties.masters)
+        places.append(ties.master_places)
     for part in parts:
         for numbers, points, axes in part:
             for axis in axes:
                 dofs.append(2 * numbers + axis)
                 places.append(points)
-    unique, first = np.unique(np.concatenate(dofs), return_index=True)
+    numbers = np.concatenate(dofs)
+    leaders = 2 * ties.leader(numbers // 2) + numbers % 2
+    moved = [part.dofs[part.values != 0.0] for part in prescribed]
+    if np.isin(leaders, np.concatenate([np.empty(0, dtype=np.int64), *moved])).any():
+        raise InputError(
+            "load: its displacement moves a node that a support, symmetry or the axis holds; "
+            "restrict it by a span, or drop the support"
+        )
+    leaders = np.concatenate([leaders, *(part.dofs for part in prescribed)])
+    places += [part.places for part in prescribed]
+    unique, first = np.unique(leaders, return_index=True)
     return unique, np.concatenate(places)[first]
 
 

@@ -74,7 +74,8 @@ class Condensed:
     Attributes:
         K: (2N, 2N) stiffness.
         held: (2N, n_loads) reactions r* to the loads, all contact nodes held.
-        compliance: (n_loads, n_loads) displacement of load k under load l, contact nodes held.
+        compliance: (n_loads, n_loads) what is work-conjugate to load k under load l, contact nodes
+            held: its displacement, or E times the force that a prescribed displacement takes.
         probe: contact displacements u and the forces K u, found by a solve.
     """
 
@@ -126,9 +127,14 @@ def _system(bulk: Bulk, condensed: Condensed) -> ContactSystem:
         half=bulk.body.half and not bulk.scene.axisymmetric,
         axisymmetric=bulk.scene.axisymmetric,
         load_compliance=condensed.compliance / bulk.young,
-        load_sign=-np.ones(len(bulk.loads)),
+        load_sign=_load_sign(bulk),
         scene_toml=to_toml(bulk.scene),
     )
+
+
+def _load_sign(bulk: Bulk) -> Array:
+    """Return -1 for forces, +1 for prescribed displacements."""
+    return np.array([1.0 if name in bulk.prescribed else -1.0 for name in bulk.load_names])
 
 
 def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:
@@ -140,9 +146,17 @@ def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:
     for column, load in zip(loads.T, bulk.loads, strict=True):
         column[:] = load.getArray(readonly=True)
     x = solve(loads)
-    held = gather_contact(bulk, _times(bulk.stiffness, x) - loads)
-    compliance = bulk.comm.allreduce(loads.T @ x)
-    return held, 0.5 * (compliance + compliance.T)
+    force = _times(bulk.stiffness, x) - loads
+    moved = np.zeros_like(loads)
+    for k, name in enumerate(bulk.load_names):
+        if name in bulk.prescribed:
+            moved[:, k] = bulk.young * bulk.prescribed[name].getArray(readonly=True)
+    sign = _load_sign(bulk)
+    own = np.where(sign[:, None] > 0.0, moved.T @ force, loads.T @ (x + moved))
+    compliance = bulk.comm.allreduce(own)
+    # symmetric among loads of one sort, antisymmetric between the sorts
+    compliance = 0.5 * (compliance + np.outer(sign, sign) * compliance.T)
+    return gather_contact(bulk, force), compliance
 
 
 def _contact_forces(bulk: Bulk, solve: Solve, u: Array, first: int = 0) -> Array | None:

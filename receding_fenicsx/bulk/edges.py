@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.meshing import BodyMesh
+from receding_fenicsx.errors import on_all
 from receding_fenicsx.scene import Scene
 
 Array = NDArray[np.float64]
@@ -97,6 +98,18 @@ def positions(points: Array, normal: Array, centre: Array) -> Array:
     larger = direction[np.argmax(np.abs(direction))]
     direction = direction * np.sign(larger) + 0.0
     return (points - centre) @ direction
+
+
+def edge_nodes(
+    space: fem.FunctionSpace, body: BodyMesh, edge: str, span: tuple[float, float] | None
+) -> tuple[Ints, Array]:
+    """Return all nodes of an edge or a span of it, sorted, and their places; on every rank."""
+    comm = body.mesh.comm
+    every = comm.allgather(on_all(comm, lambda: edge_facets(space, body, edge, span)))
+    nodes = np.concatenate([part.nodes.ravel() for part in every])
+    places = np.concatenate([part.points.reshape(-1, 2) for part in every])
+    unique, first = np.unique(nodes, return_index=True)
+    return unique, places[first]
 
 
 def measure(scene: Scene, points: Array) -> Array:

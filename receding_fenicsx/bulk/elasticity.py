@@ -11,6 +11,7 @@ import time
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 import ufl
@@ -24,6 +25,7 @@ from receding_fenicsx.bulk.loads import add_load
 from receding_fenicsx.bulk.material import lame_constants
 from receding_fenicsx.bulk.meshing import BodyMesh
 from receding_fenicsx.bulk.stress import STRESSES, Stresses, stresses
+from receding_fenicsx.bulk.ties import Prescribed, find_prescribed, find_ties, tie_matrix
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import Scene
 
@@ -69,17 +71,61 @@ def build(scene: Scene, body: BodyMesh, half: bool) -> Bulk:
 
     clock = time.perf_counter()
     stiffness = _dolfinx.assemble_matrix(form)
-    contact, held = find_contact(scene, space, body)
+    ties = find_ties(scene, space, body)
+    given = find_prescribed(scene, space, body, ties)
+    contact, held = find_contact(scene, space, body, ties, given.values())
     start, end = stiffness.getOwnershipRange()
     fixed = held[(held >= start) & (held < end)]
+    P = tie_matrix(stiffness, ties)
+    if P is not None:
+        tied = stiffness.PtAP(P)
+        stiffness.destroy()
+        stiffness = tied
     names = tuple(dict.fromkeys(load.name for load in scene.loads))
     loads = {name: stiffness.createVecLeft() for name in names}
     for vector in loads.values():
         vector.set(0.0)
     for load in scene.loads:
-        add_load(loads[load.name], space, body, scene, load)
+        if load.displacement is None:
+            add_load(loads[load.name], space, body, scene, load)
+            if P is not None:
+                _tie_forces(P, loads[load.name])
+    prescribed = {}
+    for name, part in given.items():
+        prescribed[name] = _vector(stiffness, part)
+        stiffness.mult(prescribed[name], loads[name])
+        loads[name].scale(-scene.material.young)
     seconds["assemble"] = time.perf_counter() - clock
-    return Bulk(scene, body, space, stiffness, names, list(loads.values()), fixed, contact, seconds)
+    return Bulk(
+        scene,
+        body,
+        space,
+        stiffness,
+        names,
+        list(loads.values()),
+        fixed,
+        contact,
+        prescribed=prescribed,
+        ties=P,
+        seconds=seconds,
+    )
+
+
+def _vector(stiffness: PETSc.Mat, prescribed: Prescribed) -> PETSc.Vec:
+    """Return a prescribed displacement, zero elsewhere."""
+    vector = stiffness.createVecRight()
+    vector.set(0.0)
+    start, end = stiffness.getOwnershipRange()
+    own = (prescribed.dofs >= start) & (prescribed.dofs < end)
+    vector.getArray()[prescribed.dofs[own] - start] = prescribed.values[own]
+    return vector
+
+
+def _tie_forces(P: PETSc.Mat, vector: PETSc.Vec) -> None:
+    """Replace nodal forces f by P^T f."""
+    force = vector.copy()
+    P.multTranspose(force, vector)
+    force.destroy()
 
 
 def warm_up(comm: MPI.Comm, cell: str, degree: int, axisymmetric: bool = False) -> float:
@@ -143,7 +189,8 @@ def stiffness_form(
 def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Function:
     """Return the displacement field for load factors and contact displacements.
 
-    With I the interior and C the contact, A_II u_I = sum_k lambda_k f_k / E - A_IC u_C.
+    With I the interior and C the contact, A_II u_I = sum_k lambda_k f_k / E - A_IC u_C; prescribed
+    displacements are added, and platens take their nodes along.
 
     Args:
         bulk: the body.
@@ -169,6 +216,12 @@ def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Func
     rhs.getArray()[np.concatenate([bulk.fixed, dofs]) - start] = 0.0
     bulk.interior.solve(rhs, solution)
     solution.axpy(1.0, held)
+    for name, factor in zip(bulk.load_names, np.asarray(factors, float), strict=True):
+        if name in bulk.prescribed:
+            solution.axpy(factor, bulk.prescribed[name])
+    if bulk.ties is not None:
+        solution.copy(held)
+        bulk.ties.mult(held, solution)
     displacement = fem.Function(bulk.space, name="displacement")
     _dolfinx.owned_values(displacement)[:] = solution.getArray(readonly=True)
     displacement.x.scatter_forward()
@@ -196,8 +249,12 @@ def reactions(bulk: Bulk, load: Array | None, displacement: fem.Function) -> Arr
     vector.getArray()[:] = _dolfinx.owned_values(displacement)
     bulk.stiffness.mult(vector, force)
     force.scale(bulk.young)
-    for factor, nodal in zip(np.asarray(factors, float), bulk.loads, strict=True):
-        force.axpy(-factor, nodal)
+    for name, factor, nodal in zip(
+        bulk.load_names, np.asarray(factors, float), bulk.loads, strict=True
+    ):
+        # a prescribed displacement is in the field already
+        if name not in bulk.prescribed:
+            force.axpy(-factor, nodal)
     gathered = gather_contact(bulk, force.getArray(readonly=True)[:, None])
     vector.destroy()
     force.destroy()

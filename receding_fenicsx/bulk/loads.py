@@ -1,4 +1,4 @@
-"""Nodal forces of the loads: tractions and pressures on edges or spans of edges."""
+"""Nodal forces of the loads: tractions, pressures and resultants on edges or spans of edges."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.edges import edge_facets, integrate, measure
+from receding_fenicsx.bulk.edges import edge_facets, edge_nodes, integrate, measure
 from receding_fenicsx.bulk.meshing import BodyMesh
 from receding_fenicsx.errors import InputError, on_all
 from receding_fenicsx.scene import Load, Profile, Scene, evaluate
@@ -34,6 +34,9 @@ def add_load(
             ranks.
     """
     comm = body.mesh.comm
+    if load.force is not None:
+        _add_force(vector, space, body, scene, load)
+        return
 
     def forces() -> tuple[Ints, Array]:
         facets = edge_facets(space, body, load.edge, load.span)
@@ -54,18 +57,40 @@ def add_load(
     vector.assemble()
 
 
+def _add_force(
+    vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
+) -> None:
+    """Put the resultant of a platen, or the model's part of it, on one of the platen's nodes."""
+    nodes, _ = edge_nodes(space, body, load.edge, load.span)
+    if not len(nodes):
+        raise InputError(
+            f"load.{load.name}: no part of edge '{load.edge}' lies in its span; move the span"
+        )
+    part = 0.5 / np.pi if scene.axisymmetric else 0.5 if body.half else 1.0
+    if body.mesh.comm.rank == 0:
+        dofs = (2 * nodes[0] + np.arange(2)).astype(PETSc.IntType)
+        values = part * np.array(load.force, dtype=float)
+        vector.setValues(dofs, values, addv=PETSc.InsertMode.ADD_VALUES)
+    vector.assemble()
+
+
+def profile_values(load: Load, body: BodyMesh, profile: Profile, points: Array) -> Array:
+    """Return (n,) values of a load's profile at points (n, 2) of its edge.
+
+    A table runs along the edge, an expression knows x and y.
+    """
+    x, y = points[:, 0], points[:, 1]
+    if isinstance(profile, dict) and load.edge in ("left", "right"):
+        return evaluate(profile, y - body.centre[1])
+    return evaluate(profile, x, y)
+
+
 def _traction(load: Load, body: BodyMesh, points: Array, normals: Array) -> Array:
     """Return the traction (n, 2) of a load at points of its edge with these outward normals."""
-    x, y = points[:, 0], points[:, 1]
-
-    def value(profile: Profile) -> Array:
-        # a table runs along the edge, an expression knows x and y
-        if isinstance(profile, dict) and load.edge in ("left", "right"):
-            return evaluate(profile, y - body.centre[1])
-        return evaluate(profile, x, y)
-
     if load.pressure is not None:
-        return -value(load.pressure)[:, None] * normals
+        return -profile_values(load, body, load.pressure, points)[:, None] * normals
     if load.traction is None:
-        raise InputError(f"load.{load.name} has neither pressure nor traction; give one of them")
-    return np.column_stack([value(component) for component in load.traction])
+        raise InputError(
+            f"load.{load.name} has no pressure, traction, displacement or force; give one of them"
+        )
+    return np.column_stack([profile_values(load, body, part, points) for part in load.traction])
