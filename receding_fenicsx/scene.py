@@ -123,11 +123,16 @@ class Load:
 
 @dataclass(frozen=True)
 class Support:
-    """Degrees of freedom held at an edge or a point: ``fix`` is "x", "y" or "xy"."""
+    """Degrees of freedom held at an edge or a point: ``fix`` is "x", "y" or "xy".
+
+    ``point`` is a place, or the name of a group of points of a mesh file; in a scene of two bodies
+    ``body`` says whose.
+    """
 
     fix: str
     edge: str | None = None
-    point: tuple[float, float] | None = None
+    point: tuple[float, float] | str | None = None
+    body: str | None = None
 
 
 @dataclass(frozen=True)

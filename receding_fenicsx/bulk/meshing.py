@@ -6,11 +6,8 @@ are multiplied by a power of two has the same mesh to the bit.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from contextlib import contextmanager
+import contextlib
 from dataclasses import dataclass
-from importlib import resources
-from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -20,6 +17,9 @@ from dolfinx import mesh as dmesh
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.gmsh_model import geo_path, gmsh_model
+from receding_fenicsx.bulk.interfaces import Interface, find_interfaces
+from receding_fenicsx.bulk.raw_mesh import Line, RawMesh, line_of
 from receding_fenicsx.bulk.rectangle import (
     EDGE_NAMES,
     Frame,
@@ -30,89 +30,124 @@ from receding_fenicsx.bulk.rectangle import (
     mirror,
     snap,
 )
+from receding_fenicsx.bulk.user_mesh import read_user_mesh
 from receding_fenicsx.errors import InputError, SolveError, on_root
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene import EDGES, Body, Scene, edge_points
+from receding_fenicsx.scene_parts import part_of
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
-GROUPS = {"bottom": 1, "right": 2, "top": 3, "left": 4, "axis": 5}
-"""Facet tags; "axis" is x = 0 in a half body."""
 CORNERS = {"triangle": 3, "quadrilateral": 4}
 GMSH_TYPES = {"triangle": 2, "quadrilateral": 3}
 
 
 @dataclass(frozen=True)
+class ContactFacets:
+    """One contact edge of a body.
+
+    Attributes:
+        tag: tag of its facets.
+        line: its line; of the first of two bodies also on the second, so that both have the same
+            positions, t and n.
+    """
+
+    tag: int
+    line: Line
+
+
+@dataclass(frozen=True)
 class BodyMesh:
-    """A distributed mesh of the body with named edges.
+    """A distributed mesh of a body with named edges.
 
     Attributes:
         mesh: DOLFINx mesh.
-        cell_tags: tags of cells, all 1 for a rectangle.
-        facet_tags: tags of boundary facets, values as in ``groups``.
-        groups: tag of each edge by name.
-        centre: (2,) point from which positions along edges are measured.
-        size: length that tolerances on positions are relative to.
+        facet_tags: tags of boundary facets.
+        groups: tags of each edge by name.
+        contacts: the scene's contact edges on this body, in their order.
+        middles: point of each straight edge from which positions along it are measured.
+        spots: (k, 2) coordinates of each named group of points.
+        size: length that tolerances on positions are relative to, the same for all bodies.
         half: True when only x >= 0 is meshed.
         cell: "triangle" or "quadrilateral".
     """
 
     mesh: dmesh.Mesh
-    cell_tags: Any
     facet_tags: Any
-    groups: dict[str, int]
-    centre: Array
+    groups: dict[str, tuple[int, ...]]
+    contacts: tuple[ContactFacets, ...]
+    middles: dict[str, Array]
+    spots: dict[str, Array]
     size: float
     half: bool
     cell: str
 
 
 def make_mesh(comm: MPI.Comm, scene: Scene, half: bool) -> BodyMesh:
-    """Mesh the scene's body, graded from its contact edge.
+    """Mesh the only body of a scene; see :func:`make_meshes`."""
+    (mesh,) = make_meshes(comm, scene, half)
+    return mesh
+
+
+def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...]:
+    """Mesh the scene's bodies: rectangles graded from their contact edge, or the user's meshes.
 
     Args:
-        comm: communicator that gets the mesh.
+        comm: communicator that gets the meshes.
         scene: the scene.
         half: mesh only x >= 0.
 
     Returns:
-        The distributed mesh; bitwise mirror-symmetric when the whole body is meshed.
+        The distributed meshes; that of a whole rectangle is bitwise mirror-symmetric.
 
     Raises:
-        InputError: the number of contact elements puts no vertex where the scene needs one, or the
-            body cannot be meshed; on all ranks.
+        InputError: a mesh that cannot serve the scene; on all ranks.
     """
-    cell = scene.mesh.cell
     made = on_root(comm, lambda: _make_on_root(scene, half))
+    shared = comm.bcast(None if made is None else [(m.cell, m.data) for m in made])
+    return tuple(
+        _distribute(comm, None if made is None else made[i], cell, data)
+        for i, (cell, data) in enumerate(shared)
+    )
+
+
+@dataclass(frozen=True)
+class _Tagged:
+    """A mesh on rank 0 with the tags of its facets, and the rest of a BodyMesh as keywords."""
+
+    points: Array
+    cells: Ints
+    facets: Ints
+    tags: NDArray[np.int32]
+    cell: str
+    data: dict[str, Any]
+
+
+def _distribute(comm: MPI.Comm, made: _Tagged | None, cell: str, data: dict[str, Any]) -> BodyMesh:
     if made is None:
         points, cells = np.empty((0, 2)), np.empty((0, CORNERS[cell]), dtype=np.int64)
-        facets, values = np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int32)
+        facets, tags = np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int32)
     else:
-        points, cells, facets, values = made
+        points, cells, facets, tags = made.points, made.cells, made.facets, made.tags
     mesh = _dolfinx.create_mesh(comm, cell, cells, points)
-    cell_tags = _dolfinx.tag_entities(mesh, 2, cells, np.ones(len(cells), dtype=np.int32))
-    facet_tags = _dolfinx.tag_entities(mesh, 1, facets, values)
-    groups = {name: tag for name, tag in GROUPS.items() if name != ("left" if half else "axis")}
-    centre = np.array([0.0, 0.5 * scene.body.height])
-    size = max(scene.body.width, scene.body.height)
-    return BodyMesh(mesh, cell_tags, facet_tags, groups, centre, size, half, cell)
+    return BodyMesh(mesh, _dolfinx.tag_entities(mesh, 1, facets, tags), cell=cell, **data)
 
 
-def geo_path(name: str) -> Path:
-    """Return the path of a .geo file of the installed package, or of the repository.
-
-    Raises:
-        InputError: there is no such file.
-    """
-    package = Path(str(resources.files("receding_fenicsx")))
-    for path in (package / "meshes" / name, package.parent / "meshes" / name):
-        if path.is_file():
-            return path
-    raise InputError(f"the geometry '{name}' is missing from the package; install it again")
+def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
+    """Return the meshes of all bodies with their tags; no communication."""
+    meshes = [_raw(part_of(scene, body), half) for body in scene.bodies]
+    interfaces = find_interfaces(scene, meshes, half)
+    size = max(mesh.size for mesh in meshes)
+    return [
+        _tagged(scene, body, mesh, interfaces, half, size)
+        for body, mesh in zip(scene.bodies, meshes, strict=True)
+    ]
 
 
-def _make_on_root(scene: Scene, half: bool) -> tuple[Array, Ints, Ints, NDArray[np.int32]]:
-    """Return points, cells, facets and facet tags of the body; no communication."""
+def _raw(scene: Scene, half: bool) -> RawMesh:
+    """Mesh or read the only body of a scene."""
+    if scene.body.mesh is not None:
+        return read_user_mesh(scene.body, scene.mesh)
     frame = make_frame(scene, half)
     marks = find_marks(scene, frame)
     mesh = _gmsh_half(scene, frame, marks)
@@ -120,30 +155,67 @@ def _make_on_root(scene: Scene, half: bool) -> tuple[Array, Ints, Ints, NDArray[
     if not half:
         mesh = mirror(mesh)
     names = EDGE_NAMES[frame.edge]
-    facets = np.vstack(list(mesh.edges.values()))
-    tags = [np.full(len(e), GROUPS[names[name]], dtype=np.int32) for name, e in mesh.edges.items()]
-    return frame.to_body(mesh.s, mesh.d), mesh.cells, facets, np.concatenate(tags)
+    edges = {names[name]: facets for name, facets in mesh.edges.items()}
+    if half:
+        edges["left"] = np.empty((0, 2), dtype=np.int64)
+    middles = {edge: np.hstack(edge_points(scene, edge, [0.0])) for edge in EDGES}
+    points = frame.to_body(mesh.s, mesh.d) + np.array(scene.body.position)
+    return RawMesh(points, mesh.cells, edges, {}, middles)
 
 
-@contextmanager
-def _gmsh_model() -> Iterator[Any]:
-    """Give the gmsh module with an empty model of its own, silent and on one thread."""
-    import gmsh
+def _tagged(
+    scene: Scene,
+    body: Body,
+    mesh: RawMesh,
+    interfaces: tuple[Interface, ...],
+    half: bool,
+    size: float,
+) -> _Tagged:
+    """Tag the facets of a body: by edge, or by contact where they are in one."""
+    tag_of = {name: tag for tag, name in enumerate(mesh.edges, start=1)}
+    tags = {name: np.full(len(f), tag_of[name], np.int32) for name, f in mesh.edges.items()}
+    groups = {name: [tag] for name, tag in tag_of.items()}
+    contacts = []
+    for contact, interface in zip(scene.contacts, interfaces, strict=True):
+        for edge, facets in ((contact.edge, interface.facets), (contact.against, interface.against)):
+            if edge is None or facets is None or scene.find_edge(edge)[0] != body:
+                continue
+            name = scene.find_edge(edge)[1]
+            tag = len(tag_of) + 1 + len(contacts)
+            tags[name][facets] = tag
+            groups[name].append(tag)
+            contacts.append(ContactFacets(tag, interface.line))
+    used = [name for name in mesh.edges if name in _used_edges(scene, body) or body.mesh is None]
+    used += ["axis"] if half and "axis" not in used else []
+    data = {
+        "groups": {name: tuple(groups[name]) for name in used},
+        "contacts": tuple(contacts),
+        "middles": _middles(mesh, used),
+        "spots": {name: mesh.points[nodes] for name, nodes in mesh.spots.items()},
+        "size": size,
+        "half": half,
+    }
+    facets = np.vstack([np.empty((0, 2), dtype=np.int64), *(mesh.edges[name] for name in used)])
+    every = np.concatenate([np.empty(0, np.int32), *(tags[name] for name in used)])
+    return _Tagged(mesh.points, mesh.cells, facets, every, mesh.cell, data)
 
-    ours = not gmsh.isInitialized()
-    if ours:
-        gmsh.initialize(readConfigFiles=False, interruptible=False)
-        gmsh.option.setNumber("General.Terminal", 0)
-    gmsh.option.setNumber("General.NumThreads", 1)
-    gmsh.model.add("receding_fenicsx")
-    gmsh.parser.clear()
-    try:
-        yield gmsh
-    finally:
-        gmsh.parser.clear()
-        gmsh.model.remove()
-        if ours:
-            gmsh.finalize()
+
+def _used_edges(scene: Scene, body: Body) -> set[str]:
+    """Return the names of a body's edges that the scene uses."""
+    edges = [c.edge for c in scene.contacts] + [c.against for c in scene.contacts]
+    edges += [load.edge for load in scene.loads] + [s.edge for s in scene.supports]
+    found = [scene.find_edge(edge) for edge in edges if edge is not None]
+    return {name for owner, name in found if owner == body}
+
+
+def _middles(mesh: RawMesh, edges: list[str]) -> dict[str, Array]:
+    """Return the middles of the edges that are straight."""
+    middles = dict(mesh.middles)
+    for edge in edges:
+        if edge not in middles:
+            with contextlib.suppress(InputError):
+                middles[edge] = line_of(mesh, edge, "").middle
+    return middles
 
 
 def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
@@ -162,7 +234,7 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
         "inner_y": (marks.inner[:, 1] / unit).tolist(),
     }
     path = str(geo_path("rectangle.geo"))
-    with _gmsh_model() as gmsh:
+    with gmsh_model() as gmsh:
         for name, value in numbers.items():
             gmsh.parser.setNumber(name, value)
         try:
