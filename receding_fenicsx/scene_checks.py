@@ -68,8 +68,10 @@ def validate(scene: Scene) -> None:
 
     from_scene(scene)
     if scene.history.initial_slip is not None:
-        x = contact_samples(scene, scene.contacts[0])
-        _values(scene.history.initial_slip, x, None, "[history] initial_slip")
+        for contact in scene.contacts:
+            if not _is_meshed(scene, contact.edge):
+                x = contact_samples(scene, contact)
+                _values(scene.history.initial_slip, x, None, "[history] initial_slip")
     _check_output(scene)
     _check_available(scene)
 
@@ -87,7 +89,7 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     Returns:
         True when mesh, supports, contact, every load by itself and the initial slip are symmetric.
     """
-    if any(body.position[0] != 0.0 for body in scene.bodies):
+    if any(body.mesh is not None or body.position[0] != 0.0 for body in scene.bodies):
         return False
     for contact in scene.contacts:
         if not _is_horizontal(scene, contact.edge) or not _span_is_even(
@@ -158,13 +160,18 @@ def _is_horizontal(scene: Scene, edge: str) -> bool:
     return scene.find_edge(edge)[1] in HORIZONTAL
 
 
+def _is_meshed(scene: Scene, edge: str) -> bool:
+    """Whether an edge is a group of a mesh file, which is looked at when it is read."""
+    return scene.find_edge(edge)[0].mesh is not None
+
+
 def _support_key(scene: Scene, support: Support, mirrored: bool = False) -> tuple[object, ...]:
     swap = {"left": "right", "right": "left"} if mirrored else {}
-    body, edge, point = "", "", support.point
+    body, edge, point = support.body, "", support.point
     if support.edge is not None:
         held, edge = scene.find_edge(support.edge)
         body, edge = held.name, swap.get(edge, edge)
-    if mirrored and point is not None:
+    if mirrored and isinstance(point, tuple):
         point = (0.0 - point[0], point[1])
     return body, edge, point, "".join(sorted(support.fix))
 
@@ -229,8 +236,6 @@ def _check_available(scene: Scene) -> None:
     """Refuse what can be described but not yet modelled."""
     if scene.others:
         raise InputError("[[body]]: two bodies are not available yet; write one [body] table")
-    if scene.body.position != (0.0, 0.0):
-        raise InputError("[body] position: is not available yet; leave it out")
     if len(scene.contacts) > 1:
         raise InputError("[[contact]]: several contact edges are not available yet; keep one")
     if scene.contacts[0].against is not None:
@@ -241,7 +246,11 @@ def _check_available(scene: Scene) -> None:
 
 def _check_body(body: Body, label: str) -> None:
     if body.mesh is not None:
-        raise InputError(f"{label} mesh: a user's own mesh is not available yet; leave it out")
+        default = Body()
+        for key in ("shape", "width", "height", "position"):
+            if getattr(body, key) != getattr(default, key):
+                raise InputError(f"{label} {key}: is that of a rectangle; leave out it or mesh")
+        return
     for key in ("surface", "parameters"):
         if getattr(body, key):
             raise InputError(f"{label} {key}: needs a mesh file; give mesh, or leave it out")
@@ -272,7 +281,7 @@ def _check_mesh(scene: Scene) -> None:
             f"{'few' if n < LEAST_CONTACT_ELEMENTS else 'many'}; "
             f"use {LEAST_CONTACT_ELEMENTS} to {MOST_CONTACT_ELEMENTS}"
         )
-    if n % 2:
+    if n % 2 and any(body.mesh is None for body in scene.bodies):
         raise InputError(
             f"[mesh] contact_elements: {n} is odd; use an even number, half of them on each side "
             "of x = 0"
@@ -298,12 +307,15 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
     _check_edge(scene, contact.edge, f"{where} edge")
     if contact.against is not None:
         _check_edge(scene, contact.against, f"{where} against")
-    if scene.axisymmetric and not _is_horizontal(scene, contact.edge):
+    meshed = _is_meshed(scene, contact.edge)
+    if scene.axisymmetric and not (meshed or _is_horizontal(scene, contact.edge)):
         raise InputError(
             f'{where} edge: "{contact.edge}" cannot touch a plane in an axisymmetric body; use '
             "bottom or top"
         )
     _check_span(scene, contact.edge, contact.span, f"{where} span")
+    if meshed:
+        return
     x = contact_samples(scene, contact)
     for profile, key in ((contact.friction, "friction"), (contact.initial_gap, "initial_gap")):
         values = _values(profile, x, None, f"{where} {key}")
@@ -316,9 +328,11 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
 
 def _check_edge(scene: Scene, edge: str, where: str) -> None:
     try:
-        _, name = scene.find_edge(edge)
+        body, name = scene.find_edge(edge)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
+    if body.mesh is not None:
+        return
     _check_choice(name, EDGES, where)
     if scene.axisymmetric and name == "left":
         raise InputError(
@@ -330,8 +344,8 @@ def _check_edge(scene: Scene, edge: str, where: str) -> None:
 def _check_span(scene: Scene, edge: str, span: tuple[float, float] | None, where: str) -> None:
     if span is None:
         return
-    low, high = edge_range(scene, edge)
-    slack = LENGTH_TOLERANCE * (high - low)
+    low, high = span if _is_meshed(scene, edge) else edge_range(scene, edge)
+    slack = LENGTH_TOLERANCE * abs(high - low)
     if not span[1] - span[0] > slack:
         raise InputError(
             f"{where}: [{span[0]:g}, {span[1]:g}] is empty; write [lower end, upper end]"
@@ -365,6 +379,8 @@ def _check_load(scene: Scene, load: Load) -> None:
     _check_edge(scene, load.edge, f"{where} edge")
     _check_span(scene, load.edge, load.span, f"{where} span")
     kind = _load_kind(scene, load, where)
+    if _is_meshed(scene, load.edge):
+        return
     for contact in scene.contacts:
         if scene.find_edge(load.edge) == scene.find_edge(contact.edge):
             whole = edge_range(scene, load.edge)
@@ -437,15 +453,28 @@ def _check_support(scene: Scene, support: Support) -> None:
                 f'{where} edge: "{support.edge}" is the contact edge; hold another one'
             )
         return
-    assert support.point is not None
+    names = [body.name for body in scene.bodies]
+    if (support.body is None) == bool(scene.others) or support.body not in (None, *names):
+        raise InputError(
+            f"{where} body: says whose the point is; give one of {', '.join(names)}"
+            if scene.others
+            else f"{where} body: the scene has one body only; leave it out"
+        )
+    body = scene.bodies[names.index(support.body) if support.body is not None else 0]
+    if body.mesh is not None:
+        return
+    if not isinstance(support.point, tuple):
+        raise InputError(f"{where} point: a rectangle has no named points; write [x, y]")
     x, y = support.point
-    half, height = 0.5 * scene.body.width, scene.body.height
-    slack = LENGTH_TOLERANCE * max(scene.body.width, height)
-    least = 0.0 if scene.axisymmetric else -half
-    if not (least - slack <= x <= half + slack and -slack <= y <= height + slack):
+    left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
+    low, high = (body.position[1] + part for part in (0.0, body.height))
+    if scene.axisymmetric:
+        left = 0.0
+    slack = LENGTH_TOLERANCE * max(body.width, body.height)
+    if not (left - slack <= x <= right + slack and low - slack <= y <= high + slack):
         raise InputError(
             f"{where} point: ({x:g}, {y:g}) lies outside the body, which fills "
-            f"{least:g} <= x <= {half:g}, 0 <= y <= {height:g}"
+            f"{left:g} <= x <= {right:g}, {low:g} <= y <= {high:g}"
         )
 
 

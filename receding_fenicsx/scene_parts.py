@@ -34,14 +34,17 @@ def part_of(scene: Scene, body: Body) -> Scene:
         owner, name = scene.find_edge(edge)
         return name if owner == body else None
 
-    contacts = []
+    contacts, loads, supports = [], [], []
     for contact in scene.contacts:
         edge, against = own(contact.edge), own(contact.against)
         if edge is not None:
             contacts.append(replace(contact, edge=edge, against=None))
         elif against is not None:
             contacts.append(replace(contact, edge=against, against=None, span=None))
-    supports = []
+    for load in scene.loads:
+        edge = own(load.edge)
+        if edge is not None:
+            loads.append(replace(load, edge=edge))
     for support in scene.supports:
         edge = own(support.edge)
         if edge is not None:
@@ -56,7 +59,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
         materials=(),
         mesh=replace(scene.mesh, contact_elements=contact_elements(scene, body)),
         contacts=tuple(contacts),
-        loads=tuple(replace(load, edge=own(load.edge)) for load in scene.loads if own(load.edge)),
+        loads=tuple(loads),
         supports=tuple(supports),
     )
 

@@ -73,6 +73,10 @@ def _pair(value: object, where: str) -> tuple[float, float]:
     return numbers[0], numbers[1]
 
 
+def _point(value: object, where: str) -> tuple[float, float] | str:
+    return value if isinstance(value, str) else _pair(value, where)
+
+
 def _rows(value: object, where: str) -> tuple[tuple[float, ...], ...]:
     return tuple(_numbers(row, f"{where} row {i + 1}") for i, row in enumerate(_list(value, where)))
 
@@ -129,6 +133,7 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "Profile | None": _profile,
     "tuple[float, float]": _pair,
     "tuple[float, float] | None": _pair,
+    "tuple[float, float] | str | None": _point,
     "dict[str, float]": _parameters,
     "tuple[Profile, Profile] | None": _traction,
     "tuple[str, ...]": _names,

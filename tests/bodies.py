@@ -66,7 +66,7 @@ def facet_ends(body: BodyMesh, edge: str) -> Array:
     topology.create_connectivity(2, 0)
     points: list[Array] = []
     geometry = body.mesh.geometry
-    for facet in body.facet_tags.find(body.groups[edge]):
+    for facet in (facet for tag in body.groups[edge] for facet in body.facet_tags.find(tag)):
         ends = []
         for vertex in topology.connectivity(1, 0).links(facet):
             cell = topology.connectivity(0, 2).links(vertex)[0]

@@ -359,7 +359,7 @@ def test_a_system_knows_its_scene() -> None:
 
 
 def test_negative_friction_is_refused_on_all_ranks() -> None:
-    with pytest.raises(InputError, match=r"contact\.friction is -1 at x = -2"):
+    with pytest.raises(InputError, match=r"\[contact\] friction: is -1 at x = -2"):
         system_of(block(contacts=(Contact(friction="x + 1"),)))
 
 

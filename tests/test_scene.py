@@ -173,8 +173,7 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["output.cycles=[0, 401]"], ["[output] cycles", "401", "0 to 400"]),
         (["history.initial_slip=log(x)"], ["[history] initial_slip", "finite"]),
         # not available yet
-        (["body.mesh=my.msh"], ["[body] mesh", "not available yet"]),
-        (["body.position=[1, 0]"], ["[body] position", "not available yet"]),
+        (["body.mesh=my.msh", "body.width=3"], ["[body] width", "leave out it or mesh"]),
         (["body.surface=core"], ["[body] surface", "needs a mesh file"]),
         (["body.parameters={a = 1}"], ["[body] parameters", "needs a mesh file"]),
         (["body.parameters={a = true}"], ["[body] parameters.a", "number"]),

@@ -9,12 +9,12 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, integrate, measure, positions
-from receding_fenicsx.bulk.meshing import BodyMesh
+from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, integrate, measure, tagged_facets
+from receding_fenicsx.bulk.meshing import BodyMesh, ContactFacets
 from receding_fenicsx.bulk.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.ties import Prescribed, Ties, tied_dofs
 from receding_fenicsx.errors import InputError, on_all
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene import Scene, nearest
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -33,27 +33,37 @@ class ContactNodes:
     """The contact nodes, known alike on every rank, sorted along the edge.
 
     Attributes:
-        x: (N,) position along the edge from the body's centre, increasing.
+        x: (N,) position along the node's edge from its middle; increasing on each edge.
+        edge: (N,) number of the node's contact edge, not decreasing.
         points: (N, 2) coordinates.
         node: (N,) global number of the node, whose displacements are 2 node and 2 node + 1.
-        tangent: (2,) unit vector t = (n_y, -n_x).
-        normal: (2,) unit vector n into the body.
+        tangent: (N, 2) unit vectors t = (n_y, -n_x).
+        normal: (N, 2) unit vectors n into the body; on the second of two bodies, out of it.
         weight: (N,) integral of N_i over the modelled contact edge, axisymmetric times r.
         held: (2N,) degrees of freedom [v; w] fixed by symmetry or supports.
-        rigid: (2N, n) rigid motions [v; w] that supports and symmetry leave, each with largest
-            entry 1.
-        null: (2N, m) the same with ``held`` disregarded: null vectors of the condensed stiffness.
+        modes: (2N, 3) displacements [v; w] when the body moves right, up, and about a pivot.
+        constraints: (m, 3) those of the motions at everything that supports and symmetry hold;
+            the motions that they leave are orthogonal to all rows.
+        null: (2N, n) motions that are left when only the contact's own nodes are let go: null
+            vectors of the condensed stiffness.
     """
 
     x: Array
+    edge: Ints
     points: Array
     node: Ints
     tangent: Array
     normal: Array
     weight: Array
     held: NDArray[np.bool_]
-    rigid: Array
+    modes: Array
+    constraints: Array
     null: Array
+
+    @property
+    def rigid(self) -> Array:
+        """(2N, n) motions that supports and symmetry leave, each with largest entry 1."""
+        return scaled(self.modes @ free_motions(self.constraints))
 
     @property
     def dofs(self) -> Ints:
@@ -62,19 +72,18 @@ class ContactNodes:
 
     def to_local(self, values: Array) -> Array:
         """Turn [x; y] components (2N along the first axis) into [t; n] components."""
-        return _turn(values, np.vstack([self.tangent, self.normal]))
+        return _turn(values, np.stack([self.tangent, self.normal], axis=1))
 
     def to_global(self, values: Array) -> Array:
         """Turn [t; n] components (2N along the first axis) into [x; y] components."""
-        return _turn(values, np.column_stack([self.tangent, self.normal]))
+        return _turn(values, np.stack([self.tangent, self.normal], axis=2))
 
 
 def _turn(values: Array, rotation: Array) -> Array:
-    """Apply a 2 x 2 matrix to the two halves of the first axis."""
+    """Apply a 2 x 2 matrix for each node (N, 2, 2) to the two halves of the first axis."""
     a, b = np.split(values, 2)
-    return np.concatenate(
-        [rotation[0, 0] * a + rotation[0, 1] * b, rotation[1, 0] * a + rotation[1, 1] * b]
-    )
+    rows = rotation.reshape(-1, 4, *[1] * (values.ndim - 1))
+    return np.concatenate([rows[:, 0] * a + rows[:, 1] * b, rows[:, 2] * a + rows[:, 3] * b])
 
 
 def find_contact(
@@ -87,7 +96,7 @@ def find_contact(
     """Find the contact nodes and what is held.
 
     Args:
-        scene: the scene, with one contact.
+        scene: the scene of this body alone.
         space: displacement space.
         body: the mesh.
         ties: its platens.
@@ -99,56 +108,64 @@ def find_contact(
         every rank.
 
     Raises:
-        InputError: an edge that is not straight, a span without facets, a support without nodes, a
-            contact node that moves with a platen or as prescribed.
+        InputError: a contact without facets, a support without nodes, a contact node that moves
+            with a platen or as prescribed.
     """
-    comm, contact = body.mesh.comm, scene.contacts[0]
-    facets = on_all(comm, lambda: edge_facets(space, body, contact.edge, contact.span))
-    every = [part for part in comm.allgather(facets) if len(part)]
-    if not every:
-        raise InputError(
-            f"contact: no part of edge '{contact.edge}' lies in its span; move the span"
-        )
-    facets = EdgeFacets(
-        *(np.concatenate([getattr(p, a) for p in every]) for a in ("points", "nodes", "outward"))
-    )
-    normal = -facets.outward[0] + 0.0
-    if np.abs(facets.outward + normal).max() > NORMAL_TOLERANCE:
-        raise InputError(f"contact.edge = '{contact.edge}' is not straight; it has to be")
-    weights = integrate(facets, lambda points, normals: measure(scene, points))[:, :, 0]
-    node, first, inverse = np.unique(facets.nodes.ravel(), return_index=True, return_inverse=True)
-    points = facets.points.reshape(-1, 2)[first]
-    weight = np.bincount(inverse.ravel(), weights=weights.ravel()).astype(float)
-    x = positions(points, normal, body.centre)
-    order = np.argsort(x)
-    if scene.axisymmetric:
-        # at order 2 the node on the axis has no weight: it gets no contact condition
-        order = order[weight[order] > WEIGHT_TOLERANCE * weight.max()]
-    node, points, x, weight = node[order], points[order], x[order], weight[order]
-    tangent = np.array([normal[1], -normal[0]]) + 0.0
+    edges = [_edge_nodes(scene, space, body, contact) for contact in body.contacts]
+    node, points, x, weight = (np.concatenate([e[k] for e in edges]) for k in range(4))
+    count = [len(e[0]) for e in edges]
+    normals = np.array([-contact.line.outward + 0.0 for contact in body.contacts])
+    normal = np.repeat(normals, count, axis=0)
+    tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
 
     _check_apart(node, ties, prescribed)
     dofs, places = _held(scene, space, body, ties, prescribed)
-    pivot = 0.5 * (points[0] + points[-1])
+    pivot = 0.5 * (points.min(axis=0) + points.max(axis=0))
     constraints = _motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
     apart = _motions(ties.places, pivot, body.size) - _motions(ties.master_places, pivot, body.size)
     # a body of revolution moves along its axis only
     never = np.vstack([apart.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []]])
     at_contact = np.isin(dofs // 2, node)
     on_nodes = _motions(points, pivot, body.size)
-    modes = np.concatenate([np.einsum("c,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
+    modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
     found = ContactNodes(
         x=x,
+        edge=np.repeat(np.arange(len(edges)), count),
         points=points,
         node=node,
         tangent=tangent,
         normal=normal,
         weight=weight,
         held=_held_at_contact(dofs[at_contact], node, tangent, normal),
-        rigid=_scaled(modes @ _left(np.vstack([constraints, never]))),
-        null=_scaled(modes @ _left(np.vstack([constraints[~at_contact], never]))),
+        modes=modes,
+        constraints=np.vstack([constraints, never]),
+        null=scaled(modes @ free_motions(np.vstack([constraints[~at_contact], never]))),
     )
     return found, np.union1d(dofs[~at_contact], tied_dofs(ties))
+
+
+def _edge_nodes(
+    scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: ContactFacets
+) -> tuple[Ints, Array, Array, Array]:
+    """Return number, coordinates, position and weight of the nodes of one contact edge, sorted."""
+    comm = body.mesh.comm
+    facets = on_all(comm, lambda: tagged_facets(space, body, (contact.tag,)))
+    every = [part for part in comm.allgather(facets) if len(part)]
+    if not every:
+        raise InputError("contact: no part of the edge lies in its span; move the span")
+    facets = EdgeFacets(
+        *(np.concatenate([getattr(p, a) for p in every]) for a in ("points", "nodes", "outward"))
+    )
+    weights = integrate(facets, lambda points, normals: measure(scene, points))[:, :, 0]
+    node, first, inverse = np.unique(facets.nodes.ravel(), return_index=True, return_inverse=True)
+    points = facets.points.reshape(-1, 2)[first]
+    weight = np.bincount(inverse.ravel(), weights=weights.ravel()).astype(float)
+    x = contact.line.along(points) + 0.0
+    order = np.argsort(x)
+    if scene.axisymmetric:
+        # at order 2 the node on the axis has no weight: it gets no contact condition
+        order = order[weight[order] > WEIGHT_TOLERANCE * weight.max()]
+    return node[order], points[order], x[order], weight[order]
 
 
 def _check_apart(node: Ints, ties: Ties, prescribed: Iterable[Prescribed]) -> None:
@@ -198,7 +215,9 @@ def _held(
                     (facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES[support.fix])
                 )
             elif support.point is not None:
-                at = np.flatnonzero(np.hypot(*(coordinates - np.array(support.point)).T) <= near)
+                spots = _spots(body, support.point)
+                away = np.hypot(*np.moveaxis(coordinates[:, None] - spots, 2, 0)).min(axis=1)
+                at = np.flatnonzero(away <= near)
                 found.append((start + at.astype(np.int64), coordinates[at], AXES[support.fix]))
             else:
                 raise InputError("support: it has neither edge nor point; give one")
@@ -207,7 +226,8 @@ def _held(
     parts = comm.allgather(on_all(comm, search))
     for k, support in enumerate(scene.supports, start=int(body.half or scene.axisymmetric)):
         mirrored = (body.half and not scene.axisymmetric) and (
-            support.edge == "left" or (support.point is not None and support.point[0] < -near)
+            support.edge == "left"
+            or (isinstance(support.point, tuple) and support.point[0] < -near)
         )
         if not mirrored and not any(len(part[k][0]) for part in parts):
             raise InputError(
@@ -238,6 +258,18 @@ def _held(
     return unique, np.concatenate(places)[first]
 
 
+def _spots(body: BodyMesh, point: tuple[float, float] | str) -> Array:
+    """Return the places (n, 2) of a point, or of the points of a group."""
+    if not isinstance(point, str):
+        return np.array([point])
+    if point in body.spots:
+        return body.spots[point]
+    close = nearest(point, body.spots)
+    known = ", ".join(sorted(body.spots)) or f'none, declare Physical Point("{point}")'
+    hint = f"did you mean '{close}'?" if close else f"it has {known}"
+    raise InputError(f"[[support]] point: the mesh has no group of points '{point}'; {hint}")
+
+
 def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> NDArray[np.bool_]:
     """Return (2N,) flags [v; w] of the held degrees of freedom of contact nodes."""
     n = len(node)
@@ -247,7 +279,7 @@ def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> N
     for dof in dofs:
         axes.setdefault(place[int(dof // 2)], set()).add(int(dof % 2))
     for i, fixed in axes.items():
-        for k, direction in enumerate((tangent, normal)):
+        for k, direction in enumerate((tangent[i], normal[i])):
             held[k * n + i] = (
                 len(fixed) == 2 or abs(direction[next(iter(fixed))]) > 1.0 - NORMAL_TOLERANCE
             )
@@ -267,8 +299,11 @@ def _motions(points: Array, pivot: Array, size: float) -> Array:
     return motions
 
 
-def _left(constraints: Array) -> Array:
-    """Return (3, n) motions on which all constraints (m, 3) vanish, in echelon form."""
+def free_motions(constraints: Array) -> Array:
+    """Return (3, n) motions right, up and about a pivot on which all constraints (m, 3) vanish.
+
+    They are in echelon form: a motion that can go right without turning does.
+    """
     _, values, right = np.linalg.svd(
         np.vstack([constraints, np.zeros((3, 3))]), full_matrices=False
     )
@@ -288,7 +323,7 @@ def _left(constraints: Array) -> Array:
     return np.where(np.abs(basis) > MOTION_TOLERANCE, basis, 0.0).T
 
 
-def _scaled(modes: Array) -> Array:
+def scaled(modes: Array) -> Array:
     """Return modes with largest entry 1."""
     if modes.shape[1] == 0:
         return modes

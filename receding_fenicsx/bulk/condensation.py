@@ -105,14 +105,7 @@ def _system(bulk: Bulk, condensed: Condensed) -> ContactSystem:
             f"the condensed stiffness resists a rigid motion by {error:.1e} of its size "
             f"(at most {RIGID_TOLERANCE:g}); check the mesh for degenerate cells"
         )
-    description = bulk.scene.contacts[0]
-    f, g0 = evaluate(description.friction, contact.x), evaluate(description.initial_gap, contact.x)
-    for key, values in (("friction", f), ("initial_gap", g0)):
-        if np.any(values < 0.0):
-            i = int(np.argmin(values))
-            raise InputError(
-                f"contact.{key} is {values[i]:g} at x = {contact.x[i]:g}; it must not be negative"
-            )
+    f, g0 = (_along_edges(bulk, key) for key in ("friction", "initial_gap"))
     return ContactSystem(
         x=contact.x,
         points=contact.points,
@@ -135,6 +128,22 @@ def _system(bulk: Bulk, condensed: Condensed) -> ContactSystem:
 def _load_sign(bulk: Bulk) -> Array:
     """Return -1 for forces, +1 for prescribed displacements."""
     return np.array([1.0 if name in bulk.prescribed else -1.0 for name in bulk.load_names])
+
+
+def _along_edges(bulk: Bulk, key: str) -> Array:
+    """Return the values (N,) at the nodes of a profile of the contacts, none of them negative."""
+    contact, values = bulk.contact, np.empty(len(bulk.contact.x))
+    for k, described in enumerate(bulk.scene.contacts):
+        on = contact.edge == k
+        values[on] = evaluate(getattr(described, key), contact.x[on])
+    if np.any(values < 0.0):
+        i = int(np.argmin(values))
+        edge = bulk.scene.contacts[contact.edge[i]].edge
+        raise InputError(
+            f"[contact] {key}: is {values[i]:g} at x = {contact.x[i]:g} along '{edge}'; it must "
+            "not be negative"
+        )
+    return values
 
 
 def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.meshing import BodyMesh
-from receding_fenicsx.errors import on_all
+from receding_fenicsx.errors import InputError, on_all
 from receding_fenicsx.scene import Scene
 
 Array = NDArray[np.float64]
@@ -54,6 +54,16 @@ def edge_facets(
     Returns:
         The facets.
     """
+    found = tagged_facets(space, body, body.groups.get(edge, ()))
+    if span is None or not len(found):
+        return found
+    middle = along(body, edge, found.points[:, :2].mean(axis=1))
+    inside = (middle > span[0]) & (middle < span[1])
+    return EdgeFacets(found.points[inside], found.nodes[inside], found.outward[inside])
+
+
+def tagged_facets(space: fem.FunctionSpace, body: BodyMesh, tags: Sequence[int]) -> EdgeFacets:
+    """Find this rank's facets with one of the tags."""
     topology = body.mesh.topology
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
@@ -62,7 +72,7 @@ def edge_facets(
     corners = _dolfinx.FACET_CORNERS[body.cell]
     closure = [space.dofmap.dof_layout.entity_closure_dofs(1, i) for i in range(len(corners))]
     local, points, outward = [], [], []
-    for facet in body.facet_tags.find(body.groups[edge]) if edge in body.groups else ():
+    for facet in (facet for tag in tags for facet in body.facet_tags.find(tag)):
         cell = cell_of.links(facet)[0]
         if cell >= owned:
             continue
@@ -78,26 +88,21 @@ def edge_facets(
         return EdgeFacets(np.empty((0, 2, 2)), np.empty((0, 2), dtype=np.int64), np.empty((0, 2)))
     numbers = np.array(local, dtype=np.int32)
     nodes = space.dofmap.index_map.local_to_global(numbers.ravel()).reshape(numbers.shape)
-    found = EdgeFacets(np.array(points), nodes.astype(np.int64), np.array(outward) + 0.0)
-    if span is None:
-        return found
-    middle = positions(found.points[:, :2].mean(axis=1), found.outward[0], body.centre)
-    inside = (middle > span[0]) & (middle < span[1])
-    return EdgeFacets(found.points[inside], found.nodes[inside], found.outward[inside])
+    return EdgeFacets(np.array(points), nodes.astype(np.int64), np.array(outward) + 0.0)
 
 
-def positions(points: Array, normal: Array, centre: Array) -> Array:
-    """Return positions along an edge from the body's centre, growing rightwards or upwards.
+def along(body: BodyMesh, edge: str, points: Array) -> Array:
+    """Return positions of points (n, 2) along a straight edge from its middle.
 
-    Args:
-        points: (n, 2) points.
-        normal: (2,) unit normal of the edge, of either sign.
-        centre: (2,) the body's centre.
+    Raises:
+        InputError: the edge is not straight.
     """
-    direction = np.array([normal[1], -normal[0]])
-    larger = direction[np.argmax(np.abs(direction))]
-    direction = direction * np.sign(larger) + 0.0
-    return (points - centre) @ direction
+    if edge not in body.lines:
+        raise InputError(
+            f"'{edge}' is not straight or in pieces, so there is no position along it; leave out "
+            "its span and use expressions in x and y"
+        )
+    return body.lines[edge].along(points)
 
 
 def edge_nodes(

@@ -167,8 +167,10 @@ def _matched(
     if len(a) < 2 or len(b) < 2:
         raise InputError(f"{where}: {names} share no facet; refine both meshes")
     close = MATCH_TOLERANCE * min(np.diff(line.along(p)).min() for p in (a, b))
-    for here, there, names_of in ((a, b, (contact.edge, contact.against)),
-                                  (b, a, (contact.against, contact.edge))):
+    for here, there, names_of in (
+        (a, b, (contact.edge, contact.against)),
+        (b, a, (contact.against, contact.edge)),
+    ):
         distance = np.abs(line.along(here)[:, None] - line.along(there)).min(axis=1)
         if np.any(distance > close):
             i = int(np.argmax(distance > close))
@@ -209,12 +211,12 @@ def _check_apart(
             body, name = scene.find_edge(edge)
             place = scene.bodies.index(body)
             facets = meshes[place].edges[name][numbers]
-            for other, where, theirs in taken:
-                shared = np.intersect1d(facets, theirs) if where == place else []
+            for before, owner, theirs in taken:
+                shared = np.intersect1d(facets, theirs) if owner == place else []
                 if len(shared):
                     x, y = meshes[place].points[shared[0]]
                     raise InputError(
-                        f"[[contact]]: '{other}' and '{edge}' share the node at ({x:g}, {y:g}), "
+                        f"[[contact]]: '{before}' and '{edge}' share the node at ({x:g}, {y:g}), "
                         "which cannot lie on two planes; keep a facet off one of them by its span"
                     )
             taken.append((edge, place, facets))
@@ -224,11 +226,14 @@ def _check_apart(
     uses += [(s.edge, "[[support]] edge", s) for s in scene.supports if s.edge is not None]
     for edge, where, thing in uses:
         body, name = scene.find_edge(edge)
+        if body.mesh is None and not scene.others:
+            # the scene's own checks have seen to it
+            continue
         place = scene.bodies.index(body)
         facets = load_facets(meshes[place], thing, name, half)
-        for other, owner, theirs in taken:
+        for contact_edge, owner, theirs in taken:
             if owner == place and len(_same_facets(facets, theirs)):
                 raise InputError(
-                    f"{where}: '{edge}' lies on the contact edge '{other}' where the contact is; "
-                    "use another group, or a span beside the contact's"
+                    f"{where}: '{edge}' lies on the contact edge '{contact_edge}' where the "
+                    "contact is; use another group, or a span beside the contact's"
                 )

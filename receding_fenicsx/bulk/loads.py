@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.edges import edge_facets, edge_nodes, integrate, measure
+from receding_fenicsx.bulk.edges import along, edge_facets, edge_nodes, integrate, measure
 from receding_fenicsx.bulk.meshing import BodyMesh
 from receding_fenicsx.errors import InputError, on_all
 from receding_fenicsx.scene import Load, Profile, Scene, evaluate
@@ -79,10 +79,9 @@ def profile_values(load: Load, body: BodyMesh, profile: Profile, points: Array) 
 
     A table runs along the edge, an expression knows x and y.
     """
-    x, y = points[:, 0], points[:, 1]
-    if isinstance(profile, dict) and load.edge in ("left", "right"):
-        return evaluate(profile, y - body.centre[1])
-    return evaluate(profile, x, y)
+    if isinstance(profile, dict):
+        return evaluate(profile, along(body, load.edge, points))
+    return evaluate(profile, points[:, 0], points[:, 1])
 
 
 def _traction(load: Load, body: BodyMesh, points: Array, normals: Array) -> Array:

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.gmsh_model import geo_path, gmsh_model
 from receding_fenicsx.bulk.interfaces import Interface, find_interfaces
-from receding_fenicsx.bulk.raw_mesh import Line, RawMesh, line_of
+from receding_fenicsx.bulk.raw_mesh import Line, RawMesh, from_axis, line_of
 from receding_fenicsx.bulk.rectangle import (
     EDGE_NAMES,
     Frame,
@@ -65,7 +65,7 @@ class BodyMesh:
         facet_tags: tags of boundary facets.
         groups: tags of each edge by name.
         contacts: the scene's contact edges on this body, in their order.
-        middles: point of each straight edge from which positions along it are measured.
+        lines: the line of each straight edge.
         spots: (k, 2) coordinates of each named group of points.
         size: length that tolerances on positions are relative to, the same for all bodies.
         half: True when only x >= 0 is meshed.
@@ -76,7 +76,7 @@ class BodyMesh:
     facet_tags: Any
     groups: dict[str, tuple[int, ...]]
     contacts: tuple[ContactFacets, ...]
-    middles: dict[str, Array]
+    lines: dict[str, Line]
     spots: dict[str, Array]
     size: float
     half: bool
@@ -136,7 +136,7 @@ def _distribute(comm: MPI.Comm, made: _Tagged | None, cell: str, data: dict[str,
 def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
     """Return the meshes of all bodies with their tags; no communication."""
     meshes = [_raw(part_of(scene, body), half) for body in scene.bodies]
-    interfaces = find_interfaces(scene, meshes, half)
+    interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
     size = max(mesh.size for mesh in meshes)
     return [
         _tagged(scene, body, mesh, interfaces, half, size)
@@ -147,7 +147,8 @@ def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
 def _raw(scene: Scene, half: bool) -> RawMesh:
     """Mesh or read the only body of a scene."""
     if scene.body.mesh is not None:
-        return read_user_mesh(scene.body, scene.mesh)
+        given = read_user_mesh(scene.body, scene.mesh)
+        return from_axis(given) if scene.axisymmetric else given
     frame = make_frame(scene, half)
     marks = find_marks(scene, frame)
     mesh = _gmsh_half(scene, frame, marks)
@@ -175,9 +176,10 @@ def _tagged(
     tag_of = {name: tag for tag, name in enumerate(mesh.edges, start=1)}
     tags = {name: np.full(len(f), tag_of[name], np.int32) for name, f in mesh.edges.items()}
     groups = {name: [tag] for name, tag in tag_of.items()}
-    contacts = []
+    contacts: list[ContactFacets] = []
     for contact, interface in zip(scene.contacts, interfaces, strict=True):
-        for edge, facets in ((contact.edge, interface.facets), (contact.against, interface.against)):
+        sides = (contact.edge, interface.facets), (contact.against, interface.against)
+        for edge, facets in sides:
             if edge is None or facets is None or scene.find_edge(edge)[0] != body:
                 continue
             name = scene.find_edge(edge)[1]
@@ -185,12 +187,12 @@ def _tagged(
             tags[name][facets] = tag
             groups[name].append(tag)
             contacts.append(ContactFacets(tag, interface.line))
-    used = [name for name in mesh.edges if name in _used_edges(scene, body) or body.mesh is None]
-    used += ["axis"] if half and "axis" not in used else []
+    wanted = {*_used_edges(scene, body), *(mesh.edges if body.mesh is None else ())}
+    used = [name for name in mesh.edges if name in wanted and len(mesh.edges[name])]
     data = {
         "groups": {name: tuple(groups[name]) for name in used},
         "contacts": tuple(contacts),
-        "middles": _middles(mesh, used),
+        "lines": _lines(mesh, used),
         "spots": {name: mesh.points[nodes] for name, nodes in mesh.spots.items()},
         "size": size,
         "half": half,
@@ -208,14 +210,13 @@ def _used_edges(scene: Scene, body: Body) -> set[str]:
     return {name for owner, name in found if owner == body}
 
 
-def _middles(mesh: RawMesh, edges: list[str]) -> dict[str, Array]:
-    """Return the middles of the edges that are straight."""
-    middles = dict(mesh.middles)
+def _lines(mesh: RawMesh, edges: list[str]) -> dict[str, Line]:
+    """Return the lines of the edges that are straight."""
+    lines = {}
     for edge in edges:
-        if edge not in middles:
-            with contextlib.suppress(InputError):
-                middles[edge] = line_of(mesh, edge, "").middle
-    return middles
+        with contextlib.suppress(InputError):
+            lines[edge] = line_of(mesh, edge, "")
+    return lines
 
 
 def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:

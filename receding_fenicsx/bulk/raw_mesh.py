@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +14,7 @@ Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 STRAIGHT_TOLERANCE = 1e-6
-"""Distance of a node from the line of its edge, over the edge's length, that still counts as on it."""
+"""Distance of a node from its edge's line, over the edge's length, up to which it lies on it."""
 
 
 @dataclass(frozen=True)
@@ -61,6 +61,16 @@ class RawMesh:
         else:
             hint = f'it has none, declare Physical Curve("{edge}")'
         raise InputError(f"{where}: the mesh has no group of curves '{edge}'; {hint}")
+
+
+def from_axis(mesh: RawMesh) -> RawMesh:
+    """Return the mesh of a body of revolution: positions on horizontal edges are radii."""
+    middles = {}
+    for edge, facets in mesh.edges.items():
+        height = mesh.points[facets][..., 1]
+        if height.size and np.ptp(height) <= STRAIGHT_TOLERANCE * mesh.size:
+            middles[edge] = np.array([0.0, height.flat[0]])
+    return replace(mesh, middles=middles)
 
 
 @dataclass(frozen=True)

@@ -86,15 +86,15 @@ class HalfMesh:
 
 
 def make_frame(scene: Scene, half: bool) -> Frame:
-    """Check that the body can be meshed and return its edge coordinates.
+    """Check that the body can be meshed and return its first contact edge's coordinates.
 
     Raises:
         InputError: it cannot.
     """
-    if scene.body.mesh is not None or scene.body.shape != "rectangle":
-        raise InputError('body: only shape = "rectangle" can be meshed; remove body.mesh')
-    if len(scene.contacts) != 1:
-        raise InputError(f"contact: {len(scene.contacts)} given, exactly one can be modelled")
+    if not scene.contacts:
+        raise InputError(
+            f"[contact]: none lies on the body '{scene.body.name}'; give one the edge of it"
+        )
     options = scene.mesh
     if options.cell not in ("triangle", "quadrilateral"):
         raise InputError(
@@ -133,14 +133,15 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
         if span is not None:
             ends = np.column_stack(edge_points(scene, edge, np.array(span)))
             wanted += [(key, float(end[0]), float(end[1])) for end in ends]
-    wanted += [("support.point", *s.point) for s in scene.supports if s.point is not None]
+    wanted += [("support.point", *s.point) for s in scene.supports if isinstance(s.point, tuple)]
+    left, bottom = scene.body.position
 
     near = POSITION_TOLERANCE * frame.depth
     dx = frame.length / scene.mesh.contact_elements
     columns = scene.mesh.cell == "quadrilateral"
     top, side, inner = [], [], []
     for key, x, y in wanted:
-        s, d = frame.from_body(x, y)
+        s, d = frame.from_body(x - left, y - bottom)
         s = abs(s)
         if s > 0.5 * frame.length + near or not -near <= d <= frame.depth + near:
             raise InputError(f"{key}: the point ({x:g}, {y:g}) lies outside the body; move it")

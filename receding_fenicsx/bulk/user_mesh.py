@@ -131,7 +131,9 @@ def _collect(gmsh: Any, body: Body, where: str) -> RawMesh:
 def _cells(gmsh: Any, body: Body, where: str) -> Ints:
     """Return the nodes around each cell of the body: of its physical surfaces, if there are any."""
     model = gmsh.model
-    groups = {model.getPhysicalName(2, tag) or str(tag): tag for _, tag in model.getPhysicalGroups(2)}
+    groups = {
+        model.getPhysicalName(2, tag) or str(tag): tag for _, tag in model.getPhysicalGroups(2)
+    }
     if body.surface is not None and body.surface not in groups:
         close = nearest(body.surface, groups)
         hint = f"did you mean '{close}'?" if close else f"it has {', '.join(groups) or 'none'}"
@@ -145,7 +147,9 @@ def _cells(gmsh: Any, body: Body, where: str) -> Ints:
         for kind, _, nodes in zip(*model.mesh.getElements(2, surface), strict=True):
             found.setdefault(int(kind), []).append(nodes)
     if not found:
-        raise InputError(f"{where}: has no cells; mesh the surface and put it in a Physical Surface")
+        raise InputError(
+            f"{where}: has no cells; mesh the surface and put it in a Physical Surface"
+        )
     if set(found) == set(CELLS):
         raise InputError(
             f"{where}: mixes triangles and quadrilaterals; use one kind, for quadrilaterals "

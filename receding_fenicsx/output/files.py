@@ -147,13 +147,24 @@ def digest(scene: Scene) -> str:
     half = is_half_meshed(scene)
     rest = Scene(
         body=scene.body,
+        others=scene.others,
         material=scene.material,
+        materials=scene.materials,
         mesh=scene.mesh,
         contacts=scene.contacts,
         loads=scene.loads,
         supports=scene.supports,
     )
-    return hashlib.sha256(f"{half}\n{to_toml(rest)}".encode()).hexdigest()
+    found = hashlib.sha256(f"{half}\n{to_toml(rest)}".encode())
+    for body in scene.bodies:
+        if body.mesh is not None:
+            try:
+                found.update(Path(body.mesh).read_bytes())
+            except OSError:
+                raise InputError(
+                    f'[body] mesh: "{body.mesh}": no such file; check the path'
+                ) from None
+    return found.hexdigest()
 
 
 @contextmanager

@@ -1,0 +1,285 @@
+"""Meshes of the user's own: read, turned, refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import CELLS, block, built
+from msh import Array, Ints, rectangle, turned, write_msh
+
+from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.meshing import make_mesh
+from receding_fenicsx.errors import InputError, on_root
+from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.scene import Body, Contact, Load, Scene, Support
+
+comm = MPI.COMM_WORLD
+
+
+def system_of(scene: Scene) -> ContactSystem | None:
+    bulk = built(scene)
+    system = condense(bulk)
+    bulk.destroy()
+    return system
+
+
+def file_of(
+    scene: Scene,
+    path: Path,
+    change: Callable[[Array], Array] = lambda points: points,
+    spots: dict[str, tuple[float, float]] | None = None,
+) -> Scene:
+    """The scene with the mesh of its rectangle, changed, as the user's file."""
+
+    def write() -> None:
+        mesh = rectangle(scene)
+        near = {
+            name: np.array([np.argmin(np.hypot(*(mesh.points - place).T))])
+            for name, place in (spots or {}).items()
+        }
+        write_msh(path, change(mesh.points), [mesh.cells], mesh.edges, near)
+
+    on_root(comm, write)
+    comm.barrier()
+    return replace(scene, body=Body(mesh=str(path)))
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degrees", [0.0, 30.0, -40.0, 200.0])
+def test_turned_body_has_the_same_condensed_system(
+    cell: str, degree: int, degrees: float, shared_tmp_path: Path
+) -> None:
+    loads = (
+        Load("p0", "top", (-1.0, 1.0), pressure=1.0),
+        Load("side", "right", pressure={"x": [-0.5, 0.5], "value": [0.0, 1.0]}),
+    )
+    scene = block(cell, degree, loads=loads, contacts=(Contact(span=(-1.5, 1.0)),))
+    mesh = shared_tmp_path / "block.msh"
+    user = file_of(scene, mesh, lambda points: turned(points, degrees, (0.3, -0.7)))
+    # with its larger component negative, a direction along an edge is turned round
+    flipped = degrees == 200.0
+    if flipped:
+        user = replace(
+            user,
+            contacts=(Contact(span=(-1.0, 1.5)),),
+            loads=(loads[0], replace(loads[1], pressure={"x": [-0.5, 0.5], "value": [1.0, 0.0]})),
+        )
+    expected, found = system_of(scene), system_of(user)
+    if expected is None or found is None:
+        return
+    n = found.n
+    order = np.arange(n)[::-1] if flipped else np.arange(n)
+    both = np.concatenate([order, n + order])
+    scale = np.abs(expected.K).max()
+    assert np.abs(found.x - (-1.0 if flipped else 1.0) * expected.x[order]).max() < 1e-12
+    assert np.abs(found.K - expected.K[np.ix_(both, both)]).max() < 1e-12 * scale
+    assert np.abs(found.r_star - expected.r_star[:, both]).max() < 1e-12
+    assert found.weight == pytest.approx(expected.weight[order], rel=1e-12)
+    assert found.load_compliance == pytest.approx(expected.load_compliance, rel=1e-10)
+    # a rigid motion of one is a combination of rigid motions of the other
+    left = np.linalg.lstsq(expected.rigid[both], found.rigid, rcond=None)[1]
+    assert found.rigid.shape == (2 * n, 3) and np.all(left < 1e-20)
+
+
+def test_supports_on_named_points_hold_them(shared_tmp_path: Path) -> None:
+    scene = block(supports=(Support("xy", point=(0.0, 1.0)), Support("x", point=(-2.0, 0.0))))
+    spots = {"pin": (0.0, 1.0), "corner": (-2.0, 0.0)}
+    user = file_of(scene, shared_tmp_path / "block.msh", spots=spots)
+    named = (Support("xy", point="pin"), Support("x", point="corner"))
+    expected, found = system_of(scene), system_of(replace(user, supports=named))
+    if expected is not None and found is not None:
+        assert np.array_equal(found.held, expected.held) and found.held.sum() == 1
+        assert np.abs(found.K - expected.K).max() < 1e-12 * np.abs(expected.K).max()
+        assert found.rigid.shape[1] == 0
+    with pytest.raises(InputError, match=r"no group of points 'pni'; did you mean 'pin'\?"):
+        built(replace(user, supports=(Support("x", point="pni"),)))
+
+
+GEO = """
+DefineConstant[ width = {4, Name "width"}, height = 1, contact_elements = 8 ];
+Point(1) = {-width/2, 0, 0}; Point(2) = {width/2, 0, 0};
+Point(3) = {width/2, height, 0}; Point(4) = {-width/2, height, 0};
+For i In {1 : 4}
+  Line(i) = {i, i % 4 + 1};
+EndFor
+Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1};
+Transfinite Curve{1, 3} = contact_elements + 1; Transfinite Curve{2, 4} = 5;
+Transfinite Surface{1};
+Physical Curve("foot") = {1}; Physical Curve("head") = {3}; Physical Curve(7) = {2};
+"""
+
+
+def write_text(path: Path, text: str) -> str:
+    on_root(comm, lambda: path.write_text(text))
+    comm.barrier()
+    return str(path)
+
+
+def geo_scene(path: Path, text: str = GEO, **body: object) -> Scene:
+    """A scene on a .geo file, with a third of the elements of the default."""
+    scene = block(
+        elements=24, contacts=(Contact(edge="foot"),), load=Load("p", "head", pressure=1.0)
+    )
+    return replace(scene, body=Body(mesh=write_text(path, text), **body))  # type: ignore[arg-type]
+
+
+def test_geo_file_gets_the_scenes_numbers_and_the_bodys_parameters(shared_tmp_path: Path) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo", parameters={"width": 6.0})
+    system = system_of(scene)
+    if system is not None:
+        assert system.n == 25
+        assert system.x[[0, -1]] == pytest.approx([-3.0, 3.0], rel=1e-14)
+        # the pressure on the head is carried by the foot when it moves down as a whole
+        down = np.concatenate([np.zeros(system.n), np.ones(system.n)])
+        assert system.r_star[0] @ down == pytest.approx(6.0, rel=1e-12)
+
+
+def test_groups_without_a_name_are_known_by_their_number(shared_tmp_path: Path) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo")
+    body = make_mesh(comm, replace(scene, supports=(Support("x", edge="7"),)), False)
+    assert set(body.groups) == {"foot", "head", "7"}
+
+
+def test_unequally_spaced_nodes_keep_their_places(shared_tmp_path: Path) -> None:
+    text = GEO.replace(
+        "Transfinite Curve{1, 3} = contact_elements + 1;",
+        (
+            "Transfinite Curve{1} = contact_elements + 1 Using Progression 1.1;"
+            "Transfinite Curve{3} = contact_elements + 1 Using Progression 1/1.1;"
+        ),
+    )
+    system = system_of(geo_scene(shared_tmp_path / "my.geo", text))
+    if system is not None:
+        assert np.diff(system.x)[1:] / np.diff(system.x)[:-1] == pytest.approx(1.1, rel=1e-6)
+        assert system.weight.sum() == pytest.approx(4.0, rel=1e-14)
+        assert system.weight[0] == pytest.approx(0.5 * np.diff(system.x)[0], rel=1e-12)
+
+
+POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
+SQUARES = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
+TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
+EDGES = {"foot": np.array([[0, 1], [1, 2]]), "head": np.array([[3, 4], [4, 5]])}
+
+
+def refused(scene: Scene) -> str:
+    """The one line with which a mesh is refused, on all ranks."""
+    with pytest.raises(InputError) as caught:
+        make_mesh(comm, scene, False)
+    texts = set(comm.allgather(str(caught.value)))
+    assert len(texts) == 1 and "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def two_cells(
+    path: Path,
+    points: Array = POINTS,
+    cells: list[Ints] | None = None,
+    edges: dict[str, Ints] | None = None,
+    supports: tuple[Support, ...] = (),
+) -> Scene:
+    on_root(comm, lambda: write_msh(path, points, cells or [SQUARES], edges or EDGES))
+    comm.barrier()
+    scene = block(contacts=(Contact(edge="foot"),), load=Load("p", "head", pressure=1.0))
+    return replace(scene, supports=supports, body=Body(mesh=str(path)))
+
+
+def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "my.msh"
+    bent = POINTS + np.array([[0.0, 0.0], [0.0, -0.1], *4 * [[0.0, 0.0]]])
+    folded = POINTS[[1, 0, 2, 3, 4, 5]]
+    apart = np.vstack([POINTS, POINTS[[0, 1, 3]] + 5.0])
+    solid = np.column_stack([POINTS, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])
+    inside = {**EDGES, "head": np.array([[1, 4]])}
+    corner = {**EDGES, "foot": np.array([[0, 1], [1, 2], [2, 5]])}
+    shared = {**EDGES, "head": np.array([[3, 4], [1, 2]])}
+    cases: list[tuple[dict, str]] = [
+        ({"edges": {"foot": EDGES["foot"], "haed": EDGES["head"]}}, "'head'; did you mean 'haed'?"),
+        ({"edges": {"head": EDGES["head"]}}, "[contact] edge: the mesh has no group of curves"),
+        ({"points": bent}, "'foot' is not straight, it strays 0.1"),
+        ({"edges": corner}, "'foot' is not straight"),
+        ({"edges": inside}, "load 'p' edge: the group 'head' lies inside the body at (1, 0.5)"),
+        ({"edges": shared}, "the groups 'foot' and 'head' overlap in 1 facets, one at (1.5, 0)"),
+        ({"cells": [SQUARES[:1], TRIANGLES[2:]]}, "mixes triangles and quadrilaterals"),
+        ({"points": folded}, "flat or folded"),
+        ({"points": apart, "cells": [TRIANGLES, np.array([[6, 7, 8]])]}, "falls into 2 parts"),
+        ({"points": solid}, "not plane"),
+        ({"cells": [np.empty((0, 3), dtype=int)]}, "has no cells"),
+        ({"supports": (Support("x", edge="foot"),)}, "lies on the contact edge"),
+        ({"supports": (Support("x", edge="side"),)}, "[[support]] edge: the mesh has no group"),
+    ]
+    for change, words in cases:
+        text = refused(two_cells(path, **change))
+        assert words in text, text
+
+
+def test_span_has_to_end_at_vertices(shared_tmp_path: Path) -> None:
+    scene = two_cells(shared_tmp_path / "my.msh")
+    for span, words in [
+        ((-1.0, 0.5), "[contact] span: no vertex of the mesh lies at 0.5, the nearest at"),
+        ((-1.0, 1.5), "[contact] span: 1.5 lies beyond the edge, which runs from -1 to 1"),
+    ]:
+        assert words in refused(replace(scene, contacts=(Contact(edge="foot", span=span),)))
+    load = Load("p", "head", (-0.25, 1.0), pressure=1.0)
+    assert "load 'p' span: no vertex" in refused(replace(scene, loads=(load,)))
+
+
+def test_contacts_that_share_a_node_are_refused(shared_tmp_path: Path) -> None:
+    edges = {**EDGES, "side": np.array([[2, 5]])}
+    scene = two_cells(shared_tmp_path / "my.msh", edges=edges)
+    both = (Contact(edge="foot"), Contact(edge="side"))
+    text = refused(replace(scene, contacts=both))
+    assert "'foot' and 'side' share the node at (2, 0)" in text
+    beside = (Contact(edge="foot", span=(-1.0, 0.0)), Contact(edge="side"))
+    assert len(make_mesh(comm, replace(scene, contacts=beside), False).contacts) == 2
+
+
+def test_edge_in_pieces_is_refused(shared_tmp_path: Path) -> None:
+    points = np.vstack([POINTS, [[3.0, 0.0], [3.0, 1.0]]])
+    cells = [np.vstack([SQUARES, [[2, 6, 7, 5]]])]
+    edges = {**EDGES, "foot": np.array([[0, 1], [2, 6]])}
+    text = refused(two_cells(shared_tmp_path / "my.msh", points, cells, edges))
+    assert "'foot' is in pieces, with nothing from -0.5 to 0.5 along it" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("Point(1) = {0, 0, 0};\nLine(1) = {1, };", "gmsh cannot use it"),
+        ("SetFactory(", "gmsh cannot use it"),
+        (GEO.replace("Physical Curve", "//"), "it has none, declare Physical Curve"),
+        (GEO + "Extrude {0, 0, 1} { Surface{1}; Layers{1}; }", "not plane"),
+        (GEO + "Mesh.ElementOrder = 2;", ""),
+        (GEO + 'Physical Surface("core") = {1};', ""),
+    ],
+)
+def test_geo_file_that_cannot_serve_is_refused(
+    text: str, words: str, shared_tmp_path: Path
+) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo", text)
+    if words:
+        assert words in refused(scene)
+    else:
+        assert make_mesh(comm, scene, False).cell == "triangle"
+
+
+def test_unknown_parameters_surfaces_and_files_are_refused(shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "my.geo"
+    text = refused(geo_scene(path, parameters={"widht": 6.0}))
+    assert "has no parameter 'widht'; did you mean 'width'?" in text
+    text = refused(geo_scene(path, GEO + 'Physical Surface("core") = {1};', surface="cor"))
+    assert "no physical surface 'cor'; did you mean 'core'?" in text
+    with_parameters = two_cells(shared_tmp_path / "my.msh")
+    body = replace(with_parameters.body, parameters={"width": 1.0})
+    assert "parameters are for .geo files" in refused(replace(with_parameters, body=body))
+    second = np.array([[0, 2, 3, 1, 4, 5]])
+    order_two = two_cells(shared_tmp_path / "two.msh", cells=[second])
+    assert "cells of higher order" in refused(order_two)
+    garbage = write_text(shared_tmp_path / "bad.msh", "no mesh")
+    assert "gmsh cannot use it" in refused(replace(order_two, body=Body(mesh=garbage)))
