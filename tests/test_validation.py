@@ -5,8 +5,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from scipy.optimize import brentq
 
 from receding_fenicsx import reference
+from receding_fenicsx.layer_contact import contact_half_width
+from receding_fenicsx.study import condense
 
 DEMOS = Path(__file__).parent.parent / "demos"
 
@@ -30,3 +33,16 @@ def test_frictionless_pressure_is_right_to_1e_4_and_half_width_to_1e_3(
         assert centre < 1e-4
         assert profile < 3e-4
         assert half_width < 1e-3
+
+
+@pytest.mark.parametrize("load", [0.05, 0.5])
+def test_two_blocks_pull_at_filons_zero_if_unseparated_and_lift_off_sooner(load: float) -> None:
+    blocks = demo("two_blocks")
+    scene = blocks["pressed"](load, "mesh.contact_elements=480")
+    system = condense(scene)
+    if system is not None:
+        zero, width = blocks["both"](system, scene)
+        exact = brentq(lambda x: float(reference.bilateral_pressure(x, load)), 1.0, 2.0)
+        assert zero == pytest.approx(exact, rel=1e-4)
+        # 40 elements on h: node spacing is 1.5 % of the half width
+        assert width == pytest.approx(contact_half_width(load), rel=2e-3)
