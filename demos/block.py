@@ -20,7 +20,7 @@ import numpy as np
 
 from receding_fenicsx import evolve, history, study
 from receding_fenicsx.errors import on_root
-from receding_fenicsx.output import figures, files
+from receding_fenicsx.output import figures, files, report
 from receding_fenicsx.output.summary import read_summary
 from receding_fenicsx.output.table import run_table
 from receding_fenicsx.scene import OutputOptions, Scene, SolverOptions
@@ -66,6 +66,7 @@ def compare(scene: Scene, folder: Path) -> None:
         system, cycles, SolverOptions(method="gauss-seidel", steps_per_leg=STEPS_PER_LEG)
     )
     drawn = figures.plot_all(record, folder / "figures", unloading=unloading, stepped=stepped)
+    page = report.write_report(folder, record.scene_toml)
 
     print(run_table(read_summary(folder / "summary.json")))
     exact, steps = record.cycles.dissipation, stepped.cycles.dissipation
@@ -74,7 +75,7 @@ def compare(scene: Scene, folder: Path) -> None:
         f"1 differs by {abs(steps[0] / exact[0] - 1.0):.1e}, of cycle {len(steps)} by "
         f"{abs(steps[-1] / exact[len(steps) - 1] - 1.0):.1e}"
     )
-    print(f"{len(drawn)} figures and the pictures are in {folder}")
+    print(f"{len(drawn)} figures and the pictures are in {folder}, all on one page in {page}")
 
     ratio = exact[-1] / exact[0]
     assert np.all(np.diff(exact) <= 1e-12 * exact[0]), "dissipation must fall from cycle to cycle"

@@ -79,8 +79,8 @@ def run(
 
     Args:
         scene: what is modelled.
-        out: folder for ``record.h5``, ``summary.json``, ``system.h5`` and the pictures; it appears
-            when all of it is written. None writes nothing.
+        out: folder for ``record.h5``, ``summary.json``, ``system.h5``, ``report.html`` and the
+            pictures; it appears when all of it is written. None writes nothing.
         comm: communicator; all processes of the job when left out.
         overwrite: replace the folder of an earlier run.
         pictures: draw figures and snapshots; needs ``out``.
@@ -387,9 +387,9 @@ def default_instants(scene: Scene, system: ContactSystem, record: Record) -> lis
 
 
 def plot(record: Record, folder: Path) -> list[Path]:
-    """Draw all figures of a record into a folder; return their files."""
+    """Draw all figures of a run into its folder ``figures``, write its report; return the files."""
     made: list[Path] = _drawing("figures").plot_all(record, folder)
-    return made
+    return [*made, _drawing("report").write_report(folder.parent, record.scene_toml)]
 
 
 def _drawing(name: str) -> ModuleType:
@@ -424,6 +424,7 @@ def _write(
     files.write_record(folder / "record.h5", _given(record))
     files.write_system(folder / "system.h5", _given(system))
     summary.write_summary(folder / "summary.json", summary.summarise(_given(record), extra))
+    _drawing("report").write_report(folder, _given(record).scene_toml)
 
 
 def _given(value: T | None) -> T:

@@ -34,12 +34,12 @@ def run_table(summary: Mapping[str, Any]) -> str:
             str(p["cycle"]),
             " ".join(f"{name}={value:.4g}" for name, value in p["load"].items()),
             f"{p['contact_half_width']:.4f}",
-            _fitted(p.get("contact_half_width_estimate")),
+            fitted(p.get("contact_half_width_estimate")),
             f"{p['stick_half_width']:.4f}",
-            _fitted(p.get("stick_half_width_estimate")),
+            fitted(p.get("stick_half_width_estimate")),
             f"{p['p_max']:.4f}",
             f"{max(abs(p['q_min']), abs(p['q_max'])):.4f}",
-            _right(p["zones"], summary["symmetry"] == "axisymmetric"),
+            zones_from_centre(p["zones"], summary["symmetry"] == "axisymmetric"),
         ]
         for p in points
         if p["cycle"] in (0, 1, last)
@@ -89,13 +89,13 @@ def run_table(summary: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def _right(zones: list[list[Any]], axisymmetric: bool) -> str:
+def zones_from_centre(zones: list[list[Any]], axisymmetric: bool) -> str:
     """The zones from the centre to the right end."""
     centre = 0.0 if axisymmetric else 0.5 * (zones[0][1] + zones[-1][2])
     return " | ".join(f"{name} to {end:.4f}" for name, _, end in zones if end > centre)
 
 
-def _fitted(estimate: Mapping[str, Any] | None) -> str:
+def fitted(estimate: Mapping[str, Any] | None) -> str:
     """A half width below node spacing with its interval; a dash where nothing was fitted."""
     if estimate is None or not estimate["fitted"]:
         return "-"

@@ -1,0 +1,157 @@
+"""The report: complete in itself, its numbers those of the summary."""
+
+import base64
+import io
+import re
+from functools import cache
+from html.parser import HTMLParser
+from pathlib import Path
+
+import models
+import numpy as np
+import pytest
+from PIL import Image
+
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import History
+from receding_fenicsx.output import figures
+from receding_fenicsx.output.report import report_html, write_report
+from receding_fenicsx.output.summary import read_summary, summarise, write_summary
+from receding_fenicsx.scene import Load, Scene
+from receding_fenicsx.scene_file import to_toml
+
+EMPTY = {"meta", "img", "br"}
+"""Elements without an end."""
+SCENE = Scene(title="a < b & c", loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
+COSTS = {
+    "timings": {"mesh": 0.125, "evolve": 2.5, "pictures": 1.0},
+    "peak_memory_MB": 321.0,
+    "ranks": 2,
+    "versions": {"numpy": "1.2.3"},
+    "friction_margin": 0.0684,
+}
+
+
+class Page(HTMLParser):
+    """Elements in their nesting, the texts of table rows, every reference."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.rows: list[list[str]] = []
+        self.references: list[str] = []
+        self.text = ""
+        self.headings: list[str] = []
+        self.feed(text)
+        self.close()
+        assert not self.open, f"{self.open} do not end"
+
+    def handle_starttag(self, tag: str, attrs: list) -> None:
+        self.references += [value for key, value in attrs if key in ("src", "href", "srcset")]
+        if tag not in EMPTY:
+            self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+        if tag == "h2":
+            self.headings.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open, f"{tag} ends that did not begin"
+        assert self.open.pop() == tag, f"{tag} ends within another element"
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] not in ("style", "html", "head", "body"):
+            self.text += data
+        if self.open and self.open[-1] in ("td", "th"):
+            self.rows[-1][-1] += data
+        if self.open and self.open[-1] == "h2":
+            self.headings[-1] += data
+
+
+@cache
+def run(cycles: int = 22) -> tuple:
+    system = models.block_system(20, 10, half=True)
+    loop = np.array([[1.0], [1.0 / 3.0], [1.0]])
+    record = evolve(system, History(("p0",), np.array([[0.0], [1.0]]), loop, cycles))
+    record.scene_toml = to_toml(SCENE)
+    return record, summarise(record, COSTS)
+
+
+def test_report_refers_to_nothing_outside_and_holds_every_picture(tmp_path: Path) -> None:
+    record, summary = run()
+    made = figures.plot_all(record, tmp_path / "figures", formats=["png"])
+    (tmp_path / "snapshots").mkdir()
+    noise = np.random.default_rng(1).integers(0, 255, (300, 2244, 3)).astype(np.uint8)
+    Image.fromarray(noise).save(tmp_path / "snapshots" / "cycle0022_leg1_s1.000_max_shear.png")
+    write_summary(tmp_path / "summary.json", summary)
+    text = write_report(tmp_path, record.scene_toml).read_text(encoding="utf-8")
+    page = Page(text)
+    assert len(page.references) == len(made) + 1
+    for reference in page.references:
+        kind, data = re.fullmatch(r"data:image/(png|jpeg);base64,(.*)", reference).groups()  # type: ignore[union-attr]
+        with Image.open(io.BytesIO(base64.b64decode(data))) as image:
+            image.load()
+            assert image.format == kind.upper()
+    assert not re.search(r"https?://|@import|url\(|<script|<link", text)
+    assert "Cycle 22, leg 1, s = 1." in page.text
+    assert page.headings[:5] == [
+        "Against the paper",
+        "Turning points",
+        "Figures",
+        "The body",
+        "Cycles",
+    ]
+
+
+def test_numbers_of_the_report_are_those_of_the_summary(tmp_path: Path) -> None:
+    _, summary = run()
+    write_summary(tmp_path / "summary.json", summary)
+    written = read_summary(tmp_path / "summary.json")
+    page = Page(report_html(written))
+    rows = {row[0]: row for row in page.rows if row}
+    D, slip = written["dissipation_per_cycle"], written["slip_per_cycle_max"]
+    for cycle in (1, 2, 9, 22):
+        number, *shown = next(row for row in page.rows if len(row) == 4 and row[0] == str(cycle))
+        assert int(number) == cycle
+        wanted = [D[cycle - 1], D[cycle - 1] / D[0], slip[cycle - 1]]
+        assert [float(value) for value in shown] == pytest.approx(wanted, rel=1e-7)
+    points = [p for p in written["turning_points"] if p["cycle"] in (0, 1, 22)]
+    found = [row for row in page.rows if len(row) == 10][1:]
+    assert len(found) == len(points) == 5
+    for row, point in zip(found, points, strict=True):
+        assert row[1] == f"p0 = {point['load']['p0']:.6g}"
+        keys = {2: "contact_half_width", 4: "stick_half_width", 6: "p_max", 7: "q_min", 8: "q_max"}
+        for column, key in keys.items():
+            assert float(row[column]) == pytest.approx(point[key], rel=1e-4)
+    for row in written["paper"]:
+        verdict = {True: "agrees", False: "differs", None: "too few cycles"}[row["agrees"]]
+        assert rows[row["quantity"]][3] == verdict
+        if isinstance(row["ours"], float):
+            assert float(rows[row["quantity"]][2]) == pytest.approx(row["ours"], rel=1e-4)
+    assert float(rows["largest relative error of a leg's energy balance"][1]) == pytest.approx(
+        written["energy_error_max"], rel=0.01
+    )
+    assert f"{written['residual_max']:.1e}" in page.text
+    assert rows["evolve, seconds"][1] == "2.500"
+    assert rows["numpy"][1] == "1.2.3"
+
+
+def test_texts_of_the_scene_cannot_break_the_page() -> None:
+    _, summary = run()
+    scene = 'title = "</pre><script>alert(1)</script>"'
+    text = report_html({**summary, "title": "a < b & c", "failure": "lift-off at 2 < 3"}, scene)
+    page = Page(text)
+    assert "<script" not in text
+    assert scene in page.text
+    assert "a < b & c" in page.text
+    assert "The run ended early: lift-off at 2 < 3" in page.text
+
+
+def test_run_without_cycles_or_costs_has_a_report_too() -> None:
+    system = models.block_system(20, 10, half=True)
+    history = History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)), 0)
+    page = Page(report_html(summarise(evolve(system, history))))
+    assert page.headings == ["Turning points", "How far to trust it"]
+    assert "Untitled run" in page.text
