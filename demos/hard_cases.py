@@ -12,6 +12,7 @@ import sys
 from pathlib import Path
 
 from mpi4py import MPI
+from petsc4py import PETSc  # noqa: F401 - starts on all ranks together
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
