@@ -1,4 +1,28 @@
-"""Frictional receding contact of elastic bodies under cyclic loading, with FEniCSx."""
+"""Frictional receding contact of elastic bodies under cyclic loading, with FEniCSx.
+
+The way from a scene to what happens on it::
+
+    scene = read_scene("block.toml", ["history.cycles=20"])  # TOML, with changes
+    record = run(scene)                                      # the whole way, in memory
+    record = run(scene, "results/mine")                      # the same, written and drawn
+
+or step by step, to play other histories on the same body::
+
+    system = condense(scene)                          # K, r_star on the contact nodes (eq. 11)
+    record = evolve(system, history_from_scene(scene))
+
+What a :class:`Record` holds is asked for by names, and drawn::
+
+    low = record.at(cycle=9, load="minimum")          # low.x, low.p, low.q, low.v, low.w, low.zones
+    record.cycles.dissipation                         # a value a cycle, from cycle 1
+    record.to_pandas()                                # or to_xarray(), to_table()
+    figures.tractions(record, low)                    # a Matplotlib figure
+    figures.zone_maps(record, 9)
+    figures.hysteresis(record)
+
+Signs and symbols are those of Ahn & Barber (2008): ``v, w`` tangential and normal displacement,
+``Q, P`` tangential and normal reaction on the body, ``P > 0`` compression; "load" is a load factor.
+"""
 
 import os
 from typing import TYPE_CHECKING, Any
@@ -14,11 +38,13 @@ if TYPE_CHECKING:
     from receding_fenicsx.history import History as History
     from receding_fenicsx.history import from_scene as history_from_scene
     from receding_fenicsx.interface.contact import ContactSystem as ContactSystem
+    from receding_fenicsx.output import figures as figures
     from receding_fenicsx.output.files import read_record as read_record
     from receding_fenicsx.output.record import Record as Record
     from receding_fenicsx.scene import Scene as Scene
     from receding_fenicsx.scene_file import read_scene as read_scene
     from receding_fenicsx.scene_file import to_toml as to_toml
+    from receding_fenicsx.study import condense as condense
     from receding_fenicsx.study import run as run
 
 __version__ = "0.1.0"
@@ -34,6 +60,7 @@ _PLACES = {
     "evolve": "evolution",
     "Record": "output.record",
     "read_record": "output.files",
+    "condense": "study",
     "run": "study",
 }
 
@@ -42,7 +69,9 @@ __all__ = [
     "History",
     "Record",
     "Scene",
+    "condense",
     "evolve",
+    "figures",
     "history_from_scene",
     "read_record",
     "read_scene",
@@ -53,9 +82,11 @@ __all__ = [
 
 def __getattr__(name: str) -> Any:
     """Load a public name when it is first asked for."""
-    if name not in _PLACES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
+    if name == "figures":
+        return import_module(f"{__name__}.output.figures")
+    if name not in _PLACES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     known = {"history_from_scene": "from_scene"}.get(name, name)
     return getattr(import_module(f"{__name__}.{_PLACES[name]}"), known)

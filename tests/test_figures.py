@@ -1,5 +1,6 @@
 """Figures: the arrays behind them, what is drawn of them, and which are drawn of which record."""
 
+import io
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -14,6 +15,7 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
 
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import State
@@ -384,3 +386,14 @@ def test_the_same_record_gives_the_same_files(tmp_path: Path) -> None:
     figures.plot_all(record("unloading"), tmp_path / "b")
     for a, b in zip(first, second, strict=True):
         assert a.read_bytes() == b.read_bytes(), a.name
+
+
+def test_figures_are_drawn_of_what_is_asked_by_names_and_show_in_a_notebook() -> None:
+    found = record()
+    both = figures.zone_maps(found, 9)
+    assert len(both.axes) == 2
+    alone = figures.tractions(found, found.at(9, "minimum"))
+    image = Image.open(io.BytesIO(alone._repr_png_()))  # type: ignore[attr-defined]
+    assert image.size[0] == pytest.approx(style.COLUMN * style.NOTEBOOK_DPI, abs=2)
+    with pytest.raises(InputError, match="cycle 5"):
+        figures.zone_maps(found, 5)

@@ -6,10 +6,12 @@ apart best, orange and blue; nodes that do not are in greys. Printed in grey, th
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterable
 from string import ascii_lowercase
 from typing import Any
 
+import matplotlib as mpl
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
@@ -58,6 +60,9 @@ PAGE = 7.48
 DPI = 300
 """Dots per inch of PNG files."""
 
+NOTEBOOK_DPI = 150
+"""Dots per inch in a notebook."""
+
 RC: dict[Any, Any] = {
     "font.family": "STIXGeneral",
     "mathtext.fontset": "stix",
@@ -88,9 +93,19 @@ RC: dict[Any, Any] = {
 """Matplotlib's settings; the fonts come with Matplotlib, so a figure looks the same everywhere."""
 
 
+class PaperFigure(Figure):
+    """A figure that needs no window system and that a notebook shows by itself."""
+
+    def _repr_png_(self) -> bytes:
+        data = io.BytesIO()
+        with mpl.rc_context(RC):
+            self.savefig(data, format="png", dpi=NOTEBOOK_DPI)
+        return data.getvalue()
+
+
 def new_figure(width: float, height: float) -> Figure:
-    """Return an empty figure of this size in inches; it knows no window system."""
-    figure = Figure(figsize=(width, height), layout="constrained")
+    """Return an empty figure of this size in inches."""
+    figure = PaperFigure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
 

@@ -24,18 +24,21 @@ NUMBERED = 0.03
 """Part of the contact edge that a zone must cover to have its number in the band."""
 
 
-def tractions(record: Record, moments: Sequence[Moment], scales: Scales | None = None) -> Figure:
+def tractions(
+    record: Record, moments: Moment | Sequence[Moment], scales: Scales | None = None
+) -> Figure:
     """Draw tractions, the friction cone and the states along the contact edge (Figs. 4 and 6).
 
     Args:
         record: the record.
-        moments: instants of it, a panel each, such as ``[record.at(9, "minimum")]``.
+        moments: instants of it, a panel each, such as ``record.at(9, "minimum")``.
         scales: units; the record's own when left out.
 
     Returns:
         The figure.
     """
     scales = scales or scales_of(record)
+    moments = [moments] if isinstance(moments, Moment) else moments
     panels = len(moments)
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels)

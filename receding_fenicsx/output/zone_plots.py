@@ -11,11 +11,12 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.output import style
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import Scales, describe_leg, scales_of
-from receding_fenicsx.output.series import NEGLIGIBLE_SLIP, Still, leg_ends
+from receding_fenicsx.output.series import NEGLIGIBLE_SLIP, Still, leg_ends, legs_of
 from receding_fenicsx.output.zone_labels import place_labels
 from receding_fenicsx.output.zone_map import FLICKER, ZoneMap, zone_map
 
@@ -32,7 +33,7 @@ DASHED: dict[str, Any] = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
 
 def zone_maps(
     record: Record,
-    legs: list[tuple[int, int]],
+    legs: int | list[tuple[int, int]],
     scales: Scales | None = None,
     still: Still | None = None,
     columns: int = 1,
@@ -41,15 +42,22 @@ def zone_maps(
 
     Args:
         record: the record; it must hold samples of the legs.
-        legs: (cycle, leg), a panel each.
+        legs: (cycle, leg), a panel each; or a cycle, for all its legs.
         scales: units; the record's own when left out.
         still: nodes that reach the friction limit without slipping, for a dashed line.
         columns: panels beside each other; with more than one the figure is as wide as a page.
 
     Returns:
         The figure; only x >= 0 is shown where the contact is symmetric.
+
+    Raises:
+        InputError: the record has no samples of the cycle.
     """
     scales = scales or scales_of(record)
+    if isinstance(legs, int):
+        cycle, legs = legs, legs_of(record, legs)
+        if not legs:
+            raise InputError(f"cycle {cycle}: the record has no samples of it; see [output] cycles")
     stuck = None if still is None else still.stuck
     with mpl.rc_context(style.RC):
         rows = -(-len(legs) // columns)
