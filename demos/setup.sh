@@ -47,10 +47,11 @@ set_up() {
     export PYTHONNOUSERSITE=1
     # One BLAS thread a rank: on small dense systems more of them are up to 70 times slower.
     export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
-    # Open MPI: allow root, allow more ranks than cores, pin no rank to a core, and do not read the memory of another
-    # process directly, which containers forbid.
+    # Open MPI: allow root, allow more ranks than cores, pin no rank to a core, let a waiting rank give its core to others,
+    # and do not read the memory of another process directly, which containers forbid.
     export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
     export OMPI_MCA_rmaps_base_oversubscribe=1 OMPI_MCA_hwloc_base_binding_policy=none
+    export OMPI_MCA_mpi_yield_when_idle=1
     export OMPI_MCA_btl_vader_single_copy_mechanism=none
 }
 

@@ -12,7 +12,7 @@ import pytest
 from bodies import CELLS, block, built, everything
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import condensation
+from receding_fenicsx.bulk import condensation, schur
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.meshing import BodyMesh
 from receding_fenicsx.errors import InputError, SolveError
@@ -370,10 +370,8 @@ def test_unknown_route_is_refused() -> None:
 
 def test_a_wrong_triangle_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
     """MUMPS leaves garbage in one triangle: the comparison with a solve must catch a mix-up."""
-    real = condensation._schur_complement
-    monkeypatch.setattr(
-        condensation, "_schur_complement", lambda f, n, ranks: real(f, n, 3 - min(ranks, 2))
-    )
+    real = schur._triangle
+    monkeypatch.setattr(schur, "_triangle", lambda ranks: real(3 - min(ranks, 2)))
     with pytest.raises(SolveError, match=r'off by .* from a solve; use route "solve"'):
         system_of(block())
 

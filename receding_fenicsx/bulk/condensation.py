@@ -4,25 +4,21 @@ With the contact C and the interior I, and forces r of the plane on the body,
 
     K = A_CC - A_CI A_II^-1 A_IC,    r*_k = A_CI A_II^-1 f_k,I - f_k,C.
 
-MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks.
-petsc4py does not wrap that part of PETSc, so its C functions are called through ctypes. Route
-"solve" needs nothing but a factorisation of A_II and is slower: a fallback and a check. There is
-no ordering to choose: with a Schur complement MUMPS 5.5 takes minimum degree whatever it is told.
+MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks. Route
+"solve" needs nothing but a factorisation of A_II and is slower: a fallback and a check.
 """
 
 from __future__ import annotations
 
-import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache
-from typing import Any
 
 from petsc4py import PETSc
 
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import schur
 from receding_fenicsx.bulk.body import (
     Bulk,
     constrained,
@@ -30,6 +26,7 @@ from receding_fenicsx.bulk.body import (
     interior_solver,
     owned_contact,
 )
+from receding_fenicsx.bulk.symmetric import norm, symmetrise, turn
 from receding_fenicsx.errors import InputError, SolveError, on_root
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.scene import evaluate
@@ -72,7 +69,7 @@ class Condensed:
     """What a route gives, in [x; y] components and for E = 1; arrays of the contact on rank 0 only.
 
     Attributes:
-        K: (2N, 2N) stiffness.
+        K: (2N, 2N) stiffness, symmetric to the last bit.
         held: (2N, n_loads) reactions r* to the loads, all contact nodes held.
         compliance: (n_loads, n_loads) what is work-conjugate to load k under load l, contact nodes
             held: its displacement, or E times the force that a prescribed displacement takes.
@@ -89,9 +86,9 @@ def _system(bulk: Bulk, condensed: Condensed) -> ContactSystem:
     """Turn components, check, scale by Young's modulus, add the contact's data; on rank 0."""
     contact = bulk.contact
     assert condensed.K is not None and condensed.held is not None
-    K = contact.to_local(contact.to_local(condensed.K).T)
-    K = 0.5 * (K + K.T)
-    scale = np.abs(K).sum(axis=1).max()
+    K = condensed.K
+    turn(K, contact.to_local)
+    scale = norm(K)
     if condensed.probe is not None:
         u, force = (contact.to_local(part) for part in condensed.probe)
         error = np.abs(K @ u - force).max() / (scale * np.abs(u).max())
@@ -105,12 +102,13 @@ def _system(bulk: Bulk, condensed: Condensed) -> ContactSystem:
             f"the condensed stiffness resists a rigid motion by {error:.1e} of its size "
             f"(at most {RIGID_TOLERANCE:g}); check the mesh for degenerate cells"
         )
+    K *= bulk.young
     f, g0 = (_along_edges(bulk, key) for key in ("friction", "initial_gap"))
     return ContactSystem(
         x=contact.x,
         points=contact.points,
         weight=contact.weight,
-        K=bulk.young * K,
+        K=K,
         r_star=contact.to_local(condensed.held).T.copy(),
         load_names=bulk.load_names,
         f=f,
@@ -231,37 +229,13 @@ def _by_schur(bulk: Bulk) -> Condensed:
     """Condense by the Schur complement that MUMPS makes."""
     supported = bulk.comm.allreduce(len(bulk.fixed)) > 0
     matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness
-    matrix.setOption(PETSc.Mat.Option.SPD, True)
-    pc = PETSc.PC().create(bulk.comm)
-    pc.setOperators(matrix)
-    pc.setType("cholesky")
-    pc.setFactorSolverType("mumps")
-    pc.setFactorSetUpSolverType()
+    pc, K = schur.factorise(matrix, bulk.contact.dofs)
     factor = pc.getFactorMatrix()
-    # MUMPS in PETSc wants all of them on rank 0
-    indices = bulk.contact.dofs if bulk.comm.rank == 0 else np.empty(0)
-    where = PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=bulk.comm)
-    _call("MatFactorSetSchurIS", factor.handle, where.handle)
-    failure: PETSc.Error | None = None
-    try:
-        pc.setUp()
-    except PETSc.Error as caught:
-        failure = caught
-    if failure is not None or factor.getMumpsInfog(1) < 0:
-        raise SolveError(
-            f"MUMPS could not factorise the stiffness (INFOG(1) = {factor.getMumpsInfog(1)}, "
-            f"INFOG(2) = {factor.getMumpsInfog(2)}); check the supports and the memory"
-        ) from failure
-    K = on_root(bulk.comm, lambda: _schur_complement(factor, len(indices), bulk.comm.size))
-    # From here on the factor serves for solves with A_II alone. PETSc refuses those on more than
-    # one rank while a Schur complement is asked for (19), which MUMPS itself no longer reads.
-    factor.setMumpsIcntl(26, 0)
-    factor.setMumpsIcntl(19, 0)
     solve = _solver(bulk, factor)
     held, compliance = _held_response(bulk, solve)
     u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
     force = _contact_forces(bulk, solve, u[:, None])
-    for thing in (where, factor, pc, *([matrix] if supported else [])):
+    for thing in (factor, pc, *([matrix] if supported else [])):
         thing.destroy()
     return Condensed(K, held, compliance, None if force is None else (u, force[:, 0]))
 
@@ -279,50 +253,9 @@ def _by_solves(bulk: Bulk) -> Condensed:
         columns = _contact_forces(bulk, solve, unit, first)
         if K is not None and columns is not None:
             K[:, first : first + len(unit)] = columns
+    if K is not None:
+        symmetrise(K)
     held, compliance = _held_response(bulk, solve)
     for thing in (factor, pc, solver):
         thing.destroy()
     return Condensed(K, held, compliance)
-
-
-@cache
-def _library() -> ctypes.CDLL:
-    """Return libpetsc, reached through petsc4py's module, with the functions used here declared."""
-    library = ctypes.CDLL(PETSc.__file__)
-    pointer = ctypes.c_void_p
-    for name, arguments in {
-        "MatFactorSetSchurIS": [pointer, pointer],
-        "MatFactorGetSchurComplement": [
-            pointer,
-            ctypes.POINTER(pointer),
-            ctypes.POINTER(ctypes.c_int),
-        ],
-        "MatFactorRestoreSchurComplement": [pointer, ctypes.POINTER(pointer), ctypes.c_int],
-        "MatDenseGetArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
-        "MatDenseRestoreArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
-    }.items():
-        function = getattr(library, name)
-        function.argtypes = arguments
-        function.restype = ctypes.c_int
-    return library
-
-
-def _call(name: str, *arguments: Any) -> None:
-    """Call a function of PETSc and raise when it reports an error."""
-    code = getattr(_library(), name)(*arguments)
-    if code:
-        raise SolveError(f'PETSc\'s {name} failed with code {code}; use the route "solve"')
-
-
-def _schur_complement(factor: PETSc.Mat, size: int, ranks: int) -> Array:
-    """Copy the Schur complement out of a factor; MUMPS fills one triangle of it only."""
-    matrix, status = ctypes.c_void_p(), ctypes.c_int()
-    values = ctypes.POINTER(ctypes.c_double)()
-    _call("MatFactorGetSchurComplement", factor.handle, ctypes.byref(matrix), ctypes.byref(status))
-    _call("MatDenseGetArrayRead", matrix, ctypes.byref(values))
-    by_column = np.ctypeslib.as_array(values, (size, size)).T.copy()
-    _call("MatDenseRestoreArrayRead", matrix, ctypes.byref(values))
-    _call("MatFactorRestoreSchurComplement", factor.handle, ctypes.byref(matrix), status)
-    # measured, not documented: the lower triangle on one rank, the upper one on more
-    triangle = np.tril(by_column) if ranks == 1 else np.triu(by_column)
-    return triangle + triangle.T - np.diag(np.diagonal(triangle))

@@ -1,0 +1,123 @@
+"""A Cholesky factor by MUMPS that leaves out some variables: their Schur complement.
+
+petsc4py does not wrap this part of PETSc, so its C functions are called through ctypes.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from functools import cache
+from typing import Any
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.symmetric import symmetrise
+from receding_fenicsx.errors import SolveError, on_root
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+ORDERING, SCHUR_ASKED_FOR, SCHUR_SOLVE = 7, 19, 26
+"""Numbers of MUMPS's control parameters (ICNTL)."""
+MINIMUM_DEGREE = 0
+"""With a Schur complement MUMPS 5.5 takes it whatever it is told. MUMPS 5.8 would choose METIS, at
+1.5 times the time (uniform squares, 641 contact nodes) to the same (graded triangles)."""
+
+
+def factorise(matrix: PETSc.Mat, left_out: Ints) -> tuple[PETSc.PC, Array | None]:
+    """Factorise a symmetric positive definite matrix but for some variables.
+
+    Args:
+        matrix: the matrix A = [[A_II, A_IC], [A_CI, A_CC]].
+        left_out: the variables C, alike on every rank.
+
+    Returns:
+        The preconditioner that holds the factor, which serves for solves with A_II from here on (x
+        is zero or garbage on C); and A_CC - A_CI A_II^-1 A_IC, on rank 0.
+
+    Raises:
+        SolveError: MUMPS could not factorise; on all ranks.
+    """
+    comm: MPI.Comm = matrix.comm.tompi4py()
+    matrix.setOption(PETSc.Mat.Option.SPD, True)
+    pc = PETSc.PC().create(comm)
+    pc.setOperators(matrix)
+    pc.setType("cholesky")
+    pc.setFactorSolverType("mumps")
+    pc.setFactorSetUpSolverType()
+    factor = pc.getFactorMatrix()
+    # PETSc wants all of them on rank 0
+    indices = left_out if comm.rank == 0 else left_out[:0]
+    where = PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=comm)
+    _call("MatFactorSetSchurIS", factor.handle, where.handle)
+    factor.setMumpsIcntl(ORDERING, MINIMUM_DEGREE)
+    failure: PETSc.Error | None = None
+    try:
+        pc.setUp()
+    except PETSc.Error as caught:
+        failure = caught
+    if failure is not None or factor.getMumpsInfog(1) < 0:
+        raise SolveError(
+            f"MUMPS could not factorise the stiffness (INFOG(1) = {factor.getMumpsInfog(1)}, "
+            f"INFOG(2) = {factor.getMumpsInfog(2)}); check the supports and the memory"
+        ) from failure
+    complement = on_root(comm, lambda: _complement(factor, len(left_out), comm.size))
+    factor.setMumpsIcntl(SCHUR_SOLVE, 0)
+    # PETSc refuses solves on more than one rank while a Schur complement is asked for; MUMPS itself
+    # has read this when it analysed the matrix, and reads it no more.
+    factor.setMumpsIcntl(SCHUR_ASKED_FOR, 0)
+    where.destroy()
+    factor.destroy()
+    return pc, complement
+
+
+def _complement(factor: PETSc.Mat, size: int, ranks: int) -> Array:
+    """Copy the Schur complement out of a factor; MUMPS fills one triangle of it only."""
+    matrix, status = ctypes.c_void_p(), ctypes.c_int()
+    values = ctypes.POINTER(ctypes.c_double)()
+    _call("MatFactorGetSchurComplement", factor.handle, ctypes.byref(matrix), ctypes.byref(status))
+    _call("MatDenseGetArrayRead", matrix, ctypes.byref(values))
+    # column by column in memory, so this is the transposed matrix
+    complement = np.ctypeslib.as_array(values, (size, size)).copy()
+    _call("MatDenseRestoreArrayRead", matrix, ctypes.byref(values))
+    _call("MatFactorRestoreSchurComplement", factor.handle, ctypes.byref(matrix), status)
+    symmetrise(complement, _triangle(ranks))
+    return complement
+
+
+def _triangle(ranks: int) -> str:
+    """Return which triangle of the transposed complement is filled: measured, not documented."""
+    return "upper" if ranks == 1 else "lower"
+
+
+@cache
+def _library() -> ctypes.CDLL:
+    """Return libpetsc, reached through petsc4py's module, with the functions used here declared."""
+    library = ctypes.CDLL(PETSc.__file__)
+    pointer = ctypes.c_void_p
+    for name, arguments in {
+        "MatFactorSetSchurIS": [pointer, pointer],
+        "MatFactorGetSchurComplement": [
+            pointer,
+            ctypes.POINTER(pointer),
+            ctypes.POINTER(ctypes.c_int),
+        ],
+        "MatFactorRestoreSchurComplement": [pointer, ctypes.POINTER(pointer), ctypes.c_int],
+        "MatDenseGetArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
+        "MatDenseRestoreArrayRead": [pointer, ctypes.POINTER(ctypes.POINTER(ctypes.c_double))],
+    }.items():
+        function = getattr(library, name)
+        function.argtypes = arguments
+        function.restype = ctypes.c_int
+    return library
+
+
+def _call(name: str, *arguments: Any) -> None:
+    """Call a function of PETSc and raise when it reports an error."""
+    code = getattr(_library(), name)(*arguments)
+    if code:
+        raise SolveError(f'PETSc\'s {name} failed with code {code}; use the route "solve"')

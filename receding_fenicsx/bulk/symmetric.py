@@ -1,0 +1,66 @@
+"""Large symmetric matrices worked on in place, tile by tile: no second matrix is made."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+TILE = 128
+"""Rows and columns of a tile: two of them fit a core's cache."""
+
+
+def _slices(size: int) -> Iterator[slice]:
+    return (slice(first, min(first + TILE, size)) for first in range(0, size, TILE))
+
+
+def symmetrise(K: Array, triangle: str | None = None) -> None:
+    """Make a square matrix symmetric to the last bit.
+
+    Args:
+        K: (n, n) the matrix, changed in place.
+        triangle: "lower" or "upper": the one that is mirrored, whatever stands in the other; None
+            for the mean of the two.
+    """
+    for rows in _slices(len(K)):
+        for columns in _slices(rows.stop):
+            below, above = K[rows, columns], K[columns, rows].T
+            if triangle is None:
+                tile = 0.5 * (below + above)
+            elif rows == columns:
+                tile = _mirrored(below, triangle)
+            else:
+                tile = (below if triangle == "lower" else above).copy()
+            K[rows, columns] = tile
+            K[columns, rows] = tile.T
+
+
+def _mirrored(tile: Array, triangle: str) -> Array:
+    part: Array = np.tril(tile) if triangle == "lower" else np.triu(tile)
+    return part + part.T - np.diag(np.diagonal(part))
+
+
+def turn(K: Array, to_local: Callable[[Array], Array]) -> None:
+    """Replace a symmetric K by R K R^T, symmetric to the last bit.
+
+    Args:
+        K: (n, n) the matrix, changed in place.
+        to_local: a rotation of pairs of components: function that returns R times a matrix.
+    """
+    # a rotation that leaves a vector as it is turns nothing
+    pattern = np.cos(1.0 + np.arange(len(K)) ** 2)
+    if np.array_equal(to_local(pattern), pattern):
+        return
+    for part in _slices(len(K)):
+        K[:, part] = to_local(K[:, part])
+    for part in _slices(len(K)):
+        K[part] = to_local(K[part].T).T
+    symmetrise(K)
+
+
+def norm(K: Array) -> float:
+    """Return the largest row sum of |K|."""
+    return max((float(np.abs(K[rows]).sum(axis=1).max()) for rows in _slices(len(K))), default=0.0)
