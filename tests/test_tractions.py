@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.interface.contact import Array
-from receding_fenicsx.interface.tractions import cell_means, is_quadratic, traction_at
+from receding_fenicsx.interface.tractions import cell_means, midside_nodes, traction_at
 
 
 def laid_out(degree: int, elements: int) -> tuple[Array, Array, Array]:
@@ -26,10 +26,16 @@ def laid_out(degree: int, elements: int) -> tuple[Array, Array, Array]:
     return x, weight, force
 
 
-def test_order_of_the_elements_is_seen_in_the_weights() -> None:
-    assert not is_quadratic(laid_out(1, 8)[1])
-    assert not is_quadratic(laid_out(1, 9)[1])
-    assert is_quadratic(laid_out(2, 8)[1])
+def test_midside_nodes_are_seen_in_the_weights() -> None:
+    for elements in (8, 9):
+        x, weight, _ = laid_out(1, elements)
+        assert len(midside_nodes(x, weight)) == 0
+        x, weight, _ = laid_out(2, elements)
+        assert list(midside_nodes(x, weight)) == list(range(1, 2 * elements, 2))
+        # round the axis, where the axis itself has no weight, or no node
+        around = weight * x
+        assert list(midside_nodes(x, around, True))[1:] == list(range(3, 2 * elements, 2))
+        assert list(midside_nodes(x[1:], around[1:], True)) == list(range(2, 2 * elements - 1, 2))
 
 
 @pytest.mark.parametrize(("degree", "order"), [(1, 1.8), (2, 2.8)])
@@ -37,7 +43,7 @@ def test_means_over_cells_converge(degree: int, order: float) -> None:
     errors = []
     for elements in (20, 40, 80):
         x, weight, force = laid_out(degree, elements)
-        left, right, mean = cell_means(x, weight, force, degree == 2)
+        left, right, mean = cell_means(x, weight, force, midside_nodes(x, weight))
         exact = (np.sin(2.0 * right) - np.sin(2.0 * left)) / (2.0 * (right - left))
         errors.append(np.abs(mean - exact)[1:-1].max())
     assert np.log2(errors[0] / errors[2]) / 2.0 > order

@@ -46,3 +46,34 @@ def test_two_blocks_pull_at_filons_zero_if_unseparated_and_lift_off_sooner(load:
         assert zero == pytest.approx(exact, rel=1e-4)
         # 40 elements on h: node spacing is 1.5 % of the half width
         assert width == pytest.approx(contact_half_width(load), rel=2e-3)
+
+
+@pytest.mark.parametrize("kinematics", reference.PUNCH_STICK)
+def test_punch_sticks_on_the_known_width_when_truncation_is_extrapolated(kinematics: str) -> None:
+    punch = demo("punch")
+    for (nu, f), known in reference.PUNCH_STICK[kinematics].items():
+        near, far = (punch["solve"](kinematics, nu, f, radius) for radius in (10.0, 20.0))
+        if near is not None and far is not None:
+            found = punch["limit"](
+                kinematics, punch["stick"](near, nu).value, punch["stick"](far, nu).value
+            )
+            assert found == pytest.approx(known, rel=5e-3)
+
+
+def test_punch_slips_back_from_its_edge_when_it_is_unloaded() -> None:
+    punch = demo("punch")
+    record = punch["solve"]("axisymmetric", 0.3, 0.2, 20.0)
+    if record is None:
+        return
+    loading = punch["patterns"](record, 0)
+    assert all(shape == loading[0][1] for _, shape in loading)
+    unloading = punch["patterns"](record, 1)
+    slips_back = [shape[-1][0] == "forward slip" for _, shape in unloading]
+    first = slips_back.index(True)
+    assert 0 < first < len(slips_back) - 1 and all(slips_back[first:])
+    # before, the outer zone sticks; afterwards it is a ring of stick between two slip zones
+    assert all(shape[-1][0] == "stick" for _, shape in unloading[:first])
+    ends = [shape[-1][1] for _, shape in unloading[first:]]
+    assert ends[-1] == 0.0 and ends == sorted(ends, reverse=True)
+    centre = [shape[0][2] for _, shape in unloading[:-1]]
+    assert centre == sorted(centre, reverse=True)

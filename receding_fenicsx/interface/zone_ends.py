@@ -27,7 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import Array, State
-from receding_fenicsx.interface.tractions import cell_means, is_quadratic
+from receding_fenicsx.interface.tractions import cell_means, midside_nodes
 from receding_fenicsx.interface.zones import stick_zone
 
 Window = tuple[int, int, int]
@@ -165,14 +165,15 @@ def zone_end(at: Tractions, last: int, side: int) -> ZoneEnd:
         return ZoneEnd(at.x[-1], at.x[-1], at.x[-1], fitted=False)
     low, high = float(at.x[last]), float(at.x[last + 1])
     spacing = high - low
-    quadratic = not at.axisymmetric and is_quadratic(at.weight)
+    midside = midside_nodes(at.x, at.weight, at.axisymmetric)
+    quadratic = len(midside) > 0
     shift = (QUADRATIC_SHIFT if quadratic else LINEAR_SHIFT) * spacing
     bracket = ZoneEnd(0.5 * (low + high), low - shift, high + shift, fitted=False)
     quantity = _vanishing(at, last)
     if quantity is None:
         return bracket
     y, exponent, first = quantity
-    left, right, mean = cell_means(at.x, at.weight, y, quadratic)
+    left, right, mean = cell_means(at.x, at.weight, y, midside)
     inside = np.flatnonzero((right <= low) & (left >= at.x[first]))[::-1]
     search = SEARCH[0] * spacing, SEARCH[1] * spacing
     ends = []
