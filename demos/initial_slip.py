@@ -44,7 +44,7 @@ MOST_CYCLES = 400
 STUCK = 1e-9
 """Dissipation density over the largest one below which a node counts as stuck for good."""
 SHAKEN_DOWN = 1e-6
-"""Steady dissipation over that of cycle 1 below which there is none."""
+"""Steady dissipation over the map's largest of a cycle 1 below which there is none."""
 SLIP_SIZES = (0.03, 3.0)
 """Smallest and largest size of a random slip, over the largest slip of the first loading."""
 MAP_SIZE = 2.0
@@ -210,7 +210,7 @@ def draw_map(
     D = np.array([[[c.steady for c in cell] for cell in row] for row in grid])
     first = np.array([[cell[0].first for cell in row] for row in grid])
     stuck = np.array([[[c.stuck.count("1") for c in cell] for cell in row] for row in grid])
-    alive = D.max(axis=2) > SHAKEN_DOWN * first
+    alive = D.max(axis=2) > SHAKEN_DOWN * np.nanmax(first)
     spread = np.ptp(D, axis=2) / np.where(alive, D.max(axis=2), np.nan)
     panels = (
         (

@@ -1,0 +1,168 @@
+"""Space errors of a run's headline numbers, estimated from the same scene on coarser meshes.
+
+Every size of the mesh is enlarged by the same factors: fewer contact elements, and a growth whose
+distance from 1 is larger in proportion (the mesh size is dx + (growth - 1) depth). With numbers
+a_0, a_1, a_2 of the run and of meshes coarser by r_1 and r_2 the error of a_0 is taken to be
+
+    e = max(|a_0 - a_1| / (r_1 - 1),  |a_1 - a_2| / (r_2 - r_1) / r_1).
+
+Both are the error of a_0 where errors grow with the first power of the mesh size, and more than
+it where they grow with a higher one; the greater is taken because an error may vanish by chance.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.widths import contact_beta, estimates
+from receding_fenicsx.scene import Scene
+
+FACTORS = (2, 4)
+"""How many times coarser the meshes are, nearly."""
+
+FEWEST_ELEMENTS = 8
+"""Contact elements of the coarsest mesh that is solved on."""
+
+SPAN = 1.6
+"""A mesh that no vertex of fits is passed over for coarser ones, up to this factor."""
+
+LARGEST_GROWTH = 3.0
+"""Growth of the coarsest mesh, at most."""
+
+NAMES = {
+    "centre_pressure": "centre pressure at the maximum",
+    "contact_half_width": "contact half-width at the maximum",
+    "stick_half_width": "stick half-width at the maximum",
+    "dissipation_first_cycle": "dissipation of cycle 1",
+    "dissipation_ratio": "dissipation of the last cycle over cycle 1",
+}
+"""The headline numbers, in words."""
+
+
+@dataclass(frozen=True)
+class Number:
+    """A headline number, and how well it is known on its own mesh."""
+
+    value: float
+    known_to: float = 0.0
+
+
+def headline(record: Record) -> dict[str, Number]:
+    """Return a record's headline numbers; those that it has not are left out.
+
+    The maximum is the end of cycle 0, from which the cycles start. The centre is the middle of the
+    contact edge, or the axis. Half-widths are those fitted below node spacing, known to half their
+    interval.
+    """
+    table = record.turning_points
+    first = np.flatnonzero(table.cycle == 0)
+    if not len(first):
+        return {}
+    row, x = int(first[-1]), record.x
+    centre = 0.0 if record.axisymmetric else 0.5 * (x[0] + x[-1])
+    found = {"centre_pressure": Number(float(np.interp(centre, x, table.p[row])))}
+    for name, width in estimates(record, row, contact_beta(record)).items():
+        low, high = width["interval"]
+        found[name.removesuffix("_estimate")] = Number(width["value"], 0.5 * (high - low))
+    D = record.cycles.dissipation
+    if len(D) and D[0] > 0.0:
+        found["dissipation_first_cycle"] = Number(float(D[0]))
+        found["dissipation_ratio"] = Number(float(D[-1] / D[0]))
+    return found
+
+
+def check(scene: Scene) -> None:
+    """Raise InputError where a scene's mesh cannot be made coarser."""
+    if scene.body.mesh is not None:
+        raise InputError(
+            "--error: a mesh from a file has no coarser ones; leave --error out, or compare runs "
+            "on meshes of your own"
+        )
+    if scene.mesh.contact_elements // FACTORS[0] < FEWEST_ELEMENTS:
+        raise InputError(
+            f"--error: mesh.contact_elements = {scene.mesh.contact_elements} leaves nothing to "
+            f"compare with; use at least {FACTORS[0] * FEWEST_ELEMENTS}"
+        )
+
+
+def coarser(scene: Scene, elements: int) -> Scene:
+    """Return the scene on a mesh of so many contact elements, all sizes enlarged alike."""
+    factor = scene.mesh.contact_elements / elements
+    growth = min(1.0 + factor * (scene.mesh.growth - 1.0), LARGEST_GROWTH)
+    return replace(scene, mesh=replace(scene.mesh, contact_elements=elements, growth=growth))
+
+
+def space_errors(
+    scene: Scene, record: Record | None, solve: Callable[[Scene], Record | None]
+) -> dict[str, dict[str, float]]:
+    """Estimate the space error of each headline number; all ranks call this together.
+
+    Args:
+        scene: the scene of the run.
+        record: its record on rank 0, None on the others.
+        solve: goes from a scene to its record on rank 0; all ranks call it together, and it raises
+            on all of them.
+
+    Returns:
+        ``{name: {"value", "error"}}`` on rank 0, nothing on the others.
+
+    Raises:
+        RecedingError: the scene has no solution on the first coarser mesh.
+    """
+    levels: list[tuple[float, dict[str, Number]]] = []
+    for wanted in FACTORS:
+        try:
+            solved = _solve_coarser(scene, wanted, solve)
+        except RecedingError:
+            if not levels:
+                raise
+            break  # so coarse a mesh may have no answer: one comparison is left
+        if solved is None:
+            break
+        factor, coarser_record = solved
+        levels.append((factor, headline(coarser_record) if coarser_record is not None else {}))
+    if record is None:
+        return {}
+    errors = {}
+    for name, number in headline(record).items():
+        coarse = [(factor, found[name].value) for factor, found in levels if name in found]
+        error = max(estimate(number.value, coarse), number.known_to)
+        errors[name] = {"value": number.value, "error": error}
+    return errors
+
+
+def estimate(value: float, coarse: Sequence[tuple[float, float]]) -> float:
+    """Return the estimated error of ``value``; NaN when nothing is known of coarser meshes.
+
+    Args:
+        value: a_0.
+        coarse: (r_k, a_k) of coarser meshes, r_k increasing from above 1.
+    """
+    if not coarse:
+        return math.nan
+    (r1, a1), *rest = coarse
+    error = abs(value - a1) / (r1 - 1.0)
+    for r2, a2 in rest:
+        error = max(error, abs(a1 - a2) / (r2 - r1) / r1)
+    return error
+
+
+def _solve_coarser(
+    scene: Scene, wanted: int, solve: Callable[[Scene], Record | None]
+) -> tuple[float, Record | None] | None:
+    """Solve on the finest mesh, at least ``wanted`` times coarser, whose vertices fit the scene."""
+    most = scene.mesh.contact_elements
+    for elements in range(most // wanted // 2 * 2, 0, -2):
+        if elements < max(FEWEST_ELEMENTS, most / wanted / SPAN):
+            return None
+        try:
+            return most / elements, solve(coarser(scene, elements))
+        except InputError:
+            continue  # loads or supports need a vertex where this mesh has none
+    return None

@@ -1,0 +1,171 @@
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from receding_fenicsx import estimate, history, study
+from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.reference import BLOCK
+from receding_fenicsx.scene import OutputOptions, Scene
+from receding_fenicsx.scene_file import read_scene
+
+DEMOS = Path(__file__).parent.parent / "demos"
+
+
+def scene_of(elements: int = 64, *overrides: str) -> Scene:
+    wanted = [f"mesh.contact_elements={elements}", "history.cycles=3", *overrides]
+    scene = read_scene(DEMOS / "block.toml", wanted)
+    return replace(scene, history=replace(scene.history, until=None))
+
+
+def solve(scene: Scene) -> Record:
+    system = study.condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    return evolve(system, history.from_scene(scene), output=OutputOptions(1, ()))
+
+
+# -- the formula ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("factors", [(2.0, 4.0), (2.5, 4.0), (2.0,), (1.25, 5.0)])
+def test_an_error_of_first_order_is_estimated_exactly(factors: tuple[float, ...]) -> None:
+    limit, slope = 3.0, -0.07
+    coarse = [(r, limit + slope * r) for r in factors]
+    assert estimate.estimate(limit + slope, coarse) == pytest.approx(abs(slope), rel=1e-12)
+
+
+@pytest.mark.parametrize("order", [1.5, 2.0, 3.0])
+def test_an_error_of_higher_order_is_overestimated(order: float) -> None:
+    coarse = [(r, 3.0 + 0.01 * r**order) for r in (2.0, 4.0)]
+    assert 0.01 < estimate.estimate(3.01, coarse) < 0.01 * 4.0**order
+
+
+def test_an_error_that_vanishes_by_chance_is_seen_on_the_coarser_pair() -> None:
+    # the run and the next mesh agree by chance
+    assert estimate.estimate(1.0, [(2.0, 1.0), (4.0, 1.2)]) == pytest.approx(0.05)
+
+
+def test_nothing_is_known_without_a_coarser_mesh() -> None:
+    assert np.isnan(estimate.estimate(1.0, []))
+
+
+# -- coarser meshes -------------------------------------------------------------------------------
+
+
+def test_all_sizes_of_a_coarser_mesh_are_enlarged_alike() -> None:
+    coarse = estimate.coarser(scene_of(64, "mesh.growth=1.3"), 32).mesh
+    # dx + (growth - 1) y
+    assert (coarse.contact_elements, coarse.growth) == (32, pytest.approx(1.6))
+    assert estimate.coarser(scene_of(64, "mesh.growth=1.0"), 16).mesh.growth == 1.0
+    # gmsh's geometry ends at 3
+    assert estimate.coarser(scene_of(64, "mesh.growth=2.5"), 16).mesh.growth == 3.0
+
+
+def made_up(scene: Scene, law: Callable[[float], float]) -> Any:
+    """Make a record whose centre pressure is a function of the number of elements."""
+    table = SimpleNamespace(
+        cycle=np.zeros(1, int),
+        p=np.full((1, 3), law(1.0 / scene.mesh.contact_elements)),
+        P=np.ones((1, 3)),
+        Q=np.zeros((1, 3)),
+        state=np.ones((1, 3), dtype=np.int8),
+    )
+    return SimpleNamespace(
+        x=np.array([-1.0, 0.0, 1.0]),
+        weight=np.ones(3),
+        f=np.full(3, 0.3),
+        half=False,
+        axisymmetric=False,
+        scene_toml="",
+        turning_points=table,
+        cycles=SimpleNamespace(dissipation=np.array([2.0, 1.0])),
+    )
+
+
+def test_meshes_that_do_not_fit_the_scene_are_passed_over() -> None:
+    tried = []
+
+    def solve_some(scene: Scene) -> Any:
+        tried.append(scene.mesh.contact_elements)
+        if scene.mesh.contact_elements in (32, 16):
+            raise InputError("no vertex")
+        return made_up(scene, lambda h: 1.0 + h)
+
+    scene = scene_of(64)
+    found = estimate.space_errors(scene, made_up(scene, lambda h: 1.0 + h), solve_some)
+    assert tried == [32, 30, 16, 14]
+    assert found["centre_pressure"]["error"] == pytest.approx(1.0 / 64.0)
+
+
+def test_one_comparison_is_left_when_the_coarsest_mesh_has_no_answer() -> None:
+    def solve_some(scene: Scene) -> Any:
+        if scene.mesh.contact_elements < 32:
+            raise NotConverged("too coarse")
+        return made_up(scene, lambda h: 1.0 + h)
+
+    scene = scene_of(64)
+    found = estimate.space_errors(scene, made_up(scene, lambda h: 1.0 + h), solve_some)
+    assert found["centre_pressure"] == {
+        "value": 1.0 + 1.0 / 64.0,
+        "error": pytest.approx(1.0 / 64.0),
+    }
+    with pytest.raises(NotConverged):
+        estimate.space_errors(scene, made_up(scene, abs), solve_nothing)
+
+
+def solve_nothing(_: Scene) -> Any:
+    raise NotConverged("too coarse")
+
+
+def test_meshes_that_cannot_be_made_coarser_are_refused() -> None:
+    with pytest.raises(InputError, match="contact_elements = 14"):
+        estimate.check(scene_of(14))
+    scene = scene_of()
+    with pytest.raises(InputError, match="mesh from a file"):
+        estimate.check(replace(scene, body=replace(scene.body, mesh="own.msh")))
+
+
+# -- true errors ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_errors_of_the_frictionless_block_are_within_twice_the_estimate(
+    cell: str, degree: int
+) -> None:
+    # the limit is known without finite elements
+    scene = scene_of(
+        128 // degree,
+        f'mesh.cell="{cell}"',
+        f"mesh.degree={degree}",
+        "contact.friction=0.0",
+        f"load.p0.span=[{-BLOCK.load}, {BLOCK.load}]",
+    )
+    record = solve(scene)
+    found = estimate.space_errors(scene, record, solve)
+    known = {"centre_pressure": BLOCK.p[0], "contact_half_width": BLOCK.half_width}
+    for name, limit in known.items():
+        true = abs(found[name]["value"] - limit)
+        floor = 0.5 * np.diff(record.x).max() if name == "contact_half_width" else 0.0
+        assert true <= 2.0 * found[name]["error"] + floor
+        assert found[name]["error"] <= 0.25 * limit
+    assert "dissipation_first_cycle" not in found
+
+
+def test_the_estimate_shows_that_linear_triangles_lock_near_incompressibility() -> None:
+    def error(degree: int) -> float:
+        scene = scene_of(64 // degree, "material.poisson=0.499", f"mesh.degree={degree}")
+        found = estimate.space_errors(scene, solve(scene), solve)["centre_pressure"]
+        return found["error"] / found["value"]
+
+    # with as many nodes; nothing else tells that the linear one's pressure is meaningless
+    assert error(1) > 0.3
+    assert error(2) < 0.5 * error(1)
