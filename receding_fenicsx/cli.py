@@ -292,6 +292,8 @@ def _doctor(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
     from receding_fenicsx.environment import examine
 
     missing = False
+    with contextlib.suppress(Exception):
+        import petsc4py.PETSc  # noqa: F401 - it starts on all ranks together
     if _is_root(comm):
         findings = examine()
         width = max(len(f.name) for f in findings)

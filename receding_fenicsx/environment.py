@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes.util
 import os
 import platform
@@ -10,12 +11,35 @@ import shutil
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module, metadata
 from pathlib import Path
 
-RENDER_SECONDS = 120
-"""Patience with the child process that draws a test picture."""
+TESTED = ("0.5", "0.11")
+"""Releases of DOLFINx that the test suite is run with."""
+
+CHILD_SECONDS = 120
+"""Patience with a child process that tries something."""
+
+FACTORISE = """
+try:
+    import dolfinx_solver
+except ImportError:
+    pass
+from petsc4py import PETSc
+for number, value in (3, 6), (4, 2):
+    PETSc.Options().setValue(f"mat_mumps_icntl_{number}", value)
+matrix = PETSc.Mat().createAIJ((2, 2), nnz=1, comm=PETSc.COMM_SELF)
+for i in range(2):
+    matrix.setValue(i, i, 4.0)
+matrix.assemble()
+pc = PETSc.PC().create(PETSc.COMM_SELF)
+pc.setOperators(matrix)
+pc.setType("cholesky")
+pc.setFactorSolverType("mumps")
+pc.setUp()
+"""
+"""Factorises a small matrix by MUMPS, and lets it say its version."""
 
 RENDER = """
 import pyvista
@@ -26,7 +50,7 @@ raise SystemExit(0 if picture.std() > 0 else 3)
 """
 """Draws a ball and looks whether it is there."""
 
-MPI_VARIABLES = re.compile(r"^(PMIX_|OMPI_|PMI_|PRTE_|MPI_LOCALNRANKS|MPI_LOCALRANKID)")
+MPI_VARIABLES = re.compile(r"^(PMIX_|OMPI_|PMI_|PRTE_|HYDI_|MPI_LOCALNRANKS|MPI_LOCALRANKID)")
 """Variables by which a process of an MPI job is known: a child must not take itself for one."""
 
 
@@ -47,13 +71,32 @@ def versions() -> dict[str, str]:
 
 def examine() -> list[Finding]:
     """Look for everything that the program needs, also by trying it."""
-    findings = _modules()
+    findings = [_doubted(finding) for finding in _modules()]
     compiler = next((c for c in (os.environ.get("CC"), "cc", "gcc") if c and shutil.which(c)), None)
     findings.append(
         Finding("C compiler", compiler, "install gcc: DOLFINx compiles its forms with it")
     )
+    starter = Path(sys.executable).with_name("mpiexec")  # PyPI's MPI wants its own
+    program = str(starter) if starter.exists() else shutil.which("mpirun")
+    findings.append(Finding("mpirun", program, "install the MPI that DOLFINx is linked with"))
     findings.append(_rendering())
     return findings
+
+
+def _doubted(finding: Finding) -> Finding:
+    """Try what can be tried, and say where a version is not one that is tested."""
+    if finding.version is None:
+        return finding
+    if finding.name == "MUMPS":
+        return _factorisation(finding)
+    release = ".".join(finding.version.split(".")[:2])
+    if finding.name == "dolfinx" and release not in TESTED:
+        tested = " and ".join(TESTED)
+        return replace(finding, version=f"{finding.version}, not tested ({tested} are)")
+    if "reference BLAS" in finding.version:
+        slow = "3 to 5 times slower than OpenBLAS: apt install libopenblas0-pthread"
+        return replace(finding, version=f"{finding.version}; {slow}")
+    return finding
 
 
 def child_environment() -> dict[str, str]:
@@ -77,6 +120,7 @@ def _modules() -> list[Finding]:
             "apt install python3-h5py (Debian's DOLFINx needs Debian's)",
         ),
         ("MPI", _mpi, debian),
+        ("mpi4py", lambda: _module_version("mpi4py"), debian),
         ("dolfinx", lambda: _module_version("dolfinx"), debian),
         ("petsc", _petsc, debian),
         ("MUMPS", _mumps, "use a PETSc that was built with MUMPS, as Debian's is"),
@@ -89,6 +133,12 @@ def _modules() -> list[Finding]:
         ("matplotlib", lambda: _module_version("matplotlib"), pip.format("matplotlib")),
         ("pyvista", lambda: metadata.version("pyvista"), pip.format("pyvista")),
         ("vtk", lambda: metadata.version("vtk"), pip.format("'vtk>=9.5,<9.6'")),
+        ("imageio", lambda: metadata.version("imageio"), pip.format("imageio")),
+        (
+            "imageio-ffmpeg",
+            lambda: metadata.version("imageio-ffmpeg"),
+            pip.format("imageio-ffmpeg"),
+        ),
         ("BLAS", _blas, "apt install libopenblas0-pthread"),
     ]
     return [_probe(*probe) for probe in probes]
@@ -110,7 +160,8 @@ def _module_version(name: str) -> str:
 def _mpi() -> str:
     from mpi4py import MPI
 
-    return MPI.Get_library_version().split("\n")[0].split(",")[0].strip().strip("\0")
+    first = MPI.Get_library_version().split("\n")[0].split(",")[0].strip("\0")
+    return " ".join(first.replace("Version:", "").split())
 
 
 def _petsc() -> str:
@@ -124,7 +175,21 @@ def _mumps() -> str:
 
     if not PETSc.Sys.hasExternalPackage("mumps"):
         raise RuntimeError("this PETSc has no MUMPS")
-    return _loaded(r"lib(?:dmumps|mumps_common)[-_.]?([0-9][0-9.]*[0-9])?") or "version unknown"
+    named = _loaded(r"lib(?:dmumps|mumps_common)[-_.]?([0-9][0-9.]*[0-9])?")
+    return named[0] if named else "built into PETSc"
+
+
+def _factorisation(finding: Finding) -> Finding:
+    """Factorise in a child process, as only MUMPS's own words tell the version everywhere."""
+    advice = "see whether PETSc and MPI belong together"
+    done = _child(FACTORISE)
+    if isinstance(done, str):
+        return Finding(finding.name, None, f"{done}; {advice}")
+    said = re.search(r"DMUMPS +([0-9][0-9.]*)", done.stdout)
+    if done.returncode != 0 or said is None:
+        last = (done.stderr.strip().splitlines() or ["no message"])[-1]
+        return Finding(finding.name, None, f"exit code {done.returncode}, {last}; {advice}")
+    return replace(finding, version=f"{said[1]}, works")
 
 
 def _gmsh() -> str:
@@ -133,22 +198,38 @@ def _gmsh() -> str:
 
 def _blas() -> str:
     import_module("numpy")
-    name = _loaded(r"lib((?:scipy_)?openblas[^/]*?|mkl_rt|blis[^/]*?|blas)(?:-[0-9a-f]+)?\.so")
+    with contextlib.suppress(ImportError):  # MUMPS's may be another one than NumPy's
+        import_module("petsc4py.PETSc")
+    names = _loaded(r"lib((?:scipy_)?openblas[^/]*?|mkl_rt|blis[^/]*?)(?:-[0-9a-f]+)?\.so")
+    # OpenBLAS too puts a libblas beside itself, in a folder of its own
+    names += ["the reference BLAS"] if _loaded(r"(libblas)\.so", "/blas/") else []
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or "all"
-    return f"{name or 'unknown'}, {threads} thread(s)"
+    return f"{' and '.join(names) or 'unknown'}, {threads} thread(s)"
 
 
-def _loaded(pattern: str) -> str | None:
-    """First match among the shared libraries that this process has loaded."""
+def _loaded(pattern: str, folder: str = "/") -> list[str]:
+    """First groups of matches among the shared libraries that this process has loaded."""
     try:
         lines = Path("/proc/self/maps").read_text().split("\n")
     except OSError:
-        return None
-    for path in dict.fromkeys(line.split()[-1] for line in lines if "/" in line):
-        match = re.match(pattern, os.path.basename(path))
-        if match and match.group(1):
-            return match.group(1)
-    return None
+        return []
+    names = dict.fromkeys(os.path.basename(line.split()[-1]) for line in lines if folder in line)
+    matches = (re.match(pattern, name) for name in names)
+    return list(dict.fromkeys(match[1] for match in matches if match and match[1]))
+
+
+def _child(program: str) -> subprocess.CompletedProcess[str] | str:
+    """Run a Python program outside this MPI job; return what became of it, or why it did not."""
+    try:
+        return subprocess.run(
+            [sys.executable, "-c", program],
+            env=child_environment(),
+            capture_output=True,
+            text=True,
+            timeout=CHILD_SECONDS,
+        )
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return type(error).__name__
 
 
 def _rendering() -> Finding:
@@ -156,16 +237,9 @@ def _rendering() -> Finding:
     name = "off-screen rendering"
     advice = "apt install libosmesa6 (or libegl1)"
     libraries = [lib for lib in ("EGL", "OSMesa") if ctypes.util.find_library(lib)]
-    try:
-        done = subprocess.run(
-            [sys.executable, "-c", RENDER],
-            env=child_environment(),
-            capture_output=True,
-            text=True,
-            timeout=RENDER_SECONDS,
-        )
-    except (OSError, subprocess.TimeoutExpired) as error:
-        return Finding(name, None, f"{type(error).__name__}; {advice}")
+    done = _child(RENDER)
+    if isinstance(done, str):
+        return Finding(name, None, f"{done}; {advice}")
     if done.returncode == 0:
         return Finding(name, f"works (found: {', '.join(libraries) or 'a display'})")
     last = (done.stderr.strip().splitlines() or ["no message"])[-1]

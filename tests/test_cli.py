@@ -1,5 +1,6 @@
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -166,7 +167,37 @@ def test_doctor_lists_what_works(capsys: pytest.CaptureFixture[str]) -> None:
             assert f"\n{word} " in f"\n{out}"
         assert "off-screen rendering  works" in out
         assert "1 thread(s)" in out
+        assert re.search(r"^MUMPS +5\.[0-9.]+, works$", out, re.MULTILINE)
         assert out.endswith("all that is needed is there\n")
+
+
+def test_doctor_runs_on_two_ranks(mpirun: Run) -> None:
+    done = mpirun(2, *MODULE, "doctor")
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert done.stdout.count("all that is needed is there") == 1
+
+
+@pytest.mark.parametrize(
+    ("version", "doubted"),
+    [("0.5.2", False), ("0.9.0", True), ("0.10.0.post5", True), ("0.11.0.post0", False)],
+)
+def test_doctor_says_on_which_dolfinx_nothing_was_tested(version: str, doubted: bool) -> None:
+    found = environment._doubted(environment.Finding("dolfinx", version))
+    assert found.version == version + ", not tested (0.5 and 0.11 are)" * doubted
+
+
+def test_doctor_says_when_mumps_does_not_work(monkeypatch: pytest.MonkeyPatch) -> None:
+    if not root:
+        return
+    monkeypatch.setattr(environment, "FACTORISE", "raise OSError('no such matrix')")
+    found = environment._doubted(environment.Finding("MUMPS", "5.5.0"))
+    assert found.version is None
+    assert "OSError: no such matrix" in found.advice
+
+
+def test_doctor_warns_of_the_reference_blas() -> None:
+    found = environment._doubted(environment.Finding("BLAS", "the reference BLAS, 1 thread(s)"))
+    assert "apt install libopenblas0-pthread" in str(found.version)
 
 
 def test_doctor_says_what_is_missing_and_how_to_get_it(
