@@ -52,7 +52,7 @@ def from_scene(scene: Scene) -> History:
         InputError: the history drives no load or not every one, or its table has no meaning.
     """
     options = scene.history
-    names = tuple(load.name for load in scene.loads)
+    names = scene.load_names
     if options.kind not in KINDS:
         raise InputError(
             f'[history] kind: "{options.kind}" is unknown; use one of {", ".join(KINDS)}'

@@ -207,6 +207,11 @@ class Scene:
         validate(self)
 
     @property
+    def load_names(self) -> tuple[str, ...]:
+        """Names of the loads; parts of one load on two bodies share its name."""
+        return tuple(dict.fromkeys(load.name for load in self.loads))
+
+    @property
     def bodies(self) -> tuple[Body, ...]:
         """All bodies."""
         return (self.body, *self.others)

@@ -73,7 +73,6 @@ def validate(scene: Scene) -> None:
                 x = contact_samples(scene, contact)
                 _values(scene.history.initial_slip, x, None, "[history] initial_slip")
     _check_output(scene)
-    _check_available(scene)
 
 
 def is_mirror_symmetric(scene: Scene) -> bool:
@@ -203,6 +202,8 @@ def _check_choice(value: object, choices: tuple[str, ...], where: str) -> None:
 
 def _check_bodies(scene: Scene) -> None:
     names = [body.name for body in scene.bodies]
+    if len(names) > 2:
+        raise InputError(f"[[body]]: the scene has {len(names)}, two at most can be modelled")
     for name in names:
         if scene.others and not name.strip():
             raise InputError("[[body]] name: is missing; give each body a name")
@@ -229,18 +230,6 @@ def _check_bodies(scene: Scene) -> None:
     if len({material.kinematics for material in used}) > 1:
         raise InputError(
             "[material] kinematics: differs from body to body; use the same for all of them"
-        )
-
-
-def _check_available(scene: Scene) -> None:
-    """Refuse what can be described but not yet modelled."""
-    if scene.others:
-        raise InputError("[[body]]: two bodies are not available yet; write one [body] table")
-    if len(scene.contacts) > 1:
-        raise InputError("[[contact]]: several contact edges are not available yet; keep one")
-    if scene.contacts[0].against is not None:
-        raise InputError(
-            "[contact] against: contact between two bodies is not available yet; leave it out"
         )
 
 
@@ -298,15 +287,33 @@ def _check_mesh(scene: Scene) -> None:
 def _check_contacts(scene: Scene) -> None:
     if not scene.contacts:
         raise InputError("[contact]: the scene has none; add one")
+    first = scene.contacts[0].edge
     for i, contact in enumerate(scene.contacts):
         where = "[contact]" if len(scene.contacts) == 1 else f"[[contact]] number {i + 1}"
         _check_contact(scene, contact, where)
+        if not scene.others:
+            continue
+        own, other = (scene.find_edge(e)[0] for e in (contact.edge, contact.against or first))
+        if contact.against is None or own == other:
+            raise InputError(
+                f"{where} against: has to name an edge of the other body; a rigid plane beside two "
+                "bodies is not available"
+            )
+        if own != scene.find_edge(first)[0]:
+            raise InputError(
+                f'{where} edge: lies on another body than "{first}"; exchange edge and against'
+            )
 
 
 def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
     _check_edge(scene, contact.edge, f"{where} edge")
     if contact.against is not None:
         _check_edge(scene, contact.against, f"{where} against")
+        if not scene.others:
+            raise InputError(
+                f"{where} against: the scene has one body only; add a second [[body]], or leave it "
+                "out for a rigid plane"
+            )
     meshed = _is_meshed(scene, contact.edge)
     if scene.axisymmetric and not (meshed or _is_horizontal(scene, contact.edge)):
         raise InputError(
@@ -430,12 +437,16 @@ def _load_kind(scene: Scene, load: Load, where: str) -> str:
 def _check_load_names(scene: Scene) -> None:
     if not scene.loads:
         raise InputError("[[load]]: the scene has none; add one")
-    names = [load.name for load in scene.loads]
-    for name in names:
+    names = [(load.name, scene.find_edge(load.edge)[0].name) for load in scene.loads]
+    for name, body in names:
         if not name.strip():
             raise InputError("[[load]] name: is empty; give the load a name")
-        if names.count(name) > 1:
-            raise InputError(f"load '{name}': {names.count(name)} loads have this name; rename one")
+        count = names.count((name, body))
+        if count > 1:
+            raise InputError(
+                f"load '{name}': {count} loads have this name; rename one (only parts on two "
+                "bodies share a name)"
+            )
 
 
 def _check_support(scene: Scene, support: Support) -> None:

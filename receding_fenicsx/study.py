@@ -33,7 +33,8 @@ from receding_fenicsx.scene_file import from_toml
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.bulk.elasticity import Bulk
+    from receding_fenicsx.bulk.body import Bulk
+    from receding_fenicsx.bulk.pair import Pair
     from receding_fenicsx.interface.contact import ContactSystem
 
 T = TypeVar("T")
@@ -277,14 +278,14 @@ def _folder(comm: MPI.Comm, out: str | Path | None, overwrite: bool) -> Iterator
         errors.on_root(comm, stack.close)
 
 
-def _bulk(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk:
-    from receding_fenicsx.bulk import elasticity, meshing
+def _bulk(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk | Pair:
+    from receding_fenicsx.bulk import meshing, pair
 
     half = is_half_meshed(scene)
     with timer("mesh"), _signals_kept():
-        body = meshing.make_mesh(comm, scene, half)
+        bodies = meshing.make_meshes(comm, scene, half)
     with timer("assemble"):
-        return elasticity.build(scene, body, half)
+        return pair.build_all(scene, bodies, half)
 
 
 @contextmanager
@@ -366,7 +367,7 @@ def _pictures(
         fine.destroy()
 
 
-def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk:
+def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
     """Return the body on a mesh for pictures: the same contact nodes, finer inside.
 
     Fringes and the fields beside the ends of the load ask for more than the contact does.

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, integrate, measure, tagged_facets
 from receding_fenicsx.bulk.meshing import BodyMesh, ContactFacets
+from receding_fenicsx.bulk.motions import free_motions, motions, scaled
 from receding_fenicsx.bulk.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.ties import Prescribed, Ties, tied_dofs
 from receding_fenicsx.errors import InputError, on_all
@@ -21,8 +22,6 @@ Ints = NDArray[np.int64]
 
 NORMAL_TOLERANCE = 1e-10
 """Largest component of a difference between unit vectors that are to be the same."""
-MOTION_TOLERANCE = 1e-12
-"""Size of a constraint on a rigid motion (lengths over the body's) that counts as none."""
 WEIGHT_TOLERANCE = 1e-9
 """Weight of a contact node over the largest one below which it is none."""
 AXES = {"x": (0,), "y": (1,), "xy": (0, 1)}
@@ -121,12 +120,12 @@ def find_contact(
     _check_apart(node, ties, prescribed)
     dofs, places = _held(scene, space, body, ties, prescribed)
     pivot = 0.5 * (points.min(axis=0) + points.max(axis=0))
-    constraints = _motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
-    apart = _motions(ties.places, pivot, body.size) - _motions(ties.master_places, pivot, body.size)
+    constraints = motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
+    apart = motions(ties.places, pivot, body.size) - motions(ties.master_places, pivot, body.size)
     # a body of revolution moves along its axis only
     never = np.vstack([apart.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []]])
     at_contact = np.isin(dofs // 2, node)
-    on_nodes = _motions(points, pivot, body.size)
+    on_nodes = motions(points, pivot, body.size)
     modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
     found = ContactNodes(
         x=x,
@@ -288,43 +287,3 @@ def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> N
                 'support: it holds a contact node obliquely to its edge; fix "xy" or move it'
             )
     return held
-
-
-def _motions(points: Array, pivot: Array, size: float) -> Array:
-    """Return (n, 2, 3) displacements of points moved right, up, and about a pivot."""
-    motions = np.zeros((len(points), 2, 3))
-    motions[:, 0, 0] = motions[:, 1, 1] = 1.0
-    motions[:, 0, 2] = -(points[:, 1] - pivot[1]) / size
-    motions[:, 1, 2] = (points[:, 0] - pivot[0]) / size
-    return motions
-
-
-def free_motions(constraints: Array) -> Array:
-    """Return (3, n) motions right, up and about a pivot on which all constraints (m, 3) vanish.
-
-    They are in echelon form: a motion that can go right without turning does.
-    """
-    _, values, right = np.linalg.svd(
-        np.vstack([constraints, np.zeros((3, 3))]), full_matrices=False
-    )
-    basis = right[int(np.sum(values > MOTION_TOLERANCE * max(1.0, values[0]))) :]
-    row = 0
-    for column in range(3):
-        if row == len(basis):
-            break
-        best = row + int(np.argmax(np.abs(basis[row:, column])))
-        if abs(basis[best, column]) > MOTION_TOLERANCE:
-            basis[[row, best]] = basis[[best, row]]
-            basis[row] /= basis[row, column]
-            for other in range(len(basis)):
-                if other != row:
-                    basis[other] -= basis[other, column] * basis[row]
-            row += 1
-    return np.where(np.abs(basis) > MOTION_TOLERANCE, basis, 0.0).T
-
-
-def scaled(modes: Array) -> Array:
-    """Return modes with largest entry 1."""
-    if modes.shape[1] == 0:
-        return modes
-    return modes / np.abs(modes).max(axis=0)

@@ -26,10 +26,12 @@ from receding_fenicsx.bulk.body import (
     interior_solver,
     owned_contact,
 )
+from receding_fenicsx.bulk.joining import Reduced
+from receding_fenicsx.bulk.pair import Pair, join_pair
 from receding_fenicsx.bulk.symmetric import norm, symmetrise, turn
 from receding_fenicsx.errors import InputError, SolveError, on_root
 from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.scene import evaluate
+from receding_fenicsx.scene import Scene, evaluate
 from receding_fenicsx.scene_file import to_toml
 
 Array = NDArray[np.float64]
@@ -44,11 +46,11 @@ BLOCK = 64
 """Right-hand sides solved for together."""
 
 
-def condense(bulk: Bulk, route: str = "schur") -> ContactSystem | None:
-    """Condense the body to its contact nodes.
+def condense(bulk: Bulk | Pair, route: str = "schur") -> ContactSystem | None:
+    """Condense the body, or two bodies, to the contact nodes.
 
     Args:
-        bulk: the discretised body.
+        bulk: the discretised body or bodies.
         route: "schur" or "solve".
 
     Returns:
@@ -58,10 +60,18 @@ def condense(bulk: Bulk, route: str = "schur") -> ContactSystem | None:
         SolveError: the factorisation failed, or K does not keep the rigid motions or does not agree
             with a solve; on all ranks.
     """
-    if route not in ("schur", "solve"):
-        raise InputError(f'route = \'{route}\' is unknown; use "schur" or "solve"')
-    condensed = _by_schur(bulk) if route == "schur" else _by_solves(bulk)
-    return on_root(bulk.comm, lambda: _system(bulk, condensed))
+    if isinstance(bulk, Pair):
+        condense_pair(bulk, route)
+        return on_root(bulk.comm, lambda: _pair_system(bulk))
+    reduced = _reduce(bulk, route)
+    return on_root(bulk.comm, lambda: _system(bulk, reduced))
+
+
+def condense_pair(pair: Pair, route: str = "schur") -> None:
+    """Condense both bodies of a pair, unless they are already, and join them; on all ranks."""
+    if not pair.condensed:
+        first, second = pair.bulks
+        join_pair(pair, (_reduce(first, route), _reduce(second, route)))
 
 
 @dataclass(frozen=True)
@@ -82,8 +92,16 @@ class Condensed:
     probe: tuple[Array, Array] | None = None
 
 
-def _system(bulk: Bulk, condensed: Condensed) -> ContactSystem:
-    """Turn components, check, scale by Young's modulus, add the contact's data; on rank 0."""
+def _reduce(bulk: Bulk, route: str) -> Reduced | None:
+    """Condense one body; its stiffness and reactions on rank 0, None on the others."""
+    if route not in ("schur", "solve"):
+        raise InputError(f'route = \'{route}\' is unknown; use "schur" or "solve"')
+    condensed = _by_schur(bulk) if route == "schur" else _by_solves(bulk)
+    return on_root(bulk.comm, lambda: _checked(bulk, condensed))
+
+
+def _checked(bulk: Bulk, condensed: Condensed) -> Reduced:
+    """Turn components, check, scale by Young's modulus; on rank 0."""
     contact = bulk.contact
     assert condensed.K is not None and condensed.held is not None
     K = condensed.K
@@ -103,24 +121,62 @@ def _system(bulk: Bulk, condensed: Condensed) -> ContactSystem:
             f"(at most {RIGID_TOLERANCE:g}); check the mesh for degenerate cells"
         )
     K *= bulk.young
-    f, g0 = (_along_edges(bulk, key) for key in ("friction", "initial_gap"))
-    return ContactSystem(
-        x=contact.x,
-        points=contact.points,
-        weight=contact.weight,
+    return Reduced(
         K=K,
         r_star=contact.to_local(condensed.held).T.copy(),
-        load_names=bulk.load_names,
-        f=f,
-        g0=g0,
+        compliance=condensed.compliance / bulk.young,
+        sign=_load_sign(bulk),
         held=contact.held,
-        rigid=contact.rigid,
-        half=bulk.body.half and not bulk.scene.axisymmetric,
-        axisymmetric=bulk.scene.axisymmetric,
-        load_compliance=condensed.compliance / bulk.young,
-        load_sign=_load_sign(bulk),
-        scene_toml=to_toml(bulk.scene),
+        constraints=contact.constraints,
     )
+
+
+def _system(bulk: Bulk, reduced: Reduced | None) -> ContactSystem:
+    """Add the contact's data to a condensed body; on rank 0."""
+    assert reduced is not None
+    return ContactSystem(
+        K=reduced.K,
+        r_star=reduced.r_star,
+        load_names=bulk.load_names,
+        held=bulk.contact.held,
+        rigid=bulk.contact.rigid,
+        load_compliance=reduced.compliance,
+        load_sign=reduced.sign,
+        **_contact_data(bulk, bulk.scene),
+    )
+
+
+def _pair_system(pair: Pair) -> ContactSystem:
+    """Add the contact's data to joined bodies; on rank 0."""
+    joined = pair.joined
+    assert joined is not None
+    return ContactSystem(
+        K=joined.K,
+        r_star=joined.r_star,
+        load_names=pair.load_names,
+        held=joined.held,
+        rigid=joined.rigid,
+        load_compliance=joined.compliance,
+        load_sign=joined.sign,
+        **_contact_data(pair.bulks[0], pair.scene),
+    )
+
+
+def _contact_data(bulk: Bulk, scene: Scene) -> dict[str, Any]:
+    """Return what a contact system has from the contact nodes of its first body."""
+    contact = bulk.contact
+    return {
+        "x": contact.x,
+        "points": contact.points,
+        "weight": contact.weight,
+        "f": _along_edges(bulk, "friction"),
+        "g0": _along_edges(bulk, "initial_gap"),
+        "half": bulk.body.half and not scene.axisymmetric,
+        "axisymmetric": scene.axisymmetric,
+        "edge": contact.edge,
+        "edge_names": tuple(description.edge for description in scene.contacts),
+        "scene_toml": to_toml(scene),
+    }
 
 
 def _load_sign(bulk: Bulk) -> Array:

@@ -37,7 +37,7 @@ class ContactSystem:
     """An elastic body (or half of a mirror-symmetric one) condensed to its N contact nodes.
 
     Attributes:
-        x: (N,) position along the contact edge, increasing.
+        x: (N,) position along the node's contact edge, increasing on each edge.
         points: (N, 2) coordinates of the nodes.
         weight: (N,) integral of N_i over the modelled contact edge: tractions are Q/weight,
         P/weight.
@@ -60,6 +60,8 @@ class ContactSystem:
         load_sign: (n_loads,) -1 for force-like loads, +1 for prescribed displacements:
             load_displacement = load_compliance @ lambda + load_sign * (r_star @ u).
         axisymmetric: x is the radius, and everything is per radian.
+        edge: (N,) number of the node's contact edge, not decreasing; None stands for one edge.
+        edge_names: names of the contact edges.
         scene_toml: text of the scene that the system was condensed from, "" when made by hand.
     """
 
@@ -78,6 +80,8 @@ class ContactSystem:
     slip_map: Array | None = None
     load_compliance: Array = field(default_factory=lambda: np.zeros((0, 0)))
     load_sign: Array = field(default_factory=lambda: np.zeros(0))
+    edge: NDArray[np.int64] | None = None
+    edge_names: tuple[str, ...] = ()
     axisymmetric: bool = False
     scene_toml: str = ""
 
@@ -85,6 +89,11 @@ class ContactSystem:
     def n(self) -> int:
         """Number N of contact nodes in the model."""
         return len(self.x)
+
+    @property
+    def edges(self) -> NDArray[np.int64]:
+        """(N,) number of the contact edge of each node."""
+        return np.zeros(self.n, dtype=np.int64) if self.edge is None else self.edge
 
 
 @dataclass

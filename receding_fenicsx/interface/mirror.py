@@ -67,15 +67,27 @@ SWAPPED = np.array(
 
 def mirror_of(system: ContactSystem) -> Mirror:
     """Return the map from the modelled nodes to the whole contact."""
-    mirror = mirror_nodes(system.x, system.half)
+    mirror = mirror_nodes(system.x, system.half, system.edge)
     if system.axisymmetric:
         return replace(mirror, factor=2.0 * np.pi, circle=2.0 * np.pi)
     return mirror
 
 
-def mirror_nodes(x: Array, half: bool) -> Mirror:
-    """Return the map to the whole contact for nodes at x, those of the half x >= 0 or all."""
+def mirror_nodes(x: Array, half: bool, edge: NDArray[np.int64] | None = None) -> Mirror:
+    """Return the map to the whole contact for nodes at x, those of the half x >= 0 or all.
+
+    With several edges each is its own mirror image.
+    """
     n = len(x)
+    if half and edge is not None and len(np.unique(edge)) > 1:
+        places = [np.flatnonzero(edge == k) for k in np.unique(edge)]
+        parts = [mirror_nodes(x[place], half) for place in places]
+        return Mirror(
+            np.concatenate([p[part.index] for p, part in zip(places, parts, strict=True)]),
+            np.concatenate([part.left for part in parts]),
+            np.concatenate([part.axis for part in parts]),
+            2.0,
+        )
     if not half:
         none = np.zeros(n, dtype=bool)
         return Mirror(np.arange(n), none, none.copy(), 1.0)

@@ -138,6 +138,8 @@ def record_of(
         f=mirror.even(system.f),
         g0=mirror.even(system.g0),
         weight=weight,
+        edge=system.edges[mirror.index],
+        edge_names=system.edge_names,
         load_names=system.load_names,
         scene_toml=system.scene_toml,
         method=solver.method,

@@ -19,12 +19,13 @@ from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.record import Cycles, Events, Record, States, Steady
 from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_file import from_toml, to_toml
+from receding_fenicsx.scene_parts import part_of
 
 FORMAT_VERSION = 1
 RECORD = "receding_fenicsx record"
 SYSTEM = "receding_fenicsx contact system"
 
-NODE_FIELDS = ("x", "points", "f", "g0", "weight")
+NODE_FIELDS = ("x", "points", "f", "g0", "weight", "edge")
 """Arrays of a Record that stand in the group /nodes."""
 GROUPS: dict[str, type] = {
     "turning_points": States,
@@ -80,7 +81,8 @@ def read_record(path: Path) -> Record:
             else:
                 place = _member(file, "nodes") if field.name in NODE_FIELDS else file
                 values[field.name] = _read(place, field.name)
-        values["load_names"] = tuple(values["load_names"])
+        for name in ("load_names", "edge_names"):
+            values[name] = tuple(values[name])
         record = Record(**values)
         _check_lengths(record)
     return record
@@ -125,7 +127,8 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
             optional = field.default is None
             if not optional or field.name in file or field.name in file.attrs:
                 values[field.name] = _read(file, field.name)
-        values["load_names"] = tuple(values["load_names"])
+        for name in ("load_names", "edge_names"):
+            values[name] = tuple(values[name])
         system = ContactSystem(**values)
         n = len(system.x)
         size = n if system.kind == "normal" else 2 * n
@@ -144,6 +147,9 @@ def digest(scene: Scene) -> str:
     """SHA-256 of all of a scene that its condensed system depends on."""
     from receding_fenicsx.scene_checks import is_half_meshed
 
+    if not scene.others:
+        # what is written is the scene of the body alone
+        scene = part_of(scene, scene.body)
     half = is_half_meshed(scene)
     rest = Scene(
         body=scene.body,

@@ -11,7 +11,7 @@ Everything here describes the whole contact, also when half of the body was mode
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields, replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -116,7 +116,8 @@ class Record:
     """What one evolved history leaves behind.
 
     Attributes:
-        x, points, f, g0, weight: the contact nodes, as in ``ContactSystem``, whole contact.
+        x, points, f, g0, weight, edge: the contact nodes, as in ``ContactSystem``, whole contact.
+        edge_names: names of the contact edges.
         load_names: names of the loads.
         scene_toml: text of the scene, "" when the system was made by hand.
         method: "gauss-seidel" or "events".
@@ -140,6 +141,8 @@ class Record:
     f: Array
     g0: Array
     weight: Array
+    edge: Ints
+    edge_names: tuple[str, ...]
     load_names: tuple[str, ...]
     scene_toml: str
     method: str
@@ -157,6 +160,17 @@ class Record:
     energy_error_max: float
     sweeps: int
     n_events: int
+
+    def by_edge(self) -> dict[str, Record]:
+        """Return the record of each contact edge by itself, by the edge's name.
+
+        Arrays over nodes hold the edge's nodes only; what is counted or summed over the contact
+        (work, events, residuals) stays that of the whole.
+        """
+        numbers = np.unique(self.edge)
+        if len(numbers) < 2:
+            return {self.edge_names[0] if self.edge_names else "": self}
+        return {self.edge_names[k]: _on(self, np.flatnonzero(self.edge == k)) for k in numbers}
 
     def at(
         self,
@@ -200,3 +214,31 @@ class Record:
         Dimensions are "instant" (or "cycle"), "node" and "load"; needs xarray.
         """
         return labelled.dataset(self, which)
+
+
+def _on(record: Record, nodes: Ints) -> Record:
+    """Return the record of some of the nodes."""
+
+    def states(table: States) -> States:
+        per_node = ("state", "P", "Q", "p", "q", "v", "w")
+        return replace(table, **{name: getattr(table, name)[:, nodes] for name in per_node})
+
+    events, cycles = record.events, record.cycles
+    place = np.full(len(record.x), -1)
+    place[nodes] = np.arange(len(nodes))
+    here = place[events.node] >= 0
+    columns = {f.name: getattr(events, f.name)[here] for f in fields(events)}
+    return replace(
+        record,
+        **{name: getattr(record, name)[nodes] for name in ("x", "points", "f", "g0", "weight")},
+        edge=np.zeros(len(nodes), dtype=np.int64),
+        edge_names=(record.edge_names[record.edge[nodes[0]]],),
+        turning_points=states(record.turning_points),
+        samples=states(record.samples),
+        events=Events(**{**columns, "node": place[columns["node"]]}),
+        cycles=replace(
+            cycles,
+            dissipation_density=cycles.dissipation_density[:, nodes],
+            slip_increment=cycles.slip_increment[:, nodes],
+        ),
+    )

@@ -116,7 +116,7 @@ def scales_of(record: Record) -> Scales:
         pressure=pressure,
         pressure_symbol=symbol,
         load_max=np.where(largest > 0.0, largest, 1.0),
-        young=scene.material.young if scene is not None else 0.0,
+        young=scene.material_of(scene.body).young if scene is not None else 0.0,
         paper=scene is not None and is_papers_block(scene),
         symmetric=_is_symmetric(record),
     )

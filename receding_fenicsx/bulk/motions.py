@@ -1,0 +1,51 @@
+"""Rigid motions in the plane: right, up, and about a pivot."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+MOTION_TOLERANCE = 1e-12
+"""Size of a constraint on a rigid motion (lengths over the body's) that counts as none."""
+
+
+def motions(points: Array, pivot: Array, size: float) -> Array:
+    """Return (n, 2, 3) displacements of points moved right, up, and about a pivot."""
+    moved = np.zeros((len(points), 2, 3))
+    moved[:, 0, 0] = moved[:, 1, 1] = 1.0
+    moved[:, 0, 2] = -(points[:, 1] - pivot[1]) / size
+    moved[:, 1, 2] = (points[:, 0] - pivot[0]) / size
+    return moved
+
+
+def free_motions(constraints: Array) -> Array:
+    """Return (3, n) motions right, up and about a pivot on which all constraints (m, 3) vanish.
+
+    They are in echelon form: a motion that can go right without turning does.
+    """
+    _, values, right = np.linalg.svd(
+        np.vstack([constraints, np.zeros((3, 3))]), full_matrices=False
+    )
+    basis = right[int(np.sum(values > MOTION_TOLERANCE * max(1.0, values[0]))) :]
+    row = 0
+    for column in range(3):
+        if row == len(basis):
+            break
+        best = row + int(np.argmax(np.abs(basis[row:, column])))
+        if abs(basis[best, column]) > MOTION_TOLERANCE:
+            basis[[row, best]] = basis[[best, row]]
+            basis[row] /= basis[row, column]
+            for other in range(len(basis)):
+                if other != row:
+                    basis[other] -= basis[other, column] * basis[row]
+            row += 1
+    return np.where(np.abs(basis) > MOTION_TOLERANCE, basis, 0.0).T
+
+
+def scaled(modes: Array) -> Array:
+    """Return modes with largest entry 1."""
+    if modes.shape[1] == 0:
+        return modes
+    return modes / np.abs(modes).max(axis=0)
