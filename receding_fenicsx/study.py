@@ -303,7 +303,7 @@ def _signals_kept() -> Iterator[None]:
                 signal.signal(number, handler)
 
 
-def _condense(bulk: Bulk) -> ContactSystem | None:
+def _condense(bulk: Bulk | Pair) -> ContactSystem | None:
     """Return the condensed system on rank 0; without friction only its normal displacements."""
     from receding_fenicsx.bulk import condensation
 
@@ -346,7 +346,7 @@ def _evolve(
 
 def _pictures(
     scene: Scene,
-    bulk: Bulk,
+    bulk: Bulk | Pair,
     system: ContactSystem | None,
     record: Record | None,
     folder: Path | None,
@@ -372,6 +372,9 @@ def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
 
     Fringes and the fields beside the ends of the load ask for more than the contact does.
     """
+    if any(body.mesh is not None for body in scene.bodies):
+        # what a user's file makes of another growth is not known
+        return _bulk(scene, comm, Timer())
     cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
     growth = min(scene.mesh.growth, PICTURE_GROWTH[cells > PICTURE_CELLS])
     return _bulk(replace(scene, mesh=replace(scene.mesh, growth=growth)), comm, Timer())

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from receding_fenicsx import scene_checks
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.expressions import evaluate_expression
 from receding_fenicsx.scene import (
@@ -180,7 +179,7 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["body.material=steel"], ["[body] material", "unknown material 'steel'"]),
         (["body.name=a.b"], ["name", "dot"]),
         (["material.kinematics=axisymmetric"], ["load 'p0' span", "from 0 to"]),
-        (["contact.against=top"], ["[contact] against", "not available yet"]),
+        (["contact.against=top"], ["[contact] against", "one body only"]),
         (["contact.edge=a.bottom"], ["[contact] edge", "a.bottom"]),
         (["contact.2.edge=top"], ["--set", "contact.key=value"]),
         (["material.a.young=1"], ["material.key=value"]),
@@ -235,13 +234,6 @@ def test_bad_table_is_refused_in_one_line(extra: str, words: list[str]) -> None:
         assert word in text, text
 
 
-def test_two_bodies_and_two_contacts_are_refused() -> None:
-    with pytest.raises(InputError, match="two bodies are not available yet"):
-        from_toml(PAIR)
-    with pytest.raises(InputError, match="several contact edges are not available yet"):
-        from_toml(BLOCK.replace("[contact]", "[[contact]]") + '[[contact]]\nedge = "left"\n')
-
-
 PAIR = (
     BLOCK.replace("[body]", '[[body]]\nname = "upper"\nposition = [0.0, 1.0]')
     .replace('edge = "bottom"', 'edge = "upper.bottom"\nagainst = "lower.top"')
@@ -259,8 +251,7 @@ young = 3.0
 """The block on a second one, of another material."""
 
 
-def test_scene_of_two_bodies_reads_back_equal(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(scene_checks, "_check_available", lambda scene: None)
+def test_scene_of_two_bodies_reads_back_equal() -> None:
     scene = from_toml(PAIR, ["body.lower.height=2", "material.lower.poisson=0.2"])
     assert [body.name for body in scene.bodies] == ["upper", "lower"]
     assert scene.others[0].height == 2.0 and scene.body.height == 1.0
@@ -274,6 +265,7 @@ def test_names_of_bodies_and_edges_are_checked() -> None:
         ('name = "lower"', "", "name: is missing"),
         ('name = "lower"', 'name = "upper"', "body 'upper': 2 bodies"),
         ('"lower.bottom"', '"lowre.bottom"', 'edge: "lowre.bottom" names none.*"lower.bottom"'),
+        ('against = "lower.top"', "", "against: has to name an edge of the other body"),
         ('"lower.bottom"', '"lower.botom"', "edge:.*botom.*unknown"),
         ("[material.lower]", "[material.lowe]", r"\[material.lowe\]: no body is made of it"),
         ("young = 3.0", "young = -3.0", r"\[material.lower\] young: must be positive"),

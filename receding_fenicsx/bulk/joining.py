@@ -130,7 +130,8 @@ def join(a: Reduced, b: Reduced, modes: Array, load_names: tuple[str, ...]) -> J
     if not error <= RIGID_TOLERANCE:
         raise SolveError(
             f"the stiffness of the joined bodies resists a rigid motion by {error:.1e} of its "
-            f"size (at most {RIGID_TOLERANCE:g}); bring their Young's moduli closer together"
+            f"size (at most {RIGID_TOLERANCE:g}); bring their Young's moduli closer together "
+            "or hold the stiffer one"
         )
     if stiffer_b:
         return Joined(K, r_star, compliance, sign, held, rigid, (u_e, u_e_load))

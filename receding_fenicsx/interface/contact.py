@@ -283,7 +283,8 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     slides = _tangential_rigid(system, free)
     if slides is not None:
         resultant = np.abs(slides @ Q_star)
-        if np.any(resultant > SLIDE_TOLERANCE * np.abs(Q_star).sum(axis=0)):
+        # two mirrored bodies have normal reactions only
+        if np.any(resultant > SLIDE_TOLERANCE * np.abs(system.r_star).sum(axis=1)):
             name = system.load_names[int(np.argmax(resultant))]
             raise InputError(
                 f"load '{name}' pushes the frictionless body along, and nothing resists it: "

@@ -32,6 +32,7 @@ from receding_fenicsx.output.snapshots import Quantity, colours_of, scaled
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
+    from receding_fenicsx.bulk.pair import Pair
 
 FILM_DPI = 171.0
 """Dots per inch of a frame: 1280 wide."""
@@ -61,7 +62,7 @@ class Scenario:
 
 
 def animate(
-    bulk: Bulk, scenario: Scenario | None, quantity: Quantity, path: Path
+    bulk: Bulk | Pair, scenario: Scenario | None, quantity: Quantity, path: Path
 ) -> list[Path] | None:
     """Make a film; all ranks call this together.
 
@@ -99,7 +100,7 @@ def animate(
 
 
 def draw_frames(
-    bulk: Bulk, film: Scenario, fields: list[Fields], quantity: Quantity
+    bulk: Bulk | Pair, film: Scenario, fields: list[Fields], quantity: Quantity
 ) -> list[Frame]:
     """Draw the frames of a film, on rank 0."""
     largest = largest_factors(bulk.scene)

@@ -11,6 +11,8 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.condensation import condense_pair
+from receding_fenicsx.bulk.pair import Pair, displacements
 from receding_fenicsx.interface.contact import Array
 
 if TYPE_CHECKING:
@@ -27,27 +29,42 @@ class Fields:
         displacement: (n, 2) displacement.
         stress: by name ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear"), (n,) averages over
             the cells around each vertex.
+        body: (n,) number of the body that each vertex belongs to; None for one body.
     """
 
     points: Array
     cells: NDArray[np.int64]
     displacement: Array
     stress: dict[str, Array]
+    body: NDArray[np.int64] | None = None
 
 
-def fields_at(bulk: Bulk, load: Array, u: Array, file: Path | None = None) -> Fields | None:
+def fields_at(bulk: Bulk | Pair, load: Array, u: Array, file: Path | None = None) -> Fields | None:
     """Bring one instant back from the contact to the body; all ranks call this together.
 
     Args:
-        bulk: the body.
+        bulk: the body or bodies.
         load: (n_loads,) load factors, on rank 0.
         u: (2N,) contact displacements [v; w], on rank 0.
-        file: an .xdmf file for the fields of the modelled body, if wanted.
+        file: an .xdmf file for the fields of the modelled body, if wanted; of two bodies each has
+            its own, with the body's name in it.
 
     Returns:
-        The fields of the whole body on rank 0, None elsewhere.
+        The fields of the whole body, or of both, on rank 0, None elsewhere.
     """
-    displacement = elasticity.back_substitute(bulk, load, u)
+    if isinstance(bulk, Bulk):
+        return _of_body(bulk, elasticity.back_substitute(bulk, load, u), file)
+    condense_pair(bulk)
+    parts = []
+    for name, (body, field) in zip(bulk.names, displacements(bulk, load, u), strict=True):
+        own = None if file is None else file.with_stem(f"{file.stem}_{name}")
+        parts.append(_of_body(body, field, own))
+    first, second = parts
+    return None if first is None or second is None else _together(first, second)
+
+
+def _of_body(bulk: Bulk, displacement: fem.Function, file: Path | None) -> Fields | None:
+    """Return the fields of one body on rank 0, None elsewhere."""
     stresses = elasticity.stresses(bulk, displacement)
     linear = _at_vertices(bulk, displacement)
     if file is not None:
@@ -100,6 +117,21 @@ def _gather(bulk: Bulk, function: fem.Function) -> tuple[Array, NDArray[np.int64
     points, cells, values = (np.vstack([part[k] for part in parts]) for k in range(3))
     # DOLFINx numbers a quadrilateral's vertices like a tensor product, pictures go around it
     return points, cells if width == 3 else cells[:, [0, 1, 3, 2]], values
+
+
+def _together(first: Fields, second: Fields) -> Fields:
+    """Return the fields of two bodies in one."""
+    cells = [first.cells, second.cells]
+    if cells[0].shape[1] != cells[1].shape[1]:
+        # triangles stand for quadrilaterals where the other body has triangles
+        cells = [np.vstack([c[:, :3], c[:, [0, 2, 3]]]) if c.shape[1] == 4 else c for c in cells]
+    return Fields(
+        np.vstack([first.points, second.points]),
+        np.vstack([cells[0], cells[1] + len(first.points)]),
+        np.vstack([first.displacement, second.displacement]),
+        {name: np.concatenate([v, second.stress[name]]) for name, v in first.stress.items()},
+        np.repeat([0, 1], [len(first.points), len(second.points)]),
+    )
 
 
 def _mirrored(half: Fields) -> Fields:

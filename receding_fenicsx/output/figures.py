@@ -67,6 +67,8 @@ def plot_all(
 ) -> list[Path]:
     """Draw every figure that a record holds something for.
 
+    With several contact edges the figures of each are in a folder of the edge's name.
+
     Args:
         record: the record.
         folder: where the files go; made when it is not there, files of the same name replaced.
@@ -79,6 +81,11 @@ def plot_all(
         The files that were made.
     """
     folder, made = Path(folder), []
+    edges = record.by_edge()
+    if len(edges) > 1:
+        for name, part in edges.items():
+            made += plot_all(part, folder / name.replace("/", "_"), formats=formats)
+        return made
     for name, figure in draw_all(record, unloading, stepped):
         folder.mkdir(parents=True, exist_ok=True)
         for ending in formats:

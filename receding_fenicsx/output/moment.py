@@ -81,6 +81,11 @@ def find(
     s: float | None,
 ) -> Moment:
     """Find the instant that :meth:`Record.at` is asked for; see there."""
+    if len(record.edge_names) > 1:
+        raise InputError(
+            "the record has several contact edges; ask one of them: record.by_edge()"
+            f"['{record.edge_names[0]}'].at(...)"
+        )
     points = record.turning_points
     last = int(points.cycle.max(initial=0))
     number = cycle + last + 1 if cycle < 0 else cycle

@@ -18,6 +18,7 @@ from receding_fenicsx.scene import EDGES, Load, Scene, edge_points, edge_range, 
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
+    from receding_fenicsx.bulk.pair import Pair
 
 EXAGGERATED = 0.1
 """Largest displacement in the picture over the body's smaller extent."""
@@ -101,7 +102,9 @@ class View:
     caption: str
 
 
-def view_of(bulk: Bulk, fields: Fields, instant: Instant, units: Units | None = None) -> View:
+def view_of(
+    bulk: Bulk | Pair, fields: Fields, instant: Instant, units: Units | None = None
+) -> View:
     """Put together what a picture shows, on rank 0.
 
     Args:
@@ -120,13 +123,15 @@ def view_of(bulk: Bulk, fields: Fields, instant: Instant, units: Units | None = 
     unit = length or 1.0
     shown = units or units_of(bulk, [fields], instant.load)
     now, factor = shown.traction, shown.factor
-    mirror = mirror_nodes(contact.x, bulk.body.half)
+    mirror = mirror_nodes(contact.x, bulk.body.half, contact.edge)
+    # of several contact edges the first is shown
+    on = contact.edge[mirror.index] == 0
     weight = mirror.total(contact.weight)
     per_length = np.where(weight > 0.0, 1.0 / np.where(weight > 0.0, weight, 1.0), np.nan) / now
     flip = np.where(mirror.left, -1.0, 1.0)
     size = float(np.ptp(fields.points, axis=0).min())
-    place = contact.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1)
-    x = flip * contact.x[mirror.index]
+    place = (contact.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1))[on]
+    x = (flip * contact.x[mirror.index])[on]
     return View(
         points=fields.points / unit,
         moved=(fields.points + factor * fields.displacement) / unit,
@@ -139,9 +144,9 @@ def view_of(bulk: Bulk, fields: Fields, instant: Instant, units: Units | None = 
         place=place / unit,
         normal=contact.normal[0],
         gap=factor * evaluate(scene.contacts[0].initial_gap, x, place[:, 1]) / unit,
-        state=mirror.states(instant.state.state),
-        p=mirror.total(instant.state.P) * per_length,
-        q=mirror.odd(instant.state.Q) * per_length,
+        state=mirror.states(instant.state.state)[on],
+        p=(mirror.total(instant.state.P) * per_length)[on],
+        q=(mirror.odd(instant.state.Q) * per_length)[on],
         f=evaluate(scene.contacts[0].friction, x, place[:, 1]),
         arrows=_arrows(scene, fields, bulk.load_names, instant.load, (factor, unit, size)),
         length_symbol="h" if length else "",
@@ -150,7 +155,7 @@ def view_of(bulk: Bulk, fields: Fields, instant: Instant, units: Units | None = 
     )
 
 
-def units_of(bulk: Bulk, fields: list[Fields], load: Array, symbol: str = "") -> Units:
+def units_of(bulk: Bulk | Pair, fields: list[Fields], load: Array, symbol: str = "") -> Units:
     """Choose what one picture, or several alike, are shown in.
 
     Args:
@@ -176,7 +181,10 @@ def _round(value: float) -> float:
 def _joined(fields: Fields) -> Fields:
     """Make one vertex, with their mean values, of the two that the halves have on the axis."""
     axis = np.flatnonzero(np.abs(fields.points[:, 0]) <= ON_EDGE * np.abs(fields.points).max())
-    _, first, place = np.unique(fields.points[axis, 1], return_index=True, return_inverse=True)
+    # vertices of two bodies stay apart
+    bodies = np.zeros(len(axis)) if fields.body is None else fields.body[axis]
+    keys = np.stack([fields.points[axis, 1], bodies], axis=1)
+    _, first, place = np.unique(keys, axis=0, return_index=True, return_inverse=True)
     points = fields.points.copy()
     points[axis, 0] = 0.0
     target = np.arange(len(fields.points))
@@ -192,6 +200,7 @@ def _joined(fields: Fields) -> Fields:
         cells=np.searchsorted(used, target[fields.cells]),
         displacement=np.stack([mean(part) for part in fields.displacement.T], axis=1),
         stress={name: mean(values) for name, values in fields.stress.items()},
+        body=None if fields.body is None else fields.body[used],
     )
 
 

@@ -26,6 +26,7 @@ from receding_fenicsx.output.snapshot_view import View, view_of
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
+    from receding_fenicsx.bulk.pair import Pair
 
 FRINGES = 10
 """Isochromatic fringes between no shear and the largest shear in the plane, at least."""
@@ -83,7 +84,7 @@ def quantity_of(name: str) -> Quantity:
 
 
 def snapshot(
-    bulk: Bulk,
+    bulk: Bulk | Pair,
     instant: Instant | None,
     folder: Path,
     quantities: tuple[Quantity, ...] = QUANTITIES,

@@ -38,7 +38,6 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
     title = from_toml(record.scene_toml).title if record.scene_toml else ""
     steady = record.steady
     beta = contact_beta(record)
-    rows = range(len(record.turning_points.s))
     return {
         "title": title,
         "method": record.method,
@@ -47,7 +46,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "modelled_nodes": record.modelled_nodes,
         "modelled_dofs": record.modelled_dofs,
         "symmetry": _symmetry(record),
-        "turning_points": [_turning_point(record, i, beta) for i in rows],
+        "turning_points": _turning_points(record, beta),
         "dissipation_first_loading": float(record.dissipation_first_loading),
         "dissipation_per_cycle": record.cycles.dissipation.tolist(),
         "slip_per_cycle_max": slip_per_cycle_max(record),
@@ -68,6 +67,19 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
     }
 
 
+def _turning_points(record: Record, beta: float | None) -> list[dict[str, Any]]:
+    """Turning points in their order; with several contact edges one row for each, with its name."""
+    edges = record.by_edge()
+    rows = range(len(record.turning_points.s))
+    if len(edges) == 1:
+        return [_turning_point(record, i, beta) for i in rows]
+    return [
+        {"edge": name, **_turning_point(part, i, beta)}
+        for i in rows
+        for name, part in edges.items()
+    ]
+
+
 def _symmetry(record: Record) -> str:
     """What spared part of the body: a mirror, an axis of revolution, or nothing."""
     if record.axisymmetric:
@@ -84,14 +96,22 @@ def _trend(record: Record) -> dict[str, Any]:
     return {"trend": law, "trend_value": value, "dissipation_limit": limit}
 
 
-def _limit_ranges(record: Record) -> list[list[float]]:
-    """Ranges of x whose nodes reach the friction limit in the last cycle without slipping."""
+def _limit_ranges(record: Record) -> list[list[Any]]:
+    """Ranges of x whose nodes reach the friction limit in the last cycle without slipping.
+
+    With several contact edges each range has the name of its edge behind it.
+    """
     last = len(record.cycles.dissipation)
     if not last or not np.any(record.samples.cycle == last):
         return []
-    nodes = limit_without_slip(record, last).node
-    groups = np.split(nodes, np.flatnonzero(np.diff(nodes) > 1) + 1) if len(nodes) else []
-    return [[float(record.x[g[0]]), float(record.x[g[-1]])] for g in groups]
+    edges = record.by_edge()
+    ranges: list[list[Any]] = []
+    for name, part in edges.items():
+        nodes = limit_without_slip(part, last).node
+        groups = np.split(nodes, np.flatnonzero(np.diff(nodes) > 1) + 1) if len(nodes) else []
+        behind = [name] if len(edges) > 1 else []
+        ranges += [[float(part.x[g[0]]), float(part.x[g[-1]]), *behind] for g in groups]
+    return ranges
 
 
 def slip_per_cycle_max(record: Record) -> list[float]:

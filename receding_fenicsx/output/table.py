@@ -18,7 +18,9 @@ def run_table(summary: Mapping[str, Any]) -> str:
     """
     points = summary["turning_points"]
     last = max((p["cycle"] for p in points), default=0)
+    edges = any("edge" in p for p in points)
     header = [
+        *(["edge"] if edges else []),
         "cycle",
         "load",
         "contact",
@@ -31,6 +33,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
     ]
     rows = [
         [
+            *([p["edge"]] if edges else []),
             str(p["cycle"]),
             " ".join(f"{name}={value:.4g}" for name, value in p["load"].items()),
             f"{p['contact_half_width']:.4f}",
@@ -66,7 +69,10 @@ def run_table(summary: Mapping[str, Any]) -> str:
                 f"towards {steady['dissipation_limit'] / D[0]:.4f} of cycle 1"
             )
     if summary.get("limit_without_slip"):
-        ranges = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in summary["limit_without_slip"])
+        ranges = ", ".join(
+            " on ".join([f"{a:.4g} to {b:.4g}", *edge])
+            for a, b, *edge in summary["limit_without_slip"]
+        )
         lines.append(f"friction limit reached without slip in the last cycle: x from {ranges}")
     if summary.get("friction_margin") is not None:
         lines.append(
