@@ -1,12 +1,22 @@
-"""What pyproject.toml says of the package's folders is what stands there."""
+"""What pyproject.toml says of the package's folders stands there, and is what is installed."""
 
 from __future__ import annotations
 
+import os
+import shutil
+import subprocess
+import sys
 import tomllib
+from importlib import metadata
 from pathlib import Path
 
+from mpi4py import MPI
+
+import pytest
+
 ROOT = Path(__file__).parents[1]
-SETUPTOOLS = tomllib.loads((ROOT / "pyproject.toml").read_text())["tool"]["setuptools"]
+PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+SETUPTOOLS = PYPROJECT["tool"]["setuptools"]
 
 
 def test_every_package_is_shipped() -> None:
@@ -21,3 +31,45 @@ def test_all_mesh_sources_are_shipped() -> None:
     patterns = SETUPTOOLS["package-data"]["receding_fenicsx.meshes"]
     assert files
     assert files == {path for pattern in patterns for path in (ROOT / "meshes").glob(pattern)}
+
+
+BUILD = "from setuptools import build_meta as b; print(b.build_{kind}({folder!r}))"
+LEFT = shutil.ignore_patterns(".*", "*.egg-info", "build", "dist", "results", "__pycache__")
+NEEDED = int(PYPROJECT["build-system"]["requires"][0].partition(">=")[2])
+
+
+@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="builds and installs once")
+@pytest.mark.skipif(
+    int(metadata.version("setuptools").split(".")[0]) < NEEDED,
+    reason=f"setuptools >= {NEEDED} is not there; see the extra 'test'",
+)
+def test_an_installed_wheel_made_from_the_sdist_has_all_it_needs(tmp_path: Path) -> None:
+    source, out, site = (tmp_path / name for name in ("source", "out", "site"))
+    shutil.copytree(ROOT, source, ignore=LEFT)
+
+    def python(*arguments: str | Path, cwd: Path = tmp_path, **variables: str) -> str:
+        command = [sys.executable, *map(str, arguments)]
+        environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | variables
+        done = subprocess.run(
+            command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120
+        )
+        assert done.returncode == 0, done.stdout + done.stderr
+        return done.stdout
+
+    sdist = python("-c", BUILD.format(kind="sdist", folder=str(out)), cwd=source).split()[-1]
+    shutil.unpack_archive(out / sdist, tmp_path / "unpacked", filter="data")
+    (unpacked,) = (tmp_path / "unpacked").iterdir()
+    wheel = python("-c", BUILD.format(kind="wheel", folder=str(out)), cwd=unpacked).split()[-1]
+    python("-m", "pip", "install", "--no-deps", "--no-index", "--target", site, out / wheel)
+
+    shipped = {path.relative_to(ROOT) for path in (ROOT / "receding_fenicsx").rglob("*.py")}
+    assert shipped == {path.relative_to(site) for path in (site / "receding_fenicsx").rglob("*.py")}
+    for path in (ROOT / "meshes").glob("*.geo"):
+        assert (site / "receding_fenicsx" / "meshes" / path.name).read_text() == path.read_text()
+    assert os.access(site / "bin" / "receding-fenicsx", os.X_OK)
+    place = "import receding_fenicsx as r; print(r.__file__)"
+    assert python("-c", place, PYTHONPATH=str(site)).startswith(str(site))
+    said = python(
+        *("-m", "receding_fenicsx", "check", ROOT / "demos" / "block.toml"), PYTHONPATH=str(site)
+    )
+    assert "contact nodes" in said
