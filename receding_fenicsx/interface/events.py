@@ -8,6 +8,7 @@ pressure or a gap reaches zero, and the dissipation -integral Q dv is a sum of e
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.errors import NoEquilibrium, SolveError
 from receding_fenicsx.interface.contact import (
@@ -19,7 +20,8 @@ from receding_fenicsx.interface.contact import (
     local_stiffness,
     relative_residual,
 )
-from receding_fenicsx.interface.rates import SEPARATION
+from receding_fenicsx.interface.frozen import Reduction, reduce, widen
+from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.segments import Segments
 from receding_fenicsx.interface.static import solve_static
 from receding_fenicsx.interface.walk import Walk
@@ -34,6 +36,8 @@ stiff, nearly incompressible bodies."""
 CORRECTED_LEGS = 10
 """Legs between two corrections of round-off once all sets of states on the way are known."""
 
+REDUCTIONS = 3
+"""Choices of the nodes left out that are tried on a leg."""
 
 BALANCE_TOLERANCE = 1e-10
 """Resultant over the sum of all held reactions under which the loads balance each other."""
@@ -52,6 +56,8 @@ class EventPath:
         self.system, self.check_all = system, check_all
         self.segments = Segments(system)
         self.legs_since_correction = 0
+        self.changed: dict[bytes, NDArray[np.bool_]] = {}
+        self.reduction: Reduction | None = None
 
     def trace_leg(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
@@ -78,7 +84,15 @@ class EventPath:
         crossing = self._crosses_zero(a, b)
         if crossing is not None:
             return self._through_zero(start, ends, crossing, force_scale, samples)
+        force_scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
         try:
+            reduced = (
+                None
+                if self._is_unloaded(b)
+                else self._walk_reduced(start, ends, force_scale, samples)
+            )
+            if reduced is not None:
+                return reduced
             leg = self._walk(start, ends, force_scale, samples)
             if self.segments.refined or leg.residual <= REFINED_ABOVE:
                 return leg
@@ -96,11 +110,65 @@ class EventPath:
         walk = Walk(self.segments, start, ends, force_scale, samples, self.check_all)
         apex = self._is_unloaded(ends[1]) and self.segments.lifts_freely
         walk.run(1.0 - APEX if apex else 1.0)
+        leg = walk.finish(apex, self._correction_due())
+        self._remember(ends[1] - ends[0], leg)
+        return leg
+
+    def _correction_due(self) -> bool:
+        """Count one more leg; return whether its end is to be corrected in any case."""
         self.legs_since_correction += 1
         due = self.legs_since_correction >= CORRECTED_LEGS or self.segments.refined
         if due:
             self.legs_since_correction = 0
-        return walk.finish(apex, due)
+        return due
+
+    def _remember(self, direction: Array, leg: Leg) -> None:
+        """Remember which nodes changed state on a leg in this direction."""
+        changed = self.changed.setdefault(direction.tobytes(), np.zeros(self.system.n, dtype=bool))
+        changed[[event[1] for event in leg.events]] = True
+
+    def _walk_reduced(
+        self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int
+    ) -> Leg | None:
+        """Follow a leg with the nodes left out that kept their states on every such leg before.
+
+        Returns:
+            The leg; None where there is nothing to leave out, or where that has failed.
+        """
+        if self.segments.refined or (ends[1] - ends[0]).tobytes() not in self.changed:
+            return None
+        for _ in range(REDUCTIONS):
+            if self.reduction is None or not self.reduction.fits(start):
+                changed = np.logical_or.reduce(list(self.changed.values()))
+                slips = (start.state == FORWARD) | (start.state == BACKWARD)
+                self.reduction = reduce(self.segments, start, widen(changed | slips))
+            if self.reduction is None:
+                return None
+            reduction = self.reduction
+            extended = tuple(np.append(load, 1.0) for load in ends)
+            walk = Walk(
+                reduction.segments,
+                reduction.shrink(start),
+                (extended[0], extended[1]),
+                force_scale,
+                samples,
+                self.check_all,
+                reduction.leaving,
+            )
+            try:
+                walk.run(1.0)
+                leg = walk.finish(False, self._correction_due())
+            except SolveError:
+                # found again, and said of the whole contact, by the way without reduction
+                return None
+            finished = reduction.finish(walk, leg, ends)
+            if isinstance(finished, Leg):
+                self._remember(ends[1] - ends[0], finished)
+                return finished if finished.residual <= REFINED_ABOVE else None
+            for changed in self.changed.values():
+                changed[finished] = True
+            self.reduction = None
+        return None
 
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
         """Jump to the end of a leg: a static problem with slip counted from ``start``."""

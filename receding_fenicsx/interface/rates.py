@@ -17,6 +17,9 @@ along any leg.
 
 from __future__ import annotations
 
+from collections import deque
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm
@@ -54,6 +57,10 @@ PENDING = 32
 FEW = 16
 """Exchanges wanted at once up to which they are made one by one and held back."""
 
+KEPT = 4
+"""Tableaux kept from earlier ends of long ways between sets of states: a reversal comes back near
+to where the last one in the same direction led."""
+
 RENEWED = 10
 """Exchanges, in multiples of the tableau's size, after which it is made from scratch: round-off."""
 
@@ -63,6 +70,18 @@ SINGULAR = 1e-11
 
 class SingularExchange(Exception):
     """A change of state would leave a motion of the body without stiffness."""
+
+
+@dataclass(frozen=True)
+class _Kept:
+    """Copy of a tableau as it stood in one set of states."""
+
+    state: NDArray[np.int8]
+    T: Array
+    load_rates: Array
+    row_label: NDArray[np.intp]
+    column_label: NDArray[np.intp]
+    age: int
 
 
 class Tableau:
@@ -115,6 +134,7 @@ class Tableau:
         m = len(dofs)
         self._U, self._V = np.zeros((m, PENDING), order="F"), np.zeros((PENDING, m))
         self.pivots = self.rebuilds = 0
+        self._kept: deque[_Kept] = deque(maxlen=KEPT)
         self.build(state)
 
     def build(self, state: NDArray[np.int8]) -> None:
@@ -149,14 +169,48 @@ class Tableau:
             self.row_label[rows] = self.column_label[columns]
             self.column_label[columns] = swapped
         self._T, self.load_rates = np.ascontiguousarray(T), G
+        self._age = 0
+        self._stand_in(state)
+        self._kept.clear()
+        self.rebuilds += 1
+
+    def _stand_in(self, state: NDArray[np.int8]) -> None:
+        """Note where each label stands in a tableau that was taken over as a whole."""
+        n = self.system.n
         self._held_back = 0
         self._row_of = np.full(5 * n, -1, dtype=np.intp)
         self._column_of = np.full(5 * n, -1, dtype=np.intp)
         self._row_of[self.row_label] = np.arange(len(self.row_label))
         self._column_of[self.column_label] = np.arange(len(self.column_label))
         self.state = state.copy()
-        self.rebuilds += 1
-        self._pivots_at_build = self.pivots
+
+    def _keep(self) -> None:
+        """Keep a copy of the tableau, in place of one in the same direction if there is one."""
+        self._flush()
+        copy = _Kept(
+            self.state.copy(),
+            self._T.copy(),
+            self.load_rates.copy(),
+            self.row_label.copy(),
+            self.column_label.copy(),
+            self._age,
+        )
+        self._kept.append(copy)
+
+    def _start_nearer(self, state: NDArray[np.int8], way: int) -> bool:
+        """Go on from a kept tableau if it has fewer than ``way`` nodes in other states."""
+        nearest = min(
+            self._kept, key=lambda kept: np.count_nonzero(kept.state != state), default=None
+        )
+        if nearest is None or np.count_nonzero(nearest.state != state) >= way:
+            return False
+        np.copyto(self._T, nearest.T)
+        self.load_rates = nearest.load_rates.copy()
+        self.row_label = nearest.row_label.copy()
+        self.column_label = nearest.column_label.copy()
+        self._age = nearest.age
+        self._stand_in(nearest.state)
+        return True
 
     def _block_pivot(
         self,
@@ -195,12 +249,16 @@ class Tableau:
         outputs: list[int] = []
         inputs: list[int] = []
         n = self.system.n
-        for i in (state != self.state).nonzero()[0].tolist():
+        changing = (state != self.state).nonzero()[0].tolist()
+        way = len(changing)
+        if way > FEW and self._start_nearer(state, way):
+            changing = (state != self.state).nonzero()[0].tolist()
+        for i in changing:
             table = EXCHANGES if self.frictional[i] else SMOOTH_EXCHANGES
             for out, into in table[int(self.state[i]), int(state[i])]:
                 outputs.append(out * n + i)
                 inputs.append(into * n + i)
-        if self.pivots - self._pivots_at_build > RENEWED * len(self._T):
+        if self._age > RENEWED * len(self._T):
             done = False
         elif len(outputs) > FEW:
             done = self._exchange_many(np.array(outputs), np.array(inputs))
@@ -208,6 +266,8 @@ class Tableau:
             done = all(map(self._exchange, outputs, inputs))
         if done:
             self.state = state.copy()
+            if way > FEW:
+                self._keep()
         else:
             # exchanges one by one may pass singular states on the way to regular ones
             self.build(state)
@@ -218,7 +278,7 @@ class Tableau:
         With the row R, the column C and the pivot D where they meet the tableau changes by
         - (C + one in the row) (R - one in the column) / D, which is held back.
         """
-        i, j, k = int(self._row_of[out]), int(self._column_of[into]), self._held_back
+        i, j, k = self._row_of[out], self._column_of[into], self._held_back
         if k == PENDING:
             self._flush()
             k = 0
@@ -227,20 +287,22 @@ class Tableau:
         R[:] = self._T[i]
         C[:] = self._T[:, j]
         if k:
-            R += U[i, :k] @ V_[:k]
-            C += U[:, :k] @ V_[:k, j]
-        D = float(R[j])
-        if abs(D) <= SINGULAR:
+            R += U[i, :k].dot(V_[:k])
+            C += U[:, :k].dot(V_[:k, j])
+        D = R[j]
+        if -SINGULAR <= D <= SINGULAR:
             return False
         C[i] += 1.0
         R[j] -= 1.0
         C *= -1.0 / D
-        self.load_rates += C[:, None] * self.load_rates[i]
+        G = self.load_rates
+        G += np.multiply.outer(C, G[i])
         self._held_back = k + 1
         self.row_label[i], self.column_label[j] = into, out
         self._row_of[into], self._row_of[out] = i, -1
         self._column_of[out], self._column_of[into] = j, -1
         self.pivots += 1
+        self._age += 1
         return True
 
     def _exchange_many(self, outputs: NDArray[np.intp], inputs: NDArray[np.intp]) -> bool:
@@ -264,6 +326,7 @@ class Tableau:
         self._row_of[outputs] = self._column_of[inputs] = -1
         self._row_of[inputs], self._column_of[outputs] = i, j
         self.pivots += e
+        self._age += e
         return True
 
     def _flush(self) -> None:
@@ -275,26 +338,35 @@ class Tableau:
             dgemm(1.0, V_t, U, beta=1.0, c=self._T.T, trans_b=1, overwrite_c=1)
             self._held_back = 0
 
-    def rates(self) -> Array:
-        """Return (5N, n_loads) rates of every labelled quantity under unit load rates."""
-        rates = np.zeros((5 * self.system.n, self.load_rates.shape[1]))
-        rates[self.row_label] = self.load_rates
-        rates[: 2 * self.system.n] /= self._unit
-        return rates
+    def rates(self, direction: Array, refined: bool = False) -> Array:
+        """Return the rates of v, gap, A and B along a leg.
+
+        Args:
+            direction: (n_loads,) change of the load factors.
+            refined: do one step of iterative refinement.
+
+        Returns:
+            (4N,) rates by label; zero for the inputs.
+        """
+        n = self.system.n
+        rates = np.zeros(4 * n)
+        rates[self.row_label] = self.load_rates @ direction
+        rates[: 2 * n] /= self._unit
+        return self._refined(rates, direction) if refined else rates
 
     def response(self, labels: NDArray[np.intp], change: Array) -> Array:
         """Return the change of every output when forces among the inputs change by a finite amount.
 
         Args:
             labels: labels of the changed inputs, not V or W.
-            change: their changes, (k,) or (k, c) for c cases at once.
+            change: (k,) their changes.
 
         Returns:
-            (5N,) or (5N, c).
+            (5N,) changes by label.
         """
         self._flush()
-        out = np.zeros((5 * self.system.n, *change.shape[1:]))
-        x = np.zeros((self._T.shape[1], *change.shape[1:]))
+        out = np.zeros(5 * self.system.n)
+        x = np.zeros(self._T.shape[1])
         x[self._column_of[labels]] = change
         out[self.row_label] = self._T @ x
         out[: 2 * self.system.n] /= self._unit
@@ -304,13 +376,12 @@ class Tableau:
         """Return the change of displacement that brings every input back to zero.
 
         Args:
-            r: (2N,) reactions, or (2N, k) rates of reaction, in the present states.
+            r: (2N,) reactions, or rates of reaction, in the present states.
 
         Returns:
-            (2N,) or (2N, k) change of displacement.
+            (2N,) change of displacement.
         """
-        n, state = self.system.n, self.state
-        f = self.system.f if r.ndim == 1 else self.system.f[:, None]
+        n, state, f = self.system.n, self.state, self.system.f
         Q, P = r[:n], r[n:]
         open_ = state == SEPARATION
         nodes = (
@@ -324,18 +395,16 @@ class Tableau:
         change = [-quantity[i] for quantity, i in zip(quantities, nodes, strict=True)]
         return self.response(np.concatenate(labels), np.concatenate(change))[: 2 * n]
 
-    def refined_rates(self) -> Array:
-        """Return :meth:`rates` after one step of iterative refinement."""
+    def _refined(self, rates: Array, direction: Array) -> Array:
+        """Return rates after one step of iterative refinement."""
         n, system, state = self.system.n, self.system, self.state
-        rates = self.rates()
+        held = direction @ system.r_star
         du = rates[: 2 * n]
-        du += self.correction(system.r_star.T + system.K @ du)
-        dr = system.r_star.T + system.K @ du
-        f = system.f[:, None]
-        contact = (state != SEPARATION)[:, None]
-        forward = np.where(self.smooth[:, None], dr[n:], dr[:n] + f * dr[n:])
-        outputs_A = contact & (state != FORWARD)[:, None]
-        outputs_B = contact & (self.frictional & (state != BACKWARD))[:, None]
-        rates[A * n : B * n] = np.where(outputs_A, forward, 0.0)
-        rates[B * n : REACTION * n] = np.where(outputs_B, f * dr[n:] - dr[:n], 0.0)
+        du += self.correction(held + system.K @ du)
+        dr = held + system.K @ du
+        f, contact = system.f, state != SEPARATION
+        forward = np.where(self.smooth, dr[n:], dr[:n] + f * dr[n:])
+        rates[A * n : B * n] = np.where(contact & (state != FORWARD), forward, 0.0)
+        outputs_B = contact & self.frictional & (state != BACKWARD)
+        rates[B * n :] = np.where(outputs_B, f * dr[n:] - dr[:n], 0.0)
         return rates

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections import OrderedDict
 from dataclasses import dataclass, field
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -31,7 +32,7 @@ LIMIT_TOLERANCE = 1e-12
 """Distance from a limit, over the largest nodal force, up to which a node sits on it."""
 
 RATE_TOLERANCE = 1e-11
-"""Rate over the largest rate (both as forces) below which it is taken for zero."""
+"""Rate over the Euclidean norm of all rates (as forces) below which it is taken for zero."""
 
 SIGN = np.zeros(5)
 SIGN[FORWARD], SIGN[BACKWARD] = 1.0, -1.0
@@ -44,7 +45,7 @@ CACHED_BYTES = 2**26
 """Memory for the rates of sets of states that have been met before."""
 
 
-@dataclass(frozen=True)
+@dataclass(slots=True)
 class Segment:
     """Rates along a leg in one set of states, ready for the event search.
 
@@ -52,9 +53,7 @@ class Segment:
         q: (4N,) rates of y per unit of s.
         falling: labels of quantities that must stay >= 0 and fall.
         time: (len(falling),) -1 / rate of each.
-        dissipating: (4N,) |rate of v|/2 at the label of 2 f P (B or A) of slipping nodes, else 0.
         reversed_nodes: slipping nodes whose rate contradicts their state.
-        stroke: (n_loads,) rate of r*_k . u, for the work of the loads.
         next: by the label of the quantity that reached its limit, what came of it: states, segment
             and change (node, old, new).
     """
@@ -62,9 +61,7 @@ class Segment:
     q: Array
     falling: NDArray[np.intp]
     time: Array
-    dissipating: Array
     reversed_nodes: NDArray[np.intp]
-    stroke: Array
     next: dict[int, tuple[States, Segment, tuple[int, int, int]]] = field(default_factory=dict)
 
 
@@ -105,7 +102,6 @@ class Segments:
         self.refined = False
         self.trials = 0
         self._tableau: Tableau | None = None
-        self._rates: OrderedDict[bytes, Array] = OrderedDict()
         self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
 
     def tableau(self, state: States) -> Tableau:
@@ -123,44 +119,31 @@ class Segments:
     def refine(self) -> None:
         """Forget all rates; from now on refine every set of them once."""
         self.refined, self._tableau = True, None
-        self._rates.clear()
         self._known.clear()
 
     def at(self, state: States, direction: Array) -> Segment:
         """Return the rates in the given states along a leg whose loads change by ``direction``."""
-        key = state.tobytes()
-        known = self._known.get((key, direction.tobytes()))
+        key = state.tobytes(), direction.tobytes()
+        known = self._known.get(key)
         if known is not None:
             return known
-        rates = self._rates.get(key)
-        if rates is None:
-            self.trials += 1
-            tableau = self.tableau(state)
-            rates = tableau.refined_rates() if self.refined else tableau.rates()
-            rates = rates[: 4 * self.system.n].copy()
-            self._rates[key] = rates
-            if len(self._rates) * rates.nbytes > CACHED_BYTES:
-                self._rates.popitem(last=False)
-        made = self._make(state, rates @ direction)
-        self._known[key, direction.tobytes()] = made
+        self.trials += 1
+        made = self._make(state, direction)
+        self._known[key] = made
         if len(self._known) * 2 * made.q.nbytes > CACHED_BYTES:
             self._known.popitem(last=False)[1].next.clear()
         return made
 
-    def _make(self, state: States, q: Array) -> Segment:
+    def _make(self, state: States, direction: Array) -> Segment:
         n = self.system.n
-        threshold = float(np.abs(q * self.weight).max()) * self._tolerance
-        falling = (self.bounded(state) & (q < -threshold)).nonzero()[0]
-        sign = SIGN[state]
-        slipping = sign.nonzero()[0]
-        sign = sign[slipping]
-        speed = sign * q[slipping]
-        dissipating = np.zeros(4 * n)
-        # 2 f P of a forward slipping node is B, of a backward slipping one A
-        dissipating[slipping + np.where(sign > 0.0, B * n, A * n)] = 0.5 * speed
-        wrong = slipping[speed < -threshold[slipping]]
-        stroke = self.system.r_star @ q[: 2 * n]
-        return Segment(q, falling, -1.0 / q[falling], dissipating, wrong, stroke)
+        q = self.tableau(state).rates(direction, self.refined)
+        forces = q * self.weight
+        threshold = sqrt(forces.dot(forces)) * self._tolerance
+        # what falls and is not a displacement is bounded: an output A, B or gap of its state
+        falling = (q[n:] < -threshold[n:]).nonzero()[0]
+        falling += n
+        wrong = (SIGN[state] * q[:n] < -threshold[:n]).nonzero()[0]
+        return Segment(q, falling, -1.0 / q[falling], wrong)
 
     def bounded(self, state: States) -> NDArray[np.bool_]:
         """Return (4N,) which quantities must stay >= 0 in the given states."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -9,8 +11,8 @@ from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, So
 from receding_fenicsx.interface.contact import (
     Array,
     ContactState,
+    ContactSystem,
     Leg,
-    largest_force,
     law_residual,
     local_stiffness,
     reactions,
@@ -42,10 +44,16 @@ ALL_AT_ONCE = 3
 EVENT_RESIDUAL = 1e-11
 """Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
 
-CHECKED_EVENTS = 32
+CHECKED_EVENTS = 8
 """Events, evenly spread over a leg with new sets of states, whose residual is evaluated afresh.
 
 The residual at the end of every leg is always evaluated afresh."""
+
+STOPS = 512
+"""Events after which dissipation and work are summed up: all of them at once, to save time."""
+
+Watch = Callable[[Array, Array, float], NDArray[np.intp]]
+"""Looks at displacements (k, 2N) and load factors (k, n_loads) for a force scale."""
 
 
 CLEARED_EVENTS = 128
@@ -63,6 +71,7 @@ class Walk:
         force_scale: float,
         samples: int,
         check_all: bool,
+        watch: Watch | None = None,
     ) -> None:
         """Stand at the start of a leg.
 
@@ -70,9 +79,11 @@ class Walk:
             segments: rates in known sets of states.
             start: state at the start.
             ends: (n_loads,) load factors at the start and at the end.
-            force_scale: largest nodal force of the history so far.
+            force_scale: largest nodal force of the history so far, this leg's held reactions
+                included.
             samples: number of evenly spaced states to keep.
             check_all: evaluate the residual afresh after every event.
+            watch: looks at every event and at the end; what it finds is put into ``found``.
         """
         self.segments, self.system, self.check_all = segments, segments.system, check_all
         self.a, self.b = a, b = ends
@@ -82,18 +93,20 @@ class Walk:
         self.cleared_at = segments.trials
         self.state = start.state.copy()
         self.y = segments.values(start)
-        self.force_scale = largest_force(self.system, a, start.r, force_scale)
+        self.force_scale = force_scale
         self.sample_at = [j / samples for j in range(1, samples + 1)]
         n = self.system.n
         self.stiffness = local_stiffness(self.system)
         self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=self.force_scale)
-        self.to_check: list[tuple[float, Array, States, Array]] = []
-        self.work = 0.0
-        self.dissipation = np.zeros(4 * n)
-        self._step, self._work = np.zeros(4 * n), np.zeros(4 * n)
+        self.work, self.dissipation, self.residual = np.zeros(len(a)), np.zeros(n), 0.0
+        self.watch, self.found = watch, np.zeros(0, dtype=np.intp)
+        # place, y and the states on the way there of every event; then the place reached
+        self.stops: list[tuple[float, Array, States]] = [(0.0, self.y.copy(), self.state)]
+        self._on_limit = LIMIT_TOLERANCE * force_scale / segments.weight
+        self._step = np.zeros(4 * n)
 
-    def load(self, s: float) -> Array:
-        """Return the load factors at s."""
+    def load(self, s: float | Array) -> Array:
+        """Return the load factors at s: (n_loads,), or (k, n_loads) for s of shape (k, 1)."""
         return (1.0 - s) * self.a + s * self.b
 
     def run(self, s_end: float) -> None:
@@ -120,21 +133,48 @@ class Walk:
             segment, looked_at = self._event(int(segment.falling[k]), segment)
 
     def _advance(self, segment: Segment, ds: float) -> None:
-        """Move on by ds: values, exact dissipation and work."""
-        y, work = self.y, self._work
-        half = 0.5 * ds
-        step = np.multiply(segment.q, half, out=self._step)
-        y += step
-        # forward: Q = -B/2, backward: Q = A/2, so -Q dv = (2 f P)/2 |dv|, linear: its middle counts
-        np.multiply(segment.dissipating, y, out=work)
-        work *= ds
-        self.dissipation += work
-        y += step
-        self.work += ds * float(self.load(self.s + half) @ segment.stroke)
+        """Move on by ds."""
+        self.y += np.multiply(segment.q, ds, out=self._step)
         self.s += ds
-        if self._wants_check():
-            slip = ds * segment.q[: self.system.n]
-            self.to_check.append((self.s, y.copy(), self.state.copy(), slip))
+        self.stops.append((self.s, self.y.copy(), self.state))
+        if len(self.stops) > STOPS:
+            self._sum_up()
+
+    def _sum_up(self) -> None:
+        """Add the dissipation and the work since the last time, and check residuals.
+
+        Between two stops forces and displacements are linear: the mean force counts.
+        """
+        n, system, F = self.system.n, self.system, self.segments.frictional
+        s = np.array([stop[0] for stop in self.stops])[:, None]
+        y = np.array([stop[1] for stop in self.stops])
+        v, gap, A_, B_ = (y[:, k * n : (k + 1) * n] for k in range(4))
+        load, u = self.load(s), np.hstack([v, gap - system.g0])
+        Q = 0.5 * (A_ - B_)[:, F]
+        slip = np.diff(v, axis=0)
+        self.dissipation[F] -= (0.5 * (Q[1:] + Q[:-1]) * slip[:, F]).sum(axis=0)
+        stroke = np.diff(u, axis=0) @ system.r_star.T
+        self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
+        if self.watch is not None:
+            found = self.watch(u[1:], load[1:], self.force_scale)
+            self.found = np.union1d(self.found, found)
+        if self.check_all or self._is_new():
+            among = np.arange(1, len(s)) if self.check_all else self._spread(len(s))
+            states = np.array([self.stops[k][2] for k in among])
+            self._check(u[among], load[among], slip[among - 1], states)
+        self.stops = [(self.s, self.y.copy(), self.state)]
+
+    def _spread(self, count: int) -> NDArray[np.intp]:
+        """Return ``CHECKED_EVENTS`` of the stops 1 to count - 1, evenly spread."""
+        return np.unique(np.linspace(1, count - 1, CHECKED_EVENTS).astype(np.intp))
+
+    def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:
+        """Evaluate the residual afresh at several instants, slip being that of the last segment."""
+        r = load @ self.system.r_star + u @ self.system.K
+        moved = np.where(states >= FORWARD, slip, 0.0)
+        self.force_scale = max(self.force_scale, float(np.abs(r).max()))
+        residual = law_residual(self.system, r, u, moved, self.stiffness).max()
+        self.residual = max(self.residual, float(residual) / self.force_scale)
 
     def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
         """Pass the event at which a quantity reached its limit; return the new rates.
@@ -179,15 +219,6 @@ class Walk:
     def _is_new(self) -> bool:
         """Return whether this leg has met sets of states without known rates."""
         return self.segments.trials > self.trials_before
-
-    def _wants_check(self) -> bool:
-        if self.check_all:
-            return True
-        return (
-            self._is_new()
-            and len(self.to_check) < CHECKED_EVENTS
-            and self.s * CHECKED_EVENTS >= len(self.to_check)
-        )
 
     def _sample(self, segment: Segment, s_to: float) -> None:
         """Keep the states asked for on the present segment."""
@@ -236,25 +267,24 @@ class Walk:
 
     def _violations(self, segment: Segment) -> NDArray[np.intp]:
         """Return labels of quantities on their limit that are driven across it."""
-        y, weight = self.y, self.segments.weight
         fall = segment.falling
-        on_limit = fall[y[fall] * weight[fall] <= LIMIT_TOLERANCE * self.force_scale]
+        on_limit = fall[self.y[fall] <= self._on_limit[fall]]
         return np.concatenate([segment.reversed_nodes, on_limit])
 
     def _change(self, labels: list[int], segment: Segment) -> None:
         """Give each node of the violated quantities the state on the other side of its limit."""
-        n, state, y = self.system.n, self.state, self.y
+        n, state, y, on_limit = self.system.n, self.state, self.y, self._on_limit
         chosen: dict[int, list[int]] = {}
         for label in labels:
-            chosen.setdefault(label % n, []).append(label // n)
-        limit = LIMIT_TOLERANCE * self.force_scale
+            kind, i = divmod(label, n)
+            chosen.setdefault(i, []).append(kind)
         for i, kinds in chosen.items():
             old = state[i]
             if not self.segments.frictional[i]:
                 new = SEPARATION if old == STICK else STICK
             elif old == SEPARATION:
                 new = STICK
-            elif old in (FORWARD, BACKWARD):
+            elif old >= FORWARD:
                 new = STICK if V in kinds else SEPARATION
             elif len(kinds) == 2:
                 new = SEPARATION
@@ -263,7 +293,7 @@ class Walk:
             state[i] = new
             # what the new states fix, and what is within round-off of its limit, is exactly zero
             for at in (A * n + i, B * n + i):
-                if new == SEPARATION or y[at] * self.segments.weight[at] <= limit:
+                if new == SEPARATION or y[at] <= on_limit[at]:
                     y[at] = 0.0
 
     def _finite(self, before: States) -> Segment:
@@ -333,19 +363,29 @@ class Walk:
             apex: the leg ends at complete unloading.
             correct: clear the round-off of the walk, as is always done after a leg with new sets of
                 states.
+
+        Raises:
+            SolveError: the residual is above its tolerance.
         """
         leg, n, system = self.leg, self.system.n, self.system
+        self._sum_up()
         if self._is_new() or correct:
             end = self._clear()
         else:
             u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
             end = ContactState(u, reactions(system, self.load(self.s), u), self.state.copy())
-        self._check(end)
+        self.force_scale = max(self.force_scale, float(np.abs(end.r).max(initial=0.0)))
+        leg.residual = max(self.residual, residual_at_rest(system, end, self.force_scale))
+        if leg.residual > EVENT_RESIDUAL:
+            raise SolveError(
+                f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: "
+                f"residual {leg.residual:.1e} over {EVENT_RESIDUAL:.0e}; use method gauss-seidel"
+            )
         if apex:
             end = ContactState(self._rest(end), np.zeros(2 * n), end.state)
             leg.samples += [(s, end) for s in self.sample_at]
-        leg.dissipation = self.dissipation[2 * n : 3 * n] + self.dissipation[3 * n :]
-        leg.end, leg.work, leg.force_scale = end, self.work, self.force_scale
+        leg.dissipation, leg.work = self.dissipation, float(self.work.sum())
+        leg.end, leg.force_scale = end, self.force_scale
         return leg
 
     def _rest(self, end: ContactState) -> Array:
@@ -357,33 +397,16 @@ class Walk:
         u[:n][self.system.held[:n]] = end.v[self.system.held[:n]]
         return u
 
-    def _check(self, end: ContactState) -> None:
-        """Evaluate the residual afresh at the end and at the chosen events."""
-        n, system = self.system.n, self.system
-        self.force_scale = largest_force(system, self.load(self.s), end.r, self.force_scale)
-        worst = self._slipless(end)
-        if self.to_check:
-            at, y, states, slip = (np.array(part) for part in zip(*self.to_check, strict=True))
-            u = np.hstack([y[:, :n], y[:, n : 2 * n] - system.g0])
-            load = (1.0 - at[:, None]) * self.a + at[:, None] * self.b
-            r = load @ system.r_star + u @ system.K
-            moved = np.where((states == FORWARD) | (states == BACKWARD), slip, 0.0)
-            self.force_scale = max(self.force_scale, float(np.abs(r).max()))
-            residual = law_residual(system, r, u, moved, self.stiffness)
-            worst = max(worst, float(residual.max()) / self.force_scale)
-        self.leg.residual = worst
-        if worst > EVENT_RESIDUAL:
-            raise SolveError(
-                f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: "
-                f"residual {worst:.1e} over {EVENT_RESIDUAL:.0e}; use method gauss-seidel"
-            )
 
-    def _slipless(self, end: ContactState) -> float:
-        """Return the residual at the end, a slipping node being required to sit on its limit."""
-        f = self.system.f
-        sign = (end.state == FORWARD).astype(float) - (end.state == BACKWARD)
-        worst = relative_residual(
-            self.system, end, np.zeros(self.system.n), self.stiffness, self.force_scale
-        )
-        on_limit = np.abs(end.Q + sign * f * end.P)[sign != 0.0]
-        return max(worst, float(on_limit.max(initial=0.0)) / self.force_scale)
+def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: float) -> float:
+    """Return the relative residual at one instant; a slipping node must be at its limit.
+
+    Args:
+        system: the condensed body in 2N form.
+        end: the state, reactions evaluated afresh.
+        force_scale: largest nodal force of the history so far.
+    """
+    sign = (end.state == FORWARD).astype(float) - (end.state == BACKWARD)
+    worst = relative_residual(system, end, np.zeros(system.n), local_stiffness(system), force_scale)
+    on_limit = np.abs(end.Q + sign * system.f * end.P)[sign != 0.0]
+    return max(worst, float(on_limit.max(initial=0.0)) / force_scale)
