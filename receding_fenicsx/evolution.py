@@ -88,6 +88,8 @@ def evolve(
         for number in range(len(passed), history.cycles + 1 if len(history.loop) else 1):
             if run.watch.cycle >= 0 and history.until_steady:
                 break
+            if number == 1:
+                run.check_range()
             if journal.add(run.cycle(number)):
                 run.go_on()
                 journal.checkpoint()
@@ -100,6 +102,11 @@ def evolve(
         error.record = record_of(system, run.solver, passed, (run.corners, run.totals))
         raise
     return record_of(system, run.solver, passed, last=run.sample_last())
+
+
+SMALLEST_RANGE = 1e-7
+"""Change of the held reactions in a cycle, over the largest force so far, below which its events
+are lost in round-off."""
 
 
 class _Run:
@@ -140,6 +147,17 @@ class _Run:
             assert isinstance(self.tracer, EventPath)
             self.tracer.segments.refine()
         self._stand_after(len(self.passed) - 1)
+
+    def check_range(self) -> None:
+        """Raise where the cycles change the forces too little to be told from round-off."""
+        way = (self.history.loop - self.history.loop[0]) @ self.model.r_star
+        change, force = float(np.abs(way).max(initial=0.0)), self.totals.force_scale
+        if change < SMALLEST_RANGE * force:
+            raise SolveError(
+                f"[history]: a cycle changes the forces by {change / force:.1e} of the largest; "
+                f"below {SMALLEST_RANGE:.0e} its events cannot be told from round-off: enlarge "
+                "the load range"
+            )
 
     def _stand_after(self, number: int) -> None:
         """Stand at the end of a finished cycle, or at rest for -1."""

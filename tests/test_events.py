@@ -365,6 +365,23 @@ def test_nodes_without_friction_stand_among_others() -> None:
     assert steps.cycles.dissipation[0] == pytest.approx(record.cycles.dissipation[0], rel=1e-3)
 
 
+@pytest.mark.parametrize("poisson", [0.499, 0.4999])
+def test_round_off_does_not_build_up_on_nearly_incompressible_bodies(poisson: float) -> None:
+    system = block_system(64, 32, f=0.1, poisson=poisson)
+    record = evolve(system, cyclic(3))
+    assert record.residual_max <= 5e-11
+    assert record.energy_error_max <= 1e-10
+
+
+def test_a_load_range_lost_in_round_off_is_refused() -> None:
+    fine = evolve(SMALL, cyclic(3, 1.0 - 1e-6)).cycles.dissipation
+    coarse = evolve(SMALL, cyclic(3, 1.0 - 1e-4)).cycles.dissipation
+    # the change of load alone decides: small ranges dissipate in proportion
+    assert fine == pytest.approx(1e-2 * coarse, rel=1e-3)
+    with pytest.raises(SolveError, match="enlarge the load range"):
+        evolve(SMALL, cyclic(3, 1.0 - 1e-8))
+
+
 # -- random systems -------------------------------------------------------------------------------
 
 

@@ -15,7 +15,6 @@ from receding_fenicsx.scene import OutputOptions
 
 NOT_YET = {
     "curved body, whole": "a whole body that first touches at one node is refused",
-    "nu = 0.4999, quadrilaterals of order 2": "round-off of the rates is above the tolerance",
 }
 
 

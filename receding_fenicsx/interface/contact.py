@@ -200,6 +200,16 @@ def round_off(system: ContactSystem, u: Array, force_scale: float) -> float:
     return float(np.finfo(float).eps * (np.abs(system.K) @ np.abs(u)).max()) / force_scale
 
 
+ROUND_OFFS = 32.0
+"""Such round-offs that an accepted residual may consist of where nothing better can be had: nearly
+incompressible bodies."""
+
+
+def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
+    """Return the relative residual that is accepted for round-off."""
+    return ROUND_OFFS * round_off(system, u, force_scale)
+
+
 def law_residual(
     system: ContactSystem, r: Array, u: Array, slip: Array, stiffness: tuple[Array, Array]
 ) -> Array:

@@ -239,8 +239,9 @@ class EventPath:
         end = solve_static(self.segments, start, load)
         if end is None:
             raise NoEquilibrium(
-                f"no equilibrium under the load factors {load.tolist()}: they lift or slide the "
-                "body off the plane; check their signs, or add a [[support]]"
+                f"no equilibrium was found under the load factors {load.tolist()}: they may lift, "
+                "tip or slide the body (check their signs, or add a [[support]]), or friction and "
+                "Poisson's ratio may be so high that none exists"
             )
         change = end.u - start.u
         n = self.system.n

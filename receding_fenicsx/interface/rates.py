@@ -64,6 +64,9 @@ to where the last one in the same direction led."""
 RENEWED = 10
 """Exchanges, in multiples of the tableau's size, after which it is made from scratch: round-off."""
 
+REFINEMENTS = 2
+"""Steps of iterative refinement where rates are refined."""
+
 SINGULAR = 1e-11
 """Pivot, over a typical stiffness or compliance, below which an exchange is singular."""
 
@@ -343,7 +346,7 @@ class Tableau:
 
         Args:
             direction: (n_loads,) change of the load factors.
-            refined: do one step of iterative refinement.
+            refined: refine them iteratively.
 
         Returns:
             (4N,) rates by label; zero for the inputs.
@@ -396,11 +399,12 @@ class Tableau:
         return self.response(np.concatenate(labels), np.concatenate(change))[: 2 * n]
 
     def _refined(self, rates: Array, direction: Array) -> Array:
-        """Return rates after one step of iterative refinement."""
+        """Return rates after steps of iterative refinement."""
         n, system, state = self.system.n, self.system, self.state
         held = direction @ system.r_star
         du = rates[: 2 * n]
-        du += self.correction(held + system.K @ du)
+        for _ in range(REFINEMENTS):
+            du += self.correction(held + system.K @ du)
         dr = held + system.K @ du
         f, contact = system.f, state != SEPARATION
         forward = np.where(self.smooth, dr[n:], dr[:n] + f * dr[n:])

@@ -11,9 +11,9 @@ from receding_fenicsx.interface.contact import (
     ContactState,
     largest_force,
     local_stiffness,
+    reachable,
     reactions,
     relative_residual,
-    round_off,
 )
 from receding_fenicsx.interface.contact_lcp import Undecided, solve_states
 from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION, STICK, SingularExchange
@@ -93,7 +93,7 @@ def _accepted(
     scale = largest_force(system, load, end.r, 0.0)
     slip = end.v - start.v
     residual = relative_residual(system, end, slip, local_stiffness(system), scale)
-    accepted = max(ACCEPTED_RESIDUAL, round_off(system, end.u, scale))
+    accepted = max(ACCEPTED_RESIDUAL, reachable(system, end.u, scale))
     return end if residual <= accepted else None
 
 

@@ -15,6 +15,7 @@ from receding_fenicsx.interface.contact import (
     Leg,
     law_residual,
     local_stiffness,
+    reachable,
     reactions,
     relative_residual,
 )
@@ -59,6 +60,9 @@ Watch = Callable[[Array, Array, float], NDArray[np.intp]]
 CLEARED_EVENTS = 128
 """Events with newly worked-out rates after which the round-off of the walk is cleared."""
 
+CLEARED_REFINED = 2
+"""Events after which that is done where rates have to be refined."""
+
 
 class Walk:
     """One leg under way."""
@@ -90,7 +94,7 @@ class Walk:
         self.direction = b - a
         self.s, self.trials_before = 0.0, segments.trials
         self.progress_at, self.standing = 0.0, 0
-        self.cleared_at = segments.trials
+        self.cleared_at, self.uncleared = segments.trials, 0
         self.state = start.state.copy()
         self.y = segments.values(start)
         self.force_scale = force_scale
@@ -187,16 +191,31 @@ class Walk:
         if known is not None:
             self.state, following, change = known
             self.leg.events.append((self.s, *change))
+            if self.segments.refined:
+                self._clear_if_due()
             return following, False
-        if self.segments.trials - self.cleared_at >= CLEARED_EVENTS:
-            self._clear()
         count = len(self.leg.events)
         following = self._consistent(label, segment)
         changes = self.leg.events[count:]
+        self._clear_if_due()
         # other nodes may have changed because they sat on limits by chance: not to be repeated
         if len(changes) == 1 and changes[0][1] == label % self.system.n:
             segment.next[label] = self.state, following, changes[0][1:]
         return following, True
+
+    def _clear_if_due(self) -> None:
+        """Clear round-off after enough events.
+
+        Only in the new states: in the old ones the round-off of all nodes at their limit would be
+        laid upon the one that has just reached it.
+        """
+        self.uncleared += 1
+        if self.segments.refined:
+            due = self.uncleared >= CLEARED_REFINED
+        else:
+            due = self.segments.trials - self.cleared_at >= CLEARED_EVENTS
+        if due:
+            self._clear()
 
     def _clear(self) -> ContactState:
         """Clear the round-off of the walk by one step of iterative refinement; return the state."""
@@ -205,7 +224,7 @@ class Walk:
         u += self.segments.tableau(self.state).correction(reactions(system, load, u))
         now = ContactState(u, reactions(system, load, u), self.state.copy())
         self.y[:] = self.segments.values(now)
-        self.cleared_at = self.segments.trials
+        self.cleared_at, self.uncleared = self.segments.trials, 0
         return now
 
     def _watch_progress(self) -> None:
@@ -376,7 +395,9 @@ class Walk:
             end = ContactState(u, reactions(system, self.load(self.s), u), self.state.copy())
         self.force_scale = max(self.force_scale, float(np.abs(end.r).max(initial=0.0)))
         leg.residual = max(self.residual, residual_at_rest(system, end, self.force_scale))
-        if leg.residual > EVENT_RESIDUAL:
+        if leg.residual > EVENT_RESIDUAL and leg.residual > reachable(
+            system, end.u, self.force_scale
+        ):
             raise SolveError(
                 f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: "
                 f"residual {leg.residual:.1e} over {EVENT_RESIDUAL:.0e}; use method gauss-seidel"
