@@ -143,7 +143,7 @@ def _system(bulk: Bulk, reduced: Reduced | None) -> ContactSystem:
         rigid=bulk.contact.rigid,
         load_compliance=reduced.compliance,
         load_sign=reduced.sign,
-        **_contact_data(bulk, bulk.scene),
+        **_contact_data(bulk, bulk.scene, bulk.contact.held),
     )
 
 
@@ -159,18 +159,21 @@ def _pair_system(pair: Pair) -> ContactSystem:
         rigid=joined.rigid,
         load_compliance=joined.compliance,
         load_sign=joined.sign,
-        **_contact_data(pair.bulks[0], pair.scene),
+        **_contact_data(pair.bulks[0], pair.scene, joined.held),
     )
 
 
-def _contact_data(bulk: Bulk, scene: Scene) -> dict[str, Any]:
+def _contact_data(bulk: Bulk, scene: Scene, held: NDArray[np.bool_]) -> dict[str, Any]:
     """Return what a contact system has from the contact nodes of its first body."""
     contact = bulk.contact
+    f = _along_edges(bulk, "friction")
+    # what a support carries normal to the plane is no pressure of the contact: no friction there
+    f[held[len(f) :]] = 0.0
     return {
         "x": contact.x,
         "points": contact.points,
         "weight": contact.weight,
-        "f": _along_edges(bulk, "friction"),
+        "f": f,
         "g0": _along_edges(bulk, "initial_gap"),
         "half": bulk.body.half and not scene.axisymmetric,
         "axisymmetric": scene.axisymmetric,

@@ -48,7 +48,8 @@ class ContactSystem:
         load_names: n_loads names.
         f: (N,) coefficient of friction.
         g0: (N,) initial gap, >= 0.
-        held: (2N,) contact degrees of freedom fixed by symmetry or support.
+        held: (2N,) contact degrees of freedom fixed by symmetry or support; f is 0 where the
+            normal one is.
         rigid: (2N, n) rigid motions on the contact that supports and symmetry leave, each with
             largest entry 1; n may be 0.
         half: True when the nodes are the half x >= 0 of a contact symmetric about x = 0.

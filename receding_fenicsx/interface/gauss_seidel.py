@@ -340,13 +340,16 @@ class _Sweeper:
         changed = self.polished = False
         for i in range(n):
             v, w, last = float(u[i]), float(u[n + i]), self.state[i]
-            if self.held_n[i]:
+            if self.held_n[i] and self.held_t[i]:
                 continue
             k_t, k_n, c = self.k_t[i], self.k_n[i], self.c[i]
             Q0 = float(r[i]) - k_t * v - c * w
             P0 = float(r[n + i]) - c * v - k_n * w
             if self.held_t[i]:
                 state, v_new, w_new = self._held_tangentially(i, P0)
+            elif self.held_n[i]:
+                # the support carries it: it slides freely
+                state, v_new, w_new = FORWARD, -(Q0 + c * w) / k_t, w
             else:
                 if self.was_open[i]:
                     self._touch_down(i, Q0, P0)

@@ -13,7 +13,7 @@ from receding_fenicsx.interface.contact import (
     ContactSystem,
     frictional_form,
 )
-from receding_fenicsx.interface.cycles import SteadyWatch
+from receding_fenicsx.interface.cycles import SHAKEDOWN_TOLERANCE, SteadyWatch
 from receding_fenicsx.interface.mirror import SWAPPED, Mirror, mirror_of
 from receding_fenicsx.output.record import Cycles, Events, Record, States, Steady
 from receding_fenicsx.scene import SolverOptions
@@ -99,7 +99,9 @@ def watch(watcher: SteadyWatch, passed: list[Passed], row: int) -> None:
     if row == 0:
         watcher.start(end.state.r, end.v)
     else:
-        first, last = (float(p.dissipation.sum()) for p in (passed[1], cycle))
+        loading, first, last = (float(p.dissipation.sum()) for p in (*passed[:2], cycle))
+        # where nothing but round-off slips in cycle 1, it is measured by the first loading
+        first = max(first, SHAKEDOWN_TOLERANCE * loading)
         watcher.add(end.state.r, end.v, cycle.slip_range, last, first)
 
 
@@ -147,6 +149,7 @@ def record_of(
         modelled_dofs=int(np.sum(~frictional_form(system).held)),
         half=system.half,
         axisymmetric=system.axisymmetric,
+        load_sign=system.load_sign if system.load_sign.size else -np.ones(n_loads),
         turning_points=states_table(system, mirror, corners),
         samples=states_table(system, mirror, [i for k in kept for i in k.instants]),
         events=events_table(mirror, [c for k in kept for c in k.changes], n_loads),

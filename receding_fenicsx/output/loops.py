@@ -24,6 +24,8 @@ class Loop:
     Attributes:
         cycle: the cycle.
         load, displacement: (n, n_loads) load factors and their work-conjugate displacements.
+        load_sign: (n_loads,) -1 for forces, +1 for prescribed displacements, whose conjugates are
+            forces.
         p, q, v, w: (n, N) tractions and displacements.
         turning: (n,) True at turning points.
     """
@@ -31,6 +33,7 @@ class Loop:
     cycle: int
     load: Array
     displacement: Array
+    load_sign: Array
     p: Array
     q: Array
     v: Array
@@ -38,13 +41,15 @@ class Loop:
     turning: NDArray[np.bool_]
 
     def area(self) -> Array:
-        r"""(n_loads,) work of each load over the cycle, the integral of its factor times d delta.
+        r"""(n_loads,) work of each load over the closed cycle.
 
+        For a force the integral of its factor times d delta; for a prescribed displacement, whose
+        conjugate delta is the force, the integral of delta times the factor's change.
         Over a closed cycle their sum is the dissipation; the trapezoidal rule on the samples is
         exact where no node changes its state between two of them.
         """
         mean = 0.5 * (self.load[1:] + self.load[:-1])
-        return np.asarray(np.sum(mean * np.diff(self.displacement, axis=0), axis=0))
+        return -self.load_sign * np.sum(mean * np.diff(self.displacement, axis=0), axis=0)
 
 
 def sampled_cycles(record: Record) -> list[int]:
@@ -87,6 +92,7 @@ def loop_of(record: Record, cycle: int) -> Loop:
         cycle=cycle,
         load=join("load"),
         displacement=join("load_displacement"),
+        load_sign=record.load_sign,
         p=join("p"),
         q=join("q"),
         v=join("v"),

@@ -124,6 +124,8 @@ class Record:
         modelled_nodes, modelled_dofs: contact nodes and degrees of freedom that were solved for.
         half: True when half of the body was modelled.
         axisymmetric: True when x is the radius; forces and energies are those of the full circle.
+        load_sign: (n_loads,) -1 for forces, whose load_displacement is a displacement;
+            +1 for prescribed displacements, whose load_displacement is the force that they take.
         turning_points: the end of every leg.
         samples: instants along the legs of the kept cycles.
         events: changes of state in the kept cycles.
@@ -150,6 +152,7 @@ class Record:
     modelled_dofs: int
     half: bool
     axisymmetric: bool
+    load_sign: Array
     turning_points: States
     samples: States
     events: Events
