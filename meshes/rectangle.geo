@@ -8,7 +8,7 @@ DefineConstant[
   width = {4, Min 1e-3, Name "Body/1width (whole)"},
   height = {1, Min 1e-3, Name "Body/2height"},
   contact_elements = {160, Min 2, Step 2, Name "Mesh/1elements on the contact edge (whole)"},
-  growth = {1.3, Min 1, Max 3, Step 0.05, Name "Mesh/2growth between layers"},
+  growth = {1.1, Min 1, Max 3, Step 0.05, Name "Mesh/2growth between layers"},
   quadrilaterals = {0, Choices{0, 1}, Name "Mesh/3quadrilaterals"}
 ];
 

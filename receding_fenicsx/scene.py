@@ -82,7 +82,7 @@ class MeshOptions:
     contact_elements: int = 160
     cell: str = "triangle"
     degree: int = 2
-    growth: float = 1.3
+    growth: float = 1.1
 
 
 @dataclass(frozen=True)
