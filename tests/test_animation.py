@@ -55,6 +55,11 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(shared_tmp_path: Pa
     assert pages.n_frames == FRAMES  # type: ignore[attr-defined]
     assert pages.info["loop"] == 0
     assert pages.size[0] == animation.GIF_WIDTH
+    pages.seek(FRAMES // 2)
+    pixels = np.asarray(pages.convert("RGB"))
+    for colour in (*style.STATE_COLOURS.values(), style.SHEAR_COLOUR):
+        near = np.abs(pixels - 255.0 * np.array(to_rgb(colour))).max(axis=2) < 8.0
+        assert near.sum() > 30, f"{colour} does not show"
 
 
 def test_failure_of_the_coder_is_said_and_leaves_no_file(

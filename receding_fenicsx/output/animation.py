@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from receding_fenicsx.environment import child_environment
@@ -183,7 +184,13 @@ def write_gif(path: Path, frames: list[Frame]) -> None:
     sheet = Image.new("RGB", (size[0], size[1] * 3))
     for n, k in enumerate((0, len(small) // 2, len(small) - 1)):
         sheet.paste(small[k], (0, n * size[1]))
-    palette = sheet.quantize(GIF_COLOURS, method=Image.Quantize.MEDIANCUT)
+    # the colours that have a meaning are kept as they are, the others share what is left
+    kept = [*style.STATE_COLOURS.values(), style.SHEAR_COLOUR]
+    others = sheet.quantize(GIF_COLOURS - len(kept), method=Image.Quantize.MEDIANCUT).getpalette()
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(
+        [round(255.0 * part) for colour in kept for part in to_rgb(colour)] + list(others or [])
+    )
     pages = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in small]
     step = 1000 / FRAMES_PER_SECOND
     with new_file(path, overwrite=True) as beside:
