@@ -89,8 +89,9 @@ class MeshOptions:
 class Contact:
     """One contact edge, against a rigid plane or the other body's edge; ``span`` restricts it.
 
-    Positions along the edge, in ``span`` and the profiles, run from its middle, rightwards or
-    upwards.
+    Positions along the edge, in ``span`` and the profiles, run from its middle: rightwards or
+    upwards on a rectangle, with the body on the left (along t) on a mesh of the user's own. On a
+    body of revolution they are radii.
     """
 
     edge: str = "bottom"
@@ -108,7 +109,7 @@ class Load:
     that is "free" is not prescribed. A ``platen`` is an edge that moves rigidly without rotation,
     under the resultant ``force`` (axisymmetric: of the full circle; one half of a symmetric body
     carries half) or with a constant ``displacement``; loads with the same edge and span share it.
-    ``span`` runs along the edge from its middle, rightwards or upwards.
+    ``span`` runs along the edge as that of a contact does.
     """
 
     name: str

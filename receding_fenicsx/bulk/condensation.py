@@ -178,9 +178,18 @@ def _contact_data(bulk: Bulk, scene: Scene, held: NDArray[np.bool_]) -> dict[str
         "half": bulk.body.half and not scene.axisymmetric,
         "axisymmetric": scene.axisymmetric,
         "edge": contact.edge,
-        "edge_names": tuple(description.edge for description in scene.contacts),
+        "edge_names": _edge_names(scene),
         "scene_toml": to_toml(scene),
     }
+
+
+def _edge_names(scene: Scene) -> tuple[str, ...]:
+    """Return the contact edges' names, numbered where several contacts lie on one edge."""
+    names = [contact.edge for contact in scene.contacts]
+    return tuple(
+        f"{name} {names[: i + 1].count(name)}" if names.count(name) > 1 else name
+        for i, name in enumerate(names)
+    )
 
 
 def _load_sign(bulk: Bulk) -> Array:

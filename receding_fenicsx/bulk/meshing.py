@@ -161,7 +161,7 @@ def _raw(scene: Scene, half: bool) -> RawMesh:
         edges["left"] = np.empty((0, 2), dtype=np.int64)
     middles = {edge: np.hstack(edge_points(scene, edge, [0.0])) for edge in EDGES}
     points = frame.to_body(mesh.s, mesh.d) + np.array(scene.body.position)
-    return RawMesh(points, mesh.cells, edges, {}, middles)
+    return RawMesh(points, mesh.cells, edges, {}, middles, upright=True)
 
 
 def _tagged(

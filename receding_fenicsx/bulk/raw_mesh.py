@@ -27,6 +27,8 @@ class RawMesh:
         edges: (k, 2) points of the facets of each edge, by name.
         spots: points of each named group of points.
         middles: (2,) middle of each edge of the whole body, where it is known beforehand.
+        upright: positions along edges grow rightwards or upwards, as for a rectangle; else with the
+            body on the left, which a turn of the whole scene does not change.
     """
 
     points: Array
@@ -34,6 +36,7 @@ class RawMesh:
     edges: dict[str, Ints]
     spots: dict[str, Ints] = field(default_factory=dict)
     middles: dict[str, Array] = field(default_factory=dict)
+    upright: bool = False
 
     @property
     def cell(self) -> str:
@@ -70,7 +73,7 @@ def from_axis(mesh: RawMesh) -> RawMesh:
         height = mesh.points[facets][..., 1]
         if height.size and np.ptp(height) <= STRAIGHT_TOLERANCE * mesh.size:
             middles[edge] = np.array([0.0, height.flat[0]])
-    return replace(mesh, middles=middles)
+    return replace(mesh, middles=middles, upright=True)
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ class Line:
 
     Attributes:
         middle: (2,) middle of the edge, from which positions along it are measured.
-        direction: (2,) unit vector along which positions grow: rightwards or upwards.
+        direction: (2,) unit vector along which positions grow.
         outward: (2,) unit outward normal.
         length: of the edge.
     """
@@ -94,7 +97,7 @@ class Line:
         return (points - self.middle) @ self.direction
 
 
-def upwards(direction: Array) -> Array:
+def _upwards(direction: Array) -> Array:
     """Return the direction or its opposite, so that its larger component is positive."""
     return direction * np.sign(direction[np.argmax(np.abs(direction))]) + 0.0
 
@@ -131,7 +134,7 @@ def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
     end = points[np.argmax(np.hypot(*(points - points[0]).T))]
     other = points[np.argmax(np.hypot(*(points - end).T))]
     length = float(np.hypot(*(other - end)))
-    direction = upwards((other - end) / length)
+    direction = _upwards((other - end) / length)
     normal = np.array([direction[1], -direction[0]])
     middle = mesh.middles.get(edge, 0.5 * (end + other))
     off = float(np.abs((points - end) @ normal).max())
@@ -146,6 +149,9 @@ def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
         raise InputError(
             f"{where}: the body lies on both sides of '{edge}'; give each side a group of its own"
         )
+    if not mesh.upright:
+        # the normal lies to the right of the direction
+        direction = -side[0] * direction + 0.0
     ends = np.sort((mesh.points[facets] - middle) @ direction, axis=1)
     ends = ends[np.argsort(ends[:, 0])]
     gaps = np.abs(ends[1:, 0] - ends[:-1, 1])

@@ -121,10 +121,12 @@ def _collect(gmsh: Any, body: Body, where: str) -> RawMesh:
         entities = model.getEntitiesForPhysicalGroup(dim, tag)
         nodes = [part for e in entities for part in mesh.getElements(dim, e)[2]]
         places = number[np.concatenate([np.empty(0), *nodes]).astype(np.int64)]
+        # a group may go on where another body of the file is
         if dim == 0:
-            spots[name] = places
+            spots[name] = places[places >= 0]
         else:
-            edges[name] = places.reshape(-1, 2)
+            facets = places.reshape(-1, 2)
+            edges[name] = facets[np.all(facets >= 0, axis=1)]
     return RawMesh(points[:, :2].copy(), number[around], edges, spots)
 
 
