@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import logging
 import signal
 import sys
 import time
@@ -14,7 +15,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from receding_fenicsx import __version__
-from receding_fenicsx.errors import POLL_SECONDS, InputError, RecedingError
+from receding_fenicsx.errors import POLL_SECONDS, InputError, Interrupted, RecedingError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -39,9 +40,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     _catch_termination()
     try:
         options = _parser(comm).parse_args(argv)
+        _log_to_terminal(comm, options.verbose)
         return int(options.work(options, comm) or 0)
     except RecedingError as error:
         return _fail(comm, f"error: {error}".replace("\n", " "), error.exit_code)
+    except Interrupted as error:
+        return _fail(comm, str(error), error.exit_code)
     except KeyboardInterrupt:
         return _fail(comm, "interrupted", INTERRUPTED)
     except BrokenPipeError:
@@ -52,6 +56,18 @@ def main(argv: Sequence[str] | None = None) -> int:
         traceback.print_exc()
         text = f"internal error: {type(error).__name__}: {error}; please report the lines above"
         return _fail(comm, text, 1)
+
+
+def _log_to_terminal(comm: MPI.Comm | None, verbose: int) -> None:
+    """Show what is logged, on rank 0: stages and cycles, or with two -v every event too."""
+    logger = logging.getLogger("receding_fenicsx")
+    for handler in logger.handlers[:]:
+        logger.removeHandler(handler)
+    logger.propagate = False
+    shown = verbose > 0 and _is_root(comm)
+    logger.addHandler(logging.StreamHandler() if shown else logging.NullHandler())
+    logger.handlers[0].setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    logger.setLevel(logging.DEBUG if verbose > 1 else logging.INFO)
 
 
 def _world() -> MPI.Comm | None:
@@ -118,8 +134,16 @@ def _parser(comm: MPI.Comm | None) -> argparse.ArgumentParser:
 
     def command(name: str, work: Callable[..., int | None], text: str) -> argparse.ArgumentParser:
         added = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
-        added.set_defaults(work=work)
+        added.set_defaults(work=work, verbose=0)
         return added
+
+    def verbose_argument(added: argparse.ArgumentParser) -> None:
+        added.add_argument(
+            "-v",
+            "--verbose",
+            action="count",
+            help="log stages, cycles, residuals and timings; twice: every change of state too",
+        )
 
     def scene_arguments(added: argparse.ArgumentParser) -> None:
         added.add_argument("scene", metavar="SCENE.toml", help="what is modelled")
@@ -136,12 +160,28 @@ def _parser(comm: MPI.Comm | None) -> argparse.ArgumentParser:
     scene_arguments(added)
     added.add_argument("--out", required=True, metavar="DIR", help="folder for what is found")
     added.add_argument("--overwrite", action="store_true", help="replace an earlier run")
-    added.add_argument("--resume", action="store_true", help="go on with an interrupted run")
+    added.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with an interrupted run, or with a finished one for more cycles",
+    )
+    added.add_argument(
+        "--system",
+        metavar="FILE",
+        help="use a saved system (of condense, or a run's system.h5) instead of condensing again",
+    )
+    added.add_argument(
+        "--pictures",
+        choices=("all", "figures", "none"),
+        help="all draws the body too, which needs it meshed again; figures is what --system draws",
+    )
+    verbose_argument(added)
 
     added = command("condense", _condense, "condense the body to its contact nodes and save that")
     scene_arguments(added)
     added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the system")
     added.add_argument("--overwrite", action="store_true", help="replace the file")
+    verbose_argument(added)
 
     added = command("plot", _plot, "draw the figures of a finished run again")
     added.add_argument("folder", metavar="DIR", help="folder of the run")
@@ -153,6 +193,7 @@ def _parser(comm: MPI.Comm | None) -> argparse.ArgumentParser:
         "--leg", required=True, metavar="loading|unloading|K", help="part of the cycle"
     )
     added.add_argument("--at", type=float, default=1.0, metavar="S", help="0 to 1 along the leg")
+    verbose_argument(added)
 
     added = command("animate", _animate, "make a film of one cycle of a finished run")
     added.add_argument("folder", metavar="DIR", help="folder of the run")
@@ -186,8 +227,8 @@ def _needed(comm: MPI.Comm | None) -> MPI.Comm:
 class _Progress:
     """One line on the terminal that is written over again and again; nothing elsewhere."""
 
-    def __init__(self, comm: MPI.Comm | None) -> None:
-        self.shown = _is_root(comm) and sys.stderr.isatty()
+    def __init__(self, comm: MPI.Comm | None, verbose: int = 0) -> None:
+        self.shown = _is_root(comm) and sys.stderr.isatty() and not verbose
 
     def __enter__(self) -> Callable[[str], None]:
         return self.say
@@ -203,19 +244,42 @@ class _Progress:
 
 
 def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx import study
+    from receding_fenicsx import errors, study
+    from receding_fenicsx.output.run_folder import has_run, is_finished
     from receding_fenicsx.output.summary import read_summary
     from receding_fenicsx.output.table import run_table
     from receding_fenicsx.scene_file import read_scene
 
+    scene, out, pictures = (
+        read_scene(options.scene, options.overrides),
+        options.out,
+        options.pictures,
+    )
+    comm, finished = _needed(comm), False
     if options.resume:
-        raise InputError("--resume is not available yet; run the scene again without it")
-    scene = read_scene(options.scene, options.overrides)
-    with _Progress(comm) as say:
-        study.run(scene, options.out, _needed(comm), options.overwrite, progress=say)
+        if options.overwrite:
+            raise InputError("--resume and --overwrite: give one of them")
+        if options.system is not None:
+            raise InputError("--resume and --system: the run has its own system; give one of them")
+        finished = comm.bcast(errors.on_root(comm, lambda: is_finished(Path(out), scene)))
+        if _is_root(comm) and not has_run(Path(out)):
+            print(f"{PROGRAM}: {out}: nothing to resume, starting from rest", file=sys.stderr)
+    if not finished:
+        with _Progress(comm, options.verbose) as say:
+            study.run(
+                scene,
+                out,
+                comm,
+                options.overwrite,
+                pictures != "none",
+                say,
+                options.resume,
+                options.system,
+                None if pictures is None else pictures == "all",
+            )
     if _is_root(comm):
-        print(run_table(read_summary(Path(options.out) / "summary.json")))
-        print(f"written to {options.out}")
+        print(run_table(read_summary(Path(out) / "summary.json")))
+        print(f"{out}: this run was finished already" if finished else f"written to {out}")
 
 
 def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
@@ -227,8 +291,8 @@ def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     scene = read_scene(options.scene, options.overrides)
     comm, path = _needed(comm), Path(options.out)
     errors.on_root(comm, lambda: check_file(path, options.overwrite))
-    with _Progress(comm) as say:
-        system = study.condense(scene, comm, say)
+    with _Progress(comm, options.verbose) as say:
+        system = study.condense(scene, comm, say, whole=True)
 
     def write() -> None:
         assert system is not None
@@ -252,7 +316,7 @@ def _plot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 def _snapshot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import study
 
-    with _Progress(comm) as say:
+    with _Progress(comm, options.verbose) as say:
         made = study.snapshot(
             options.folder, options.cycle, options.leg, options.at, _needed(comm), say
         )

@@ -13,6 +13,8 @@ T = TypeVar("T")
 
 POLL_SECONDS = 0.005
 """Pause between two looks of a waiting rank: short beside any stage, long beside a busy core."""
+SAVING_SECONDS = 10.0
+"""How long a rank that is told to end waits for rank 0 to save its work."""
 
 
 class RecedingError(Exception):
@@ -49,6 +51,23 @@ class NoQuasiStaticContinuation(SolveError):
     """The rate problem has no solution at the load factor and nodes named in the message."""
 
 
+class Interrupted(KeyboardInterrupt):
+    """Ctrl-C, or a signal that asks to end, in the middle of a run that can be gone on with.
+
+    Attributes:
+        exit_code: 128 + the signal's number, by the shell's convention.
+    """
+
+    def __init__(self, message: str, exit_code: int) -> None:
+        """Say what is kept and how to go on."""
+        super().__init__(message, exit_code)
+        self.exit_code = exit_code
+
+    def __str__(self) -> str:
+        """Return the message alone."""
+        return str(self.args[0])
+
+
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
     """Run ``work`` on rank 0 while the other ranks sleep; raise its exception on every rank.
 
@@ -71,14 +90,33 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
             error = caught
     if comm.size > 1:
         failed = bytearray([error is not None])
-        request = comm.Ibcast(failed, root=0)
-        while not request.Test():
-            time.sleep(POLL_SECONDS)
+        _wait_for_root(comm.Ibcast(failed, root=0))
         if failed[0]:
             error = comm.bcast(error, root=0)
     if error is not None:
         raise error
     return result
+
+
+def _wait_for_root(request: MPI.Request) -> None:
+    """Sleep until rank 0 has done its work.
+
+    A signal that ends the job reaches every rank, and rank 0 may have to save its work first: the
+    others give it some time before they follow the signal by themselves.
+    """
+    stopped: BaseException | None = None
+    end = float("inf")
+    while time.monotonic() < end:
+        try:
+            while time.monotonic() < end and not request.Test():
+                time.sleep(POLL_SECONDS)
+            if time.monotonic() < end:
+                return
+        except (KeyboardInterrupt, SystemExit) as signalled:
+            stopped = stopped or signalled
+            end = min(end, time.monotonic() + SAVING_SECONDS)
+    assert stopped is not None
+    raise stopped
 
 
 def on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:

@@ -169,10 +169,17 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """What is kept of the history: samples a leg, and which cycles ("all", list, None: default)."""
+    """What is kept of the history, and how often a run can be gone on with.
+
+    Attributes:
+        samples_per_leg: samples a leg of the kept cycles.
+        cycles: which cycles get samples and events ("all", list, None: default).
+        checkpoint_cycles: cycles between two checkpoints.
+    """
 
     samples_per_leg: int = 40
     cycles: tuple[int, ...] | str | None = None
+    checkpoint_cycles: int = 10
 
 
 @dataclass(frozen=True)

@@ -514,6 +514,7 @@ def _check_solver(scene: Scene) -> None:
 def _check_output(scene: Scene) -> None:
     output = scene.output
     _check_positive(output.samples_per_leg, "[output] samples_per_leg")
+    _check_positive(output.checkpoint_cycles, "[output] checkpoint_cycles")
     if isinstance(output.cycles, tuple):
         cycles = 0 if scene.history.kind == "monotonic" else scene.history.cycles
         for number in output.cycles:

@@ -45,8 +45,7 @@ NAMED = ("body", "load")
 """Tables that may occur several times and are then told apart by their names."""
 
 LATER = {
-    "solver": {"on_jump": "stepping over a jump", "checkpoint_cycles": "a checkpoint"},
-    "output": {"checkpoint_cycles": "a checkpoint"},
+    "solver": {"on_jump": "stepping over a jump"},
 }
 """Keys that are known but cannot be served yet, by table."""
 

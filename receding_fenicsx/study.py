@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import resource
 import signal
 import sys
@@ -17,16 +18,16 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from receding_fenicsx import errors, history
-from receding_fenicsx.errors import InputError, RecedingError, SolveError
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.interface.contact import eliminate_tangential, friction_margin
+from receding_fenicsx import errors, history, long_run
+from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.interface.contact import friction_margin
 from receding_fenicsx.output import files, summary
-from receding_fenicsx.output.atomic import check_folder, new_folder
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.run_folder import SYSTEM, run_folder
 from receding_fenicsx.replay import state_at
-from receding_fenicsx.scene import Scene, evaluate
+from receding_fenicsx.reuse import system_for
+from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_checks import is_half_meshed
 from receding_fenicsx.scene_file import from_toml
 
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
     from receding_fenicsx.interface.contact import ContactSystem
 
 T = TypeVar("T")
+
+log = logging.getLogger(__name__)
 
 Say = Callable[[str], None]
 """Told what is being done, on rank 0."""
@@ -64,8 +67,11 @@ class Timer:
         if self.say is not None:
             self.say(stage)
         begin = time.perf_counter()
-        yield
-        self.seconds[stage] += time.perf_counter() - begin
+        try:
+            yield
+        finally:
+            self.seconds[stage] += time.perf_counter() - begin
+            log.info("%s: %.3f s", stage, self.seconds[stage])
 
 
 def run(
@@ -75,17 +81,27 @@ def run(
     overwrite: bool = False,
     pictures: bool = True,
     progress: Say | None = None,
+    resume: bool = False,
+    system_file: str | Path | None = None,
+    snapshots: bool | None = None,
 ) -> Record | None:
     """Go the whole way from a scene to its record; all ranks call this together.
 
     Args:
         scene: what is modelled.
         out: folder for ``record.h5``, ``summary.json``, ``system.h5``, ``report.html`` and the
-            pictures; it appears when all of it is written. None writes nothing.
+            pictures; it appears when all of it is written. Until then the run lives beside it, in
+            ``OUT.part``. None writes nothing.
         comm: communicator; all processes of the job when left out.
         overwrite: replace the folder of an earlier run.
         pictures: draw figures and snapshots; needs ``out``.
         progress: told on rank 0 what is being done.
+        resume: go on from the last checkpoint of an interrupted run in ``OUT.part``, or of a
+            finished one in ``out`` for more cycles; begin where there is none.
+        system_file: a saved system of the same body, material, mesh, contact edges, loads and
+            supports, to be used instead of condensing again; the body is not touched.
+        snapshots: draw the body too, which needs it meshed and factored; when left out, unless
+            there is a ``system_file``.
 
     Returns:
         The record on rank 0, None on the others.
@@ -93,53 +109,108 @@ def run(
     Raises:
         RecedingError: on all ranks alike. When the evolution fails on the way, ``out`` holds the
             record up to there, its summary the reason under "failure".
+        Interrupted: a signal asked to end; ``OUT.part`` holds the record up to there and can be
+            gone on with.
     """
     scene.validate()
     comm = comm or _world()
     timer = Timer(progress if comm.rank == 0 else None)
-    with _folder(comm, out, overwrite) as folder:
-        bulk = _bulk(scene, comm, timer)
-        try:
-            with timer("condense"):
-                system = _condense(bulk)
-            with timer("evolve"):
-                evolved = errors.on_root(comm, lambda: _evolve(scene, _given(system), timer.say))
-                record, failure = evolved or (None, None)
-                failure = comm.bcast(failure)
-            with timer("pictures"):
-                if pictures and out is not None and failure is None:
-                    _pictures(scene, bulk, system, record, folder)
-            extra = {"bulk_dofs": bulk.dofs, **_costs(comm, timer)}
-            if system is not None:
-                extra["friction_margin"] = friction_margin(system)
-            if failure is not None:
-                extra["failure"] = str(failure)
-        finally:
-            bulk.destroy()
+    if snapshots is None:
+        snapshots = system_file is None
+    with _folder(comm, out, scene, overwrite, resume) as folder:
+        system, extra = _system(scene, comm, timer, folder, system_file)
+        with timer("evolve"):
+            evolved = errors.on_root(
+                comm, lambda: long_run.run_history(scene, _given(system), folder, timer.say)
+            )
+        record, failure = evolved or (None, None)
+        failure = comm.bcast(failure)
+        if failure is not None:
+            extra["failure"] = str(failure)
+        if system is not None:
+            extra["friction_margin"] = friction_margin(system)
         if out is not None:
-            errors.on_root(comm, lambda: _write(_given(folder), record, system, extra))
+            # before the pictures, so that it is there whatever becomes of them
+            errors.on_root(comm, lambda: _write_record(folder, record))
+            _write_summary(comm, folder, record, extra, timer)
+            with timer("pictures"):
+                if pictures and failure is None:
+                    _pictures(scene, comm, system, record, folder, snapshots)
+            _write_summary(comm, folder, record, extra, timer)
+            errors.on_root(comm, lambda: _write_report(folder, record))
     if failure is not None:
         raise failure
     return record
 
 
+def _system(
+    scene: Scene,
+    comm: MPI.Comm,
+    timer: Timer,
+    folder: Path | None,
+    system_file: str | Path | None,
+) -> tuple[ContactSystem | None, dict[str, Any]]:
+    """Return the scene's system on rank 0, saved or condensed, and what is known of the body."""
+
+    def saved() -> ContactSystem | None:
+        place = None if folder is None else folder / SYSTEM
+        if place is not None and place.is_file():
+            return files.read_system(place, scene)
+        if system_file is None:
+            return None
+        whole = files.read_system(Path(system_file))
+        system = files.read_system(Path(system_file), scene)
+        if place is not None:
+            whole = replace(whole, f=system.f, g0=system.g0, scene_toml=system.scene_toml)
+            files.write_system(place, whole)
+        return system
+
+    system = errors.on_root(comm, saved)
+    if comm.bcast(system is not None):
+        return system, {}
+    whole, dofs = _condensed(scene, comm, timer)
+
+    def keep() -> ContactSystem:
+        if folder is not None:
+            files.write_system(folder / SYSTEM, _given(whole))
+        return system_for(scene, _given(whole))
+
+    return errors.on_root(comm, keep), {"bulk_dofs": dofs}
+
+
+def _condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem | None, int]:
+    """Mesh, assemble and condense; return the system on rank 0, and the body's freedoms."""
+    from receding_fenicsx.bulk import condensation
+
+    bulk = _bulk(scene, comm, timer)
+    try:
+        with timer("condense"):
+            return condensation.condense(bulk), bulk.dofs
+    finally:
+        bulk.destroy()
+
+
 def condense(
-    scene: Scene, comm: MPI.Comm | None = None, progress: Say | None = None
+    scene: Scene, comm: MPI.Comm | None = None, progress: Say | None = None, whole: bool = False
 ) -> ContactSystem | None:
     """Mesh, assemble and condense a scene; all ranks call this together.
+
+    Args:
+        scene: what is modelled.
+        comm: communicator; all processes of the job when left out.
+        progress: told on rank 0 what is being done.
+        whole: keep the tangential displacements also of a contact without friction, so that the
+            system may serve one with friction too.
 
     Returns:
         The condensed system on rank 0, None on the others.
     """
     scene.validate()
     comm = comm or _world()
-    timer = Timer(progress if comm.rank == 0 else None)
-    bulk = _bulk(scene, comm, timer)
-    try:
-        with timer("condense"):
-            return _condense(bulk)
-    finally:
-        bulk.destroy()
+    system, _ = _condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
+    if system is None or whole:
+        return system
+    return errors.on_root(comm, lambda: system_for(scene, _given(system)))
 
 
 def snapshot(
@@ -265,14 +336,15 @@ def _world() -> MPI.Comm:
 
 
 @contextmanager
-def _folder(comm: MPI.Comm, out: str | Path | None, overwrite: bool) -> Iterator[Path | None]:
+def _folder(
+    comm: MPI.Comm, out: str | Path | None, scene: Scene, overwrite: bool, resume: bool
+) -> Iterator[Path | None]:
     """Open and close the run's folder on rank 0; its errors are raised on all ranks."""
     if out is None:
         yield None
         return
     with ExitStack() as stack:
-        errors.on_root(comm, lambda: check_folder(Path(out), overwrite))
-        opened = new_folder(Path(out), overwrite)
+        opened = run_folder(Path(out), scene, overwrite, resume)
         folder = errors.on_root(comm, lambda: stack.enter_context(opened))
         yield folder
         errors.on_root(comm, stack.close)
@@ -303,63 +375,26 @@ def _signals_kept() -> Iterator[None]:
                 signal.signal(number, handler)
 
 
-def _condense(bulk: Bulk | Pair) -> ContactSystem | None:
-    """Return the condensed system on rank 0; without friction only its normal displacements."""
-    from receding_fenicsx.bulk import condensation
-
-    system = condensation.condense(bulk)
-
-    def reduce() -> ContactSystem:
-        whole = _given(system)
-        return whole if np.any(whole.f) else eliminate_tangential(whole)
-
-    return errors.on_root(bulk.comm, reduce)
-
-
-def _evolve(
-    scene: Scene, system: ContactSystem, say: Say | None
-) -> tuple[Record, SolveError | None]:
-    """Return the record, and the error that ended it early if one did."""
-    slip = scene.history.initial_slip
-
-    def progress(cycle: int, cycles: int, message: str) -> None:
-        if say is not None:
-            say(f"evolve: cycle {cycle} of {cycles}, {message}")
-
-    try:
-        record = evolve(
-            system,
-            history.from_scene(scene),
-            scene.solver,
-            scene.output,
-            None if slip is None else evaluate(slip, system.x),
-            progress,
-        )
-    except SolveError as error:
-        # nothing of a history that fails at its very first load is worth keeping
-        if not isinstance(error.record, Record) or not len(error.record.turning_points.s):
-            raise
-        record, error.record = error.record, None
-        return record, error
-    return record, None
-
-
 def _pictures(
     scene: Scene,
-    bulk: Bulk | Pair,
+    comm: MPI.Comm,
     system: ContactSystem | None,
     record: Record | None,
     folder: Path | None,
+    body: bool,
 ) -> None:
-    """Draw the figures on rank 0 and the default snapshots on all ranks together."""
-    figures, snapshots = _drawing("figures"), _drawing("snapshots")
+    """Draw the figures on rank 0 and, of the body, the default snapshots on all ranks together."""
+    figures = _drawing("figures")
+    errors.on_root(comm, lambda: figures.plot_all(_given(record), _given(folder) / "figures"))
+    if not body:
+        return
+    snapshots = _drawing("snapshots")
 
-    def draw() -> list[Instant]:
-        figures.plot_all(_given(record), _given(folder) / "figures")
+    def choose() -> list[Instant]:
         return default_instants(scene, _given(system), _given(record))
 
-    instants, place = bulk.comm.bcast((errors.on_root(bulk.comm, draw), folder))
-    fine = picture_body(scene, bulk.comm)
+    instants, place = comm.bcast((errors.on_root(comm, choose), folder))
+    fine = picture_body(scene, comm)
     try:
         for instant in instants:
             snapshots.snapshot(fine, instant, place / "snapshots", snapshots.IN_EVERY_RUN)
@@ -422,13 +457,29 @@ def _costs(comm: MPI.Comm, timer: Timer) -> dict[str, Any]:
     }
 
 
-def _write(
-    folder: Path, record: Record | None, system: ContactSystem | None, extra: dict[str, Any]
+def _write_record(folder: Path | None, record: Record | None) -> None:
+    files.write_record(_given(folder) / "record.h5", _given(record), overwrite=True)
+
+
+def _write_report(folder: Path | None, record: Record | None) -> None:
+    _drawing("report").write_report(_given(folder), _given(record).scene_toml)
+
+
+def _write_summary(
+    comm: MPI.Comm,
+    folder: Path | None,
+    record: Record | None,
+    extra: dict[str, Any],
+    timer: Timer,
 ) -> None:
-    files.write_record(folder / "record.h5", _given(record))
-    files.write_system(folder / "system.h5", _given(system))
-    summary.write_summary(folder / "summary.json", summary.summarise(_given(record), extra))
-    _drawing("report").write_report(folder, _given(record).scene_toml)
+    """Write the summary with what the run has cost so far; collective."""
+    whole = {**extra, **_costs(comm, timer)}
+
+    def write() -> None:
+        text = summary.summarise(_given(record), whole)
+        summary.write_summary(_given(folder) / "summary.json", text, overwrite=True)
+
+    errors.on_root(comm, write)
 
 
 def _given(value: T | None) -> T:

@@ -23,7 +23,7 @@ import time
 import zlib
 from collections.abc import Callable, Generator
 from pathlib import Path
-from typing import Literal, NoReturn
+from typing import Any, Literal, NoReturn
 
 # Before NumPy loads, for those who call pytest themselves.
 os.environ.setdefault("OMP_NUM_THREADS", "1")
@@ -247,10 +247,11 @@ def shared_tmp_path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def mpirun() -> Callable[..., subprocess.CompletedProcess[str]]:
+def mpirun() -> Callable[..., Any]:
     """Run this interpreter under MPI: ``mpirun(2, "-m", "receding_fenicsx", "check", path)``.
 
-    Further keywords go to ``subprocess.run``. Skips the test where it runs under MPI itself.
+    Further keywords go to ``subprocess.run``; with ``start=True`` the started ``Popen`` comes back
+    at once. Skips the test where it runs under MPI itself.
     """
     if comm.size > 1:
         pytest.skip("starts mpirun itself")
@@ -261,9 +262,16 @@ def mpirun() -> Callable[..., subprocess.CompletedProcess[str]]:
     environment = outer_environment()
 
     def run(
-        ranks: int, *arguments: str | Path, timeout: float = 120, **options: object
-    ) -> subprocess.CompletedProcess[str]:
+        ranks: int,
+        *arguments: str | Path,
+        timeout: float = 120,
+        start: bool = False,
+        **options: object,
+    ) -> subprocess.CompletedProcess[str] | subprocess.Popen[str]:
         command = [program, "-n", str(ranks), sys.executable, *map(str, arguments)]
+        if start:
+            pipe = subprocess.PIPE
+            return subprocess.Popen(command, env=environment, stdout=pipe, stderr=pipe, text=True)
         options = {"env": environment, "capture_output": True, "text": True, **options}
         return subprocess.run(command, check=False, timeout=timeout, **options)  # type: ignore[call-overload]
 

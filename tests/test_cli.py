@@ -1,10 +1,8 @@
 import json
 import os
 import re
-import signal
 import subprocess
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 
@@ -61,7 +59,7 @@ def test_every_demo_scene_can_be_modelled(name: str) -> None:
         (["check", BLOCK, "--set", "contact.frictoin=1"], ["block.toml", "friction"]),
         (["check", BLOCK, "--set", "material.poisson=0.5"], ["poisson"]),
         (["run", BLOCK], ["--out", "--help"]),
-        (["run", BLOCK, "--out", "x", "--resume"], ["--resume", "not available yet"]),
+        (["run", BLOCK, "--out", "x", "--resume", "--overwrite"], ["--resume", "--overwrite"]),
         (["rnu", BLOCK], ["rnu"]),
         ([], ["COMMAND"]),
         (["check", BLOCK, "--st", "a.b=1"], ["--st"]),
@@ -283,39 +281,6 @@ def test_rank_that_fails_alone_ends_the_job(mpirun: Run, tmp_path: Path) -> None
     done = mpirun(2, script, timeout=60)
     assert done.returncode == 2
     assert "rank 1: error: only here" in done.stderr
-
-
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="sends signals to a process of its own")
-@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
-def test_interrupted_run_leaves_nothing_behind(
-    tmp_path: Path, number: signal.Signals, code: int
-) -> None:
-    out = tmp_path / "run"
-    slow = ["--set", "history.cycles=100000", "--set", "mesh.contact_elements=400"]
-    process = subprocess.Popen(
-        alone("run", BLOCK, *SMALL, *slow, "--out", str(out)),
-        env=environment.child_environment(),
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        end = time.monotonic() + 60
-        while not os.listdir(tmp_path):
-            assert process.poll() is None and time.monotonic() < end
-            time.sleep(0.05)
-        time.sleep(1.0)
-        assert process.poll() is None
-        process.send_signal(number)
-        stdout, stderr = process.communicate(timeout=60)
-    finally:
-        process.kill()
-    assert process.returncode == code
-    assert "Traceback" not in stderr
-    assert stdout == ""
-    if number == signal.SIGINT:
-        assert stderr.splitlines() == ["receding-fenicsx: interrupted"]
-    assert os.listdir(tmp_path) == []
 
 
 @pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process is enough")

@@ -15,7 +15,7 @@ from receding_fenicsx.history import from_scene
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.zones import zones
-from receding_fenicsx.output.atomic import new_file, new_folder
+from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.files import (
     digest,
     read_record,
@@ -189,52 +189,6 @@ def test_tables_of_unequal_lengths_are_refused(record: Record, tmp_path: Path) -
         read_record(tmp_path / "record.h5")
 
 
-# -- folders of runs -----------------------------------------------------------------------------
-
-
-def test_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
-    out = tmp_path / "deep" / "run"
-    with pytest.raises(RuntimeError), new_folder(out) as folder:
-        (folder / "summary.json").write_text("{}")
-        raise RuntimeError
-    assert not out.exists()
-    assert os.listdir(out.parent) == []
-    with new_folder(out) as folder:
-        (folder / "summary.json").write_text("{}")
-        assert not out.exists()
-    assert os.listdir(out) == ["summary.json"]
-    assert os.listdir(out.parent) == ["run"]
-
-
-def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> None:
-    out = tmp_path / "run"
-    out.mkdir()
-    with new_folder(out) as folder:  # an empty folder holds nothing to lose
-        (folder / "summary.json").write_text("first")
-    with pytest.raises(InputError, match=r"is there already.*--overwrite"), new_folder(out):
-        pass
-    with pytest.raises(RuntimeError), new_folder(out, overwrite=True) as folder:
-        raise RuntimeError
-    assert (out / "summary.json").read_text() == "first"
-    with new_folder(out, overwrite=True) as folder:
-        (folder / "summary.json").write_text("second")
-    assert (out / "summary.json").read_text() == "second"
-    (tmp_path / "thesis").mkdir()
-    (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
-    with (
-        pytest.raises(InputError, match="holds no earlier run"),
-        new_folder(tmp_path / "thesis", overwrite=True),
-    ):
-        pass
-    assert (tmp_path / "thesis" / "chapter.tex").exists()
-    (tmp_path / "file").write_text("")
-    with (
-        pytest.raises(InputError, match="is a file"),
-        new_folder(tmp_path / "file", overwrite=True),
-    ):
-        pass
-
-
 # -- condensed systems ---------------------------------------------------------------------------
 
 
@@ -255,21 +209,44 @@ def test_system_without_a_scene_and_of_normal_kind_reads_back(tmp_path: Path) ->
     assert differences(normal, read_system(tmp_path / "system.h5")) == []
 
 
-def test_system_serves_scenes_that_differ_in_history_and_solver_only(tmp_path: Path) -> None:
-    write_system(tmp_path / "system.h5", system_of(to_toml(from_toml(BLOCK))))
+def test_system_serves_scenes_of_the_same_body_and_no_others(tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    write_system(path, system_of(to_toml(from_toml(BLOCK))))
     for same in ("history.cycles=5", "solver.method=events", "title=other", "output.cycles=all"):
-        assert read_system(tmp_path / "system.h5", from_toml(BLOCK, [same])).n == 41
-    for other in (
-        "body.width=5",
-        "material.young=2",
-        "mesh.growth=1.5",
-        "contact.friction=0.3",
-        "load.p0.span=[-0.5, 0.5]",
-        "solver.symmetry=none",
-        "history.initial_slip=1e-3",
+        assert read_system(path, from_toml(BLOCK, [same])).n == 41
+    for other, named in (
+        ("body.width=5", r"\[body\] width"),
+        ("material.young=2", r"\[material\] young"),
+        ("material.poisson=0.2", r"\[material\] poisson"),
+        ("mesh.growth=1.5", r"\[mesh\] growth"),
+        ("contact.span=[-1.5, 1.5]", r"\[contact\] span"),
+        ("load.p0.span=[-0.5, 0.5]", r"\[load\] span"),
+        ("solver.symmetry=none", "symmetry"),
+        ("history.initial_slip=1e-3", "symmetry"),
+        ("contact.friction=0.3 + 0.01*x", "symmetry"),
     ):
-        with pytest.raises(InputError, match="condense this scene again"):
-            read_system(tmp_path / "system.h5", from_toml(BLOCK, [other]))
+        with pytest.raises(InputError, match=f"another {named}; condense this scene again"):
+            read_system(path, from_toml(BLOCK, [other]))
+    write_system(path, system_of(""), overwrite=True)
+    with pytest.raises(InputError, match="made by hand"):
+        read_system(path, from_toml(BLOCK))
+
+
+def test_system_takes_the_scene_s_own_friction_and_gap(tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    stored = system_of(to_toml(from_toml(BLOCK)))
+    write_system(path, stored)
+    scene = from_toml(BLOCK, ["contact.friction=0.2 + 0.1*abs(x)", "contact.initial_gap=0.01*x**2"])
+    system = read_system(path, scene)
+    np.testing.assert_allclose(system.f, 0.2 + 0.1 * np.abs(stored.x), rtol=1e-14)
+    np.testing.assert_allclose(system.g0, 0.01 * stored.x**2, rtol=1e-14)
+    assert system.scene_toml == to_toml(scene)
+    smooth = read_system(path, from_toml(BLOCK, ["contact.friction=0"]))
+    assert smooth.kind == "normal" and smooth.K.shape == (41, 41)
+    # and what has lost its tangential displacements cannot serve friction
+    write_system(path, smooth, overwrite=True)
+    with pytest.raises(InputError, match=r"system.h5: was saved without tangential"):
+        read_system(path, from_toml(BLOCK))
 
 
 def test_digest_does_not_depend_on_how_the_scene_was_written() -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -30,53 +29,15 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
     beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         yield beside
-        _sync(beside)
+        sync(beside)
         os.replace(beside, path)
-        _sync(path.parent)
+        sync(path.parent)
     except OSError as error:
         raise InputError(
             f"{path}: cannot be written ({error.strerror or error}); choose another place"
         ) from None
     finally:
         beside.unlink(missing_ok=True)
-
-
-@contextmanager
-def new_folder(path: Path, overwrite: bool = False) -> Iterator[Path]:
-    """Give an empty folder beside ``path`` to fill; on leaving without an error it is renamed.
-
-    Args:
-        path: where the finished folder shall be.
-        overwrite: replace what an earlier run left there (it must hold a ``summary.json``).
-
-    Yields:
-        The folder to fill; it is removed when anything goes wrong.
-
-    Raises:
-        InputError: the folder is there already and holds something, or cannot be made.
-    """
-    path = Path(path)
-    check_folder(path, overwrite)
-    beside = path.absolute().with_name(f".{path.absolute().name}.{os.getpid()}.tmp")
-    old = beside.with_suffix(".old")
-    try:
-        beside.parent.mkdir(parents=True, exist_ok=True)
-        shutil.rmtree(beside, ignore_errors=True)
-        beside.mkdir()
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be made ({error.strerror}); choose another folder"
-        ) from None
-    try:
-        yield beside
-        check_folder(path, overwrite)
-        if path.exists():
-            os.replace(path, old)
-        os.replace(beside, path)
-        _sync(beside.parent)
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
-        shutil.rmtree(old, ignore_errors=True)
 
 
 def check_file(path: Path, overwrite: bool = False) -> None:
@@ -112,7 +73,8 @@ def check_folder(path: Path, overwrite: bool = False) -> None:
         )
 
 
-def _sync(path: Path) -> None:
+def sync(path: Path) -> None:
+    """Have a file's content, or a folder's names, written to disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import dataclasses
-import hashlib
 import typing
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,9 +16,10 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.record import Cycles, Events, Record, States, Steady
+from receding_fenicsx.reuse import system_for
 from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_file import from_toml, to_toml
-from receding_fenicsx.scene_parts import part_of
+from receding_fenicsx.scene_difference import condensed_part, difference, digest
+from receding_fenicsx.scene_file import from_toml
 
 FORMAT_VERSION = 1
 RECORD = "receding_fenicsx record"
@@ -115,11 +115,11 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
         scene: the scene that it shall be used for; None takes it as it is.
 
     Returns:
-        The system.
+        The system, with the scene's own friction and gap.
 
     Raises:
         InputError: there is no such file, it is damaged, or it was condensed from a scene whose
-            body, material, mesh, contact, loads, supports or symmetry differ.
+            body, material, mesh, contact edges, loads, supports or symmetry differ.
     """
     with _open(path, SYSTEM) as file:
         values: dict[str, Any] = {}
@@ -135,42 +135,30 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
         if system.K.shape != (size, size) or system.held.shape != (2 * n,):
             raise InputError(f"{path}: its arrays do not fit together; condense the scene again")
         stored = _read(file, "digest")
-    if scene is not None and stored != digest(scene):
-        raise InputError(
-            f"{path}: was condensed from another body, material, mesh, contact, loads or symmetry; "
-            "condense this scene again"
-        )
-    return system
+    if scene is None:
+        return system
+    _check_scene(path, stored, system.scene_toml, scene)
+    try:
+        return system_for(scene, system)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
 
 
-def digest(scene: Scene) -> str:
-    """SHA-256 of all of a scene that its condensed system depends on."""
-    from receding_fenicsx.scene_checks import is_half_meshed
-
-    if not scene.others:
-        # what is written is the scene of the body alone
-        scene = part_of(scene, scene.body)
-    half = is_half_meshed(scene)
-    rest = Scene(
-        body=scene.body,
-        others=scene.others,
-        material=scene.material,
-        materials=scene.materials,
-        mesh=scene.mesh,
-        contacts=scene.contacts,
-        loads=scene.loads,
-        supports=scene.supports,
+def _check_scene(path: Path, stored: str, scene_toml: str, scene: Scene) -> None:
+    """Refuse a system that was condensed from another scene."""
+    if not scene_toml:
+        raise InputError(f"{path}: was made by hand, for no scene; condense this scene")
+    if stored == digest(scene):
+        return
+    found = None
+    with suppress(InputError):  # its mesh file may be gone
+        found = difference(condensed_part(from_toml(scene_toml)), condensed_part(scene))
+    found = found or (
+        "symmetry" if not any(b.mesh for b in scene.bodies) else "mesh file or symmetry"
     )
-    found = hashlib.sha256(f"{half}\n{to_toml(rest)}".encode())
-    for body in scene.bodies:
-        if body.mesh is not None:
-            try:
-                found.update(Path(body.mesh).read_bytes())
-            except OSError:
-                raise InputError(
-                    f'[body] mesh: "{body.mesh}": no such file; check the path'
-                ) from None
-    return found.hexdigest()
+    raise InputError(
+        f"{path}: was condensed from a scene with another {found}; condense this scene again"
+    )
 
 
 @contextmanager

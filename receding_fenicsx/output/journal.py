@@ -33,6 +33,10 @@ TOTALS = np.dtype([(k, np.asarray(v).dtype) for k, v in Totals._field_defaults.i
 CHANGE = np.dtype([("cycle", "<i4"), ("node", "<i4"), ("leg", "<i4"), ("old", "i1"), ("new", "i1")])
 
 
+JOURNAL = "journal.bin"
+"""Name of the file in a run's folder."""
+
+
 class Journal:
     """The finished cycles of a run, in memory.
 
@@ -54,6 +58,12 @@ class Journal:
 
     def checkpoint(self) -> None:
         """Note that the run can be gone on with from here, its memory of the way being renewed."""
+
+    def write(self) -> None:
+        """Keep all cycles up to the last checkpoint."""
+
+    def close(self) -> None:
+        """End keeping."""
 
 
 class JournalFile(Journal):
@@ -142,6 +152,11 @@ class JournalFile(Journal):
                 end = file.tell()
         self._written = self._ready = len(self.passed)
         return end
+
+
+def has_checkpoint(path: Path) -> bool:
+    """Return whether a journal may hold a checkpoint."""
+    return path.is_file() and path.stat().st_size > len(MAGIC) + 16 + HEAD.itemsize
 
 
 def _unwritable(path: Path, error: OSError) -> InputError:

@@ -1,0 +1,230 @@
+"""Runs that are interrupted, killed and gone on with, as a whole: folders, ranks, signals."""
+
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+from receding_fenicsx import cli, environment, study
+from receding_fenicsx.errors import InputError, Interrupted
+from receding_fenicsx.output import journal
+from receding_fenicsx.output.files import read_record
+from receding_fenicsx.output.summary import read_summary
+from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene_file import read_scene
+
+BLOCK = Path(__file__).parents[1] / "demos" / "block.toml"
+SMALL = ["mesh.contact_elements=24", "output.checkpoint_cycles=5"]
+MODULE = ("-m", "receding_fenicsx")
+comm = MPI.COMM_WORLD
+
+
+def small(*overrides: str) -> Scene:
+    scene = read_scene(BLOCK, [*SMALL, *overrides])
+    return replace(scene, history=replace(scene.history, until=None))
+
+
+def same_bits(a: Path, b: Path) -> None:
+    """Fail unless two runs' records hold the same arrays, bit by bit."""
+    seen = []
+    with h5py.File(a / "record.h5") as one, h5py.File(b / "record.h5") as other:
+
+        def compare(name: str, item: object) -> None:
+            if isinstance(item, h5py.Dataset):
+                x, y = item[()], other[name][()]
+                assert x.shape == y.shape and x.tobytes() == y.tobytes(), name
+                seen.append(name)
+
+        one.visititems(compare)
+        for name in ("dissipation_first_loading", "residual_max", "n_events", "sweeps"):
+            assert one.attrs[name] == other.attrs[name], name
+    assert {f"turning_points/{k}" for k in ("v", "w", "P", "Q", "state")} <= set(seen)
+    assert {"cycles/dissipation", "cycles/slip_increment", "events/node", "samples/p"} <= set(seen)
+
+
+def stop_at(cycle: int) -> Callable[[str], None]:
+    """Return a listener that interrupts once a cycle has been passed."""
+
+    def say(text: str) -> None:
+        if text.startswith(f"evolve: cycle {cycle} "):
+            raise KeyboardInterrupt
+
+    return say
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
+    shared_tmp_path: Path, method: str
+) -> None:
+    scene = small(f"solver.method={method}", "solver.steps_per_leg=4", "history.cycles=14")
+    whole, out = shared_tmp_path / "whole", shared_tmp_path / "run"
+    study.run(scene, whole, comm, pictures=False)
+    with pytest.raises(Interrupted, match=r"after cycle 12 of 14.*run.part.*--resume") as caught:
+        study.run(scene, out, comm, pictures=False, progress=stop_at(12))
+    assert caught.value.exit_code == 130
+    comm.Barrier()
+    part = shared_tmp_path / "run.part"
+    assert sorted(os.listdir(shared_tmp_path)) == ["run.part", "whole"]
+    if comm.rank == 0:
+        record, undisturbed = read_record(part / "record.h5"), read_record(whole / "record.h5")
+        np.testing.assert_array_equal(
+            record.cycles.dissipation, undisturbed.cycles.dissipation[:12]
+        )
+        assert read_summary(part / "summary.json")["failure"] == "interrupted after cycle 12 of 14"
+    comm.Barrier()
+    heard: list[str] = []
+    study.run(scene, out, comm, pictures=False, resume=True, progress=heard.append)
+    comm.Barrier()
+    assert sorted(os.listdir(shared_tmp_path)) == ["run", "whole"]
+    if comm.rank == 0:
+        # neither meshed nor condensed again, and only the cycles after the checkpoint
+        assert not any(text.startswith(("mesh", "assemble", "condense")) for text in heard)
+        assert [t.split()[2] for t in heard if "cycle" in t] == ["11", "12", "13", "14"]
+        same_bits(out, whole)
+        assert "failure" not in read_summary(out / "summary.json")
+    comm.Barrier()
+
+
+def test_finished_run_goes_on_for_more_cycles(shared_tmp_path: Path) -> None:
+    whole, out = shared_tmp_path / "whole", shared_tmp_path / "run"
+    study.run(small("history.cycles=17"), whole, comm, pictures=False)
+    study.run(small("history.cycles=12"), out, comm, pictures=False)
+    comm.Barrier()
+    study.run(small("history.cycles=17"), out, comm, pictures=False, resume=True)
+    comm.Barrier()
+    if comm.rank == 0:
+        same_bits(out, whole)
+        assert read_record(out / "record.h5").scene_toml.count("cycles = 17") == 1
+    with pytest.raises(InputError, match=r"begun with another \[contact\] friction"):
+        study.run(small("contact.friction=0.2"), out, comm, pictures=False, resume=True)
+
+
+def test_resuming_from_the_command_line(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = shared_tmp_path / "run"
+    arguments = ["run", str(BLOCK), "--out", str(out), "--pictures", "none", "--resume"]
+    for setting in (*SMALL, "history.cycles=6"):
+        arguments += ["--set", setting]
+    assert cli.main(arguments) == 0
+    captured = capsys.readouterr()
+    if comm.rank == 0:
+        assert captured.err.count("\n") == 1 and "nothing to resume" in captured.err
+        assert f"written to {out}" in captured.out
+    comm.Barrier()
+    assert cli.main(arguments) == 0
+    captured = capsys.readouterr()
+    if comm.rank == 0:
+        assert "this run was finished already" in captured.out and captured.err == ""
+    comm.Barrier()
+    assert cli.main([*arguments, "--set", "history.cycles=9"]) == 0
+    assert ("written to" in capsys.readouterr().out) == (comm.rank == 0)
+    comm.Barrier()
+    for extra, words in (
+        (["--set", "mesh.growth=1.2"], "begun with another [mesh] growth"),
+        (["--overwrite"], "give one of them"),
+        (["--system", "x.h5"], "give one of them"),
+    ):
+        assert cli.main([*arguments, *extra]) == 2
+        err = capsys.readouterr().err
+        if comm.rank == 0:
+            assert words in err and err.count("\n") == 1
+        comm.Barrier()
+
+
+def children(pid: int) -> list[int]:
+    """Return the processes that a process has started."""
+    return [
+        int(child)
+        for task in Path(f"/proc/{pid}/task").iterdir()
+        for child in (task / "children").read_text().split()
+    ]
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_killed_again_and_again_the_run_ends_in_the_same_bits(
+    mpirun: Callable[..., Any], tmp_path: Path, ranks: int
+) -> None:
+    settings = [*SMALL, "history.cycles=150", "solver.steady_tolerance=1e-15"]
+    arguments: list[str] = ["--pictures", "none"]
+    for setting in settings:
+        arguments += ["--set", setting]
+    whole, out = tmp_path / "whole", tmp_path / "run"
+    done = mpirun(ranks, *MODULE, "run", BLOCK, "--out", whole, *arguments)
+    assert done.returncode == 0, done.stderr
+    lasted = read_summary(whole / "summary.json")["timings"]["evolve"]
+    part, moments = tmp_path / "run.part", random.Random(ranks)
+    for _ in range(2):
+        process = mpirun(
+            ranks,
+            *(*MODULE, "run", BLOCK, "--out", out, "--resume", *arguments),
+            start=True,
+        )
+        end = time.monotonic() + 60
+        while (
+            process.poll() is None
+            and time.monotonic() < end
+            and not (part / journal.JOURNAL).exists()
+        ):
+            time.sleep(0.01)
+        time.sleep(moments.uniform(0.1, 0.5) * lasted)
+        for child in children(process.pid):
+            os.kill(child, signal.SIGKILL)
+        process.communicate(timeout=60)
+        assert process.returncode != 0
+        assert os.listdir(tmp_path).count("run.part") == 1
+    done = mpirun(ranks, *MODULE, "run", BLOCK, "--out", out, "--resume", *arguments)
+    assert done.returncode == 0, done.stderr
+    same_bits(out, whole)
+
+
+@pytest.mark.skipif(comm.size > 1, reason="sends signals to a process of its own")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_leave_a_run_that_can_be_gone_on_with(
+    tmp_path: Path, number: signal.Signals, code: int
+) -> None:
+    out, part = tmp_path / "run", tmp_path / "run.part"
+    arguments = ["run", str(BLOCK), "--out", str(out), "--pictures", "none"]
+    settings = ["mesh.contact_elements=40", "history.cycles=100000", "history.until=steady"]
+    settings += ["solver.steady_tolerance=1e-16"]
+    for setting in settings:
+        arguments += ["--set", setting]
+    process = subprocess.Popen(
+        [sys.executable, *MODULE, *arguments],
+        env=environment.child_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        end = time.monotonic() + 60
+        while not journal.has_checkpoint(part / journal.JOURNAL):
+            assert process.poll() is None and time.monotonic() < end
+            time.sleep(0.05)
+        time.sleep(0.5)
+        process.send_signal(number)
+        stdout, stderr = process.communicate(timeout=60)
+    finally:
+        process.kill()
+    assert process.returncode == code
+    assert stdout == ""
+    assert len(stderr.splitlines()) == 1
+    assert "interrupted after cycle" in stderr and f"{part} holds the record" in stderr
+    assert os.listdir(tmp_path) == ["run.part"]
+    reached = len(read_record(part / "record.h5").cycles.dissipation)
+    assert reached > 0
+    more = reached + 3
+    assert cli.main([*arguments, "--resume", "--set", f"history.cycles={more}"]) == 0
+    assert len(read_record(out / "record.h5").cycles.dissipation) == more
