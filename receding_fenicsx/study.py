@@ -208,7 +208,7 @@ def condense(
     scene.validate()
     comm = comm or _world()
     system, _ = _condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
-    if system is None or whole:
+    if whole:
         return system
     return errors.on_root(comm, lambda: system_for(scene, _given(system)))
 
