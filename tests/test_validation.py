@@ -77,3 +77,33 @@ def test_punch_slips_back_from_its_edge_when_it_is_unloaded() -> None:
     assert ends[-1] == 0.0 and ends == sorted(ends, reverse=True)
     centre = [shape[0][2] for _, shape in unloading[:-1]]
     assert centre == sorted(centre, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "nu"), [(0.5, (0.3, 0.3)), (0.5, (0.0, 0.45)), (-0.5, (0.3, 0.3))]
+)
+def test_layer_on_a_half_plane_touches_over_a_width_that_alpha_decides(
+    alpha: float, nu: tuple[float, float]
+) -> None:
+    layer = demo("layer")
+    record = layer["solve"](alpha, 20.0, nu)
+    if record is not None:
+        known = contact_half_width(0.5, (1.0 - alpha) / (1.0 + alpha))
+        assert layer["half_width"](record) == pytest.approx(known, rel=2e-3)
+
+
+def test_sheared_cylinders_stick_and_slip_as_cattaneo_and_mindlin_say() -> None:
+    mindlin = demo("cattaneo_mindlin")
+    record = mindlin["solve"](30.0, 120)
+    if record is None:
+        return
+    spacing = max(record.x[1:] - record.x[:-1])
+    rows = mindlin["compare"](record)
+    # two cycles with their samples, and three legs: loading, unloading, reloading
+    assert {row[0] for row in rows} == {"loading", "unloading", "reloading"}
+    for leg, Q, found, known, shear, pressure in rows:
+        assert abs(found - known) <= spacing, (leg, Q)
+        assert shear < 0.01 and pressure < 0.01, (leg, Q)
+    # sliding between the two reversals is paid for by the loop that Q and its displacement enclose
+    assert record.cycles.dissipation[0] > 0.0
+    assert record.cycles.dissipation[1] == pytest.approx(record.cycles.dissipation[0], rel=1e-9)

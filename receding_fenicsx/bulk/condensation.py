@@ -43,6 +43,8 @@ RIGID_TOLERANCE = 1e-12
 """Largest force of a rigid motion over the largest row sum of |K|."""
 PROBE_TOLERANCE = 1e-10
 """Largest error of K times a probe, found by a solve, over the largest row sum of |K|."""
+PROFILE_ROUND_OFF = 1e-10
+"""Gap or friction, over the largest one along the edge, that is zero but for round-off."""
 BLOCK = 64
 """Right-hand sides solved for together."""
 
@@ -202,7 +204,10 @@ def _along_edges(bulk: Bulk, key: str) -> Array:
     contact, values = bulk.contact, np.empty(len(bulk.contact.x))
     for k, described in enumerate(bulk.scene.contacts):
         on = contact.edge == k
-        values[on] = evaluate(getattr(described, key), contact.x[on])
+        profile = evaluate(getattr(described, key), contact.x[on])
+        # a node that gmsh put beside x = 0 touches where the gap is x^2
+        profile[np.abs(profile) <= PROFILE_ROUND_OFF * np.abs(profile).max(initial=0.0)] = 0.0
+        values[on] = profile
     if np.any(values < 0.0):
         i = int(np.argmin(values))
         edge = bulk.scene.contacts[contact.edge[i]].edge

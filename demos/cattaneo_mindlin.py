@@ -1,0 +1,91 @@
+"""Two equal cylinders pressed together and sheared to and fro: Cattaneo's and Mindlin's solution.
+
+You will see, on loading, unloading and reloading by the shear force Q at a constant P, the width
+of the stick zone and the shear tractions against their closed forms: the stick width lies within
+one node spacing, the tractions within 1 % of the largest one (but for four nodes beside each
+zone's end).
+
+The bodies are large blocks with the initial gap of the cylinders. Each stands on a platen, which
+does not tip: the shear force would turn a block that is held by its pressure alone. Equal bodies
+have beta = 0, shear does not change the pressure, and Hertz's ellipse stays as it is. Blocks are
+not half-planes: their size enters by (a / size)^2, as the table of sizes shows.
+"""
+
+from pathlib import Path
+
+import numpy as np
+
+from receding_fenicsx import Record, read_scene, study
+from receding_fenicsx.interface.contact import State
+from receding_fenicsx.interface.zone_ends import contact_half_width_estimate
+from receding_fenicsx.interface.zones import stick_half_width
+from receding_fenicsx.output.widths import tractions
+from receding_fenicsx.reference import CattaneoMindlin, Hertz
+
+HERE = Path(__file__).parent
+HERTZ = Hertz(force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2))
+KNOWN = CattaneoMindlin(HERTZ, f=0.5, largest=0.3)
+LEGS = {(0, 1): "loading", (1, 0): "unloading", (1, 1): "reloading"}
+"""Names of the legs of shear, by cycle and leg."""
+BESIDE = 4
+"""Nodes beside the end of a zone whose tractions are not compared."""
+TOLERANCE = 0.01
+"""Error allowed of a traction, over the largest pressure (times f for shear)."""
+
+
+def solve(size: float = 30.0, elements: int = 240) -> Record | None:
+    """Run the scene with blocks of some size; the record on rank 0."""
+    changes = [f"mesh.contact_elements={elements}"]
+    for name, up in (("upper", 1), ("lower", -1)):
+        changes.append(f"body.{name}.parameters={{size={size}, half_width=1.5, up={up}}}")
+    return study.run(read_scene(HERE / "cattaneo_mindlin.toml", changes))
+
+
+def compare(record: Record) -> list[tuple[str, float, float, float, float, float]]:
+    """Leg, Q, stick half width here and known, errors of q and p, at the samples of shear."""
+    s, x = record.samples, record.x
+    spacing = float(np.diff(x).max())
+    rows = []
+    for i in range(len(s.s)):
+        leg = LEGS.get((int(s.cycle[i]), int(s.leg[i])))
+        if leg is None:
+            continue
+        Q = float(s.load[i, record.load_names.index("Q")])
+        known = KNOWN.stick_half_width(Q, leg)
+        found = stick_half_width(x, s.state[i], record.f)
+        ends = [HERTZ.a, known, KNOWN.stick_half_width(KNOWN.largest, "loading")]
+        away = np.all([np.abs(np.abs(x) - end) > (BESIDE + 0.5) * spacing for end in ends], axis=0)
+        # the force of the lower body on the upper one is against Q
+        q = -s.q[i] - KNOWN.traction(x, Q, leg)
+        p = s.p[i] - HERTZ.pressure(x)
+        off = [float(np.abs(part[away]).max()) / HERTZ.p0 for part in (q, p)]
+        rows.append((leg, Q, found, known, off[0] / KNOWN.f, off[1]))
+    return rows
+
+
+def main() -> None:
+    """Print the tables; assert stick widths within one node and tractions within 1 %."""
+    for size in (15.0, 30.0, 60.0):
+        record = solve(size)
+        if record is None:
+            continue
+        spacing = float(np.diff(record.x).max())
+        a = contact_half_width_estimate(tractions(record, 1, beta=0.0)).value
+        rows = compare(record)
+        worst = np.array([[abs(r[2] - r[3]) / spacing, r[4], r[5]] for r in rows]).max(axis=0)
+        print(
+            f"size {size:2.0f}: a = {a:.4f} (Hertz {HERTZ.a:.4f}); largest errors: stick width "
+            f"{worst[0]:.2f} nodes, q {worst[1]:.1e}, p {worst[2]:.1e}"
+        )
+    if record is None:
+        return
+    print("leg          Q/fP   stick here   closed form   error of q/(f p0)")
+    for leg, Q, found, known, off, _ in rows:
+        print(f"{leg:10s}  {Q / 0.5:5.2f}  {found:10.4f}  {known:11.4f}  {off:16.1e}")
+    assert np.any(record.samples.state == State.STICK)
+    assert worst[0] <= 1.0, "stick half width is off by more than one node"
+    assert worst[1] < TOLERANCE and worst[2] < TOLERANCE, "tractions are off by more than 1 %"
+
+
+if __name__ == "__main__":
+    main()
