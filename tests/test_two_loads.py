@@ -176,6 +176,31 @@ def test_loads_in_proportion_are_one_load() -> None:
     assert conjugate == pytest.approx(b.turning_points.load_displacement[:, 0], rel=1e-9)
 
 
+def test_pressure_and_shear_out_of_phase_make_the_block_walk() -> None:
+    """Low pressure on the way back, high on the way forth: rigid steps, turned by the direction."""
+    scene = scene_of("polygon of P and Q", 4, None)
+    scene = replace(scene, material=Material(1.0, 0.0), mesh=MeshOptions(8, "triangle", 2, 1.3))
+    loop = ((0.4, 0.0), (1.0, -0.98), (2.0, 0.0), (1.0, 0.98))
+    back = (*loop[2::-1], loop[3])
+    system = condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    steps = []
+    for corners, solver in (
+        (loop, SolverOptions()),
+        (back, SolverOptions()),
+        (loop, SolverOptions(method="gauss-seidel", steps_per_leg=160)),
+    ):
+        history = replace(scene.history, rows=((1.0, 0.0), (1.0, 0.98)), cycle_rows=corners)
+        record = evolved(replace(scene, history=history, solver=solver), system)
+        step = record.cycles.slip_increment[-1]
+        assert np.ptp(step) < 1e-9 * np.ptp(record.turning_points.v)
+        steps.append(step.mean())
+    assert record.steady.kind == "ratchetting"
+    assert steps[0] < -1e-4 * np.ptp(record.turning_points.v)
+    assert steps[1] == pytest.approx(-steps[0], rel=1e-9)
+    assert steps[2] == pytest.approx(steps[0], rel=0.05)
+
+
 def test_round_off_in_the_first_cycle_is_no_cyclic_slip() -> None:
     """Sheared back by half, the block sticks from cycle 1 on: shakedown."""
     scene = scene_of("platen sheared to and fro")
