@@ -19,7 +19,7 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface import complementarity
+from receding_fenicsx.interface import complementarity, exhaustion
 from receding_fenicsx.interface.contact import Array, ContactSystem, State
 
 Indices = NDArray[np.intp]
@@ -107,7 +107,7 @@ def solve_states(
         covers.append(combine(pressing))
     z = complementarity.solve(combine(columns), combine(s), covers)
     if z is None:
-        return None
+        return _exhaust(system, undecided, S, s)
     state = np.zeros(n, dtype=np.int8)
     stiffness = float(np.abs(np.diagonal(system.K)).max())
     ends = np.cumsum([0, len(a), len(b), k, k, k, len(d)])
@@ -125,6 +125,51 @@ def solve_states(
     )
     state[c] = np.where((gap > small) | (P_c <= force), State.SEPARATION, slip)
     state[d] = np.where((gap_d > small) | (P_d <= force), State.SEPARATION, State.STICK)
+    return state
+
+
+def choices(undecided: Undecided) -> dict[int, tuple[int, ...]]:
+    """Return the states that each undecided node may take."""
+    stick, open_ = int(State.STICK), int(State.SEPARATION)
+    forward, backward = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)
+    may = dict.fromkeys(undecided.forward.tolist(), (stick, forward))
+    may |= dict.fromkeys(undecided.backward.tolist(), (stick, backward))
+    may |= dict.fromkeys(undecided.touching.tolist(), (stick, open_, forward, backward))
+    return may | dict.fromkeys(undecided.smooth.tolist(), (stick, open_))
+
+
+def is_exhaustible(undecided: Undecided) -> bool:
+    """Return whether all sets of states are tried where the finite method finds nothing."""
+    return 0 < exhaustion.count(list(choices(undecided).values())) <= exhaustion.EXHAUSTED
+
+
+def _exhaust(
+    system: ContactSystem, undecided: Undecided, S: Array, s: Array
+) -> NDArray[np.int8] | None:
+    """Try all sets of states, where they are few.
+
+    Args:
+        system: the condensed body in 2N form.
+        undecided: the nodes to decide.
+        S: stiffness at the rows of :func:`solve_states`: v of forward, backward and touching nodes,
+            w of the same, w of the smooth ones.
+        s: (rows,) reactions (or rates) with no further displacement.
+    """
+    if not is_exhaustible(undecided):
+        return None
+    may = choices(undecided)
+    nodes = np.array(list(may))
+    m, d = len(nodes), len(undecided.smooth)
+    # smooth nodes get a tangential freedom of their own that is kept still
+    where = np.concatenate([np.arange(m - d), m + np.arange(m)])
+    full, held = np.eye(2 * m), np.zeros(2 * m)
+    full[np.ix_(where, where)], held[where] = S, s
+    smooth = np.arange(m) >= m - d
+    found = exhaustion.exhaust(full, held, system.f[nodes], list(may.values()), smooth)
+    if found is None:
+        return None
+    state = np.zeros(system.n, dtype=np.int8)
+    state[nodes] = found
     return state
 
 

@@ -19,7 +19,7 @@ from receding_fenicsx.interface.contact import (
     reactions,
     relative_residual,
 )
-from receding_fenicsx.interface.contact_lcp import solve_states
+from receding_fenicsx.interface.contact_lcp import is_exhaustible, solve_states
 from receding_fenicsx.interface.rates import (
     BACKWARD,
     FORWARD,
@@ -151,7 +151,7 @@ class Walk:
         """
         n, system, F = self.system.n, self.system, self.segments.frictional
         s = np.array([stop[0] for stop in self.stops])[:, None]
-        y = np.array([stop[1] for stop in self.stops])
+        y = np.concatenate([stop[1] for stop in self.stops]).reshape(-1, 4 * n)
         v, gap, A_, B_ = (y[:, k * n : (k + 1) * n] for k in range(4))
         load, u = self.load(s), np.hstack([v, gap - system.g0])
         Q = 0.5 * (A_ - B_)[:, F]
@@ -280,8 +280,8 @@ class Walk:
         except SingularExchange:
             state[:] = before
             segment = self._finite(before)
-        changed = np.flatnonzero(state != before)
-        self.leg.events += [(self.s, int(i), int(before[i]), int(state[i])) for i in changed]
+        for i in (state != before).nonzero()[0].tolist():
+            self.leg.events.append((self.s, i, int(before[i]), int(state[i])))
         return segment
 
     def _violations(self, segment: Segment) -> NDArray[np.intp]:
@@ -336,9 +336,11 @@ class Walk:
                     return segment
             except SingularExchange:
                 pass
-        raise self._explain(before, undecided.nodes)
+        raise self._explain(before, undecided.nodes, is_exhaustible(undecided))
 
-    def _explain(self, before: States, nodes: NDArray[np.intp]) -> SolveError:
+    def _explain(
+        self, before: States, nodes: NDArray[np.intp], exhausted: bool = False
+    ) -> SolveError:
         """Return the error for a load at which the path ends."""
         segments = self.segments
         load = ", ".join(f"{value:.9g}" for value in self.load(self.s))
@@ -372,7 +374,8 @@ class Walk:
         )
         return NoQuasiStaticContinuation(
             f"no quasi-static continuation {where}: the rates of nodes [{listed}] have no "
-            "solution, the body jumps here; reduce the friction or the load range"
+            f"solution{' (all sets of their states were tried)' if exhausted else ''}, the body "
+            "jumps here; reduce the friction or the load range"
         )
 
     def finish(self, apex: bool, correct: bool) -> Leg:
