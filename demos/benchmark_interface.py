@@ -316,15 +316,14 @@ def random(options: argparse.Namespace) -> None:
                 slips += bool(np.any(state > State.SEPARATION))
             new = refusals[before:]
             jumps = [row for row in new if row[2] == "NoQuasiStaticContinuation"]
-            proved = sum(bool(row[3]) for row in jumps)
-            others = len(new) - len(jumps)
+            proved, others = sum(bool(row[3]) for row in jumps), len(new) - len(jumps)
             yield [
                 margin,
                 options.seeds,
                 slips,
                 events,
                 len(jumps),
-                tried,
+                proved,
                 others,
                 residual,
                 energy,
