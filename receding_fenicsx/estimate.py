@@ -20,7 +20,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.output.record import Record
-from receding_fenicsx.output.widths import contact_beta, estimates
+from receding_fenicsx.output.widths import contact_betas, estimates
 from receding_fenicsx.scene import Scene
 
 FACTORS = (2, 4)
@@ -67,7 +67,7 @@ def headline(record: Record) -> dict[str, Number]:
     row, x = int(first[-1]), record.x
     centre = 0.0 if record.axisymmetric else 0.5 * (x[0] + x[-1])
     found = {"centre_pressure": Number(float(np.interp(centre, x, table.p[row])))}
-    for name, width in estimates(record, row, contact_beta(record)).items():
+    for name, width in estimates(record, row, contact_betas(record)).items():
         low, high = width["interval"]
         found[name.removesuffix("_estimate")] = Number(width["value"], 0.5 * (high - low))
     D = record.cycles.dissipation

@@ -17,7 +17,7 @@ from receding_fenicsx.interface.zones import contact_half_width, stick_half_widt
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.series import limit_without_slip
-from receding_fenicsx.output.widths import contact_beta, estimates
+from receding_fenicsx.output.widths import contact_betas, estimates
 from receding_fenicsx.paper import paper_table
 from receding_fenicsx.scene_file import from_toml
 
@@ -37,7 +37,6 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
     """
     title = from_toml(record.scene_toml).title if record.scene_toml else ""
     steady = record.steady
-    beta = contact_beta(record)
     return {
         "title": title,
         "method": record.method,
@@ -46,7 +45,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "modelled_nodes": record.modelled_nodes,
         "modelled_dofs": record.modelled_dofs,
         "symmetry": _symmetry(record),
-        "turning_points": _turning_points(record, beta),
+        "turning_points": _turning_points(record),
         "dissipation_first_loading": float(record.dissipation_first_loading),
         "dissipation_per_cycle": record.cycles.dissipation.tolist(),
         "slip_per_cycle_max": slip_per_cycle_max(record),
@@ -67,16 +66,18 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
     }
 
 
-def _turning_points(record: Record, beta: float | None) -> list[dict[str, Any]]:
+def _turning_points(record: Record) -> list[dict[str, Any]]:
     """Turning points in their order; with several contact edges one row for each, with its name."""
     edges = record.by_edge()
     rows = range(len(record.turning_points.s))
     if len(edges) == 1:
-        return [_turning_point(record, i, beta) for i in rows]
+        betas = contact_betas(record)
+        return [_turning_point(record, i, betas) for i in rows]
+    parts = [(name, part, contact_betas(part)) for name, part in edges.items()]
     return [
-        {"edge": name, **_turning_point(part, i, beta)}
+        {"edge": name, **_turning_point(part, i, betas)}
         for i in rows
-        for name, part in edges.items()
+        for name, part, betas in parts
     ]
 
 
@@ -149,7 +150,7 @@ def read_summary(path: Path) -> dict[str, Any]:
     return summary
 
 
-def _turning_point(record: Record, i: int, beta: float | None) -> dict[str, Any]:
+def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
     table = record.turning_points
     x, state = record.x, table.state[i]
     return {
@@ -162,7 +163,7 @@ def _turning_point(record: Record, i: int, beta: float | None) -> dict[str, Any]
         "p_max": float(table.p[i].max()),
         "q_min": float(table.q[i].min()),
         "q_max": float(table.q[i].max()),
-        **estimates(record, i, beta),
+        **estimates(record, i, betas),
     }
 
 

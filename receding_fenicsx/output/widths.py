@@ -19,22 +19,23 @@ AGAINST_X = ("top", "left")
 """Edges of a rectangle along which x runs against the tangential direction t = (n_y, -n_x)."""
 
 
-def estimates(record: Record, row: int, beta: float | None = None) -> dict[str, Any]:
+def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[str, Any]:
     """Estimate the half widths at a turning point.
 
     Args:
-        record: the record.
+        record: the record of one contact edge.
         row: row of ``record.turning_points``.
-        beta: Dundurs' constant, as :func:`contact_beta` gives it.
+        betas: Dundurs' constants that may be right, as :func:`contact_betas` gives them. Of two
+            the interval holds what both lead to, and the value lies midway.
 
     Returns:
         ``contact_half_width_estimate`` and ``stick_half_width_estimate``, each with its value, an
         interval around it, and whether it was fitted (else it is the nodes' bracket).
     """
-    at = tractions(record, row, beta)
+    found = [tractions(record, row, beta) for beta in betas or (None,)]
     return {
-        "contact_half_width_estimate": _shown(contact_half_width_estimate(at)),
-        "stick_half_width_estimate": _shown(stick_half_width_estimate(at)),
+        "contact_half_width_estimate": _shown([contact_half_width_estimate(at) for at in found]),
+        "stick_half_width_estimate": _shown([stick_half_width_estimate(at) for at in found]),
     }
 
 
@@ -54,35 +55,37 @@ def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
     )
 
 
-def contact_beta(record: Record) -> float | None:
-    """Dundurs' beta of a record's contact, with the sign that makes forward slip run towards x.
+def contact_betas(record: Record) -> tuple[float, ...]:
+    """Dundurs' beta of a contact edge, with the sign that makes forward slip run towards x.
 
-    None when the scene does not tell: a system made by hand, a mesh of the user's own (the side of
-    its edge is not known here), or several contact edges.
+    Both signs on a mesh of the user's own, whose side of the edge is not known here; none where no
+    scene tells the materials, and of several edges together.
     """
-    if not record.scene_toml:
-        return None
+    numbers = set(record.edge.tolist())
+    if not record.scene_toml or len(numbers) != 1:
+        return ()
     scene = from_toml(record.scene_toml)
-    if len(scene.contacts) != 1:
-        return None
-    contact = scene.contacts[0]
+    contact = scene.contacts[numbers.pop()]
     body, edge = scene.find_edge(contact.edge)
-    if body.mesh is not None:
-        return None
     materials = [scene.material_of(body)]
     if contact.against is not None:
         materials.append(scene.material_of(scene.find_edge(contact.against)[0]))
     beta = dundurs_beta(*map(_constants, materials))
-    return -beta if edge in AGAINST_X else beta
+    if body.mesh is not None and beta != 0.0:
+        return beta, -beta
+    return (-beta,) if edge in AGAINST_X else (beta,)
 
 
 def _constants(material: Material) -> tuple[float, float, str]:
     return material.young, material.poisson, material.kinematics
 
 
-def _shown(end: ZoneEnd) -> dict[str, Any]:
+def _shown(ends: list[ZoneEnd]) -> dict[str, Any]:
     return {
-        "value": float(end.value),
-        "interval": [float(end.low), float(end.high)],
-        "fitted": end.fitted,
+        "value": sum(float(end.value) for end in ends) / len(ends),
+        "interval": [
+            min(float(end.low) for end in ends),
+            max(float(end.high) for end in ends),
+        ],
+        "fitted": all(end.fitted for end in ends),
     }

@@ -1,0 +1,76 @@
+"""Half widths below node spacing of a record: the same body on either side of its edge."""
+
+from dataclasses import replace
+
+import pytest
+from bodies import block
+
+from receding_fenicsx import reference, study
+from receding_fenicsx.interface.zone_ends import dundurs_beta
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.summary import summarise
+from receding_fenicsx.output.widths import contact_betas, estimates
+from receding_fenicsx.scene import Contact, HistoryOptions, Load
+
+BETA = dundurs_beta((2.0, 0.3, "plane strain"))
+KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
+
+
+def record_of(edge: str, opposite: str) -> Record | None:
+    scene = block(
+        degree=2,
+        elements=160,
+        growth=1.3,
+        load=Load("p0", opposite, (-1.0, 1.0), pressure=1.0),
+        contacts=(Contact(edge, friction=0.35),),
+        history=HistoryOptions(kind="monotonic"),
+    )
+    return study.run(replace(scene))
+
+
+def test_a_block_hanging_from_the_plane_has_the_widths_of_one_lying_on_it() -> None:
+    lying, hanging = record_of("bottom", "top"), record_of("top", "bottom")
+    if lying is None or hanging is None:
+        return
+    assert contact_betas(lying) == pytest.approx((BETA,))
+    assert contact_betas(hanging) == pytest.approx((-BETA,))
+    for key in KEYS:
+        one = estimates(lying, 0, contact_betas(lying))[key]
+        other = estimates(hanging, 0, contact_betas(hanging))[key]
+        assert one["fitted"] and other["fitted"]
+        assert other["value"] == pytest.approx(one["value"], abs=1e-9)
+        assert other["interval"] == pytest.approx(one["interval"], abs=1e-9)
+
+
+def test_two_signs_of_beta_give_an_interval_that_holds_both() -> None:
+    record = record_of("bottom", "top")
+    if record is None:
+        return
+    for key in KEYS:
+        each = [estimates(record, 0, (beta,))[key] for beta in (BETA, -BETA)]
+        both = estimates(record, 0, (BETA, -BETA))[key]
+        assert each[0]["value"] != each[1]["value"]
+        assert both["interval"] == [
+            min(one["interval"][0] for one in each),
+            max(one["interval"][1] for one in each),
+        ]
+        assert (
+            each[0]["value"]
+            != both["value"]
+            == pytest.approx(0.5 * (each[0]["value"] + each[1]["value"]))
+        )
+
+
+def test_estimates_stand_in_the_summary_beside_the_nodal_widths() -> None:
+    record = record_of("bottom", "top")
+    if record is None:
+        return
+    (point,) = summarise(record)["turning_points"]
+    spacing = max(record.x[1:] - record.x[:-1])
+    for key in KEYS:
+        low, high = point[key]["interval"]
+        assert low < point[key]["value"] < high
+        assert high - low < 1.5 * spacing
+        assert abs(point[key]["value"] - point[key.removesuffix("_estimate")]) < 1.5 * spacing
+    # not the frictionless width, which is that of another contact
+    assert abs(point[KEYS[0]]["value"] - reference.BLOCK.half_width) > 10 * spacing
