@@ -28,6 +28,7 @@ def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
     if text != system.scene_toml:
         old = from_toml(system.scene_toml).contacts
         f = _values(system, system.f, "friction", old, scene)
+        f[system.held[system.n :]] = 0.0
         g0 = _values(system, system.g0, "initial_gap", old, scene)
         system = replace(system, f=f, g0=g0)
     system = replace(system, scene_toml=text)

@@ -18,6 +18,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import from_scene
 from receding_fenicsx.interface.axis import on_axis
+from receding_fenicsx.output.loops import loop_of
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.summary import summarise
 from receding_fenicsx.scene import (
@@ -27,7 +28,9 @@ from receding_fenicsx.scene import (
     Load,
     Material,
     MeshOptions,
+    OutputOptions,
     Scene,
+    SolverOptions,
     Support,
 )
 from receding_fenicsx.study import condense as condense_scene
@@ -72,6 +75,7 @@ def test_forces_and_displacements_are_those_of_the_full_circle(cell: str, degree
     assert summary["symmetry"] == "axisymmetric"
     assert summary["turning_points"][-1]["contact_half_width"] == RADIUS
     assert summary["turning_points"][-1]["zones"] == [["stick", 0.0, RADIUS]]
+    assert summary["turning_points"][-1]["p_axis"] == pytest.approx(p, rel=1e-11)
 
 
 @pytest.mark.parametrize("cell", CELLS)
@@ -196,6 +200,52 @@ def test_node_on_the_axis_has_a_contact_condition_only_where_it_has_weight(degre
     rigid = np.concatenate([np.zeros(len(contact.x)), np.ones(len(contact.x))])
     assert contact.rigid == pytest.approx(rigid[:, None])
     bulk.destroy()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_two_cylinders_press_each_other_uniformly(degree: int) -> None:
+    """No lateral strain is hindered, so friction carries nothing; twice the height sinks."""
+    upper, lower = (Body(name=n, width=4.0, height=1.0) for n in ("a", "b"))
+    scene = cylinder(
+        degree=degree,
+        body=upper,
+        others=(replace(lower, position=(0.0, -1.0)),),
+        contacts=(Contact(edge="a.bottom", against="b.top", friction=0.4),),
+        loads=(Load("p", "a.top", pressure=1.0),),
+        supports=(Support("y", edge="b.bottom"),),
+    )
+    record = evolved(scene)
+    if record is not None:
+        area = np.pi * RADIUS**2
+        assert record.turning_points.p[-1] == pytest.approx(1.0, rel=1e-10)
+        assert record.turning_points.P[-1].sum() == pytest.approx(area, rel=1e-11)
+        assert record.turning_points.load_displacement[-1, 0] == pytest.approx(
+            2.0 / YOUNG * area, rel=1e-11
+        )
+
+
+def test_cyclic_dissipation_by_loop_area_and_by_load_steps() -> None:
+    """Radial slip: the work of the load on the full circle, and Gauss-Seidel's steps."""
+    scene = cylinder(
+        degree=2,
+        mesh=MeshOptions(32, "triangle", 2, 1.3),
+        contacts=(Contact(friction=0.3),),
+        loads=(Load("p", "top", (0.0, 1.0), pressure=1.0),),
+        history=HistoryOptions(kind="cyclic", cycles=60, until="steady", minimum=0.1),
+    )
+    system = condense_scene(scene)
+    if system is None:
+        return
+    output = OutputOptions(samples_per_leg=200)
+    exact = evolve(system, from_scene(scene), scene.solver, output)
+    D = exact.cycles.dissipation
+    loop = loop_of(exact, len(D))
+    assert exact.energy_error_max < 1e-10
+    assert loop.area().sum() == pytest.approx(D[-1], rel=1e-3)
+    solver = SolverOptions(method="gauss-seidel", steps_per_leg=80)
+    history = replace(from_scene(scene), cycles=1)
+    stepped = evolve(system, history, solver)
+    assert stepped.cycles.dissipation[0] == pytest.approx(D[0], rel=2e-3)
 
 
 def test_value_on_the_axis_of_an_even_field() -> None:

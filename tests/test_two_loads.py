@@ -210,6 +210,34 @@ def test_round_off_in_the_first_cycle_is_no_cyclic_slip() -> None:
     assert record.steady.kind == "shakedown"
 
 
+@pytest.mark.parametrize("friction", [0.0, 0.4])
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_top_that_is_lifted_takes_no_force_and_may_come_down_again(
+    friction: float, method: str
+) -> None:
+    """A prescribed displacement holds the open block; without friction the force is E' d w / h."""
+    scene = Scene(
+        material=Material(2.0, 0.3),
+        mesh=MeshOptions(16, "triangle", 2, 1.3),
+        contacts=(Contact(friction=friction),),
+        loads=(Load("d", "top", displacement=("free", -1.0)),),
+        history=HistoryOptions(
+            kind="table", columns=("d",), rows=((0.1,), (-0.1,), (0.2,)), cycles=1
+        ),
+        solver=SolverOptions(method=method, steps_per_leg=20),
+    )
+    system = condense(scene, MPI.COMM_SELF)
+    assert system is not None and system.kind == ("frictional" if friction else "normal")
+    table = evolved(scene, system).turning_points
+    force, pressed = table.load_displacement[:, 0], table.P.sum(axis=1)
+    assert np.abs(force - pressed).max() < 1e-12
+    assert abs(force[1]) < 1e-12 and table.w[1] == pytest.approx(0.1, abs=1e-12)
+    if friction == 0.0:
+        assert force[[0, 2]] == pytest.approx(2.0 / (1.0 - 0.3**2) * 4.0 * np.array([0.1, 0.2]))
+    else:
+        assert np.all(force[[0, 2]] > 2.0 / (1.0 - 0.3**2) * 4.0 * np.array([0.1, 0.2]))
+
+
 CYCLIC = HistoryOptions(kind="cyclic", minimum=0.2, cycles=3)
 WHOLE = Scene(
     mesh=MeshOptions(16, "quadrilateral", 2, 1.0),

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.axis import on_axis
 from receding_fenicsx.interface.contact import State
 from receding_fenicsx.interface.cycles import limit_of_decay
 from receding_fenicsx.interface.zones import contact_half_width, stick_half_width, zones
@@ -158,6 +159,7 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
         "leg": int(table.leg[i]),
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
         "zones": [list(zone) for zone in zones(x, state, record.axisymmetric)],
+        **({"p_axis": float(on_axis(x, table.p[i]))} if record.axisymmetric else {}),
         "contact_half_width": contact_half_width(x, state, record.axisymmetric),
         "stick_half_width": stick_half_width(x, state, record.f, record.axisymmetric),
         "p_max": float(table.p[i].max()),
