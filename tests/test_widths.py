@@ -72,5 +72,11 @@ def test_estimates_stand_in_the_summary_beside_the_nodal_widths() -> None:
         assert low < point[key]["value"] < high
         assert high - low < 1.5 * spacing
         assert abs(point[key]["value"] - point[key.removesuffix("_estimate")]) < 1.5 * spacing
+    # the ends of all zones, as many as there are between them
+    ends = point["zone_ends"]
+    assert len(ends) == len(point["zones"]) - 1
+    for end, zone in zip(ends, point["zones"][:-1], strict=True):
+        assert abs(end["value"] - zone[2]) < 1.5 * spacing
+    assert ends[-1]["value"] == pytest.approx(point[KEYS[0]]["value"], abs=1e-12)
     # not the frictionless width, which is that of another contact
     assert abs(point[KEYS[0]]["value"] - reference.BLOCK.half_width) > 10 * spacing

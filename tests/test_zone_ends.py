@@ -1,6 +1,7 @@
 """Ends of zones below node spacing: exact tractions laid on nodes, and exact half widths."""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -14,6 +15,7 @@ from receding_fenicsx.interface.zone_ends import (
     dundurs_beta,
     stick_half_width_estimate,
     zone_end,
+    zone_ends,
 )
 
 STICK, OPEN, FORWARD, BACKWARD = (
@@ -180,6 +182,29 @@ def test_left_end_is_the_mirror_image_of_the_right_end() -> None:
     assert right.fitted
     assert left.value == pytest.approx(-right.value, abs=1e-9)
     assert left.low == pytest.approx(-right.high, abs=1e-9)
+
+
+def test_every_end_of_a_zone_is_estimated_from_the_side_where_tractions_vanish() -> None:
+    x = edge(2, 100)
+    a, c, f = 0.803, 0.437, 0.3
+    m = math.atan(0.25 * f) / math.pi
+    at = pressed(a, 0.5 - m, 2, x, f)
+    # stick for |x| < c, where the shear is less than f p by a part with its own power
+    less = forces(x, 2, lambda s: np.sign(s) * np.maximum(c**2 - s**2, 0.0) ** (0.5 + m))
+    state = np.where(np.abs(x) < c, STICK, at.state)
+    at = Tractions(x, at.weight, at.P, at.Q + less, state, at.f, at.beta)
+    ends = zone_ends(at)
+    assert [end.fitted for end in ends] == [True] * 4
+    spacing = x[1] - x[0]
+    for end, exact in zip(ends, (-a, -c, c, a), strict=True):
+        assert end.low < exact < end.high
+        assert abs(end.value - exact) < 0.05 * spacing
+    half = zone_ends(replace(at, half=True))
+    assert [end.value for end in half] == pytest.approx([end.value for end in ends], abs=1e-9)
+    # between two slips of opposite direction nothing is known but the nodes
+    opposite = np.where(x < 0.0, BACKWARD, FORWARD)
+    (end,) = zone_ends(replace(at, state=opposite))
+    assert not end.fitted and end.low < 0.0 < end.high
 
 
 def test_few_nodes_in_contact_give_the_bracket() -> None:

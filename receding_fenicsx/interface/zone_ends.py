@@ -46,7 +46,7 @@ ROOM = {2: 0.6, 3: 0.45}
 its terms."""
 SEARCH = (-1.0, 2.0)
 """Where an end is looked for, in node spacings from the zone's last node."""
-CANDIDATES = 49
+CANDIDATES = 33
 """Ends that are tried at once, between which the best one is looked for again."""
 REFINEMENTS = 4
 """Rounds of trying; each narrows the search by the number of candidates."""
@@ -134,6 +134,26 @@ def stick_half_width_estimate(at: Tractions) -> ZoneEnd:
     return _half_width(at, *found)
 
 
+def zone_ends(at: Tractions) -> list[ZoneEnd]:
+    """Estimate where each zone of equal state ends and the next one begins, from left to right."""
+    last = np.flatnonzero(np.diff(at.state))
+    if not at.half:
+        return [_between(at, int(i)) for i in last]
+    right = [_between(at, int(i)) for i in last if at.x[i] + at.x[i + 1] > 0.0]
+    middle = [_between(at, int(i)) for i in last if at.x[i] + at.x[i + 1] == 0.0]
+    return [_turned(end) for end in reversed(right)] + middle + right
+
+
+def _between(at: Tractions, last: int) -> ZoneEnd:
+    """End of the zone up to a node, by the zone on either side whose tractions vanish there."""
+    end = zone_end(at, last, 1)
+    return end if end.fitted else zone_end(at, last + 1, -1)
+
+
+def _turned(end: ZoneEnd) -> ZoneEnd:
+    return ZoneEnd(-end.value, -end.high, -end.low, end.fitted)
+
+
 def _half_width(at: Tractions, first: int, last: int) -> ZoneEnd:
     right = zone_end(at, last, 1)
     if at.axisymmetric or (at.half and at.x[first] == -at.x[last]):
@@ -159,8 +179,7 @@ def zone_end(at: Tractions, last: int, side: int) -> ZoneEnd:
         The end; the edge's own end when the zone reaches it.
     """
     if side < 0:
-        end = zone_end(_mirrored(at), len(at.x) - 1 - last, 1)
-        return ZoneEnd(-end.value, -end.high, -end.low, end.fitted)
+        return _turned(zone_end(_mirrored(at), len(at.x) - 1 - last, 1))
     if last == len(at.x) - 1:
         return ZoneEnd(at.x[-1], at.x[-1], at.x[-1], fitted=False)
     low, high = float(at.x[last]), float(at.x[last + 1])

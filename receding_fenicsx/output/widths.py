@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 from receding_fenicsx.interface.zone_ends import (
@@ -10,6 +11,7 @@ from receding_fenicsx.interface.zone_ends import (
     contact_half_width_estimate,
     dundurs_beta,
     stick_half_width_estimate,
+    zone_ends,
 )
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import Material
@@ -30,12 +32,14 @@ def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[s
 
     Returns:
         ``contact_half_width_estimate`` and ``stick_half_width_estimate``, each with its value, an
-        interval around it, and whether it was fitted (else it is the nodes' bracket).
+        interval around it, and whether it was fitted (else it is the nodes' bracket); in
+        ``zone_ends`` the same for each place where one of the zones ends and the next begins.
     """
     found = [tractions(record, row, beta) for beta in betas or (None,)]
     return {
         "contact_half_width_estimate": _shown([contact_half_width_estimate(at) for at in found]),
         "stick_half_width_estimate": _shown([stick_half_width_estimate(at) for at in found]),
+        "zone_ends": [_shown(ends) for ends in zip(*map(zone_ends, found), strict=True)],
     }
 
 
@@ -80,7 +84,7 @@ def _constants(material: Material) -> tuple[float, float, str]:
     return material.young, material.poisson, material.kinematics
 
 
-def _shown(ends: list[ZoneEnd]) -> dict[str, Any]:
+def _shown(ends: Sequence[ZoneEnd]) -> dict[str, Any]:
     return {
         "value": sum(float(end.value) for end in ends) / len(ends),
         "interval": [
