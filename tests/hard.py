@@ -91,7 +91,10 @@ class Tally:
 
 
 def modelled(system: ContactSystem, record: Record) -> Record:
-    """Cut a record of the whole contact down to the half that was modelled."""
+    """Cut a record of the whole contact, or of the full circle, down to what was modelled."""
+    if system.axisymmetric:
+        part = {name: getattr(record.samples, name) / (2.0 * np.pi) for name in ("P", "Q")}
+        return replace(record, samples=replace(record.samples, **part))
     if not system.half:
         return record
     right = slice(len(record.x) - system.n, None)
