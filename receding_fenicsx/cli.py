@@ -175,6 +175,11 @@ def _parser(comm: MPI.Comm | None) -> argparse.ArgumentParser:
         choices=("all", "figures", "none"),
         help="all draws the body too, which needs it meshed again; figures is what --system draws",
     )
+    added.add_argument(
+        "--error",
+        action="store_true",
+        help="solve on two coarser meshes too and estimate the space error of the headline numbers",
+    )
     verbose_argument(added)
 
     added = command("condense", _condense, "condense the body to its contact nodes and save that")
@@ -262,6 +267,10 @@ def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
         if options.system is not None:
             raise InputError("--resume and --system: the run has its own system; give one of them")
         finished = comm.bcast(errors.on_root(comm, lambda: is_finished(Path(out), scene)))
+        if finished and options.error:
+            raise InputError(
+                f"{out}: is finished; errors belong to a run: give --overwrite instead"
+            )
         if _is_root(comm) and not has_run(Path(out)):
             print(f"{PROGRAM}: {out}: nothing to resume, starting from rest", file=sys.stderr)
     if not finished:
@@ -276,6 +285,7 @@ def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
                 options.resume,
                 options.system,
                 None if pictures is None else pictures == "all",
+                options.error,
             )
     if _is_root(comm):
         print(run_table(read_summary(Path(out) / "summary.json")))

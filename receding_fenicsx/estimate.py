@@ -15,13 +15,20 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.errors import InputError, RecedingError, on_root
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import from_scene
+from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.widths import contact_betas, estimates
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene import OutputOptions, Scene, evaluate
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 FACTORS = (2, 4)
 """How many times coarser the meshes are, nearly."""
@@ -84,6 +91,8 @@ def check(scene: Scene) -> None:
             "--error: a mesh from a file has no coarser ones; leave --error out, or compare runs "
             "on meshes of your own"
         )
+    if len(scene.contacts) > 1:
+        raise InputError("--error: a scene of several contact edges has no headline numbers yet")
     if scene.mesh.contact_elements // FACTORS[0] < FEWEST_ELEMENTS:
         raise InputError(
             f"--error: mesh.contact_elements = {scene.mesh.contact_elements} leaves nothing to "
@@ -135,6 +144,37 @@ def space_errors(
         error = max(estimate(number.value, coarse), number.known_to)
         errors[name] = {"value": number.value, "error": error}
     return errors
+
+
+def errors_of_run(scene: Scene, record: Record | None, comm: MPI.Comm) -> dict[str, Any]:
+    """Return what a run's summary says of space errors; all ranks call this together.
+
+    Returns:
+        ``{"errors": ...}`` as of :func:`space_errors`; with "errors_failure", the reason, where the
+        scene has no answer on a coarser mesh.
+    """
+    from receding_fenicsx import study
+
+    def solve(coarse: Scene) -> Record | None:
+        system = study.condense(coarse, comm)
+        return on_root(comm, lambda: _evolve(coarse, system))
+
+    try:
+        return {"errors": space_errors(scene, record, solve)}
+    except RecedingError as error:
+        return {"errors": {}, "errors_failure": f"on a coarser mesh: {error}"}
+
+
+def _evolve(scene: Scene, system: ContactSystem | None) -> Record:
+    assert system is not None
+    slip = scene.history.initial_slip
+    return evolve(
+        system,
+        from_scene(scene),
+        scene.solver,
+        OutputOptions(samples_per_leg=1, cycles=()),
+        None if slip is None else evaluate(slip, system.x),
+    )
 
 
 def estimate(value: float, coarse: Sequence[tuple[float, float]]) -> float:

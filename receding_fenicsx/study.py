@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 
-from receding_fenicsx import errors, history, long_run
+from receding_fenicsx import errors, estimate, history, long_run
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.interface.contact import friction_margin
 from receding_fenicsx.output import files, summary
@@ -70,7 +70,8 @@ class Timer:
         try:
             yield
         finally:
-            self.seconds[stage] += time.perf_counter() - begin
+            spent = self.seconds.get(stage, 0.0)
+            self.seconds[stage] = spent + time.perf_counter() - begin
             log.info("%s: %.3f s", stage, self.seconds[stage])
 
 
@@ -84,6 +85,7 @@ def run(
     resume: bool = False,
     system_file: str | Path | None = None,
     snapshots: bool | None = None,
+    error: bool = False,
 ) -> Record | None:
     """Go the whole way from a scene to its record; all ranks call this together.
 
@@ -102,6 +104,7 @@ def run(
             supports, to be used instead of condensing again; the body is not touched.
         snapshots: draw the body too, which needs it meshed and factored; when left out, unless
             there is a ``system_file``.
+        error: solve on coarser meshes too, and estimate the space errors of the headline numbers.
 
     Returns:
         The record on rank 0, None on the others.
@@ -113,6 +116,8 @@ def run(
             gone on with.
     """
     scene.validate()
+    if error:
+        estimate.check(scene)
     comm = comm or _world()
     timer = Timer(progress if comm.rank == 0 else None)
     if snapshots is None:
@@ -129,6 +134,9 @@ def run(
             extra["failure"] = str(failure)
         if system is not None:
             extra["friction_margin"] = friction_margin(system)
+        if error and failure is None:
+            with timer("errors"):
+                extra |= estimate.errors_of_run(scene, record, comm)
         if out is not None:
             # before the pictures, so that it is there whatever becomes of them
             errors.on_root(comm, lambda: _write_record(folder, record))

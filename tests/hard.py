@@ -574,6 +574,7 @@ CASES: tuple[Case, ...] = (
         Case(f"load range of {size:g}", SOLVED, partial(load_range, size))
         for size in (1e-4, 1e-6, 1e-7)
     ),
+    Case("load range of 1e-09", "told from round-off", partial(load_range, 1e-9)),
     *(
         Case(f"turning point at an event{text}", SOLVED, partial(turning_at_an_event, shift))
         for text, shift in (("", 0.0), (" + 1e-15", 1e-15), (" - 1e-15", -1e-15))

@@ -1,7 +1,6 @@
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
 from typing import Any
 
 from mpi4py import MPI
@@ -13,6 +12,8 @@ from receding_fenicsx import estimate, history, study
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.summary import read_summary, summarise
+from receding_fenicsx.output.table import run_table
 from receding_fenicsx.reference import BLOCK
 from receding_fenicsx.scene import OutputOptions, Scene
 from receding_fenicsx.scene_file import read_scene
@@ -69,56 +70,43 @@ def test_all_sizes_of_a_coarser_mesh_are_enlarged_alike() -> None:
     assert estimate.coarser(scene_of(64, "mesh.growth=2.5"), 16).mesh.growth == 3.0
 
 
-def made_up(scene: Scene, law: Callable[[float], float]) -> Any:
-    """Make a record whose centre pressure is a function of the number of elements."""
-    table = SimpleNamespace(
-        cycle=np.zeros(1, int),
-        p=np.full((1, 3), law(1.0 / scene.mesh.contact_elements)),
-        P=np.ones((1, 3)),
-        Q=np.zeros((1, 3)),
-        state=np.ones((1, 3), dtype=np.int8),
-    )
-    return SimpleNamespace(
-        x=np.array([-1.0, 0.0, 1.0]),
-        weight=np.ones(3),
-        f=np.full(3, 0.3),
-        half=False,
-        axisymmetric=False,
-        scene_toml="",
-        turning_points=table,
-        cycles=SimpleNamespace(dissipation=np.array([2.0, 1.0])),
-    )
+@pytest.fixture
+def made_up(monkeypatch: pytest.MonkeyPatch) -> Callable[[Scene], Any]:
+    """Make records whose only number has an error of the first order in the mesh size."""
+    monkeypatch.setattr(estimate, "headline", lambda record: record)
+    return lambda scene: {"a": estimate.Number(1.0 + 1.0 / scene.mesh.contact_elements)}
 
 
-def test_meshes_that_do_not_fit_the_scene_are_passed_over() -> None:
+FOUND = {"a": {"value": 1.0 + 1.0 / 64.0, "error": pytest.approx(1.0 / 64.0)}}
+
+
+def test_meshes_that_do_not_fit_the_scene_are_passed_over(
+    made_up: Callable[[Scene], Any],
+) -> None:
     tried = []
 
     def solve_some(scene: Scene) -> Any:
         tried.append(scene.mesh.contact_elements)
         if scene.mesh.contact_elements in (32, 16):
             raise InputError("no vertex")
-        return made_up(scene, lambda h: 1.0 + h)
+        return made_up(scene)
 
-    scene = scene_of(64)
-    found = estimate.space_errors(scene, made_up(scene, lambda h: 1.0 + h), solve_some)
+    assert estimate.space_errors(scene_of(64), made_up(scene_of(64)), solve_some) == FOUND
     assert tried == [32, 30, 16, 14]
-    assert found["centre_pressure"]["error"] == pytest.approx(1.0 / 64.0)
 
 
-def test_one_comparison_is_left_when_the_coarsest_mesh_has_no_answer() -> None:
+def test_one_comparison_is_left_when_the_coarsest_mesh_has_no_answer(
+    made_up: Callable[[Scene], Any],
+) -> None:
     def solve_some(scene: Scene) -> Any:
         if scene.mesh.contact_elements < 32:
             raise NotConverged("too coarse")
-        return made_up(scene, lambda h: 1.0 + h)
+        return made_up(scene)
 
     scene = scene_of(64)
-    found = estimate.space_errors(scene, made_up(scene, lambda h: 1.0 + h), solve_some)
-    assert found["centre_pressure"] == {
-        "value": 1.0 + 1.0 / 64.0,
-        "error": pytest.approx(1.0 / 64.0),
-    }
+    assert estimate.space_errors(scene, made_up(scene), solve_some) == FOUND
     with pytest.raises(NotConverged):
-        estimate.space_errors(scene, made_up(scene, abs), solve_nothing)
+        estimate.space_errors(scene, made_up(scene), solve_nothing)
 
 
 def solve_nothing(_: Scene) -> Any:
@@ -169,3 +157,50 @@ def test_the_estimate_shows_that_linear_triangles_lock_near_incompressibility() 
     # with as many nodes; no residual tells that the linear elements' answer is meaningless
     assert error(1) > 0.1
     assert error(2) < 0.05
+
+
+# -- in a run -------------------------------------------------------------------------------------
+
+
+def test_a_run_writes_and_prints_its_errors(shared_tmp_path: Path) -> None:
+    comm = MPI.COMM_WORLD
+    record = study.run(scene_of(32), shared_tmp_path / "run", comm, pictures=False, error=True)
+    if record is None:
+        return
+    summary = read_summary(shared_tmp_path / "run" / "summary.json")
+    numbers = estimate.headline(record)
+    assert list(summary["errors"]) == list(numbers) == list(estimate.NAMES)
+    for name, found in summary["errors"].items():
+        assert found["value"] == numbers[name].value
+        assert 0.0 < found["error"] < abs(found["value"])
+    D = record.cycles.dissipation
+    assert summary["errors"]["dissipation_ratio"]["value"] == D[-1] / D[0]
+    assert summary["timings"]["errors"] > 0.0
+    printed = run_table(summary)
+    for name in estimate.NAMES:
+        error = summary["errors"][name]["error"]
+        assert f"{name.replace('_', ' ')} {summary['errors'][name]['value']:.6g}" in printed
+        assert f"estimated space error {error:.1e}" in printed
+
+
+def test_a_run_without_an_answer_on_coarser_meshes_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*_: object) -> None:
+        raise NotConverged("too coarse")
+
+    scene = scene_of(32)
+    record = solve(scene)
+    monkeypatch.setattr(study, "condense", refuse)
+    found = estimate.errors_of_run(scene, record, MPI.COMM_SELF)
+    assert found == {"errors": {}, "errors_failure": "on a coarser mesh: too coarse"}
+    printed = run_table({**summarise(record), **found})
+    assert "space errors are not known: on a coarser mesh: too coarse" in printed
+
+
+def test_errors_asked_of_a_mesh_too_coarse_are_refused_before_the_run(
+    shared_tmp_path: Path,
+) -> None:
+    with pytest.raises(InputError, match="at least 16"):
+        study.run(scene_of(14), shared_tmp_path / "run", MPI.COMM_WORLD, error=True)
+    assert not (shared_tmp_path / "run").exists()

@@ -68,6 +68,12 @@ def run_table(summary: Mapping[str, Any]) -> str:
                 f"dissipation goes on by a {steady['trend']} law ({steady['trend_value']:.3g}) "
                 f"towards {steady['dissipation_limit'] / D[0]:.4f} of cycle 1"
             )
+    for name, found in (summary.get("errors") or {}).items():
+        error = "unknown" if found["error"] is None else f"{found['error']:.1e}"
+        words = name.replace("_", " ")
+        lines.append(f"{words} {found['value']:.6g}, estimated space error {error}")
+    if "errors_failure" in summary:
+        lines.append(f"space errors are not known: {summary['errors_failure']}")
     if summary.get("limit_without_slip"):
         ranges = ", ".join(
             " on ".join([f"{a:.4g} to {b:.4g}", *edge])
