@@ -35,6 +35,10 @@ from receding_fenicsx.interface.segments import LIMIT_TOLERANCE, Segment, Segmen
 CLOSE_EVENTS = 1e-9
 """Part of the leg within which the next event makes all nodes on limits be looked at together."""
 
+END_EVENTS = 1e-13
+"""Part of the leg before its end in which events are left to the next leg: round-off decides there
+whether a closed cycle comes back to where it reversed or just past it."""
+
 STANDING_EVENTS = 20
 """Events per node within ``CLOSE_EVENTS`` of one place after which the path counts as stuck
 there."""
@@ -125,10 +129,10 @@ class Walk:
             if first < CLOSE_EVENTS and not looked_at:
                 segment, looked_at = self._consistent(), True
                 continue
-            ds = min(max(first, 0.0), s_end - self.s)
+            last = first >= s_end - self.s - END_EVENTS
+            ds = s_end - self.s if last else max(first, 0.0)
             if self.sample_at and self.sample_at[0] <= self.s + ds:
                 self._sample(segment, self.s + ds)
-            last = first >= s_end - self.s
             self._advance(segment, ds)
             if last:
                 self.s = s_end
