@@ -21,6 +21,7 @@ from receding_fenicsx.interface.contact import (
     relative_residual,
 )
 from receding_fenicsx.interface.frozen import Reduction, reduce, widen
+from receding_fenicsx.interface.limits import Limit, furthest
 from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.segments import Segments
 from receding_fenicsx.interface.static import solve_static
@@ -39,9 +40,6 @@ CORRECTED_LEGS = 10
 REDUCTIONS = 3
 """Choices of the nodes left out that are tried on a leg."""
 
-BALANCE_TOLERANCE = 1e-10
-"""Resultant over the sum of all held reactions under which the loads balance each other."""
-
 
 class EventPath:
     """Follows legs exactly; keeps the tableau and the rates of known states from leg to leg."""
@@ -58,6 +56,7 @@ class EventPath:
         self.legs_since_correction = 0
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
         self.reduction: Reduction | None = None
+        self.limits: dict[tuple[bytes, bytes], Limit | None] = {}
 
     def trace_leg(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
@@ -86,13 +85,25 @@ class EventPath:
             return self._through_zero(start, ends, crossing, force_scale, samples)
         force_scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
         try:
-            reduced = (
-                None
-                if self._is_unloaded(b)
-                else self._walk_reduced(start, ends, force_scale, samples)
-            )
+            leg = self._trace(start, ends, force_scale, samples)
+        except NoEquilibrium:
+            raise
+        except SolveError as error:
+            limit = self._limit(a, b)
+            if limit is not None:
+                raise NoEquilibrium(limit.text) from error
+            raise
+        return leg
+
+    def _trace(
+        self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int
+    ) -> Leg:
+        """Follow one leg that does not begin at rest, in the quickest way that holds."""
+        if not self._is_unloaded(ends[1]):
+            reduced = self._walk_reduced(start, ends, force_scale, samples)
             if reduced is not None:
                 return reduced
+        try:
             leg = self._walk(start, ends, force_scale, samples)
             if self.segments.refined or leg.residual <= REFINED_ABOVE:
                 return leg
@@ -211,31 +222,23 @@ class EventPath:
             + [(s0 + s * (1.0 - s0), i, old, new) for s, i, old, new in second.events],
         )
 
-    def _check_resultant(self, load: Array) -> None:
-        """Raise where the load's resultant on a free body is beyond what any contact can carry."""
-        n, system = self.system.n, self.system
-        held = load @ system.r_star
-        Q, P = float(held[:n].sum()), float(held[n:].sum())
-        zero_force = BALANCE_TOLERANCE * float(np.abs(held).sum())
-        at_zero = f"at load factors {[0] * len(load)}"
-        if self.segments.lifts_freely and P < -zero_force:
-            raise NoEquilibrium(
-                f"lift-off {at_zero}: the load factors {load.tolist()} pull the body off; "
-                "check their signs, or add a [[support]]"
-            )
-        if (
-            self.segments.slides_freely
-            and not np.any(system.held[:n])
-            and abs(Q) > (system.f.max() * P)
-        ):
-            raise NoEquilibrium(
-                f"gross sliding {at_zero}: friction cannot hold the load factors {load.tolist()}; "
-                "raise the friction, or add a [[support]]"
-            )
+    def _limit(self, a: Array, b: Array) -> Limit | None:
+        """Return where equilibrium ends on a leg, None where it does not."""
+        key = a.tobytes(), b.tobytes()
+        if key not in self.limits:
+            self.limits[key] = furthest(self.system, a, b)
+        return self.limits[key]
 
     def _from_rest(self, start: ContactState, load: Array, force_scale: float, samples: int) -> Leg:
         """First loading from rest: the solution is proportional to the load (section 1.1)."""
-        self._check_resultant(load)
+        limit = self._limit(np.zeros_like(load), load)
+        if limit is not None and limit.kind == "lift-off":
+            raise NoEquilibrium(
+                f"lift-off at load factors {[0] * len(load)}: the load factors {load.tolist()} "
+                "pull the body off; check their signs, or add a [[support]]"
+            )
+        if limit is not None:
+            raise NoEquilibrium(limit.text)
         end = solve_static(self.segments, start, load)
         if end is None:
             raise NoEquilibrium(
