@@ -22,7 +22,7 @@ from receding_fenicsx.output.render import Picture, Renderer, renderer
 from receding_fenicsx.output.snapshot_view import view_of
 from receding_fenicsx.output.snapshots import QUANTITIES, colours_of, fringe_value, snapshot
 from receding_fenicsx.replay import turning_point
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene import Load, Material, Scene
 
 BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
 COMM = MPI.COMM_WORLD
@@ -200,6 +200,39 @@ def test_view_is_of_the_whole_body_without_a_seam() -> None:
     assert np.abs(load.heads[[0, -1], 0]) == pytest.approx([1.0, 1.0], abs=0.05)
     assert np.all(load.tails[:, 1] > load.heads[:, 1])
     assert view.caption == r"first unloading, $p_{0} = \frac{1}{3}\,p_{0}^{\,\mathrm{max}}$"
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        Load("p0", "top", platen=True, force=(0.0, -1.0)),
+        Load("p0", "top", (0.0, 1.0), traction=("x", -1.0)),
+        Load("p0", "top", displacement=("free", -1.0)),
+    ],
+)
+def test_loads_on_a_cylinder_are_drawn_on_both_sides_of_its_axis(load: Load) -> None:
+    scene = small_block("auto")
+    scene = replace(scene, loads=(load,), material=Material(kinematics="axisymmetric"))
+    now = COMM.bcast(instant(scene))
+    bulk = study.picture_body(scene, COMM)
+    try:
+        found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
+        view = None if found is None else view_of(bulk, found, now)
+    finally:
+        bulk.destroy()
+    if view is None:
+        return
+    if load.displacement is not None:
+        assert view.arrows == []
+        return
+    (arrows,) = view.arrows
+    ends = np.hstack([arrows.tails, arrows.heads])
+    assert ends == pytest.approx(ends[::-1] * [-1.0, 1.0, -1.0, 1.0], abs=1e-12)
+    length = arrows.heads - arrows.tails
+    reach = np.abs(arrows.tails[[0, -1], 0]) if load.platen else np.abs(arrows.heads[[0, -1], 0])
+    assert reach == pytest.approx(2.0 if load.platen else 1.0, abs=0.3)
+    assert length[:, 1] == pytest.approx(length[0, 1]) and length[0, 1] < 0.0
+    assert np.all(np.diff(length[:, 0]) > 0.0) != load.platen
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,15 @@ from receding_fenicsx.interface.mirror import mirror_nodes
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.fields import Fields
 from receding_fenicsx.output.scales import describe_factors, length_of, name_leg, pressure_of
-from receding_fenicsx.scene import EDGES, Load, Scene, edge_points, edge_range, evaluate
+from receding_fenicsx.scene import (
+    EDGES,
+    HORIZONTAL,
+    Load,
+    Scene,
+    edge_points,
+    edge_range,
+    evaluate,
+)
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
@@ -266,16 +274,26 @@ def _arrows(
 
 
 def _traction(scene: Scene, load: Load, gap: float) -> tuple[Array, Array, Array]:
-    """Positions along the edge, points and tractions (n, 2) of a load with factor 1."""
+    """Positions along the edge, points and tractions (n, 2) of a load with factor 1.
+
+    A platen's is its mean; a prescribed displacement has none. What reaches the axis of a body of
+    revolution is continued beyond it.
+    """
     begin, end = load.span or edge_range(scene, load.edge)
+    level = scene.axisymmetric and load.edge in HORIZONTAL
+    area = np.pi * (end**2 - begin**2) if level else end - begin
+    begin = -end if level and begin == 0.0 else begin
     along = np.linspace(begin, end, max(2, int(np.ceil((end - begin) / gap)) + 1))
     x, y = edge_points(scene, load.edge, along)
+    side = np.where(level & (x < 0.0), -1.0, 1.0)
     if load.pressure is not None:
-        size = evaluate(load.pressure, x, y)
+        size = evaluate(load.pressure, side * x, y)
         traction = -size[:, None] * np.array(OUTWARD[load.edge])
     else:
-        parts = load.traction or (0.0, 0.0)
-        traction = np.stack([evaluate(part, x, y) for part in parts], axis=1)
+        mean = (load.force[0] / area, load.force[1] / area) if load.force else (0.0, 0.0)
+        parts = load.traction or mean
+        traction = np.stack([evaluate(part, side * x, y) for part in parts], axis=1)
+        traction[:, 0] *= side
     return along, np.stack([x, y], axis=1), traction
 
 
