@@ -256,6 +256,8 @@ def _arrows(
         if load.edge in EDGES:
             along, points, traction = _traction(scene, load, ARROW_GAP * size)
             found.append((load, along, points, traction))
+    if not found:
+        return []
     sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, _, t in found]
     scale = ARROW * size / max([*sizes, np.finfo(float).tiny])
     arrows = []
