@@ -31,6 +31,8 @@ Profile = float | str | dict[str, list[float]]
 EDGES = ("bottom", "top", "left", "right")
 """Edges of a rectangle; "bottom" is y = 0 and x = 0 is the centre."""
 HORIZONTAL = ("bottom", "top")
+OF_RECTANGLES = ("shape", "width", "height", "position")
+"""Keys of a body that belong to a rectangle and not to a mesh file."""
 FREE = "free"
 """A component of a load's displacement that is not prescribed."""
 

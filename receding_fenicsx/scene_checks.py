@@ -16,6 +16,7 @@ from receding_fenicsx.scene import (
     EDGES,
     FREE,
     HORIZONTAL,
+    OF_RECTANGLES,
     Body,
     Contact,
     Load,
@@ -236,7 +237,7 @@ def _check_bodies(scene: Scene) -> None:
 def _check_body(body: Body, label: str) -> None:
     if body.mesh is not None:
         default = Body()
-        for key in ("shape", "width", "height", "position"):
+        for key in OF_RECTANGLES:
             if getattr(body, key) != getattr(default, key):
                 raise InputError(f"{label} {key}: is that of a rectangle; leave out it or mesh")
         return

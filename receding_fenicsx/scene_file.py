@@ -12,6 +12,7 @@ from typing import Any
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import (
+    OF_RECTANGLES,
     Body,
     Contact,
     HistoryOptions,
@@ -217,7 +218,10 @@ def to_toml(scene: Scene) -> str:
 
 def _lines(table: Any) -> list[str]:
     """One line a field; None, empty names, sequences and tables are left out."""
-    fields = ((f.name, getattr(table, f.name)) for f in dataclasses.fields(table))
+    named = [f.name for f in dataclasses.fields(table)]
+    if isinstance(table, Body) and table.mesh is not None:
+        named = [name for name in named if name not in OF_RECTANGLES]
+    fields = ((name, getattr(table, name)) for name in named)
     return [
         f"{name} = {_text(value)}"
         for name, value in fields

@@ -13,7 +13,7 @@ from bodies import CELLS
 from models import q1_stiffness
 from msh import rectangle, turned, write_msh
 
-from receding_fenicsx import evolve, history_from_scene
+from receding_fenicsx import evolve, history_from_scene, read_scene
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.elasticity import back_substitute
 from receding_fenicsx.bulk.meshing import make_meshes
@@ -352,6 +352,21 @@ def test_axis_node_of_a_half_pair_is_held() -> None:
         assert np.flatnonzero(system.held).tolist() == [0]
         assert system.rigid.shape[1] == 1
         assert mirror_of(system).axis.sum() == 1
+
+
+def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> None:
+    demo = Path(__file__).parents[1] / "demos" / "dovetail.toml"
+    record = record_of(read_scene(demo, ["mesh.contact_elements=8", "history.cycles=1"]))
+    if record is None:
+        return
+    table, total = record.turning_points, np.zeros((3, 2))
+    for pad in record.by_edge().values():
+        t = (pad.points[-1] - pad.points[0]) / np.ptp(pad.x)
+        n = np.array([-t[1], t[0]])
+        assert np.abs(np.abs(t) - np.sqrt(0.5)).max() < 1e-12 and n[1] < 0.0
+        states = pad.turning_points
+        total += states.P.sum(axis=1)[:, None] * n + states.Q.sum(axis=1)[:, None] * t
+    assert total == pytest.approx(np.outer(table.load[:, 0], [0.0, -1.0]), abs=1e-9)
 
 
 # -- refusals ------------------------------------------------------------------------------------

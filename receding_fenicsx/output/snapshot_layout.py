@@ -16,7 +16,7 @@ from receding_fenicsx.interface.contact import STATE_NAMES, Array
 from receding_fenicsx.interface.zones import zones
 from receding_fenicsx.output import style
 from receding_fenicsx.output.render import Pixels
-from receding_fenicsx.output.snapshot_view import View
+from receding_fenicsx.output.snapshot_view import Strip, View
 
 STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
 INK = "#202020"
@@ -120,7 +120,9 @@ def layout_of(*views: View, dpi: float = style.DPI) -> Layout:
 
 def _corners(view: View) -> Array:
     """(2, 2) lowest and highest coordinates of all that is drawn of a view."""
-    shown = [view.points, view.moved, view.place - _band(view)[1] * view.normal]
+    shown = [view.points, view.moved]
+    if view.rigid:
+        shown += [strip.place - _band(view, strip)[1] * strip.normal for strip in view.strips]
     shown += [end for arrows in view.arrows for end in (arrows.tails, arrows.heads)]
     points = np.vstack(shown)
     return np.stack([points.min(axis=0), points.max(axis=0)])
@@ -197,33 +199,62 @@ def _draw_outlines(axes: Axes, view: View) -> None:
     after.set(linewidths=0.8, zorder=3)
     axes.add_collection(before)
     axes.add_collection(after)
-    tangent = np.array([view.normal[1], -view.normal[0]])
-    along, foot = view.points @ tangent, view.place[0] - (view.place[0] @ tangent) * tangent
+    for strip in view.strips if view.rigid else ():
+        _draw_plane(axes, view, strip)
+
+
+def _draw_plane(axes: Axes, view: View, strip: Strip) -> None:
+    """Draw the rigid plane below a contact edge; the only one goes on beyond the edge."""
+    direction, first = strip.direction, strip.place[0]
+    shown = view.points if len(view.strips) == 1 else strip.place
+    along = (shown - first) @ direction
     ends = np.array([along.min() - 0.05 * view.size, along.max() + 0.05 * view.size])
-    bare = foot + ends[:, None] * tangent - view.gap[[0, -1], None] * view.normal
-    plane = np.vstack([bare[:1], view.place - view.gap[:, None] * view.normal, bare[1:]])
-    plane = plane - 0.01 * view.size * view.normal
+    bare = first + ends[:, None] * direction - strip.gap[[0, -1], None] * strip.normal
+    plane = np.vstack([bare[:1], strip.place - strip.gap[:, None] * strip.normal, bare[1:]])
+    plane = plane - 0.01 * view.size * strip.normal
     axes.plot(plane[:, 0], plane[:, 1], color="black", lw=1.3, zorder=4, clip_on=False)
 
 
-def _band(view: View) -> tuple[float, float]:
+def _band(view: View, strip: Strip) -> tuple[float, float]:
     """Distances of the band of states from the contact edge; it stands clear of the plane."""
-    below = float(view.gap.max())
+    below = float(strip.gap.max())
     return below + BAND[0] * view.size, below + BAND[1] * view.size
 
 
 def _draw_band(axes: Axes, view: View) -> None:
+    """Draw the states: as a band below the plane, or as a coloured line between two bodies."""
+    for strip in view.strips:
+        if view.rigid:
+            _draw_boxes(axes, view, strip)
+        else:
+            _draw_line(axes, strip)
+
+
+def _draw_line(axes: Axes, strip: Strip) -> None:
+    """Draw the states between two bodies as a line in their colours."""
+    found = zones(strip.x, strip.state)
+    pieces = []
+    for _, a, b in found:
+        x = np.concatenate([[a], strip.x[(strip.x > a) & (strip.x < b)], [b]])
+        pieces.append(np.stack([np.interp(x, strip.x, part) for part in strip.moved.T], axis=1))
+    colours = [style.STATE_COLOURS[STATE_OF_NAME[name]] for name, _, _ in found]
+    whole = LineCollection(pieces, colors="black", linewidths=4.4, capstyle="butt", zorder=4)
+    axes.add_collection(whole)
+    line = LineCollection(pieces, colors=colours, linewidths=3.4, capstyle="butt", zorder=5)
+    axes.add_collection(line)
+
+
+def _draw_boxes(axes: Axes, view: View, strip: Strip) -> None:
     """Draw the states as a band below the plane, with their numbers."""
-    tangent = np.array([view.normal[1], -view.normal[0]])
-    foot = view.place[0] - view.x[0] * tangent
-    inner, outer = (depth * view.normal for depth in _band(view))
+    foot = strip.place[0] - strip.x[0] * strip.direction
+    inner, outer = (depth * strip.normal for depth in _band(view, strip))
     boxes, fills = [], []
-    for name, a, b in zones(view.x, view.state):
+    for name, a, b in zones(strip.x, strip.state):
         state = STATE_OF_NAME[name]
-        ends = foot + np.array([[a], [b]]) * tangent
+        ends = foot + np.array([[a], [b]]) * strip.direction
         boxes.append(np.vstack([ends - inner, ends[::-1] - outer]))
         fills.append(style.STATE_COLOURS[state])
-        if b - a > NUMBERED * np.ptp(view.x):
+        if b - a > NUMBERED * np.ptp(strip.x):
             middle = boxes[-1].mean(axis=0)
             axes.annotate(
                 str(int(state)),
@@ -299,8 +330,13 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     if clock is not None:
         low, high = clock.tractions
         axes.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
-    level = abs(view.normal[1]) == 1.0
-    axes.set_xlim(layout.window[:2] if level else (view.x[0], view.x[-1]))
+    strip = view.strips[0]
+    if abs(strip.normal[1]) == 1.0:
+        # below the picture, each position under its place
+        shown = (np.array(layout.window[:2]) - strip.place[0, 0]) / strip.direction[0] + strip.x[0]
+        axes.set_xlim(shown[0], shown[1])
+    else:
+        axes.set_xlim(strip.x[0], strip.x[-1])
     axes.legend(loc="upper right", borderaxespad=0.2, handlelength=1.2)
     axes.set_xlabel(f"$x/{view.length_symbol}$" if view.length_symbol else "$x$", labelpad=1.0)
     axes.set_ylabel(f"$p{divided}$,  $q{divided}$")

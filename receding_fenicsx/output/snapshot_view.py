@@ -69,6 +69,31 @@ class Units:
 
 
 @dataclass(frozen=True)
+class Strip:
+    """A contact edge in a picture.
+
+    Attributes:
+        x, place: (N,) positions along the edge, (N, 2) contact nodes.
+        moved: (N, 2) contact nodes of the first body after the exaggerated deformation.
+        normal: (2,) unit vector into the body.
+        gap: (N,) exaggerated initial gap, from the contact nodes to the plane.
+        state: (N,) states.
+    """
+
+    x: Array
+    place: Array
+    moved: Array
+    normal: Array
+    gap: Array
+    state: NDArray[np.int8]
+
+    @property
+    def direction(self) -> Array:
+        """(2,) unit vector along which x grows."""
+        return np.asarray((self.place[-1] - self.place[0]) / (self.x[-1] - self.x[0]))
+
+
+@dataclass(frozen=True)
 class View:
     """A body at one instant; all lengths over the length scale, all stresses over the pressure's.
 
@@ -79,11 +104,10 @@ class View:
         stress: by name, (n,).
         factor: exaggeration of displacements.
         size: the body's smaller extent.
-        x, place: (N,) positions along the contact edge, (N, 2) contact nodes.
-        normal: (2,) unit vector into the body.
-        gap: (N,) exaggerated initial gap, from the contact nodes to the plane.
-        state, p, q: (N,) states and tractions; p, q are nan where a node stands for no length.
-        f: (N,) coefficients of friction.
+        strips: the contact edges.
+        rigid: what the body touches is a rigid plane, no second body.
+        p, q: (N,) tractions on the first edge; nan where a node stands for no length.
+        f: (N,) coefficients of friction on the first edge.
         arrows: the loads.
         length_symbol, pressure_symbol: what is divided by; "" for the scene's own units.
         caption: which instant this is.
@@ -96,11 +120,8 @@ class View:
     stress: dict[str, Array]
     factor: float
     size: float
-    x: Array
-    place: Array
-    normal: Array
-    gap: Array
-    state: NDArray[np.int8]
+    strips: tuple[Strip, ...]
+    rigid: bool
     p: Array
     q: Array
     f: Array
@@ -108,6 +129,16 @@ class View:
     length_symbol: str
     pressure_symbol: str
     caption: str
+
+    @property
+    def x(self) -> Array:
+        """(N,) positions along the first contact edge."""
+        return self.strips[0].x
+
+    @property
+    def state(self) -> NDArray[np.int8]:
+        """(N,) states on the first contact edge."""
+        return self.strips[0].state
 
 
 def view_of(
@@ -132,14 +163,32 @@ def view_of(
     shown = units or units_of(bulk, [fields], instant.load)
     now, factor = shown.traction, shown.factor
     mirror = mirror_nodes(contact.x, bulk.body.half, contact.edge)
-    # of several contact edges the first is shown
-    on = contact.edge[mirror.index] == 0
+    edge = contact.edge[mirror.index]
+    # of several contact edges the tractions of the first are shown
+    on = edge == 0
     weight = mirror.total(contact.weight)
     per_length = np.where(weight > 0.0, 1.0 / np.where(weight > 0.0, weight, 1.0), np.nan) / now
     flip = np.where(mirror.left, -1.0, 1.0)
     size = float(np.ptp(fields.points, axis=0).min())
-    place = (contact.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1))[on]
-    x = (flip * contact.x[mirror.index])[on]
+    place = contact.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1)
+    x = flip * contact.x[mirror.index]
+    state = mirror.states(instant.state.state)
+    strips = []
+    for k, described in enumerate(scene.contacts):
+        nodes = edge == k
+        gap = factor * evaluate(described.initial_gap, x[nodes])
+        normal = contact.normal[mirror.index][nodes][0]
+        moved = place[nodes] + factor * _shift(fields, place[nodes], normal)
+        strips.append(
+            Strip(
+                x[nodes] / unit,
+                place[nodes] / unit,
+                moved / unit,
+                normal,
+                gap / unit,
+                state[nodes],
+            )
+        )
     return View(
         points=fields.points / unit,
         moved=(fields.points + factor * fields.displacement) / unit,
@@ -148,14 +197,11 @@ def view_of(
         stress={name: value / now for name, value in fields.stress.items()},
         factor=factor,
         size=size / unit,
-        x=x / unit,
-        place=place / unit,
-        normal=contact.normal[0],
-        gap=factor * evaluate(scene.contacts[0].initial_gap, x, place[:, 1]) / unit,
-        state=mirror.states(instant.state.state)[on],
+        strips=tuple(strips),
+        rigid=scene.contacts[0].against is None,
         p=(mirror.total(instant.state.P) * per_length)[on],
         q=(mirror.odd(instant.state.Q) * per_length)[on],
-        f=evaluate(scene.contacts[0].friction, x, place[:, 1]),
+        f=evaluate(scene.contacts[0].friction, x[on]),
         arrows=_arrows(scene, fields, bulk.load_names, instant.load, (factor, unit, size)),
         length_symbol="h" if length else "",
         pressure_symbol=shown.symbol,
@@ -297,6 +343,21 @@ def _traction(scene: Scene, load: Load, gap: float) -> tuple[Array, Array, Array
         traction = np.stack([evaluate(part, side * x, y) for part in parts], axis=1)
         traction[:, 0] *= side
     return along, np.stack([x, y], axis=1), traction
+
+
+def _shift(fields: Fields, place: Array, normal: Array) -> Array:
+    """Displacement (N, 2) of the first body's contact nodes, from its vertices on their edge."""
+    tangent = np.array([normal[1], -normal[0]])
+    near = ON_EDGE * np.abs(fields.points).max()
+    along = (fields.points - place[0]) @ tangent
+    wanted = (place - place[0]) @ tangent
+    on = np.abs((fields.points - place[0]) @ normal) <= near
+    on &= (along >= wanted.min() - near) & (along <= wanted.max() + near)
+    if fields.body is not None:
+        on &= fields.body == 0
+    order = np.argsort(along[on], kind="stable")
+    position, moved = along[on][order], fields.displacement[on][order]
+    return np.stack([np.interp(wanted, position, moved[:, k]) for k in (0, 1)], axis=1)
 
 
 def _edge_shift(fields: Fields, points: Array, outward: Array, along: Array) -> Array:

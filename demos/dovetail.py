@@ -1,0 +1,87 @@
+"""A blade's dovetail root rubs in its slot: two elastic bodies that meet on two oblique pads.
+
+You will see that
+
+* both bodies come from one .geo file (``meshes/dovetail.geo``), each from a surface of its own; the
+  pads are curves of both, so their nodes match;
+* positions along a pad run with the blade on the left: along t, from where one comes first on a way
+  round the blade with its inside to the left. Slip outwards on the one pad is forward, on the other
+  backward;
+* the pads' forces balance the pull at every turning point, to round-off;
+* when the pull falls the pads stick first; then slip back grows down from their upper ends.
+
+The demo shows how to take the contact edges of a record apart. ``--out`` also draws all pictures.
+
+Run it by ``bash demos/run.sh dovetail``, or by ``mpirun -n 2 python demos/dovetail.py``.
+"""
+
+import argparse
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+
+from receding_fenicsx import Record, read_scene, study
+from receding_fenicsx.errors import on_root
+from receding_fenicsx.interface.zones import zones
+
+HERE = Path(__file__).parent
+BALANCE = 1e-9
+"""Resultant of pads and pull, over the pull, that is round-off."""
+LIKENESS = 0.005
+"""Difference of the two pads, over their force: the triangles are not mirror-symmetric."""
+
+
+def axes(pad: Record) -> tuple[np.ndarray, np.ndarray]:
+    """Tangent t and normal n of a pad: x runs along t, and t = (n_y, -n_x)."""
+    t = pad.points[-1] - pad.points[0]
+    t = t / np.hypot(*t)
+    return t, np.array([-t[1], t[0]])
+
+
+def report(record: Record) -> None:
+    """Print the pads' forces and zones; assert balance, likeness and the course of slip."""
+    pads = record.by_edge()
+    table = record.turning_points
+    total = np.zeros((len(table.s), 2))
+    normal = {}
+    for name, pad in pads.items():
+        t, n = axes(pad)
+        P, Q = pad.turning_points.P.sum(axis=1), pad.turning_points.Q.sum(axis=1)
+        total += P[:, None] * n + Q[:, None] * t
+        normal[name] = P
+        assert np.all(np.abs(pad.turning_points.Q) <= pad.f * pad.turning_points.P + 1e-9)
+        for row in range(3):
+            found = ", ".join(
+                f"{state} to {end:+.3f}"
+                for state, _, end in zones(pad.x, pad.turning_points.state[row])
+            )
+            print(
+                f"{name:11s} F = {table.load[row, 0]:.1f}: normal force {P[row]:.4f}, tangential "
+                f"{Q[row]:+.4f}; from {pad.x[0]:+.3f} {found}"
+            )
+    pull = np.outer(table.load[:, 0], [0.0, 1.0])
+    error = np.abs(total + pull).max() / table.load.max()
+    right, left = normal.values()
+    unlike = np.abs(right - left).max() / right.max()
+    D = record.cycles.dissipation
+    print(f"pads and pull balance to {error:.0e} of the pull; the pads differ by {unlike:.1e}")
+    print(f"dissipation of cycle {len(D)} over cycle 1: {D[-1] / D[0]:.4f}")
+    assert error < BALANCE, "the pads' forces do not balance the pull"
+    assert unlike < LIKENESS, "the pads carry different forces"
+    assert 0.0 < D[-1] < D[0], "dissipation has to fall from cycle to cycle"
+
+
+def main() -> None:
+    """Run the history, into the folder given by --out if any."""
+    parser = argparse.ArgumentParser(description="A dovetail root in its slot.")
+    parser.add_argument("--out", help="folder for record, figures and pictures")
+    folder = parser.parse_args().out
+    comm = MPI.COMM_WORLD
+    record = study.run(read_scene(HERE / "dovetail.toml"), folder, comm, overwrite=True)
+    on_root(comm, lambda: report(record) if record is not None else None)
+
+
+if __name__ == "__main__":
+    main()
