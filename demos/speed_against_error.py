@@ -228,17 +228,18 @@ def grid_rows(space: list[Row], repeat: int) -> list[Row]:
     """Measure one cycle on the uniform grid, swept plainly, and on a mesh that is no worse.
 
     Returns:
-        The grid swept; by events, the cheapest mesh that is worse in no number; the grid by
-        events; the cheapest mesh that is worse than that in no number. The last two are of
-        ``space``.
+        The grid swept; by events, the cheapest mesh that is worse in no number; and of ``space``
+        the grid by events, the cheapest mesh whose largest error is not above the grid's, and the
+        cheapest one that is worse in no number.
     """
     first = whole_way(GRID, 1, repeat, swept(40, 1.0, False, 1e-8))
     limit = speed_report.limits(space)[0]
     same = asdict(GRID)
     on_grid = next(row for row in space if all(row[key] == same[key] for key in same))
-    chosen = [speed_report.cheapest_as_good(space, row, limit) for row in (first, on_grid)]
-    mesh = Mesh(**{key: chosen[0][key] for key in same})
-    return [first, whole_way(mesh, 1, max(repeat, 5)), on_grid, chosen[1]]
+    chosen = speed_report.cheapest_as_good(space, first, limit)
+    ours = whole_way(Mesh(**{key: chosen[key] for key in same}), 1, max(repeat, 5))
+    rest = [speed_report.cheapest_as_good(space, on_grid, limit, each) for each in (False, True)]
+    return [first, ours, on_grid, *rest]
 
 
 def write_csv(path: Path, rows: Iterable[Row]) -> None:

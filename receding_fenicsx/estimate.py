@@ -50,6 +50,7 @@ NAMES = {
     "dissipation_ratio": "dissipation of the last cycle over cycle 1",
 }
 """The headline numbers, in words."""
+WIDTHS = ("contact_half_width", "stick_half_width")
 
 
 @dataclass(frozen=True)
@@ -74,9 +75,11 @@ def headline(record: Record) -> dict[str, Number]:
     row, x = int(first[-1]), record.x
     centre = 0.0 if record.axisymmetric else 0.5 * (x[0] + x[-1])
     found = {"centre_pressure": Number(float(np.interp(centre, x, table.p[row])))}
-    for name, width in estimates(record, row, contact_betas(record)).items():
+    widths = estimates(record, row, contact_betas(record))
+    for name in WIDTHS:
+        width = widths[f"{name}_estimate"]
         low, high = width["interval"]
-        found[name.removesuffix("_estimate")] = Number(width["value"], 0.5 * (high - low))
+        found[name] = Number(width["value"], 0.5 * (high - low))
     D = record.cycles.dissipation
     if len(D) and D[0] > 0.0:
         found["dissipation_first_cycle"] = Number(float(D[0]))
