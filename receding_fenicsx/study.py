@@ -424,12 +424,13 @@ def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
 
 
 def default_instants(scene: Scene, system: ContactSystem, record: Record) -> list[Instant]:
-    """Turning points of the first loading and of the first and last cycles, for snapshots."""
+    """Loaded turning points of first loading and of the first and last cycles, for snapshots."""
     table = record.turning_points
     chosen = sorted({0, 1, int(table.cycle.max(initial=0))})
+    loaded = np.any(table.load != 0.0, axis=1)
     return [
         instant_of(scene, system, record, int(table.cycle[i]), str(int(table.leg[i])))
-        for i in np.flatnonzero(np.isin(table.cycle, chosen))
+        for i in np.flatnonzero(np.isin(table.cycle, chosen) & loaded)
     ]
 
 

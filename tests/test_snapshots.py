@@ -15,6 +15,7 @@ from receding_fenicsx import history_from_scene, read_scene, study
 from receding_fenicsx.bulk import elasticity, meshing
 from receding_fenicsx.errors import RecedingError, on_root
 from receding_fenicsx.evolution import evolve
+from receding_fenicsx.interface.contact import State
 from receding_fenicsx.output import style
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.fields import Fields, fields_at
@@ -269,3 +270,28 @@ def test_missing_renderer_is_said_before_vtk_is_loaded(
             snapshot(bulk, now, shared_tmp_path / "snapshots")
     finally:
         bulk.destroy()
+
+
+def test_half_of_the_area_lies_below_the_middle_colour_however_fine_the_mesh_is() -> None:
+    """A field x on [0, 1] with nine tenths of the vertices in the last tenth of the area."""
+    x = np.concatenate([np.linspace(0.0, 0.9, 100), np.linspace(0.9, 1.0, 901)[1:]])
+    areas = np.gradient(x)
+    von_mises = next(q for q in QUANTITIES if q.name == "von_mises")
+    weighted, _ = colours_of(x, von_mises, "", areas)
+    plain, _ = colours_of(x, von_mises, "")
+    assert weighted.limits[1] == pytest.approx(0.995, abs=1e-3)
+    assert plain.limits[1] == pytest.approx(0.9995, abs=1e-3)
+
+
+def test_small_contact_is_shown_from_near_by(shared_tmp_path: Path) -> None:
+    scene = read_scene(BLOCK.with_name("punch.toml"), ["mesh.contact_elements=16"])
+    study.run(scene, shared_tmp_path / "run", COMM, pictures=False)
+    made = study.snapshot(shared_tmp_path / "run", 0, "0", comm=COMM)
+    if COMM.rank != 0:
+        return
+    assert made is not None
+    pixels = np.asarray(Image.open(made[0]).convert("RGB"))
+    wanted = np.round(255.0 * np.array(to_rgb(style.STATE_COLOURS[State.STICK])))
+    rows, columns = np.nonzero(np.all(pixels == wanted, axis=2))
+    # the band of states is a third of the picture's axes wide
+    assert np.ptp(columns[rows < 0.7 * pixels.shape[0]]) > 0.1 * pixels.shape[1]

@@ -28,7 +28,13 @@ from receding_fenicsx.output.fields import Fields, fields_at
 from receding_fenicsx.output.render import Picture, find_renderer, renderer
 from receding_fenicsx.output.scales import load_symbol, peak, pressure_of
 from receding_fenicsx.output.snapshot_layout import Clock, compose, layout_of
-from receding_fenicsx.output.snapshot_view import largest_factors, units_of, view_of
+from receding_fenicsx.output.snapshot_view import (
+    View,
+    largest_factors,
+    units_of,
+    vertex_areas,
+    view_of,
+)
 from receding_fenicsx.output.snapshots import Quantity, colours_of, scaled
 
 if TYPE_CHECKING:
@@ -111,12 +117,18 @@ def draw_frames(
         view_of(bulk, found, now, units) for found, now in zip(fields, film.instants, strict=True)
     ]
     values = [scaled(view, quantity) for view in views]
-    colours, levels = colours_of(np.concatenate(values), quantity, units.symbol)
-    tractions = np.concatenate([part for view in views for part in (view.p, view.q)])
+    limits = np.array([style.focus(*_tractions(view)) for view in views])
     load = np.array([now.load for now in film.instants]) / largest
     frames = []
     with mpl.rc_context(style.RC):
         layout = layout_of(*views, dpi=FILM_DPI)
+        seen = [layout.shows(view.moved) for view in views]
+        colours, levels = colours_of(
+            np.concatenate([v[here] for v, here in zip(values, seen, strict=True)]),
+            quantity,
+            units.symbol,
+            np.concatenate([vertex_areas(v)[here] for v, here in zip(views, seen, strict=True)]),
+        )
         for view, field, now, part in zip(views, values, film.time, load, strict=True):
             clock = Clock(
                 time=film.time,
@@ -124,7 +136,7 @@ def draw_frames(
                 names=tuple(_load_name(name) for name in bulk.load_names),
                 now=float(now),
                 now_load=part,
-                tractions=(float(np.nanmin(tractions)), float(np.nanmax(tractions))),
+                tractions=(float(limits[:, 0].min()), float(limits[:, 1].max())),
             )
             picture = Picture(
                 points=view.moved,
@@ -141,6 +153,13 @@ def draw_frames(
             canvas.draw()
             frames.append(np.array(canvas.buffer_rgba())[:, :, :3])
     return frames
+
+
+def _tractions(view: View) -> tuple[Array, Array]:
+    """p, and what is drawn with it, where they are known."""
+    known = np.isfinite(view.p)
+    limit = (view.f * view.p)[known]
+    return view.p[known], np.concatenate([view.q[known], limit, -limit])
 
 
 def write_mp4(path: Path, frames: list[Frame]) -> None:

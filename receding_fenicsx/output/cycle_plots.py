@@ -134,7 +134,7 @@ def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
         rows = sorted({0, len(density) - 1})
         for row, colour in zip(rows, style.SERIES_COLOURS, strict=False):
             axes.plot(x, density[row][used], color=colour, label=f"cycle {row + 1}")
-        axes.set_xlim(x[0], x[-1])
+        axes.set_xlim(*scales.ends(record.x))
         axes.set_ylim(0.0, None)
         axes.ticklabel_format(axis="y", scilimits=(-2, 3), useMathText=True)
         axes.set_xlabel(scales.x_label)

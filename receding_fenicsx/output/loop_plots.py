@@ -136,11 +136,12 @@ def trajectories(
 
 
 def moving_loads(paths: Sequence[Loop]) -> list[int]:
-    """Loads that change along the paths and whose displacements are known."""
+    """Loads that change within the cycles, if any are shown, and have known displacements."""
+    loops = [path for path in paths if path.cycle] or paths
     return [
         k
         for k in range(paths[0].load.shape[1] if paths else 0)
-        if any(np.ptp(path.load[:, k]) > 0.0 for path in paths)
+        if any(np.ptp(path.load[:, k]) > 0.0 for path in loops)
         and all(np.all(np.isfinite(path.displacement[:, k])) for path in paths)
     ]
 

@@ -102,7 +102,7 @@ def loop_of(record: Record, cycle: int) -> Loop:
 
 
 def telling_nodes(record: Record) -> list[int]:
-    """Choose nodes whose paths differ, of the half x >= 0 where there are such.
+    """Choose nodes whose paths differ, of the half x > 0 where half of the body was modelled.
 
     Returns:
         Up to ``MOST_NODES`` nodes in the order of x: of those that touch in the last sampled cycle
@@ -112,7 +112,7 @@ def telling_nodes(record: Record) -> list[int]:
     rows = np.isin(record.samples.cycle, sampled_cycles(record)[-1:])
     state = record.samples.state[rows]
     usable = np.any(record.samples.P[rows] > 0.0, axis=0) & (record.weight > 0.0)
-    if np.any(usable & (record.x > 0.0)):
+    if record.half and np.any(usable & (record.x > 0.0)):
         usable &= record.x > 0.0
     if not np.any(usable):
         return []

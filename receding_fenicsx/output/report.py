@@ -105,7 +105,7 @@ def write_report(folder: Path, scene_toml: str) -> Path:
     """
     path = Path(folder) / "report.html"
     pictures = {
-        kind: sorted((Path(folder) / kind).glob("*.png")) for kind in ("figures", "snapshots")
+        kind: sorted((Path(folder) / kind).rglob("*.png")) for kind in ("figures", "snapshots")
     }
     text = report_html(read_summary(Path(folder) / "summary.json"), scene_toml, **pictures)
     with new_file(path, overwrite=True) as beside:

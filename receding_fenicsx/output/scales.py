@@ -33,6 +33,7 @@ class Scales:
         young: Young's modulus; 0 when not known.
         paper: the record is of the paper's block and history.
         symmetric: every state is its own mirror image about x = 0.
+        axisymmetric: positions are radii.
     """
 
     length: float
@@ -43,11 +44,17 @@ class Scales:
     young: float
     paper: bool
     symmetric: bool
+    axisymmetric: bool = False
 
     @property
     def x_label(self) -> str:
         """Label of the axis along the contact edge."""
-        return f"$x/{self.length_symbol}$" if self.length_symbol else "$x$"
+        return position_label(self.length_symbol, self.axisymmetric)
+
+    def ends(self, x: Array) -> tuple[float, float]:
+        """Range of positions x that figures show, over the length scale."""
+        first = 0.0 if self.axisymmetric else float(x[0])
+        return first / self.length, float(x[-1]) / self.length
 
     def traction_unit(self, moment: Moment) -> float:
         """What tractions are divided by at an instant: the pressure then acting, or 1."""
@@ -119,7 +126,14 @@ def scales_of(record: Record) -> Scales:
         young=scene.material_of(scene.body).young if scene is not None else 0.0,
         paper=scene is not None and is_papers_block(scene),
         symmetric=_is_symmetric(record),
+        axisymmetric=record.axisymmetric,
     )
+
+
+def position_label(length_symbol: str, axisymmetric: bool) -> str:
+    """Label of positions along the contact edge."""
+    symbol = "r" if axisymmetric else "x"
+    return f"${symbol}/{length_symbol}$" if length_symbol else f"${symbol}$"
 
 
 def length_of(scene: Scene | None) -> float:

@@ -11,11 +11,13 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import STATE_NAMES, Array
 from receding_fenicsx.interface.zones import zones
 from receding_fenicsx.output import style
 from receding_fenicsx.output.render import Pixels
+from receding_fenicsx.output.scales import position_label
 from receding_fenicsx.output.snapshot_view import Strip, View
 
 STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
@@ -29,6 +31,12 @@ TALLEST = 4.5
 """Inches that the body may be high."""
 BAND = (0.03, 0.115)
 """Distance of the band of states from the contact edge, over the body's smaller extent."""
+THINNEST = 0.13
+"""Inches that the band is high at least."""
+NEAR = 1.5
+"""How far from its middle a small contact's surroundings are shown, over its length."""
+ENDS = 1e-6
+"""Part of the body's length that a contact edge along the whole of it may be shorter."""
 NUMBERED = 0.025
 """Part of the contact edge that a zone must cover to have its number in the band."""
 
@@ -41,12 +49,14 @@ class Colours:
         limits: values of the first and the last colour.
         table: (k, 3 or 4) colours in [0, 1].
         label: what the field is.
+        note: what else is to be said of the colours, or "".
         extend: "neither", "min", "max" or "both": values beyond the limits occur.
     """
 
     limits: tuple[float, float]
     table: Array
     label: str
+    note: str
     extend: str
 
 
@@ -69,6 +79,12 @@ class Layout:
     window: tuple[float, float, float, float]
     dpi: float
 
+    def shows(self, points: Array) -> NDArray[np.bool_]:
+        """(n,) whether points (n, 2) are within the body's axes."""
+        left, right, bottom, top = self.window
+        x, y = points.T
+        return (left <= x) & (x <= right) & (bottom <= y) & (y <= top)
+
     @property
     def pixels(self) -> tuple[int, int]:
         """Width and height of the body's axes in dots."""
@@ -85,7 +101,7 @@ class Clock:
         names: the loads' names as mathematics.
         now: progress at the picture.
         now_load: (n_loads,) loads over their largest values at the picture.
-        tractions: lowest and highest traction in the film.
+        tractions: limits of the tractions' axis.
     """
 
     time: Array
@@ -101,6 +117,9 @@ def layout_of(*views: View, dpi: float = style.DPI) -> Layout:
     corners = np.vstack([_corners(view) for view in views])
     margin = 0.03 * views[0].size
     low, high = corners.min(axis=0) - margin, corners.max(axis=0) + margin
+    if views[0].near:
+        around = _span(views[0])
+        low, high = np.maximum(low, around[0]), np.minimum(high, around[1])
     width = style.PAGE - LEFT - RIGHT
     scale = min(width / (high[0] - low[0]), TALLEST / (high[1] - low[1]))
     # a narrow body stands in the middle
@@ -164,8 +183,11 @@ def compose(
         _draw_clock(axes_at((left + width + 0.22, bottom, RIGHT - 0.45, height)), clock)
     left, _, width, height = layout.body
     scale = height / (layout.window[3] - layout.window[2])
-    base = layout.body[1] + scale * (float(view.moved[:, 1].min()) - layout.window[2])
-    tall = scale * float(np.ptp(view.moved[:, 1]))
+    ends = np.clip(
+        [view.moved[:, 1].min(), view.moved[:, 1].max()], layout.window[2], layout.window[3]
+    )
+    base = layout.body[1] + scale * float(ends[0] - layout.window[2])
+    tall = scale * float(ends[1] - ends[0])
     bar = figure.colorbar(
         ScalarMappable(Normalize(*colours.limits), ListedColormap(colours.table.tolist())),
         cax=axes_at((left + width + 0.1, base, 0.13, tall)),
@@ -180,6 +202,7 @@ def compose(
     begin, end = left / layout.width, (left + width) / layout.width
     figure.text(begin, top, view.caption, ha="left", va="top")
     moved = f"displacements × {view.factor:g}"
+    moved = f"{colours.note}, {moved}" if colours.note else moved
     figure.text(end, top, moved, ha="right", va="top", color=style.INK_OF_GUIDES)
     figure.legend(
         handles=style.state_patches([1, 2, 3, 4]),
@@ -210,15 +233,30 @@ def _draw_plane(axes: Axes, view: View, strip: Strip) -> None:
     along = (shown - first) @ direction
     ends = np.array([along.min() - 0.05 * view.size, along.max() + 0.05 * view.size])
     bare = first + ends[:, None] * direction - strip.gap[[0, -1], None] * strip.normal
-    plane = np.vstack([bare[:1], strip.place - strip.gap[:, None] * strip.normal, bare[1:]])
+    plane = strip.place - strip.gap[:, None] * strip.normal
+    if np.ptp(strip.x) > (1.0 - ENDS) * np.ptp(along):
+        # of a shorter contact edge it is not known what the body would meet beyond it
+        plane = np.vstack([bare[:1], plane, bare[1:]])
     plane = plane - 0.01 * view.size * strip.normal
-    axes.plot(plane[:, 0], plane[:, 1], color="black", lw=1.3, zorder=4, clip_on=False)
+    axes.plot(plane[:, 0], plane[:, 1], color="black", lw=1.3, zorder=4, clip_on=view.near)
 
 
 def _band(view: View, strip: Strip) -> tuple[float, float]:
     """Distances of the band of states from the contact edge; it stands clear of the plane."""
     below = float(strip.gap.max())
-    return below + BAND[0] * view.size, below + BAND[1] * view.size
+    inner, outer = (part * view.size for part in BAND)
+    inch = float(np.ptp(_span(view)[:, 0])) / (style.PAGE - LEFT - RIGHT)
+    return below + inner, below + max(outer, inner + THINNEST * inch)
+
+
+def _span(view: View) -> Array:
+    """(2, 2) lowest and highest coordinates of what a view shows of the body."""
+    if not view.near:
+        return np.stack([view.points.min(axis=0), view.points.max(axis=0)])
+    places = np.vstack([strip.place for strip in view.strips])
+    middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    reach = NEAR * float(np.linalg.norm(np.ptp(places, axis=0)))
+    return np.stack([middle - reach, middle + reach])
 
 
 def _draw_band(axes: Axes, view: View) -> None:
@@ -275,6 +313,8 @@ def _draw_boxes(axes: Axes, view: View, strip: Strip) -> None:
 def _draw_loads(axes: Axes, view: View) -> None:
     for arrows in view.arrows:
         for tail, head in zip(arrows.tails, arrows.heads, strict=True):
+            if view.near and not axes.viewLim.contains(*head):
+                continue
             axes.annotate(
                 "",
                 head,
@@ -327,9 +367,11 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
         (view.q, style.SHEAR_COLOUR, "q"),
     ):
         axes.plot(view.x[known], values[known], color=colour, label=f"${name}{divided}$")
-    if clock is not None:
-        low, high = clock.tractions
-        axes.set_ylim(low - 0.06 * (high - low), high + 0.06 * (high - low))
+    if clock is None:
+        others = np.concatenate([view.q[known], limit, -limit])
+        axes.set_ylim(*style.focus(view.p[known], others))
+    else:
+        axes.set_ylim(*clock.tractions)
     strip = view.strips[0]
     if abs(strip.normal[1]) == 1.0:
         # below the picture, each position under its place
@@ -338,6 +380,6 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     else:
         axes.set_xlim(strip.x[0], strip.x[-1])
     axes.legend(loc="upper right", borderaxespad=0.2, handlelength=1.2)
-    axes.set_xlabel(f"$x/{view.length_symbol}$" if view.length_symbol else "$x$", labelpad=1.0)
+    axes.set_xlabel(position_label(view.length_symbol, view.axisymmetric), labelpad=1.0)
     axes.set_ylabel(f"$p{divided}$,  $q{divided}$")
     style.ticks(axes.yaxis, 5)

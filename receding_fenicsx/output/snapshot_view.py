@@ -34,6 +34,8 @@ ARROW = 0.24
 """Length of the arrow of the largest traction over the body's smaller extent."""
 ARROW_GAP = 0.22
 """Distance between arrows, likewise, or a little less."""
+SMALL = 0.2
+"""Extent of the contact over the body's larger one below which it is shown from near by."""
 ON_EDGE = 1e-9
 """Distance from an edge, over the body's size, within which a vertex lies on it."""
 OUTWARD = {"bottom": (0.0, -1.0), "top": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
@@ -103,7 +105,9 @@ class View:
         edges: (k, 2) vertices of the outline's pieces.
         stress: by name, (n,).
         factor: exaggeration of displacements.
-        size: the body's smaller extent.
+        size: what is drawn beside the body is in proportion to: the body's smaller extent, or half
+            of a contact that is small beside it.
+        near: only the contact and what is around it is to be shown.
         strips: the contact edges.
         rigid: what the body touches is a rigid plane, no second body.
         p, q: (N,) tractions on the first edge; nan where a node stands for no length.
@@ -111,6 +115,7 @@ class View:
         arrows: the loads.
         length_symbol, pressure_symbol: what is divided by; "" for the scene's own units.
         caption: which instant this is.
+        axisymmetric: positions along the contact edge are radii.
     """
 
     points: Array
@@ -120,6 +125,7 @@ class View:
     stress: dict[str, Array]
     factor: float
     size: float
+    near: bool
     strips: tuple[Strip, ...]
     rigid: bool
     p: Array
@@ -129,6 +135,7 @@ class View:
     length_symbol: str
     pressure_symbol: str
     caption: str
+    axisymmetric: bool
 
     @property
     def x(self) -> Array:
@@ -169,7 +176,7 @@ def view_of(
     weight = mirror.total(contact.weight)
     per_length = np.where(weight > 0.0, 1.0 / np.where(weight > 0.0, weight, 1.0), np.nan) / now
     flip = np.where(mirror.left, -1.0, 1.0)
-    size = float(np.ptp(fields.points, axis=0).min())
+    size, near = _size(bulk, fields)
     place = contact.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1)
     x = flip * contact.x[mirror.index]
     state = mirror.states(instant.state.state)
@@ -197,6 +204,7 @@ def view_of(
         stress={name: value / now for name, value in fields.stress.items()},
         factor=factor,
         size=size / unit,
+        near=near,
         strips=tuple(strips),
         rigid=scene.contacts[0].against is None,
         p=(mirror.total(instant.state.P) * per_length)[on],
@@ -206,6 +214,7 @@ def view_of(
         length_symbol="h" if length else "",
         pressure_symbol=shown.symbol,
         caption=_caption(scene, bulk.load_names, instant),
+        axisymmetric=scene.material_of(scene.body).kinematics == "axisymmetric",
     )
 
 
@@ -218,12 +227,31 @@ def units_of(bulk: Bulk | Pair, fields: list[Fields], load: Array, symbol: str =
         load: (n_loads,) load factors whose pressure stresses are divided by.
         symbol: symbol of that pressure; that of the load when left out.
     """
-    size = float(np.ptp(fields[0].points, axis=0).min())
+    size, _ = _size(bulk, fields[0])
     largest = max(float(np.linalg.norm(f.displacement, axis=1).max()) for f in fields)
     factor = _round(EXAGGERATED * size / largest) if largest > 0.0 else 1.0
     pressure, own = pressure_of(bulk.scene, bulk.load_names)
     traction = pressure * abs(float(load[0])) if own else 0.0
     return Units(factor, traction, symbol or own) if traction else Units(factor, 1.0, "")
+
+
+def vertex_areas(view: View) -> Array:
+    """(n,) each vertex's share of the cells around it."""
+    corners = view.points[view.cells]
+    x, y = corners[..., 0], corners[..., 1]
+    area = 0.5 * np.abs(np.sum(x * np.roll(y, -1, axis=1) - y * np.roll(x, -1, axis=1), axis=1))
+    width = view.cells.shape[1]
+    share = np.repeat(area / width, width)
+    return np.asarray(np.bincount(view.cells.ravel(), share, len(view.points)), dtype=float)
+
+
+def _size(bulk: Bulk | Pair, fields: Fields) -> tuple[float, bool]:
+    """Return a view's size in the scene's units, and whether it shows only the contact."""
+    length = float(np.linalg.norm(np.ptp(bulk.contact.points, axis=0)))
+    length *= 2.0 if bulk.body.half else 1.0
+    extent = np.ptp(fields.points, axis=0)
+    near = length < SMALL * float(extent.max())
+    return min(0.5 * length, float(extent.min())) if near else float(extent.min()), near
 
 
 def _round(value: float) -> float:

@@ -22,7 +22,7 @@ from receding_fenicsx.output.fields import fields_at
 from receding_fenicsx.output.figures import save
 from receding_fenicsx.output.render import Picture, find_renderer, renderer
 from receding_fenicsx.output.snapshot_layout import Colours, compose, layout_of
-from receding_fenicsx.output.snapshot_view import View, view_of
+from receding_fenicsx.output.snapshot_view import View, vertex_areas, view_of
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
@@ -33,7 +33,9 @@ FRINGES = 10
 SHADES = 4096
 """Colours of a bar of fringes."""
 OUTLIERS = 0.5
-"""Per cent of the vertices, those beside singular points, that the colours need not tell apart."""
+"""Per cent of the area, beside singular points, that the colours need not tell apart."""
+UNFELT = 0.02
+"""Part of the largest value below which a field counts as nothing."""
 CONTOURS = 9
 """Contour lines, about."""
 
@@ -135,9 +137,12 @@ def draw_view(view: View, quantity: Quantity, path: Path) -> None:
         RecedingError: nothing can be drawn off-screen on this machine.
     """
     values = scaled(view, quantity)
-    colours, levels = colours_of(values, quantity, view.pressure_symbol)
     with mpl.rc_context(style.RC):
         layout = layout_of(view)
+        shown = layout.shows(view.moved)
+        colours, levels = colours_of(
+            values[shown], quantity, view.pressure_symbol, vertex_areas(view)[shown]
+        )
         picture = Picture(
             points=view.moved,
             cells=view.cells,
@@ -156,18 +161,24 @@ def scaled(view: View, quantity: Quantity) -> Array:
     return view.stress[quantity.name] * (2.0 if quantity.fringes else 1.0)
 
 
-def colours_of(values: Array, quantity: Quantity, pressure_symbol: str) -> tuple[Colours, Array]:
+def colours_of(
+    values: Array, quantity: Quantity, pressure_symbol: str, areas: Array | None = None
+) -> tuple[Colours, Array]:
     """Choose the colours of a field, and the values of its contour lines.
 
     Args:
         values: (n,) field at the vertices.
         quantity: what it is.
         pressure_symbol: what it is divided by; "" for nothing.
+        areas: (n,) what each vertex counts; all the same when left out.
 
     Returns:
         The colours, and the contour lines' values, none for fringes.
     """
-    low, high = (float(value) for value in np.percentile(values, [OUTLIERS, 100.0 - OUTLIERS]))
+    # where a large body hardly feels its load there is nothing to tell apart
+    felt = np.abs(values) > UNFELT * np.abs(values).max(initial=0.0)
+    counts = np.ones(len(values)) if areas is None else areas
+    low, high = _quantiles(values[felt], counts[felt], np.array([OUTLIERS, 100.0 - OUTLIERS]) / 100)
     divided = f"/{pressure_symbol}" if pressure_symbol else ""
     label = f"${quantity.symbol}{divided}$"
     if quantity.fringes:
@@ -175,8 +186,9 @@ def colours_of(values: Array, quantity: Quantity, pressure_symbol: str) -> tuple
         limits = (0.0, max(float(values.max()), apart))
         order = np.linspace(0.0, limits[1] / apart, SHADES)
         grey = np.cos(np.pi * order) ** 2
-        label += rf"   (one fringe: {apart:g}$\,{pressure_symbol}$)"
-        return Colours(limits, np.stack([grey] * 3, axis=1), label, "neither"), np.empty(0)
+        note = f"one fringe {apart:g}" + (rf"$\,{pressure_symbol}$" if pressure_symbol else "")
+        table = np.stack([grey] * 3, axis=1)
+        return Colours(limits, table, label, note, "neither"), np.empty(0)
     # what is small beside the rest is not worth a sign of its own
     low, high = min(low, 0.0), max(high, 0.0)
     largest = max(-low, high) or 1.0
@@ -186,8 +198,18 @@ def colours_of(values: Array, quantity: Quantity, pressure_symbol: str) -> tuple
     table = mpl.colormaps[quantity.colours](0.5 + 0.5 * part if quantity.signed else part)
     above, below = values.max() > high, values.min() < low
     extend = {(0, 0): "neither", (1, 0): "max", (0, 1): "min", (1, 1): "both"}
-    colours = Colours((low, high), table, label, extend[int(above), int(below)])
+    colours = Colours((low, high), table, label, "", extend[int(above), int(below)])
     return colours, np.asarray(MaxNLocator(CONTOURS).tick_values(low, high))
+
+
+def _quantiles(values: Array, counts: Array, parts: Array) -> tuple[float, float]:
+    """Values below which two parts of what the values count lie; zeros for no values."""
+    if not len(values):
+        return 0.0, 0.0
+    order = np.argsort(values, kind="stable")
+    below = np.cumsum(counts[order]) - 0.5 * counts[order]
+    low, high = np.interp(parts * counts.sum(), below, values[order])
+    return float(low), float(high)
 
 
 def fringe_value(largest: float) -> float:

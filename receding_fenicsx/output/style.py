@@ -12,13 +12,14 @@ from string import ascii_lowercase
 from typing import Any
 
 import matplotlib as mpl
+import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from receding_fenicsx.interface.contact import STATE_NAMES, State
+from receding_fenicsx.interface.contact import STATE_NAMES, Array, State
 
 STATE_COLOURS = {
     State.STICK: "#c3cad3",
@@ -60,6 +61,10 @@ PAGE = 7.48
 DPI = 300
 """Dots per inch of PNG files."""
 
+PEAKED = 10.0
+"""Per cent of the contact nodes whose tractions may be a corner's peak."""
+FAR_ABOVE = 2.5
+"""Times the largest of the other tractions up to which a peak is shown."""
 NOTEBOOK_DPI = 150
 """Dots per inch in a notebook."""
 
@@ -113,6 +118,26 @@ def new_figure(width: float, height: float) -> Figure:
 def ticks(axis: Axis, most: int = 5) -> None:
     """Put at most this many round ticks on an axis."""
     axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
+
+
+def focus(p: Array, others: Array) -> tuple[float, float]:
+    """Limits of an axis of tractions that a peak at a corner of the contact may run out of.
+
+    Args:
+        p: (n,) normal traction.
+        others: what else is drawn with it.
+
+    Returns:
+        The lowest and the highest value, unless few values are far above all the others.
+    """
+    touching = p[p > 0.0]
+    top = float(touching.max(initial=0.0))
+    usual = float(np.percentile(touching, 100.0 - PEAKED)) if len(touching) else 0.0
+    low = float(others.min(initial=0.0))
+    if top > FAR_ABOVE * usual > 0.0:
+        low, top = low * FAR_ABOVE * usual / top, FAR_ABOVE * usual
+    room = 0.06 * (top - low) or 1.0
+    return low - room, top + room
 
 
 def state_patches(states: Iterable[int]) -> list[Patch]:

@@ -69,7 +69,7 @@ def tractions(
 def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scales) -> None:
     """Draw the states as a band of colours with their numbers."""
     x = record.x / scales.length
-    for name, a, b in zones(x, state):
+    for name, a, b in zones(x, state, record.axisymmetric):
         kind = STATE_OF_NAME[name]
         axes.axvspan(a, b, fc=style.STATE_COLOURS[kind], ec="black", lw=0.4)
         if b - a > NUMBERED * np.ptp(x):
@@ -96,11 +96,12 @@ def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> 
     p, q = moment.p[used] / unit, moment.q[used] / unit
     limit = record.f[used] * p
     axes.axhline(0.0, color="black", lw=0.4)
-    for _, begin, _ in zones(record.x / scales.length, moment.state)[1:]:
+    for _, begin, _ in zones(record.x / scales.length, moment.state, record.axisymmetric)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
     axes.fill_between(x, -limit, limit, **style.CONE)
     axes.plot(x, p, color=style.PRESSURE_COLOUR)
     axes.plot(x, q, color=style.SHEAR_COLOUR)
-    axes.set_xlim(*(record.x[[0, -1]] / scales.length))
+    axes.set_xlim(*scales.ends(record.x))
+    axes.set_ylim(*style.focus(p, np.concatenate([q, limit, -limit])))
     style.ticks(axes.yaxis, 7)
     axes.set_ylabel(",  ".join(scales.traction_labels()[:2]))
