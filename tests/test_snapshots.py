@@ -291,7 +291,11 @@ def test_small_contact_is_shown_from_near_by(shared_tmp_path: Path) -> None:
         return
     assert made is not None
     pixels = np.asarray(Image.open(made[0]).convert("RGB"))
-    wanted = np.round(255.0 * np.array(to_rgb(style.STATE_COLOURS[State.STICK])))
-    rows, columns = np.nonzero(np.all(pixels == wanted, axis=2))
-    # the band of states is a third of the picture's axes wide
-    assert np.ptp(columns[rows < 0.7 * pixels.shape[0]]) > 0.1 * pixels.shape[1]
+    ends = []
+    for state in (State.FORWARD_SLIP, State.BACKWARD_SLIP):
+        wanted = np.round(255.0 * np.array(to_rgb(style.STATE_COLOURS[state])))
+        # above the tractions and the legend
+        rows, columns = np.nonzero(np.all(pixels == wanted, axis=2))
+        ends += columns[rows < 0.7 * pixels.shape[0]].tolist()
+    # the band of states is a third of the axes wide, not a twentieth
+    assert max(ends) - min(ends) > 0.2 * pixels.shape[1]
