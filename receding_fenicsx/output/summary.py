@@ -18,7 +18,7 @@ from receding_fenicsx.interface.zones import contact_half_width, stick_half_widt
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.series import limit_without_slip
-from receding_fenicsx.output.widths import contact_betas, estimates
+from receding_fenicsx.output.widths import contact_betas, estimated_ends, estimates
 from receding_fenicsx.paper import paper_table
 from receding_fenicsx.scene_file import from_toml
 
@@ -166,6 +166,7 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
         "q_min": float(table.q[i].min()),
         "q_max": float(table.q[i].max()),
         **estimates(record, i, betas),
+        "zone_ends": estimated_ends(record, i, betas),
     }
 
 

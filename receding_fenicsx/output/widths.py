@@ -32,15 +32,22 @@ def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[s
 
     Returns:
         ``contact_half_width_estimate`` and ``stick_half_width_estimate``, each with its value, an
-        interval around it, and whether it was fitted (else it is the nodes' bracket); in
-        ``zone_ends`` the same for each place where one of the zones ends and the next begins.
+        interval around it, and whether it was fitted (else it is the nodes' bracket).
     """
     found = [tractions(record, row, beta) for beta in betas or (None,)]
     return {
         "contact_half_width_estimate": _shown([contact_half_width_estimate(at) for at in found]),
         "stick_half_width_estimate": _shown([stick_half_width_estimate(at) for at in found]),
-        "zone_ends": [_shown(ends) for ends in zip(*map(zone_ends, found), strict=True)],
     }
+
+
+def estimated_ends(record: Record, row: int, betas: tuple[float, ...] = ()) -> list[dict[str, Any]]:
+    """Estimate each place where one zone ends and the next begins, from left to right.
+
+    Arguments and values are those of :func:`estimates`.
+    """
+    found = [zone_ends(tractions(record, row, beta)) for beta in betas or (None,)]
+    return [_shown(ends) for ends in zip(*found, strict=True)]
 
 
 def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
