@@ -9,8 +9,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import CELLS, block, built
+from dolfinx import fem
 from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.elasticity import STRESSES, back_substitute, build, stresses
 from receding_fenicsx.bulk.meshing import make_mesh
@@ -110,6 +112,62 @@ def test_pressure_on_the_mantle_gives_uniform_stress(cell: str, degree: int, nu:
     for name, value in zip(STRESSES, expected, strict=True):
         for function in (found.cell[name], found.nodal[name]):
             assert np.abs(function.x.array - value).max() < 1e-11, name
+    bulk.destroy()
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_stiffness_has_the_energy_of_a_given_field(cell: str, degree: int) -> None:
+    """U . A u = 2 W of one radian, by Hooke's law and Gauss's rule on the whole rectangle."""
+    bulk = built(cylinder(cell, degree), half=True)
+    a, b, c, d = 0.3, -0.2, 0.7, 0.5
+    q, s, t = (0.4, -0.6, 0.9) if degree == 2 else (0.0, 0.0, 0.0)
+    field = fem.Function(bulk.space)
+    field.interpolate(
+        lambda x: np.array(
+            [
+                a * x[0] + x[0] * (q * x[0] + s * x[1]),
+                b + c * x[0] + d * x[1] + t * x[0] * x[1],
+            ]
+        )
+    )
+    u, force = bulk.stiffness.createVecRight(), bulk.stiffness.createVecLeft()
+    u.getArray()[:] = _dolfinx.owned_values(field)
+    bulk.stiffness.mult(u, force)
+    energy = bulk.young * u.dot(force)
+    point, weight = np.polynomial.legendre.leggauss(6)
+    r, z = np.meshgrid(1.0 + point, 0.5 + 0.5 * point)
+    weights = 0.5 * np.outer(weight, weight)
+    err, ett, ezz = a + 2.0 * q * r + s * z, a + q * r + s * z, d + t * r
+    erz = 0.5 * (s * r + c + t * z)
+    mu = 0.5 * YOUNG / (1.0 + NU)
+    lam = 2.0 * mu * NU / (1.0 - 2.0 * NU)
+    twice = lam * (err + ett + ezz) ** 2
+    twice += 2.0 * mu * (err**2 + ett**2 + ezz**2 + 2.0 * erz**2)
+    assert energy == pytest.approx(np.sum(weights * twice * r), rel=1e-12)
+    for thing in (u, force):
+        thing.destroy()
+    bulk.destroy()
+
+
+@pytest.mark.parametrize(
+    ("load", "down", "out"),
+    [
+        # integrals of r, of r^2 and of z over the edges
+        (Load("p", "top", pressure=1.0), 2.0, 0.0),
+        (Load("p", "top", (0.0, 1.0), pressure="x"), 1.0 / 3.0, 0.0),
+        (Load("p", "right", pressure="y"), 0.0, -2.0 * 0.5),
+        (Load("p", "top", (1.0, 2.0), traction=("y", "-x")), 7.0 / 3.0, 1.5),
+        (Load("p", "top", platen=True, force=(0.0, -2.0 * np.pi)), 1.0, 0.0),
+    ],
+)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_nodal_forces_are_those_of_one_radian(
+    degree: int, load: Load, down: float, out: float
+) -> None:
+    bulk = built(cylinder(degree=degree, loads=(load,)), half=True)
+    force = bulk.loads[0].getArray(readonly=True).reshape(-1, 2).sum(axis=0)
+    assert comm.allreduce(force) == pytest.approx([out, -down], abs=1e-12)
     bulk.destroy()
 
 

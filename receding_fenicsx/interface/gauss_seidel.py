@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy
 
-from receding_fenicsx.errors import NotConverged
+from receding_fenicsx.errors import NoEquilibrium, NotConverged
 from receding_fenicsx.interface.contact import (
     Array,
     ContactState,
@@ -30,6 +30,7 @@ from receding_fenicsx.interface.contact import (
     reactions,
     round_off,
 )
+from receding_fenicsx.interface.limits import furthest
 
 STICK, SEPARATION = int(State.STICK), int(State.SEPARATION)
 FORWARD, BACKWARD = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)
@@ -220,6 +221,7 @@ class GaussSeidelPath:
 
         Raises:
             NotConverged: a step's sweeps ran out.
+            NoEquilibrium: they did because no contact forces balance the loads.
         """
         return self._steps(start, ends, force_scale, samples, self.steps)
 
@@ -242,7 +244,13 @@ class GaussSeidelPath:
         for k in range(1, steps + 1):
             s = k / steps
             next_load = ends[1] if k == steps else (1.0 - s) * ends[0] + s * ends[1]
-            step = solve_step(system, leg.end, next_load, self.options, leg.force_scale)
+            try:
+                step = solve_step(system, leg.end, next_load, self.options, leg.force_scale)
+            except NotConverged as error:
+                limit = furthest(system, *ends)
+                if limit is None or limit.s > s:
+                    raise
+                raise NoEquilibrium(limit.text) from error
             leg.work += float(0.5 * (load + next_load) @ system.r_star @ (step.end.u - leg.end.u))
             leg.events += [
                 (s, int(i), int(leg.end.state[i]), int(step.end.state[i]))
