@@ -365,6 +365,50 @@ def test_nodes_without_friction_stand_among_others() -> None:
     assert steps.cycles.dissipation[0] == pytest.approx(record.cycles.dissipation[0], rel=1e-3)
 
 
+@pytest.mark.parametrize("bend", [0.01, 0.2])
+def test_a_whole_body_that_touches_at_one_node_first_is_that_of_its_half(bend: float) -> None:
+    half, whole = block_system(24, 12), block_system(48, 12, half=False)
+    found = [
+        evolve(replace(body, g0=bend * body.x**2), cyclic(3, maximum=5.0)) for body in (half, whole)
+    ]
+    a, b = (record.turning_points for record in found)
+    assert 0 < np.count_nonzero(a.state[0] == OPEN) < whole.n
+    for field in ("P", "Q", "v", "w"):
+        x, y = getattr(a, field), getattr(b, field)
+        assert np.abs(x - y).max() <= 1e-9 * np.abs(y).max(), field
+    assert found[1].residual_max <= 1e-11
+
+
+def two_feet() -> ContactSystem:
+    """Return the whole block with its middle half kept off the plane: nothing centres it."""
+    whole = block_system(48, 12, half=False, f=0.1)
+    return replace(whole, g0=np.where(np.abs(whole.x) < 1.0, 1e3, 0.0))
+
+
+def test_feet_that_slip_apart_may_drift_together_only() -> None:
+    system = two_feet()
+    path = [[0.0], [1.0], [2.0], [0.8], [2.5]]
+    record = evolve(system, table(system, path), output=ALL)
+    points = record.turning_points
+    assert worst_violation(system, record) <= 1e-10 and record.residual_max <= 1e-11
+    # where all of both feet slips outwards nothing resists a drift of the whole body
+    drift = 0.5 * (points.v + points.v[:, ::-1])
+    assert np.ptp(drift, axis=1).max() <= 1e-9 * np.abs(points.v).max()
+    assert np.abs(points.P - points.P[:, ::-1]).max() <= 1e-9 * points.P.max()
+    # the forces under a growing load are in proportion to it, whatever was before
+    assert points.P[-1] == pytest.approx(2.5 * points.P[0], abs=1e-9 * points.P.max())
+
+
+def test_a_body_pushed_over_its_only_node_is_refused() -> None:
+    whole = block_system(24, 6, half=False)
+    whole = replace(whole, g0=0.2 * whole.x**2)
+    couple = np.zeros(2 * whole.n)
+    couple[[whole.n, -1]] = -0.1, 0.1
+    pushed = replace(whole, r_star=whole.r_star + couple, load_compliance=np.zeros((0, 0)))
+    with pytest.raises(NoEquilibrium, match="touch first"):
+        evolve(pushed, cyclic(1))
+
+
 @pytest.mark.parametrize("poisson", [0.499, 0.4999])
 def test_round_off_does_not_build_up_on_nearly_incompressible_bodies(poisson: float) -> None:
     system = block_system(64, 32, f=0.1, poisson=poisson)

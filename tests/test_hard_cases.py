@@ -13,25 +13,8 @@ from receding_fenicsx.interface.segments import Segment
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions
 
-NOT_YET = {
-    "curved body, whole": "a whole body that first touches at one node is refused",
-}
 
-
-@pytest.mark.parametrize(
-    "case",
-    [
-        pytest.param(
-            case,
-            id=case.name,
-            marks=[pytest.mark.xfail(reason=NOT_YET[case.name], strict=False)]
-            if case.name in NOT_YET
-            else [],
-        )
-        for case in CASES
-        if case.fast
-    ],
-)
+@pytest.mark.parametrize("case", [pytest.param(c, id=c.name) for c in CASES if c.fast])
 def test_hard_case_ends_as_expected(case: Case) -> None:
     found = judge(case)
     assert found.as_expected, f"{found.outcome}, expected {case.expected}: {found.said}"

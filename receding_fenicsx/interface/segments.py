@@ -7,7 +7,7 @@ nodes without friction), see :mod:`receding_fenicsx.interface.rates`.
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from math import sqrt
 
 import numpy as np
@@ -20,6 +20,7 @@ from receding_fenicsx.interface.rates import (
     FORWARD,
     SEPARATION,
     STICK,
+    SingularExchange,
     Tableau,
 )
 
@@ -93,6 +94,7 @@ class Segments:
         self.refined = False
         self.trials = 0
         self._tableau: Tableau | None = None
+        self._last_pinned: tuple[bytes, Array, Tableau] | None = None
         self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
 
     def tableau(self, state: States) -> Tableau:
@@ -101,11 +103,53 @@ class Segments:
         Raises:
             SingularExchange: a motion of the body is left without stiffness.
         """
-        if self._tableau is None:
-            self._tableau = Tableau(self.system, state)
-        else:
-            self._tableau.move_to(state)
+        try:
+            if self._tableau is None:
+                self._tableau = Tableau(self.system, state)
+            else:
+                self._tableau.move_to(state)
+        except SingularExchange:
+            # it may stand half-way
+            self._tableau = None
+            return self._pinned(state)
         return self._tableau
+
+    def _pinned(self, state: States) -> Tableau:
+        """Return a tableau in which the rigid motions are pinned that the states leave free.
+
+        A body that touches at one node can turn about it, one whose feet slip apart can drift:
+        where the loads do not work on such a motion it is left out.
+
+        Raises:
+            SingularExchange: some other motion is left without stiffness.
+        """
+        key = state.tobytes()
+        if self._last_pinned is None or self._last_pinned[0] != key:
+            motion = self._neutral(state)
+            if motion.shape[1] == 0:
+                raise SingularExchange
+            K = self.system.K + np.diagonal(self.system.K).max() * motion @ motion.T
+            self._last_pinned = key, motion, Tableau(replace(self.system, K=K), state)
+        return self._last_pinned[2]
+
+    def _neutral(self, state: States) -> Array:
+        """Return (2N, k) orthonormal rigid motions that nothing resists in the given states."""
+        n, rigid = self.system.n, self.system.rigid
+        contact = state != SEPARATION
+        kept = np.concatenate([contact & self.frictional & (state == STICK), contact])
+        _, size, right = np.linalg.svd(rigid[kept], full_matrices=True)
+        rank = int(np.count_nonzero(size > RIGID_TOLERANCE))
+        motions = rigid @ right[rank:].T
+        return np.linalg.qr(motions)[0] if motions.size else np.zeros((2 * n, 0))
+
+    def _works_on_pins(self, state: States, q: Array, direction: Array) -> bool:
+        """Return whether rates of a pinned tableau lean on the pins."""
+        if self._last_pinned is None or self._last_pinned[0] != state.tobytes():
+            return False
+        n = self.system.n
+        lean = np.diagonal(self.system.K).max() * (self._last_pinned[1].T @ q[: 2 * n])
+        held = np.abs(direction @ self.system.r_star).max(initial=0.0)
+        return bool(np.abs(lean).max() > RIGID_TOLERANCE * held)
 
     def refine(self) -> None:
         """Forget all rates; from now on refine every set of them once."""
@@ -128,6 +172,8 @@ class Segments:
     def _make(self, state: States, direction: Array) -> Segment:
         n = self.system.n
         q = self.tableau(state).rates(direction, self.refined)
+        if self._works_on_pins(state, q, direction):
+            raise SingularExchange
         forces = q * self.weight
         threshold = sqrt(forces.dot(forces)) * self._tolerance
         # what falls and is not a displacement is bounded: an output A, B or gap of its state
