@@ -265,6 +265,38 @@ def test_damaged_systems_are_refused(tmp_path: Path) -> None:
         read_system(path)
 
 
+def test_cut_off_and_foreign_systems_are_refused(record: Record, tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    with pytest.raises(InputError, match=r"system\.h5: no such file"):
+        read_system(path)
+    write_system(path, system_of(to_toml(from_toml(BLOCK))))
+    whole = path.read_bytes()
+    for length in (0, 7, 100, len(whole) // 3, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"system\.h5: is damaged or no HDF5 file"):
+            read_system(path)
+    with h5py.File(path, "w") as file:
+        file["K"] = np.eye(4)
+    with pytest.raises(InputError, match="is no receding_fenicsx contact system"):
+        read_system(path)
+    write_record(path, record, overwrite=True)
+    with pytest.raises(InputError, match="is no receding_fenicsx contact system"):
+        read_system(path)
+
+
+@pytest.mark.parametrize("name", ["K", "x", "r_star", "weight"])
+def test_a_single_wrong_byte_in_a_system_is_refused(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    write_system(path, system_of(to_toml(from_toml(BLOCK))))
+    with h5py.File(path) as file:
+        chunk = file[name].id.get_chunk_info(0)
+    whole = bytearray(path.read_bytes())
+    whole[chunk.byte_offset + chunk.size // 2] ^= 1
+    path.write_bytes(whole)
+    with pytest.raises(InputError, match=r"system\.h5: is damaged"):
+        read_system(path)
+
+
 # -- summary.json --------------------------------------------------------------------------------
 
 

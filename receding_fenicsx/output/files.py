@@ -200,6 +200,8 @@ def _write(group: h5py.Group, name: str, value: Any) -> None:
     if isinstance(value, np.ndarray):
         big = value.size >= COMPRESS_FROM
         options = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if big else {}
+        if value.size and value.ndim:
+            options["fletcher32"] = True  # a number that was damaged is an error, not a number
         group.create_dataset(name, data=value, **options)
     elif isinstance(value, tuple):
         group.attrs.create(name, list(value), dtype=h5py.string_dtype(), shape=(len(value),))
