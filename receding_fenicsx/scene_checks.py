@@ -16,11 +16,8 @@ from receding_fenicsx.scene import (
     EDGES,
     FREE,
     HORIZONTAL,
-    OF_RECTANGLES,
-    Body,
     Contact,
     Load,
-    Material,
     Profile,
     Scene,
     Support,
@@ -28,14 +25,15 @@ from receding_fenicsx.scene import (
     edge_range,
     evaluate,
 )
-from receding_fenicsx.scene_values import unknown_name
+from receding_fenicsx.scene_body_checks import (
+    check_bodies,
+    check_choice,
+    check_mesh,
+    check_positive,
+)
 
 Array = NDArray[np.float64]
 
-LEAST_CONTACT_ELEMENTS = 4
-"""Fewer elements on the contact edge cannot show stick, slip and separation side by side."""
-MOST_CONTACT_ELEMENTS = 20000
-"""The condensed stiffness of more would fill tens of gigabytes."""
 LENGTH_TOLERANCE = 1e-9
 """Positions closer than this, over the edge's length, are the same."""
 SYMMETRY_TOLERANCE = 1e-12
@@ -55,8 +53,8 @@ def validate(scene: Scene) -> None:
             available.
     """
     _check_finite(scene, "scene")
-    _check_bodies(scene)
-    _check_mesh(scene)
+    check_bodies(scene)
+    check_mesh(scene)
     _check_contacts(scene)
     for load in scene.loads:
         _check_load(scene, load)
@@ -191,100 +189,6 @@ def _check_finite(value: object, where: str) -> None:
             _check_finite(getattr(value, key), key if where == "scene" else f"[{where}] {key}")
 
 
-def _check_positive(value: float, where: str) -> None:
-    if not value > 0.0:
-        raise InputError(f"{where}: must be positive, not {value:g}")
-
-
-def _check_choice(value: object, choices: tuple[str, ...], where: str) -> None:
-    if value not in choices:
-        raise InputError(f'{where}: "{value}" is unknown; use one of {", ".join(choices)}')
-
-
-def _check_bodies(scene: Scene) -> None:
-    names = [body.name for body in scene.bodies]
-    if len(names) > 2:
-        raise InputError(f"[[body]]: the scene has {len(names)}, two at most can be modelled")
-    for name in names:
-        if scene.others and not name.strip():
-            raise InputError("[[body]] name: is missing; give each body a name")
-        if "." in name:
-            raise InputError(f'[[body]] name: "{name}" holds a dot; leave it out')
-        if names.count(name) > 1:
-            raise InputError(
-                f"body '{name}': {names.count(name)} bodies have this name; rename one"
-            )
-    known = [material.name for material in scene.materials]
-    for body in scene.bodies:
-        label = f"body '{body.name}'" if scene.others else "[body]"
-        _check_body(body, label)
-        if body.material is not None and body.material not in known:
-            unknown_name(body.material, known, f"{label} material", "material")
-    used = [scene.material_of(body) for body in scene.bodies]
-    for material in scene.materials:
-        if material not in used:
-            raise InputError(
-                f"[material.{material.name}]: no body is made of it; name it in a [[body]]"
-            )
-    for material in used:
-        _check_material(material)
-    if len({material.kinematics for material in used}) > 1:
-        raise InputError(
-            "[material] kinematics: differs from body to body; use the same for all of them"
-        )
-
-
-def _check_body(body: Body, label: str) -> None:
-    if body.mesh is not None:
-        default = Body()
-        for key in OF_RECTANGLES:
-            if getattr(body, key) != getattr(default, key):
-                raise InputError(f"{label} {key}: is that of a rectangle; leave out it or mesh")
-        return
-    for key in ("surface", "parameters"):
-        if getattr(body, key):
-            raise InputError(f"{label} {key}: needs a mesh file; give mesh, or leave it out")
-    _check_choice(body.shape, ("rectangle",), f"{label} shape")
-    _check_positive(body.width, f"{label} width")
-    _check_positive(body.height, f"{label} height")
-
-
-def _check_material(material: Material) -> None:
-    where = f"[material.{material.name}]" if material.name else "[material]"
-    _check_positive(material.young, f"{where} young")
-    choices = ("plane strain", "plane stress", "axisymmetric")
-    _check_choice(material.kinematics, choices, f"{where} kinematics")
-    limit, text = (1.0, "below 1") if material.kinematics == "plane stress" else (0.5, "below 0.5")
-    if not -1.0 < material.poisson < limit:
-        raise InputError(
-            f"{where} poisson: must lie above -1 and {text} in {material.kinematics}, "
-            f"not {material.poisson:g}"
-        )
-
-
-def _check_mesh(scene: Scene) -> None:
-    mesh = scene.mesh
-    n = mesh.contact_elements
-    if not LEAST_CONTACT_ELEMENTS <= n <= MOST_CONTACT_ELEMENTS:
-        raise InputError(
-            f"[mesh] contact_elements: {n} is too "
-            f"{'few' if n < LEAST_CONTACT_ELEMENTS else 'many'}; "
-            f"use {LEAST_CONTACT_ELEMENTS} to {MOST_CONTACT_ELEMENTS}"
-        )
-    if n % 2 and any(body.mesh is None for body in scene.bodies):
-        raise InputError(
-            f"[mesh] contact_elements: {n} is odd; use an even number, half of them on each side "
-            "of x = 0"
-        )
-    _check_choice(mesh.cell, ("triangle", "quadrilateral"), "[mesh] cell")
-    if mesh.degree not in (1, 2):
-        raise InputError(f"[mesh] degree: {mesh.degree} is not available; use 1 or 2")
-    if not 1.0 <= mesh.growth <= 3.0:
-        raise InputError(
-            f"[mesh] growth: {mesh.growth:g} is no size ratio of layers; use 1 (uniform) to 3"
-        )
-
-
 def _check_contacts(scene: Scene) -> None:
     if not scene.contacts:
         raise InputError("[contact]: the scene has none; add one")
@@ -341,7 +245,7 @@ def _check_edge(scene: Scene, edge: str, where: str) -> None:
         raise InputError(f"{where}: {error}") from None
     if body.mesh is not None:
         return
-    _check_choice(name, EDGES, where)
+    check_choice(name, EDGES, where)
     if scene.axisymmetric and name == "left":
         raise InputError(
             f'{where}: "{edge}" is the axis r = 0 of the axisymmetric body, which is held by '
@@ -492,8 +396,8 @@ def _check_support(scene: Scene, support: Support) -> None:
 
 def _check_solver(scene: Scene) -> None:
     solver = scene.solver
-    _check_choice(solver.method, ("gauss-seidel", "events"), "[solver] method")
-    _check_choice(solver.symmetry, ("auto", "none"), "[solver] symmetry")
+    check_choice(solver.method, ("gauss-seidel", "events"), "[solver] method")
+    check_choice(solver.symmetry, ("auto", "none"), "[solver] symmetry")
     for key in (
         "steps_per_leg",
         "max_sweeps",
@@ -501,7 +405,7 @@ def _check_solver(scene: Scene) -> None:
         "residual_tolerance",
         "steady_tolerance",
     ):
-        _check_positive(getattr(solver, key), f"[solver] {key}")
+        check_positive(getattr(solver, key), f"[solver] {key}")
     for key in ("change_tolerance", "residual_tolerance", "steady_tolerance"):
         if getattr(solver, key) >= 1.0:
             raise InputError(f"[solver] {key}: is relative, so it must be below 1")
@@ -514,8 +418,8 @@ def _check_solver(scene: Scene) -> None:
 
 def _check_output(scene: Scene) -> None:
     output = scene.output
-    _check_positive(output.samples_per_leg, "[output] samples_per_leg")
-    _check_positive(output.checkpoint_cycles, "[output] checkpoint_cycles")
+    check_positive(output.samples_per_leg, "[output] samples_per_leg")
+    check_positive(output.checkpoint_cycles, "[output] checkpoint_cycles")
     if isinstance(output.cycles, tuple):
         cycles = 0 if scene.history.kind == "monotonic" else scene.history.cycles
         for number in output.cycles:

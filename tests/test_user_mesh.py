@@ -60,14 +60,18 @@ def test_turned_body_has_the_same_condensed_system(
         Load("p0", "top", (-1.0, 1.0), pressure=1.0),
         Load("side", "right", pressure={"x": [-0.5, 0.5], "value": [0.0, 1.0]}),
     )
-    scene = block(cell, degree, loads=loads, contacts=(Contact(span=(-1.5, 1.0)),))
+    table = {"x": [-1.5, 0.0, 1.0], "value": [0.01, 0.0, 0.02]}
+    foot = Contact(span=(-1.5, 1.0), friction="0.3 + 0.1*x", initial_gap=table)
+    scene = block(cell, degree, loads=loads, contacts=(foot,))
     mesh = shared_tmp_path / "block.msh"
     user = file_of(scene, mesh, lambda points: turned(points, degrees, (0.3, -0.7)))
     expected, found = system_of(scene), system_of(user)
     if expected is None or found is None:
         return
     scale = np.abs(expected.K).max()
-    assert np.abs(found.x - expected.x).max() < 1e-12
+    for name in ("x", "f", "g0"):
+        assert np.abs(getattr(found, name) - getattr(expected, name)).max() < 1e-12
+    assert np.ptp(found.f) == pytest.approx(0.25) and found.g0.max() == pytest.approx(0.02)
     assert np.abs(found.K - expected.K).max() < 1e-12 * scale
     assert np.abs(found.r_star - expected.r_star).max() < 1e-12
     assert found.weight == pytest.approx(expected.weight, rel=1e-12)
@@ -266,6 +270,23 @@ def test_geo_file_that_cannot_serve_is_refused(
         assert words in refused(scene)
     else:
         assert make_mesh(comm, scene, False).cell == "triangle"
+
+
+def test_mesh_of_a_solid_is_refused(shared_tmp_path: Path) -> None:
+    corners = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"]
+    nodes = [f"{i + 1} {corner}" for i, corner in enumerate(corners)]
+    lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", "4", *nodes, "$EndNodes"]
+    lines += ["$Elements", "1", "1 4 2 1 1 1 2 3 4", "$EndElements", ""]
+    path = write_text(shared_tmp_path / "my.msh", "\n".join(lines))
+    scene = replace(two_cells(shared_tmp_path / "flat.msh"), body=Body(mesh=path))
+    assert "is a mesh of a solid" in refused(scene)
+
+
+def test_negative_friction_on_a_users_edge_is_refused(shared_tmp_path: Path) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo")
+    bad = replace(scene, contacts=(Contact("foot", friction="0.1*x"),))
+    with pytest.raises(InputError, match=r"\[contact\] friction: is -0.2 at x = -2 along 'foot'"):
+        system_of(bad)
 
 
 def test_unknown_parameters_surfaces_and_files_are_refused(shared_tmp_path: Path) -> None:

@@ -81,7 +81,7 @@ def find(
     s: float | None,
 ) -> Moment:
     """Find the instant that :meth:`Record.at` is asked for; see there."""
-    if len(record.edge_names) > 1:
+    if len(np.unique(record.edge)) > 1:
         raise InputError(
             "the record has several contact edges; ask one of them: record.by_edge()"
             f"['{record.edge_names[0]}'].at(...)"

@@ -172,7 +172,7 @@ class Record:
         """
         numbers = np.unique(self.edge)
         if len(numbers) < 2:
-            return {self.edge_names[0] if self.edge_names else "": self}
+            return {self.edge_names[numbers[0]] if self.edge_names else "": self}
         return {self.edge_names[k]: _on(self, np.flatnonzero(self.edge == k)) for k in numbers}
 
     def at(
@@ -226,6 +226,7 @@ def _on(record: Record, nodes: Ints) -> Record:
         per_node = ("state", "P", "Q", "p", "q", "v", "w")
         return replace(table, **{name: getattr(table, name)[:, nodes] for name in per_node})
 
+    per_record = ("x", "points", "f", "g0", "weight", "edge")
     events, cycles = record.events, record.cycles
     place = np.full(len(record.x), -1)
     place[nodes] = np.arange(len(nodes))
@@ -233,9 +234,7 @@ def _on(record: Record, nodes: Ints) -> Record:
     columns = {f.name: getattr(events, f.name)[here] for f in fields(events)}
     return replace(
         record,
-        **{name: getattr(record, name)[nodes] for name in ("x", "points", "f", "g0", "weight")},
-        edge=np.zeros(len(nodes), dtype=np.int64),
-        edge_names=(record.edge_names[record.edge[nodes[0]]],),
+        **{name: getattr(record, name)[nodes] for name in per_record},
         turning_points=states(record.turning_points),
         samples=states(record.samples),
         events=Events(**{**columns, "node": place[columns["node"]]}),

@@ -140,7 +140,8 @@ def report_html(
     parts.append(_cards(summary))
     parts += _section("Against the paper", _paper(summary))
     parts += _section("Turning points", _turning_points(summary))
-    parts += _section("Figures", _figures(figures))
+    edges = {row["edge"] for row in summary["turning_points"] if "edge" in row}
+    parts += _section("Figures", _figures(figures, edges))
     parts += _section("The body", _bodies(snapshots))
     parts += _section("Cycles", _cycles(summary))
     parts += _section("How far to trust it", _trust(summary))
@@ -270,18 +271,19 @@ def _costs(summary: Mapping[str, Any]) -> str:
     return _table([], rows)
 
 
-def _figures(paths: Sequence[Path]) -> str:
-    """Figures in the order of their captions."""
+def _figures(paths: Sequence[Path], edges: set[str]) -> str:
+    """Figures in the order of their captions; those of several edges are in folders of theirs."""
     parts = [part for part, _ in CAPTIONS]
 
     def place(path: Path) -> tuple[int, str]:
-        return next((k for k, part in enumerate(parts) if part in path.stem), 99), path.stem
+        return next((k for k, part in enumerate(parts) if part in path.stem), 99), str(path)
 
     shown = []
     for path in sorted(paths, key=place):
         with Image.open(path) as image:
             wide = image.width > PAGE_FIGURE
-        shown.append(_figure(path.stem, _caption(path), "png", path.read_bytes(), wide))
+        edge = f"On {path.parent.name}: " if path.parent.name in edges else ""
+        shown.append(_figure(path.stem, edge + _caption(path), "png", path.read_bytes(), wide))
     return f'<div class="figures">{"".join(shown)}</div>' if shown else ""
 
 

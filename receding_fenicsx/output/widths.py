@@ -69,8 +69,8 @@ def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
 def contact_betas(record: Record) -> tuple[float, ...]:
     """Dundurs' beta of a contact edge, with the sign that makes forward slip run towards x.
 
-    Both signs on a mesh of the user's own, whose side of the edge is not known here; none where no
-    scene tells the materials, and of several edges together.
+    Both signs on a user's mesh of a body of revolution, where x is the radius on either side; none
+    where no scene tells the materials, and of several edges together.
     """
     numbers = set(record.edge.tolist())
     if not record.scene_toml or len(numbers) != 1:
@@ -82,8 +82,9 @@ def contact_betas(record: Record) -> tuple[float, ...]:
     if contact.against is not None:
         materials.append(scene.material_of(scene.find_edge(contact.against)[0]))
     beta = dundurs_beta(*map(_constants, materials))
-    if body.mesh is not None and beta != 0.0:
-        return beta, -beta
+    if body.mesh is not None:
+        # x runs along t
+        return (beta, -beta) if scene.axisymmetric and beta != 0.0 else (beta,)
     return (-beta,) if edge in AGAINST_X else (beta,)
 
 

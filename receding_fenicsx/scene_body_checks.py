@@ -1,0 +1,113 @@
+"""Checks of a scene's bodies, materials and mesh options.
+
+Every message is one line: the table and key, what is wrong, what to do.
+"""
+
+from __future__ import annotations
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene import OF_RECTANGLES, Body, Material, Scene
+from receding_fenicsx.scene_values import unknown_name
+
+LEAST_CONTACT_ELEMENTS = 4
+"""Fewer elements on the contact edge cannot show stick, slip and separation side by side."""
+MOST_CONTACT_ELEMENTS = 20000
+"""The condensed stiffness of more would fill tens of gigabytes."""
+
+
+def check_positive(value: float, where: str) -> None:
+    """Raise InputError for a value that is not positive."""
+    if not value > 0.0:
+        raise InputError(f"{where}: must be positive, not {value:g}")
+
+
+def check_choice(value: object, choices: tuple[str, ...], where: str) -> None:
+    """Raise InputError for a value that is none of the choices."""
+    if value not in choices:
+        raise InputError(f'{where}: "{value}" is unknown; use one of {", ".join(choices)}')
+
+
+def check_bodies(scene: Scene) -> None:
+    """Check names, shapes and materials of the bodies."""
+    names = [body.name for body in scene.bodies]
+    if len(names) > 2:
+        raise InputError(f"[[body]]: the scene has {len(names)}, two at most can be modelled")
+    for name in names:
+        if scene.others and not name.strip():
+            raise InputError("[[body]] name: is missing; give each body a name")
+        if "." in name:
+            raise InputError(f'[[body]] name: "{name}" holds a dot; leave it out')
+        if names.count(name) > 1:
+            raise InputError(
+                f"body '{name}': {names.count(name)} bodies have this name; rename one"
+            )
+    known = [material.name for material in scene.materials]
+    for body in scene.bodies:
+        label = f"body '{body.name}'" if scene.others else "[body]"
+        _check_body(body, label)
+        if body.material is not None and body.material not in known:
+            unknown_name(body.material, known, f"{label} material", "material")
+    used = [scene.material_of(body) for body in scene.bodies]
+    for material in scene.materials:
+        if material not in used:
+            raise InputError(
+                f"[material.{material.name}]: no body is made of it; name it in a [[body]]"
+            )
+    for material in used:
+        _check_material(material)
+    if len({material.kinematics for material in used}) > 1:
+        raise InputError(
+            "[material] kinematics: differs from body to body; use the same for all of them"
+        )
+
+
+def _check_body(body: Body, label: str) -> None:
+    if body.mesh is not None:
+        default = Body()
+        for key in OF_RECTANGLES:
+            if getattr(body, key) != getattr(default, key):
+                raise InputError(f"{label} {key}: is that of a rectangle; leave out it or mesh")
+        return
+    for key in ("surface", "parameters"):
+        if getattr(body, key):
+            raise InputError(f"{label} {key}: needs a mesh file; give mesh, or leave it out")
+    check_choice(body.shape, ("rectangle",), f"{label} shape")
+    check_positive(body.width, f"{label} width")
+    check_positive(body.height, f"{label} height")
+
+
+def _check_material(material: Material) -> None:
+    where = f"[material.{material.name}]" if material.name else "[material]"
+    check_positive(material.young, f"{where} young")
+    choices = ("plane strain", "plane stress", "axisymmetric")
+    check_choice(material.kinematics, choices, f"{where} kinematics")
+    limit, text = (1.0, "below 1") if material.kinematics == "plane stress" else (0.5, "below 0.5")
+    if not -1.0 < material.poisson < limit:
+        raise InputError(
+            f"{where} poisson: must lie above -1 and {text} in {material.kinematics}, "
+            f"not {material.poisson:g}"
+        )
+
+
+def check_mesh(scene: Scene) -> None:
+    """Check the options of the mesh."""
+    mesh = scene.mesh
+    n = mesh.contact_elements
+    if not LEAST_CONTACT_ELEMENTS <= n <= MOST_CONTACT_ELEMENTS:
+        raise InputError(
+            f"[mesh] contact_elements: {n} is too "
+            f"{'few' if n < LEAST_CONTACT_ELEMENTS else 'many'}; "
+            f"use {LEAST_CONTACT_ELEMENTS} to {MOST_CONTACT_ELEMENTS}"
+        )
+    if n % 2 and any(body.mesh is None for body in scene.bodies):
+        raise InputError(
+            f"[mesh] contact_elements: {n} is odd; use an even number, half of them on each side "
+            "of x = 0"
+        )
+    check_choice(mesh.cell, ("triangle", "quadrilateral"), "[mesh] cell")
+    if mesh.degree not in (1, 2):
+        raise InputError(f"[mesh] degree: {mesh.degree} is not available; use 1 or 2")
+    if not 1.0 <= mesh.growth <= 3.0:
+        raise InputError(
+            f"[mesh] growth: {mesh.growth:g} is no size ratio of layers; use 1 (uniform) to 3"
+        )
