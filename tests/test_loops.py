@@ -1,5 +1,6 @@
 """Hysteresis loops and the paths of single nodes."""
 
+import dataclasses
 from functools import cache
 
 import models
@@ -73,6 +74,17 @@ def test_hysteresis_shows_the_loops_of_the_record() -> None:
     for line, loop in zip(drawn, loops, strict=True):
         assert np.array_equal(line.get_ydata(), loop.load[:, 0])
         assert np.array_equal(line.get_xdata(), loop.displacement[:, 0])
+
+
+def test_force_that_a_prescribed_displacement_takes_is_drawn_over_it() -> None:
+    found = dataclasses.replace(record(), load_sign=np.array([1.0]))
+    axes = figures.hysteresis(found).axes[0]
+    line = next(line for line in axes.lines if line.get_linestyle() != "None")
+    loop = loop_of(found, shown_cycles(found)[0])
+    assert np.array_equal(line.get_xdata(), loop.load[:, 0])
+    assert np.array_equal(line.get_ydata(), loop.displacement[:, 0])
+    assert axes.get_ylabel().startswith("$F") and "p_" in axes.get_xlabel()
+    assert loop.area() == pytest.approx(-loop_of(record(), loop.cycle).area())
 
 
 def test_trajectories_stay_in_the_friction_cone_that_is_drawn() -> None:

@@ -210,6 +210,33 @@ def test_round_off_in_the_first_cycle_is_no_cyclic_slip() -> None:
     assert record.steady.kind == "shakedown"
 
 
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_block_dragged_by_its_platen_slides_under_exactly_the_friction_force(method: str) -> None:
+    """What force control cannot pass: |F| = f P, and every node moves as the platen does."""
+    reach, far = 8.0, 0.5
+    scene = scene_of("polygon of P and a prescribed displacement", 2, None)
+    history = replace(
+        scene.history,
+        rows=((1.0, 0.0), (1.0, reach)),
+        cycle_rows=((1.0, -reach), (1.0, reach)),
+    )
+    solver = SolverOptions(method=method, steps_per_leg=40)
+    scene = replace(scene, history=history, solver=solver)
+    system = system_of("polygon of P and a prescribed displacement")
+    record = evolved(scene, system, 40)
+    force = 2.0 * F
+    table, samples = record.turning_points, record.samples
+    assert np.abs(table.load_displacement[1:, 1]) == pytest.approx(force, rel=1e-10)
+    late = (samples.cycle == 2) & (samples.s > far)
+    assert np.abs(samples.load_displacement[late, 1]) == pytest.approx(force, rel=1e-10)
+    assert np.abs(samples.Q[late].sum(axis=1)) == pytest.approx(force, rel=1e-10)
+    here = samples.cycle == 2
+    v, d = (x[here & (samples.leg == 1) & (samples.s > far)] for x in (samples.v, samples.load))
+    assert np.diff(v, axis=0) == pytest.approx(
+        np.repeat(np.diff(d[:, 1])[:, None], v.shape[1], axis=1), rel=1e-8
+    )
+
+
 @pytest.mark.parametrize("friction", [0.0, 0.4])
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])
 def test_top_that_is_lifted_takes_no_force_and_may_come_down_again(

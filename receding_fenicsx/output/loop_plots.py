@@ -27,6 +27,8 @@ def hysteresis(
 ) -> Figure:
     """Draw each load against its work-conjugate displacement: the loops' area is dissipation.
 
+    For a prescribed displacement, the force that it takes is drawn over it.
+
     Args:
         record: the record.
         cycles: cycles with samples; first loading, the first and the last when left out.
@@ -49,27 +51,31 @@ def hysteresis(
         panels = figure.subplots(len(moves), 2, squeeze=False)
         for n, (k, row) in enumerate(zip(moves, panels, strict=True)):
             name = record.load_names[k]
-            delta = r"\delta" if is_word(name) else rf"\delta_{{{load_symbol(name)}}}"
-            unit, behind = scales.load_displacement()
+            prescribed = bool(record.load_sign[k] > 0.0)
+            letter = "F" if prescribed else r"\delta"
+            delta = letter if is_word(name) else rf"{letter}_{{{load_symbol(name)}}}"
+            unit, behind = (1.0, "") if prescribed else scales.load_displacement()
             straight = _chord(paths[-1], k)
             for path in paths:
                 load = path.load[:, k] / scales.load_max[k]
                 size = path.displacement[:, k] / unit
                 bend = (path.displacement[:, k] - straight * path.load[:, k]) / unit
                 bend = bend - _offset(paths[-1], k, straight) / unit
-                _draw_path(row[0], size, load, path, paths)
                 # first loading is no loop and lies far from the chord
-                if path.cycle or len(paths) == 1:
-                    _draw_path(row[1], bend, load, path, paths)
-            for m, axes in enumerate(row):
-                axes.set_ylabel(scales.load_label(name))
-                axes.ticklabel_format(axis="x", scilimits=(-2, 3), useMathText=True)
+                shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
+                for axes, conjugate in zip(row, shown, strict=False):
+                    x, y = (load, conjugate) if prescribed else (conjugate, load)
+                    _draw_path(axes, x, y, path, paths)
+            labels = (rf"${delta}{behind}$", rf"$({delta} - \mathrm{{chord}}){behind}$")
+            for m, (axes, label) in enumerate(zip(row, labels, strict=True)):
+                ends = (label, scales.load_label(name))
+                axes.set(xlabel=ends[prescribed], ylabel=ends[not prescribed])
+                along = "y" if prescribed else "x"
+                axes.ticklabel_format(axis=along, scilimits=(-2, 3), useMathText=True)
                 style.ticks(axes.xaxis, 5)
-                letter = style.panel_title(2 * n + m, 2 * len(moves), "")
+                panel = style.panel_title(2 * n + m, 2 * len(moves), "")
                 note = ("", "less the chord of the last loop")[m]
-                axes.set_title(f"{letter}{note}", loc="left", pad=4.0)
-            row[0].set_xlabel(rf"${delta}{behind}$")
-            row[1].set_xlabel(rf"$({delta} - \mathrm{{chord}}){behind}$")
+                axes.set_title(f"{panel}{note}", loc="left", pad=4.0)
         figure.legend(handles=_cycle_handles(paths), loc="outside lower center", ncols=len(paths))
     return figure
 
