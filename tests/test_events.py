@@ -464,3 +464,12 @@ def test_what_is_refused_above_the_margin_has_no_continuation() -> None:
             assert worst_violation(system, record) <= 1e-9, seed
             solved += 1
     assert refused >= 3 and solved >= 60
+
+
+@pytest.mark.parametrize("stops", [1, 2, 3, 7])
+def test_a_leg_may_end_where_its_last_sum_did(stops: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    whole = evolve(SMALL, cyclic(2))
+    monkeypatch.setattr("receding_fenicsx.interface.walk.STOPS", stops)
+    parts = evolve(SMALL, cyclic(2))
+    assert parts.cycles.dissipation == near(whole.cycles.dissipation)
+    assert parts.energy_error_max <= 1e-12

@@ -153,6 +153,8 @@ class Walk:
 
         Between two stops forces and displacements are linear: the mean force counts.
         """
+        if len(self.stops) == 1:  # the leg ended where the last sum did
+            return
         n, system, F = self.system.n, self.system, self.segments.frictional
         s = np.array([stop[0] for stop in self.stops])[:, None]
         y = np.concatenate([stop[1] for stop in self.stops]).reshape(-1, 4 * n)
