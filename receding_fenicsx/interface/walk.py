@@ -221,7 +221,10 @@ class Walk:
         else:
             due = self.segments.trials - self.cleared_at >= CLEARED_EVENTS
         if due:
+            # what is cleared is no slip
+            self._sum_up()
             self._clear()
+            self.stops = [(self.s, self.y.copy(), self.state)]
 
     def _clear(self) -> ContactState:
         """Clear the round-off of the walk by one step of iterative refinement; return the state."""
