@@ -54,6 +54,8 @@ LOW_LOAD = 1.0 / 3.0
 """Part of the largest load at which the paper's Fig. 6 stands."""
 MOST_ROWS, MOST_COLUMNS = 5, 3
 """Cycles, and legs of each, in the overview of all sampled cycles at most."""
+OF_THE_WHOLE = ("fig10_dissipation_per_cycle", "hysteresis")
+"""Figures that show no single contact edge."""
 MOST_PANELS = 6
 """Legs of a cycle that are drawn in one figure at most."""
 
@@ -67,7 +69,8 @@ def plot_all(
 ) -> list[Path]:
     """Draw every figure that a record holds something for.
 
-    With several contact edges the figures of each are in a folder of the edge's name.
+    With several contact edges the figures of each are in a folder of the edge's name; those of the
+    whole contact stand beside the folders.
 
     Args:
         record: the record.
@@ -80,17 +83,21 @@ def plot_all(
     Returns:
         The files that were made.
     """
-    folder, made = Path(folder), []
+    folder, formats = Path(folder), tuple(formats)
+    made: list[Path] = []
     edges = record.by_edge()
-    if len(edges) > 1:
-        for name, part in edges.items():
-            made += plot_all(part, folder / name.replace("/", "_"), formats=formats)
-        return made
-    for name, figure in draw_all(record, unloading, stepped):
-        folder.mkdir(parents=True, exist_ok=True)
-        for ending in formats:
-            made.append(folder / f"{name}.{ending}")
-            save(figure, made[-1])
+    for edge, part in edges.items():
+        alone = len(edges) == 1
+        for name, figure in draw_all(part, unloading, stepped):
+            whole = alone or name in OF_THE_WHOLE
+            place = folder if whole else folder / edge.replace("/", "_")
+            place.mkdir(parents=True, exist_ok=True)
+            files = [place / f"{name}.{ending}" for ending in formats]
+            if set(files) <= set(made):
+                continue
+            for path in files:
+                save(figure, path)
+            made += files
     return made
 
 

@@ -22,6 +22,10 @@ from receding_fenicsx.output.scales import Scales, is_word, load_symbol, scales_
 FIRST_LOADING = {"color": style.GUIDE_COLOUR, "lw": 0.9}
 
 
+ROUND_OFF = 1e-9
+"""Part of the largest position or displacement that is none."""
+
+
 def hysteresis(
     record: Record, cycles: Sequence[int] | None = None, scales: Scales | None = None
 ) -> Figure:
@@ -108,6 +112,8 @@ def trajectories(
         raise InputError(f"trajectories: nodes {chosen} are not among 0 to {len(record.x) - 1}")
     unit, behind = scales.peak_traction()
     length, beside = scales.slip()
+    reach = float(np.abs(record.x).max())
+    most = max(float(np.abs(path.v).max()) for path in paths) / length or 1.0
     low, high = (f([f(path.w[:, chosen]) for path in paths]) / length for f in (np.min, np.max))
     room = 0.1 * (high - low) or 1.0
     lifted = low - room, high + room
@@ -123,9 +129,14 @@ def trajectories(
             _draw_cone(above, float(record.f[i]))
             if np.any([path.w[:, i] > -record.g0[i] for path in paths][-1]):
                 below.axhline(-float(record.g0[i]) / length, **style.GUIDE)
-            where = f"{scales.x_label[:-1]} = {record.x[i] / scales.length:.3g}$"
+            x = float(record.x[i]) if abs(record.x[i]) > ROUND_OFF * reach else 0.0
+            where = f"{scales.x_label[:-1]} = {x / scales.length:.3g}$"
             above.set_title(style.panel_title(n, columns, where))
             below.set_ylim(*lifted)
+            left, right = below.get_xlim()
+            if right - left < ROUND_OFF * most:
+                # a node that does not move
+                below.set_xlim(-0.5 * most, 0.5 * most)
             below.tick_params(labelleft=n == 0)
             for axes in (above, below):
                 style.ticks(axes.xaxis, 3)

@@ -13,6 +13,8 @@ from receding_fenicsx.output.record import Record, States
 
 MOST_NODES = 4
 """Nodes whose paths are drawn unless they are asked for."""
+FELT = 1e-6
+"""Force of a node, over the largest, below which it is round-off of a node that does not touch."""
 MOST_CYCLES = 3
 """Cycles whose paths are drawn in one panel unless they are asked for."""
 
@@ -111,7 +113,9 @@ def telling_nodes(record: Record) -> list[int]:
     """
     rows = np.isin(record.samples.cycle, sampled_cycles(record)[-1:])
     state = record.samples.state[rows]
-    usable = np.any(record.samples.P[rows] > 0.0, axis=0) & (record.weight > 0.0)
+    force = record.samples.P[rows]
+    pressed = force > FELT * force.max(initial=0.0)
+    usable = np.any(pressed, axis=0) & (record.weight > 0.0)
     if record.half and np.any(usable & (record.x > 0.0)):
         usable &= record.x > 0.0
     if not np.any(usable):
