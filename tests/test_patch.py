@@ -9,12 +9,13 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import CELLS, block, built
+from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.elasticity import back_substitute, stresses
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import from_scene
-from receding_fenicsx.interface.contact import State
+from receding_fenicsx.interface.contact import ContactSystem, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.scene import (
     Contact,
@@ -28,6 +29,7 @@ from receding_fenicsx.scene_checks import is_half_meshed
 from receding_fenicsx.study import condense
 
 comm = MPI.COMM_WORLD
+Array = NDArray[np.float64]
 FRICTION = 0.35
 
 
@@ -77,11 +79,21 @@ def sheared(shear: float, poisson: float, loads: tuple[Load, ...], cell: str, de
     return block(
         cell,
         degree,
+        elements=32 // degree,
         loads=(Load("weight", "top", pressure=1.0), *loads),
         material=Material(1.0, poisson),
         contacts=(Contact(friction=FRICTION),),
         history=HistoryOptions(kind="table", columns=names, rows=rows),
     )
+
+
+def sliding_factors(system: ContactSystem, scene: Scene, solver: SolverOptions) -> Array:
+    """Load factors at which gross sliding is reported."""
+    with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
+        evolve(system, from_scene(scene), solver)
+    found = re.search(r"load factors \[([^]]*)\]", str(caught.value))
+    assert found is not None
+    return np.array([float(text) for text in found[1].split(",")])
 
 
 TOP = Load("top", "top", traction=(FRICTION, 0.0))
@@ -112,12 +124,18 @@ def test_block_sticks_at_99_percent_of_friction_and_slides_at_100(
         assert np.all(state == State.STICK)
         assert record.turning_points.q[-1] == pytest.approx(-0.99 * FRICTION, rel=1e-11)
         assert record.turning_points.p[-1] == pytest.approx(1.0, rel=1e-11)
-    beyond = from_scene(sheared(1.01, poisson, loads, cell, degree))
-    stepwise = SolverOptions(method="gauss-seidel", steps_per_leg=10, max_sweeps=500)
-    for solver in (scene.solver, stepwise):
-        with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
-            evolve(system, beyond, solver)
-        found = re.search(r"load factors \[([^]]*)\]", str(caught.value))
-        assert found is not None
-        factors = [float(text) for text in found[1].split(",")]
-        assert factors == pytest.approx([1.0] * len(factors), rel=1e-8)
+    beyond = sheared(1.01, poisson, loads, cell, degree)
+    assert sliding_factors(system, beyond, beyond.solver) == pytest.approx(1.0, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("loads", "poisson"), [((TOP, *SIDES), 0.0), ((TOP,), 0.3)], ids=["uniform", "top"]
+)
+def test_load_steps_say_at_which_load_the_block_slides(
+    loads: tuple[Load, ...], poisson: float
+) -> None:
+    scene = sheared(1.01, poisson, loads, "quadrilateral", 1)
+    system = condense(scene)
+    if system is not None:
+        steps = SolverOptions(method="gauss-seidel", steps_per_leg=10, max_sweeps=500)
+        assert sliding_factors(system, scene, steps) == pytest.approx(1.0, rel=1e-8)

@@ -149,15 +149,16 @@ def tie_matrix(matrix: PETSc.Mat, ties: Ties) -> PETSc.Mat | None:
     """
     if not len(ties.slaves):
         return None
-    sizes = matrix.getSizes()
-    P = PETSc.Mat().createAIJ(sizes, nnz=(2, 2), comm=matrix.comm)
-    start, end = matrix.getOwnershipRange()
-    dofs = np.arange(start, end)
+    dofs = np.arange(*matrix.getOwnershipRange())
     leaders = 2 * ties.leader(dofs // 2) + dofs % 2
-    for dof, leader in zip(dofs, leaders, strict=True):
-        P.setValue(dof, dof, float(dof == leader))
-        if dof != leader:
-            P.setValue(dof, leader, 1.0)
+    follows = dofs != leaders
+    rows = np.concatenate([dofs, dofs[follows]])
+    columns = np.concatenate([dofs, leaders[follows]])
+    values = np.concatenate([np.where(follows, 0.0, 1.0), np.ones(follows.sum())])
+    order = np.lexsort((columns, rows))
+    begin = np.concatenate([[0], np.cumsum(1 + follows)])
+    csr = begin.astype(PETSc.IntType), columns[order].astype(PETSc.IntType), values[order]
+    P = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
     P.assemble()
     return P
 
