@@ -20,6 +20,8 @@ from receding_fenicsx.errors import POLL_SECONDS, InputError, Interrupted, Reced
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from receding_fenicsx.scene import Scene
+
 PROGRAM = "receding-fenicsx"
 RANK_WAIT_SECONDS = 10.0
 """How long a failing rank waits for the others to fail too before it ends the whole job."""
@@ -345,6 +347,16 @@ def _animate(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
         print(path)
 
 
+def _contact_nodes(scene: Scene) -> int:
+    """Count the contact nodes; meshes of the user's own and pairs are read and checked for it."""
+    plain = len(scene.contacts) == 1 and scene.contacts[0].span is None
+    if plain and scene.body.mesh is None and not scene.others:
+        return scene.mesh.degree * scene.mesh.contact_elements + 1
+    from receding_fenicsx.bulk.meshing import contact_elements_of
+
+    return sum(scene.mesh.degree * n + 1 for n in contact_elements_of(scene))
+
+
 def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx.history import from_scene
     from receding_fenicsx.scene_checks import is_mirror_symmetric
@@ -352,8 +364,8 @@ def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
     scene = read_scene(options.scene, options.overrides)
     half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
-    nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
-    loads = ", ".join(load.name for load in scene.loads)
+    nodes = _contact_nodes(scene)
+    loads = ", ".join(scene.load_names)
     if _is_root(comm):
         print(
             f"{options.scene}: can be modelled; {nodes} contact nodes, "

@@ -15,9 +15,11 @@ from msh import Array, Ints, rectangle, turned, write_msh
 
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.meshing import make_mesh
+from receding_fenicsx.cli import main
 from receding_fenicsx.errors import InputError, on_root
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.scene import Body, Contact, Load, Scene, Support
+from receding_fenicsx.scene_file import to_toml
 
 comm = MPI.COMM_WORLD
 
@@ -303,3 +305,16 @@ def test_unknown_parameters_surfaces_and_files_are_refused(shared_tmp_path: Path
     assert "cells of higher order" in refused(order_two)
     garbage = write_text(shared_tmp_path / "bad.msh", "no mesh")
     assert "gmsh cannot use it" in refused(replace(order_two, body=Body(mesh=garbage)))
+
+
+def test_check_reads_the_mesh_and_counts_its_contact_nodes(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo")
+    path = write_text(shared_tmp_path / "my.toml", to_toml(scene))
+    assert main(["check", path]) == 0
+    if comm.rank == 0:
+        assert "25 contact nodes, the whole body" in capsys.readouterr().out
+    assert main(["check", path, "--set", "contact.edge=fooot"]) == 2
+    if comm.rank == 0:
+        assert "no group of curves 'fooot'; did you mean 'foot'?" in capsys.readouterr().err

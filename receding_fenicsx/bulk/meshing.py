@@ -89,6 +89,17 @@ def make_mesh(comm: MPI.Comm, scene: Scene, half: bool) -> BodyMesh:
     return mesh
 
 
+def contact_elements_of(scene: Scene) -> list[int]:
+    """Return the number of elements on each contact edge of the whole scene; no communication.
+
+    Raises:
+        InputError: a mesh that cannot serve the scene.
+    """
+    half = scene.axisymmetric
+    meshes = [_raw(part_of(scene, body), half) for body in scene.bodies]
+    return [len(interface.facets) for interface in find_interfaces(scene, meshes, False)]
+
+
 def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...]:
     """Mesh the scene's bodies: rectangles graded from their contact edge, or the user's meshes.
 

@@ -381,6 +381,8 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
         axes.set_xlim(strip.x[0], strip.x[-1])
     # in a film the legend must not jump
     axes.legend(loc="best" if clock is None else "upper right", borderaxespad=0.2, handlelength=1.2)
-    axes.set_xlabel(position_label(view.length_symbol, view.axisymmetric), labelpad=1.0)
+    label = position_label(view.length_symbol, view.axisymmetric)
+    which = f" on {view.strips[0].name}" if len(view.strips) > 1 else ""
+    axes.set_xlabel(label + which, labelpad=1.0)
     axes.set_ylabel(f"$p{divided}$,  $q{divided}$")
     style.ticks(axes.yaxis, 5)

@@ -75,6 +75,7 @@ class Strip:
     """A contact edge in a picture.
 
     Attributes:
+        name: of the edge.
         x, place: (N,) positions along the edge, (N, 2) contact nodes.
         moved: (N, 2) contact nodes of the first body after the exaggerated deformation.
         normal: (2,) unit vector into the body.
@@ -82,6 +83,7 @@ class Strip:
         state: (N,) states.
     """
 
+    name: str
     x: Array
     place: Array
     moved: Array
@@ -188,6 +190,7 @@ def view_of(
         moved = place[nodes] + factor * _shift(fields, place[nodes], normal)
         strips.append(
             Strip(
+                described.edge,
                 x[nodes] / unit,
                 place[nodes] / unit,
                 moved / unit,
