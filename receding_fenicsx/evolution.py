@@ -249,6 +249,8 @@ class _Run:
             energy_error=max(before.energy_error, error),
             sweeps=before.sweeps + leg.sweeps,
             events=before.events + int(sum(self.multiplicity[event[1]] for event in leg.events)),
+            jumps=before.jumps + len(leg.jumps),
+            released=before.released + sum(energy for _, energy in leg.jumps),
         )
 
     def _energy_error(self, leg: Leg) -> tuple[float, float]:
@@ -258,7 +260,7 @@ class _Run:
         """
         K = self.model.K
         stored = 0.5 * float((leg.end.u - self.now.u) @ K @ (leg.end.u + self.now.u))
-        D = float(leg.dissipation.sum())
+        D = float(leg.dissipation.sum()) + sum(energy for _, energy in leg.jumps)
         largest = max(self.totals.energy_scale, abs(D) + abs(stored))
         scale = max(abs(D) + abs(stored), ENERGY_FLOOR * largest)
         return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
@@ -267,7 +269,7 @@ class _Run:
 def make_tracer(system: ContactSystem, solver: SolverOptions) -> GaussSeidelPath | EventPath:
     """Return what follows the legs by the method asked for."""
     if solver.method == "events":
-        return EventPath(system)
+        return EventPath(system, on_jump=solver.on_jump)
     options = GaussSeidelOptions(
         over_relaxation=solver.over_relaxation,
         polish=solver.polish,

@@ -167,6 +167,7 @@ class SolverOptions:
     residual_tolerance: float = 1e-12
     max_sweeps: int = 20000
     steady_tolerance: float = 1e-8
+    on_jump: str = "stop"
 
 
 @dataclass(frozen=True)

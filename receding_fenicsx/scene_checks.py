@@ -398,6 +398,7 @@ def _check_solver(scene: Scene) -> None:
     solver = scene.solver
     check_choice(solver.method, ("gauss-seidel", "events"), "[solver] method")
     check_choice(solver.symmetry, ("auto", "none"), "[solver] symmetry")
+    check_choice(solver.on_jump, ("stop", "static"), "[solver] on_jump")
     for key in (
         "steps_per_leg",
         "max_sweeps",

@@ -45,11 +45,6 @@ ARRAYS: dict[str, tuple[type, str]] = {
 NAMED = ("body", "load")
 """Tables that may occur several times and are then told apart by their names."""
 
-LATER = {
-    "solver": {"on_jump": "stepping over a jump"},
-}
-"""Keys that are known but cannot be served yet, by table."""
-
 
 def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
     """Read and check a scene file.
@@ -306,10 +301,6 @@ def _table(raw: object, kind: type, name: str, label: str) -> Any:
         raise InputError(f"'{name}' must be a table; write [{name}]")
     readers = READERS[kind]
     for key, value in raw.items():
-        if key in LATER.get(name, {}):
-            raise InputError(
-                f"{label} {key}: {LATER[name][key]} is not available yet; leave it out"
-            )
         if key not in readers:
             unknown_name(key, list(readers), label, "key")
     for field in dataclasses.fields(kind):

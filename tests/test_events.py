@@ -473,3 +473,27 @@ def test_a_leg_may_end_where_its_last_sum_did(stops: int, monkeypatch: pytest.Mo
     parts = evolve(SMALL, cyclic(2))
     assert parts.cycles.dissipation == near(whole.cycles.dissipation)
     assert parts.energy_error_max <= 1e-12
+
+
+def test_a_jump_is_stepped_over_where_that_is_asked_for() -> None:
+    jumped = 0
+    for seed in (16, 31, 53, 68, 110):
+        system, history = random_case(seed, 5.0, largest=6)
+        with pytest.raises(NoQuasiStaticContinuation):
+            evolve(system, history)
+        record = evolve(system, history, SolverOptions(on_jump="static"), ALL)
+        assert record.jumps >= 1, seed
+        assert worst_violation(system, record) <= 1e-9, seed
+        # friction and the loads' work are whole with what the jumps release, which is never gained
+        assert record.released > 0.0 and record.energy_error_max <= 1e-10, seed
+        jumped += record.jumps
+    assert jumped > 5
+
+
+def test_where_a_path_leads_on_nothing_jumps() -> None:
+    for seed in range(20):
+        system, history = random_case(seed, 0.49)
+        plain = evolve(system, history)
+        ready = evolve(system, history, SolverOptions(on_jump="static"))
+        assert ready.jumps == 0 and ready.released == 0.0
+        assert np.array_equal(plain.turning_points.v, ready.turning_points.v)

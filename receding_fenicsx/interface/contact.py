@@ -149,6 +149,7 @@ class Leg:
         samples: (s, state) pairs, s increasing to 1.
         events: (s, node, old state, new state), s not decreasing.
         sweeps: Gauss-Seidel sweeps spent.
+        jumps: (s, energy released) of every jump that was stepped over.
     """
 
     end: ContactState
@@ -159,6 +160,7 @@ class Leg:
     samples: list[tuple[float, ContactState]] = field(default_factory=list)
     events: list[tuple[float, int, int, int]] = field(default_factory=list)
     sweeps: int = 0
+    jumps: list[tuple[float, float]] = field(default_factory=list)
 
 
 def reactions(system: ContactSystem, load: Array, u: Array) -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.errors import NoEquilibrium, SolveError
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.contact import (
     Array,
     ContactState,
@@ -37,6 +37,10 @@ stiff, nearly incompressible bodies."""
 CORRECTED_LEGS = 10
 """Legs between two corrections of round-off once all sets of states on the way are known."""
 
+JUMP_STEP = 1e-7
+"""Part of the leg beyond a jump at which the state to jump to is looked for: at the jump itself the
+state before is still an equilibrium."""
+
 REDUCTIONS = 3
 """Choices of the nodes left out that are tried on a leg."""
 
@@ -44,14 +48,18 @@ REDUCTIONS = 3
 class EventPath:
     """Follows legs exactly; keeps the tableau and the rates of known states from leg to leg."""
 
-    def __init__(self, system: ContactSystem, check_all: bool = False) -> None:
+    def __init__(
+        self, system: ContactSystem, check_all: bool = False, on_jump: str = "stop"
+    ) -> None:
         """Prepare for ``system`` in 2N form.
 
         Args:
             system: the condensed body, ``kind = "frictional"``.
             check_all: evaluate the residual afresh after every event.
+            on_jump: "stop" where no quasi-static path leads on, or step over by one "static"
+                problem.
         """
-        self.system, self.check_all = system, check_all
+        self.system, self.check_all, self.on_jump = system, check_all, on_jump
         self.segments = Segments(system)
         self.legs_since_correction = 0
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
@@ -120,9 +128,47 @@ class EventPath:
         """Follow one leg from event to event."""
         walk = Walk(self.segments, start, ends, force_scale, samples, self.check_all)
         apex = self._is_unloaded(ends[1]) and self.segments.lifts_freely
-        walk.run(1.0 - APEX if apex else 1.0)
+        try:
+            walk.run(1.0 - APEX if apex else 1.0)
+        except NoQuasiStaticContinuation:
+            if self.on_jump != "static" or not self.segments.refined:
+                raise
+            return self._jump(walk, samples)
         leg = walk.finish(apex, self._correction_due())
         self._remember(ends[1] - ends[0], leg)
+        return leg
+
+    def _jump(self, walk: Walk, samples: int) -> Leg:
+        """Step over the place where a walk has found no way on, and follow the rest of the leg.
+
+        A static problem with slip counted from there is solved at a load just beyond. What the
+        jump releases, -(change of 1/2 u K u + sum lambda r* . change of u), is friction and motion
+        together and is kept apart from the dissipation.
+        """
+        a, b, system = walk.a, walk.b, self.system
+        before = walk.stop_here()
+        s = walk.s + JUMP_STEP
+        load = walk.load(s)
+        end = solve_static(self.segments, before.end, load) if s < 1.0 else None
+        if end is None:
+            factors = ", ".join(f"{value:.9g}" for value in walk.load(walk.s))
+            raise NoQuasiStaticContinuation(
+                f"no quasi-static continuation at load factors [{factors}], and no state was found "
+                "to jump to; reduce the friction or the load range"
+            )
+        change = end.u - before.end.u
+        stored = 0.5 * float(change @ system.K @ (end.u + before.end.u))
+        work = float(load @ system.r_star @ change)
+        released = -stored - work
+        rest = self.trace_leg(end, (load, b), before.force_scale, samples)
+        leg = joined(before, rest, s)
+        leg.work += work
+        old, new = before.end.state, end.state
+        changed = np.flatnonzero(old != new)
+        leg.events += [(s, int(i), int(old[i]), int(new[i])) for i in changed]
+        leg.events.sort(key=lambda event: event[0])
+        leg.jumps = [(walk.s, released), *leg.jumps]
+        self._remember(b - a, leg)
         return leg
 
     def _correction_due(self) -> bool:
@@ -209,18 +255,7 @@ class EventPath:
         zero = np.zeros_like(ends[0])
         first = self.trace_leg(start, (ends[0], zero), force_scale, samples)
         second = self.trace_leg(first.end, (zero, ends[1]), first.force_scale, samples)
-        both = [(s * s0, state) for s, state in first.samples]
-        both += [(s0 + s * (1.0 - s0), state) for s, state in second.samples]
-        return Leg(
-            end=second.end,
-            dissipation=first.dissipation + second.dissipation,
-            work=first.work + second.work,
-            residual=max(first.residual, second.residual),
-            force_scale=second.force_scale,
-            samples=both,
-            events=[(s * s0, i, old, new) for s, i, old, new in first.events]
-            + [(s0 + s * (1.0 - s0), i, old, new) for s, i, old, new in second.events],
-        )
+        return joined(first, second, s0, s0)
 
     def _limit(self, a: Array, b: Array) -> Limit | None:
         """Return where equilibrium ends on a leg, None where it does not."""
@@ -265,3 +300,31 @@ class EventPath:
         changed = np.flatnonzero(end.state != start.state)
         leg.events = [(0.0, int(i), int(start.state[i]), int(end.state[i])) for i in changed]
         return leg
+
+
+def joined(first: Leg, second: Leg, s0: float, scale: float = 1.0) -> Leg:
+    """Return two legs as one, of which the first takes the part up to s0.
+
+    Args:
+        first: its places on the leg are to be multiplied by ``scale``.
+        second: its own places run from 0 to 1.
+        s0: where the second one begins.
+        scale: s0 where the first one's own places run from 0 to 1 as well.
+    """
+
+    def late(s: float) -> float:
+        return s0 + s * (1.0 - s0)
+
+    return Leg(
+        end=second.end,
+        dissipation=first.dissipation + second.dissipation,
+        work=first.work + second.work,
+        residual=max(first.residual, second.residual),
+        force_scale=second.force_scale,
+        samples=[(s * scale, state) for s, state in first.samples]
+        + [(late(s), state) for s, state in second.samples],
+        events=[(s * scale, i, old, new) for s, i, old, new in first.events]
+        + [(late(s), i, old, new) for s, i, old, new in second.events],
+        jumps=[(s * scale, energy) for s, energy in first.jumps]
+        + [(late(s), energy) for s, energy in second.jumps],
+    )

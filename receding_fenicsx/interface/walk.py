@@ -421,6 +421,15 @@ class Walk:
         leg.end, leg.force_scale = end, self.force_scale
         return leg
 
+    def stop_here(self) -> Leg:
+        """Return what was followed up to the place where no way on was found.
+
+        Raises:
+            SolveError: the residual is above its tolerance.
+        """
+        self.state = self.stops[-1][2].copy()
+        return self.finish(False, True)
+
     def _rest(self, end: ContactState) -> Array:
         """Return the displacements of the unloaded body, the rigid sliding reached."""
         n = self.system.n

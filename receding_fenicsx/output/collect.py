@@ -60,6 +60,8 @@ class Totals(NamedTuple):
         energy_error: largest relative error of a leg's energy identity.
         sweeps: Gauss-Seidel sweeps.
         events: changes of state of the whole contact.
+        jumps: jumps stepped over.
+        released: energy that the jumps have released, of the modelled body.
     """
 
     force_scale: float = 0.0
@@ -68,6 +70,8 @@ class Totals(NamedTuple):
     energy_error: float = 0.0
     sweeps: int = 0
     events: int = 0
+    jumps: int = 0
+    released: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -170,6 +174,8 @@ def record_of(
         energy_error_max=totals.energy_error,
         sweeps=totals.sweeps,
         n_events=totals.events,
+        jumps=totals.jumps,
+        released=mirror.factor * totals.released,
     )
 
 

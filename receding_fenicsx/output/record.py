@@ -136,6 +136,8 @@ class Record:
         energy_error_max: largest relative error of a leg's energy identity.
         sweeps: Gauss-Seidel sweeps in total (0 for other methods).
         n_events: changes of state in total.
+        jumps: jumps that were stepped over, no quasi-static path leading on.
+        released: energy that they released, not counted in any dissipation.
     """
 
     x: Array
@@ -163,6 +165,8 @@ class Record:
     energy_error_max: float
     sweeps: int
     n_events: int
+    jumps: int = 0
+    released: float = 0.0
 
     def by_edge(self) -> dict[str, Record]:
         """Return the record of each contact edge by itself, by the edge's name.

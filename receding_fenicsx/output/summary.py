@@ -61,6 +61,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "residual_max": float(record.residual_max),
         "energy_error_max": float(record.energy_error_max),
         "events": int(record.n_events),
+        "jumps": {"count": int(record.jumps), "energy_released": float(record.released)},
         "sweeps": int(record.sweeps),
         "paper": paper_table(record),
         **(extra or {}),
