@@ -409,6 +409,11 @@ def test_a_body_pushed_over_its_only_node_is_refused() -> None:
         evolve(pushed, cyclic(1))
 
 
+def test_a_free_body_that_touches_nowhere_is_refused() -> None:
+    with pytest.raises(NoEquilibrium, match="smallest initial gap is 0.01"):
+        evolve(replace(SMALL, g0=np.full(SMALL.n, 0.01)), cyclic(1))
+
+
 @pytest.mark.parametrize("poisson", [0.499, 0.4999])
 def test_round_off_does_not_build_up_on_nearly_incompressible_bodies(poisson: float) -> None:
     system = block_system(64, 32, f=0.1, poisson=poisson)

@@ -361,6 +361,11 @@ class Walk:
         if segments.lifts_freely and np.all(
             self.y.reshape(4, -1)[2:][:, contact].sum(axis=0) <= limit
         ):
+            if self.s == 0.0 and not contact.any():
+                return NoEquilibrium(
+                    f"the body is not held {where}: it touches nowhere, its smallest initial gap "
+                    f"is {self.system.g0.min():.3g}; take that off the gap, or add a [[support]]"
+                )
             if self.s == 0.0 and np.any(self.system.g0):
                 return NoEquilibrium(
                     f"the body is not held {where}: it can turn or lift about the nodes that touch "
