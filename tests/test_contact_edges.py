@@ -142,7 +142,7 @@ def test_record_files_and_figures_know_the_edges(shared_tmp_path: Path) -> None:
 
 
 def test_two_feet_on_one_edge_are_told_apart_and_mirror_each_other() -> None:
-    feet = (Contact(span=(-2.0, -1.0), friction=0.1), Contact(span=(1.0, 2.0), friction=0.1))
+    feet = (Contact(span=(-2.0, -1.0)), Contact(span=(1.0, 2.0)))
     record = record_of(block("triangle", 2, 16, contacts=feet, history=HistoryOptions(cycles=1)))
     if record is None:
         return
