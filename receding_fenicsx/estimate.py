@@ -89,7 +89,7 @@ def headline(record: Record) -> dict[str, Number]:
 
 def check(scene: Scene) -> None:
     """Raise InputError where a scene's mesh cannot be made coarser."""
-    if scene.body.mesh is not None:
+    if any(body.mesh is not None for body in scene.bodies):
         raise InputError(
             "--error: a mesh from a file has no coarser ones; leave --error out, or compare runs "
             "on meshes of your own"
