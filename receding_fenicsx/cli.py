@@ -213,6 +213,19 @@ def _parser(comm: MPI.Comm | None) -> argparse.ArgumentParser:
         help="max_shear (fringes), von_mises, sxx, syy or sxy",
     )
 
+    added = command("export", _export, "write a load step in FCLIB's layout, for other solvers")
+    added.add_argument("source", metavar="DIR|SYSTEM", help="folder of a run, or a saved system")
+    added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the step")
+    added.add_argument("--overwrite", action="store_true", help="replace the file")
+    added.add_argument("--cycle", type=int, default=0, metavar="N", help="0: first loading")
+    added.add_argument(
+        "--leg", default="0", metavar="loading|unloading|K", help="part of the cycle"
+    )
+    added.add_argument("--at", type=float, default=1.0, metavar="S", help="end of the step, 0 to 1")
+    added.add_argument(
+        "--since", type=float, metavar="S", help="its start; a load step of the scene before"
+    )
+
     scene_arguments(command("check", _check, "look whether a scene can be modelled, no more"))
     command("doctor", _doctor, "show what is installed and whether it works")
     return parser
@@ -355,6 +368,21 @@ def _contact_nodes(scene: Scene) -> int:
     from receding_fenicsx.bulk.meshing import contact_elements_of
 
     return sum(scene.mesh.degree * n + 1 for n in contact_elements_of(scene))
+
+
+def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import errors
+    from receding_fenicsx.export import export
+
+    def work() -> None:
+        where = options.cycle, options.leg, options.at
+        source, out = Path(options.source), Path(options.out)
+        print(f"{export(source, out, where, options.since, options.overwrite)}, written to {out}")
+
+    if comm is None:
+        work()
+    else:
+        errors.on_root(comm, work)
 
 
 def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
