@@ -389,6 +389,7 @@ def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx.history import from_scene
     from receding_fenicsx.scene_checks import is_mirror_symmetric
     from receding_fenicsx.scene_file import read_scene
+    from receding_fenicsx.scene_warnings import warnings
 
     scene = read_scene(options.scene, options.overrides)
     half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
@@ -400,6 +401,8 @@ def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
             f"{'half of the' if half else 'the whole'} body, loads {loads}, "
             f"{from_scene(scene).cycles} cycles"
         )
+        for text in warnings(scene):
+            print(f"warning: {text}")
 
 
 def _doctor(options: argparse.Namespace, comm: MPI.Comm | None) -> int:

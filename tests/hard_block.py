@@ -104,6 +104,28 @@ def poisson(nu: float, cell: str, degree: int, f: float, tally: Tally) -> str:
     return f"centre pressure {record.turning_points.p[0, middle]:.4f}"
 
 
+def locking(nu: float, tally: Tally) -> str:
+    """Show which elements lock: the dissipation against that of four times as many of order 2."""
+    fine = body(f"material.poisson={nu}", "mesh.contact_elements=160")
+    limit = tally.solve(fine, cyclic(2)).cycles.dissipation[0]
+    off, words = {}, []
+    for cell, degree in ELEMENTS:
+        coarse = body(
+            f"material.poisson={nu}",
+            f'mesh.cell="{cell}"',
+            f"mesh.degree={degree}",
+            f"mesh.contact_elements={80 // degree}",
+        )
+        D = tally.solve(coarse, cyclic(2)).cycles.dissipation[0]
+        off[cell, degree] = abs(D / limit - 1.0)
+        words.append(f"{cell}s of order {degree} {off[cell, degree]:.1%}")
+    good = max(error for (_, degree), error in off.items() if degree == 2)
+    bad = min(error for (_, degree), error in off.items() if degree == 1)
+    require(good <= 0.02, f"order 2 is off by {good:.1%}")
+    require(bad >= 2.0 * good, "order 1 does not lock: let its warning go")
+    return "dissipation off by: " + ", ".join(words)
+
+
 # -- loads and scales -----------------------------------------------------------------------------
 
 
@@ -415,6 +437,7 @@ CASES: tuple[Case, ...] = (
         for f in (1.0, 3.0)
         for degree in (1, 2)
     ),
+    *(Case(f"locking, nu = {nu:g}", SOLVED, partial(locking, nu)) for nu in (0.49, 0.499)),
     Case("complete unloading and reloading", SOLVED, unloading),
     *(Case(f"load of {size:g}", SOLVED, partial(scaled, size)) for size in (1e-12, 1e12)),
     *(

@@ -11,6 +11,8 @@ from receding_fenicsx.expressions import evaluate_expression
 from receding_fenicsx.scene import (
     Contact,
     Load,
+    Material,
+    MeshOptions,
     Scene,
     SolverOptions,
     Support,
@@ -20,6 +22,7 @@ from receding_fenicsx.scene import (
 )
 from receding_fenicsx.scene_checks import is_mirror_symmetric
 from receding_fenicsx.scene_file import from_toml, read_scene, to_toml
+from receding_fenicsx.scene_warnings import warnings
 
 DEMOS = Path(__file__).parents[1] / "demos"
 BLOCK = (DEMOS / "block.toml").read_text()
@@ -481,3 +484,25 @@ def test_traction_is_symmetric_when_its_x_part_is_odd(traction: str, symmetric: 
 def test_supports_need_their_images(supports: tuple[Support, ...], symmetric: bool) -> None:
     scene = dataclasses.replace(block("load.p0.span=[-0.5, 0.5]"), supports=supports)
     assert is_mirror_symmetric(scene) == symmetric
+
+
+# -- warnings -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("poisson", "degree", "kinematics", "warned"),
+    [
+        (0.49, 1, "plane strain", True),
+        (0.49, 1, "axisymmetric", True),
+        (0.49, 2, "plane strain", False),
+        (0.49, 1, "plane stress", False),
+        (0.45, 1, "plane strain", False),
+    ],
+)
+def test_elements_that_lock_are_warned_of(
+    poisson: float, degree: int, kinematics: str, warned: bool
+) -> None:
+    scene = Scene(material=Material(1.0, poisson, kinematics), mesh=MeshOptions(degree=degree))
+    found = warnings(scene)
+    assert bool(found) == warned
+    assert all("order 1 lock" in text and "degree = 2" in text for text in found)

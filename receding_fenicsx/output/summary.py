@@ -21,6 +21,7 @@ from receding_fenicsx.output.series import limit_without_slip
 from receding_fenicsx.output.widths import contact_betas, estimated_ends, estimates
 from receding_fenicsx.paper import paper_table
 from receding_fenicsx.scene_file import from_toml
+from receding_fenicsx.scene_warnings import warnings
 
 TREND_CYCLES = 8
 """Cycles from which a trend of the dissipation is fitted."""
@@ -36,10 +37,10 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
     Returns:
         What ``summary.json`` holds: numbers, strings, lists and dictionaries.
     """
-    title = from_toml(record.scene_toml).title if record.scene_toml else ""
+    scene = from_toml(record.scene_toml) if record.scene_toml else None
     steady = record.steady
     return {
-        "title": title,
+        "title": scene.title if scene else "",
         "method": record.method,
         "nodes": len(record.x),
         "dofs": 2 * len(record.x),
@@ -64,6 +65,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "jumps": {"count": int(record.jumps), "energy_released": float(record.released)},
         "sweeps": int(record.sweeps),
         "paper": paper_table(record),
+        "warnings": warnings(scene) if scene else [],
         **(extra or {}),
     }
 

@@ -95,6 +95,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
             f"paper: {row['quantity']}: {_value(row['paper'])}",
             f"       here {_value(row['ours'])}: {verdict}",
         ]
+    lines += [f"warning: {text}" for text in summary.get("warnings") or []]
     if "timings" in summary:
         times = ", ".join(f"{name} {seconds:.2f}" for name, seconds in summary["timings"].items())
         lines.append(f"seconds: {times}; {summary['peak_memory_MB']:.0f} MB")
