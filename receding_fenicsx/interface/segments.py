@@ -36,6 +36,9 @@ SIGN = np.zeros(5)
 SIGN[FORWARD], SIGN[BACKWARD] = 1.0, -1.0
 """Direction of slip in each state."""
 
+PROBES = 4
+"""Random sums by which the forces at an event are compared with those of the displacements."""
+
 RIGID_TOLERANCE = 1e-8
 """Distance from a unit rigid motion within which a motion of the contact is rigid."""
 
@@ -94,6 +97,7 @@ class Segments:
         self.refined = False
         self.trials = 0
         self._tableau: Tableau | None = None
+        self._probes: tuple[Array, Array, Array] | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
         self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
 
@@ -181,6 +185,24 @@ class Segments:
         falling += n
         wrong = (SIGN[state] * q[:n] < -threshold[:n]).nonzero()[0]
         return Segment(q, falling, -1.0 / q[falling], wrong)
+
+    def probe(self, y: Array, u: Array, load: Array) -> Array:
+        """Return (k, PROBES) random sums of the errors of A and B over the nodes, as forces.
+
+        Args:
+            y: (k, 4N) quantities at k instants.
+            u: (k, 2N) displacements.
+            load: (k, n_loads) load factors.
+        """
+        n, system = self.system.n, self.system
+        if self._probes is None:
+            sign = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, PROBES))
+            a, b = sign * (self.weight[2 * n : 3 * n] * self.frictional)[:, None]
+            smooth = sign[0] * self.smooth[:, None]
+            on_r = np.vstack([a - b, system.f[:, None] * (a + b) + smooth])
+            self._probes = system.K @ on_r, system.r_star @ on_r, np.vstack([a + smooth, b])
+        on_u, on_load, on_forces = self._probes
+        return u @ on_u + load @ on_load - y[:, 2 * n :] @ on_forces
 
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""

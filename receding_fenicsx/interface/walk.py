@@ -168,15 +168,30 @@ class Walk:
         if self.watch is not None:
             found = self.watch(u[1:], load[1:], self.force_scale)
             self.found = np.union1d(self.found, found)
-        if self.check_all or self._is_new():
-            among = np.arange(1, len(s)) if self.check_all else self._spread(len(s))
+        if self.check_all or self._seems_wrong(y, u, load):
+            among = np.arange(1, len(s))
+        else:
+            among = self._spread(len(s) if self._is_new() else 1)
+        if len(among):
             states = np.array([self.stops[k][2] for k in among])
             self._check(u[among], load[among], slip[among - 1], states)
         self.stops = [(self.s, self.y.copy(), self.state)]
 
     def _spread(self, count: int) -> NDArray[np.intp]:
         """Return ``CHECKED_EVENTS`` of the stops 1 to count - 1, evenly spread."""
+        if count == 1:
+            return np.zeros(0, dtype=np.intp)
         return np.unique(np.linspace(1, count - 1, CHECKED_EVENTS).astype(np.intp))
+
+    def _seems_wrong(self, y: Array, u: Array, load: Array) -> bool:
+        """Return whether at any of all stops a limit is passed, or A and B do not belong to u.
+
+        The latter by a few random sums over the nodes, at a cost that does not grow with N^2.
+        """
+        n, near = self.system.n, EVENT_RESIDUAL * self.force_scale
+        if float((y[1:, n:] * self.segments.weight[n:]).min()) < -near:
+            return True
+        return float(np.abs(self.segments.probe(y, u, load)).max()) > near
 
     def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:
         """Evaluate the residual afresh at several instants, slip being that of the last segment."""
