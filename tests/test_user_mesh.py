@@ -146,6 +146,12 @@ def test_geo_file_gets_the_scenes_numbers_and_the_bodys_parameters(shared_tmp_pa
         assert system.r_star[0] @ down == pytest.approx(6.0, rel=1e-12)
 
 
+def test_scaling_factor_of_a_geo_file_counts(shared_tmp_path: Path) -> None:
+    system = system_of(geo_scene(shared_tmp_path / "my.geo", GEO + "Mesh.ScalingFactor = 0.5;"))
+    if system is not None:
+        assert system.x[[0, -1]] == pytest.approx([-1.0, 1.0], rel=1e-14)
+
+
 def test_groups_without_a_name_are_known_by_their_number(shared_tmp_path: Path) -> None:
     scene = geo_scene(shared_tmp_path / "my.geo")
     body = make_mesh(comm, replace(scene, supports=(Support("x", edge="7"),)), False)

@@ -73,7 +73,9 @@ def read_user_mesh(body: Body, options: MeshOptions) -> RawMesh:
         except Exception as caught:  # gmsh raises nothing more special
             reason = " ".join(str(caught).split())
             raise InputError(f"{where}: gmsh cannot use it: {reason}; mend the file") from None
-        mesh = _collect(gmsh, body, where)
+        # gmsh itself scales a mesh only when it writes it
+        scale = gmsh.option.getNumber("Mesh.ScalingFactor") if is_geo else 1.0
+        mesh = _collect(gmsh, body, where, scale)
     _check_cells(mesh, where)
     return mesh
 
@@ -95,8 +97,8 @@ def _check_parameters(body: Body, path: Path, where: str, is_geo: bool) -> None:
             raise InputError(f"{where}: the file has no parameter '{name}'; {hint}")
 
 
-def _collect(gmsh: Any, body: Body, where: str) -> RawMesh:
-    """Take points, cells and groups out of gmsh's model."""
+def _collect(gmsh: Any, body: Body, where: str, scale: float) -> RawMesh:
+    """Take points, times a scale, cells and groups out of gmsh's model."""
     mesh, model = gmsh.model.mesh, gmsh.model
     if len(mesh.getElementTypes(3)):
         raise InputError(f"{where}: is a mesh of a solid; give the mesh of a plane body")
@@ -105,7 +107,7 @@ def _collect(gmsh: Any, body: Body, where: str) -> RawMesh:
     coordinates = coordinates.reshape(-1, 3)
     # nodes that no cell uses are left out
     used = np.isin(tags, around)
-    points = coordinates[used]
+    points = scale * coordinates[used]
     number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
     number[tags[used].astype(np.int64)] = np.arange(len(points))
     size = np.ptp(points[:, :2], axis=0).max()
