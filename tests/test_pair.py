@@ -21,6 +21,7 @@ from receding_fenicsx.bulk.pair import Pair, build_all, displacements
 from receding_fenicsx.errors import InputError, SolveError, on_root
 from receding_fenicsx.interface.contact import ContactSystem, State
 from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.output.fields import field_files, fields_at
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import (
     Body,
@@ -220,6 +221,35 @@ def values_by_place(space: object, field: object) -> dict[tuple[float, float], A
     for part in comm.allgather((places, values)):
         found |= {(x, y): value for (x, y), value in zip(part[0].tolist(), part[1], strict=True)}
     return found
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_fields_hold_both_bodies_and_part_where_the_contact_opens(
+    half: bool, shared_tmp_path: Path
+) -> None:
+    pair = built(pair_scene(), half)
+    file = shared_tmp_path / "at.xdmf"
+    n = len(pair.contact.x)
+    # the contact opens towards its ends
+    u = np.concatenate([np.zeros(n), 0.01 * pair.contact.x**2])
+    fields = fields_at(pair, np.array([1.0]), u, file)
+    if fields is not None:
+        assert fields.body is not None
+        assert {f.name for f in field_files(pair, file)} == {"at_upper.xdmf", "at_lower.xdmf"}
+        assert all(f.is_file() for f in field_files(pair, file))
+        sides = []
+        for body in (0, 1):
+            on = (fields.body == body) & (np.abs(fields.points[:, 1] - 2.0) < 1e-12)
+            on &= np.abs(fields.points[:, 0]) < 2.0 + 1e-9
+            order = np.argsort(fields.points[on, 0], kind="stable")
+            sides.append((fields.points[on][order], fields.displacement[on][order]))
+        (x, upper), (same, lower) = sides
+        assert np.abs(x - same).max() < 1e-12 and abs(x[0, 0] + 2.0) < 1e-12
+        apart = np.column_stack([np.zeros(len(x)), 0.01 * x[:, 0] ** 2])
+        assert np.abs(upper - lower - apart).max() < 1e-12
+        # nothing moves below the lower body
+        assert np.all(fields.displacement[fields.points[:, 1] == 0.0] == 0.0)
+    pair.destroy()
 
 
 # -- against an independent assembly -------------------------------------------------------------

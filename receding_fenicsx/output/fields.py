@@ -55,12 +55,18 @@ def fields_at(bulk: Bulk | Pair, load: Array, u: Array, file: Path | None = None
     if isinstance(bulk, Bulk):
         return _of_body(bulk, elasticity.back_substitute(bulk, load, u), file)
     condense_pair(bulk)
-    parts = []
-    for name, (body, field) in zip(bulk.names, displacements(bulk, load, u), strict=True):
-        own = None if file is None else file.with_stem(f"{file.stem}_{name}")
-        parts.append(_of_body(body, field, own))
+    files = [None, None] if file is None else field_files(bulk, file)
+    sides = displacements(bulk, load, u)
+    parts = [_of_body(*side, own) for side, own in zip(sides, files, strict=True)]
     first, second = parts
     return None if first is None or second is None else _together(first, second)
+
+
+def field_files(bulk: Bulk | Pair, file: Path) -> list[Path]:
+    """Return the files of the fields: the file itself, or one for each of two bodies."""
+    if isinstance(bulk, Bulk):
+        return [file]
+    return [file.with_stem(f"{file.stem}_{name}") for name in bulk.names]
 
 
 def _of_body(bulk: Bulk, displacement: fem.Function, file: Path | None) -> Fields | None:

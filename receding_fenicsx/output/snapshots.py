@@ -18,7 +18,7 @@ from receding_fenicsx.errors import InputError, on_root
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.output import style
 from receding_fenicsx.output.collect import Instant
-from receding_fenicsx.output.fields import fields_at
+from receding_fenicsx.output.fields import field_files, fields_at
 from receding_fenicsx.output.figures import save
 from receding_fenicsx.output.render import Picture, find_renderer, renderer
 from receding_fenicsx.output.snapshot_layout import Colours, compose, layout_of
@@ -125,7 +125,7 @@ def snapshot(
         made = [folder / f"{name}_{quantity.name}.png" for quantity in quantities]
         for quantity, path in zip(quantities, made, strict=True):
             draw_view(view, quantity, path)
-        return [*made, xdmf]
+        return [*made, *field_files(bulk, xdmf)]
 
     return on_root(comm, draw)
 
