@@ -168,3 +168,15 @@ def test_instants_are_found_by_the_names_of_legs(shared_tmp_path: Path) -> None:
         with pytest.raises(InputError, match="one jump"):
             study.instant_of(slipped, system, record, 0, "loading", 0.5)
     comm.Barrier()
+
+
+def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() -> None:
+    together = study.condense(small(), comm)
+    if together is not None:
+        alone = study.condense(small(), MPI.COMM_SELF)
+        assert alone is not None
+        assert alone.K.tobytes() == together.K.tobytes()
+        assert alone.r_star.tobytes() == together.r_star.tobytes()
+    comm.Barrier()
+    assert study.is_small(small("mesh.contact_elements=1280"))
+    assert not study.is_small(small("mesh.contact_elements=640", "mesh.growth=1"))
