@@ -16,6 +16,7 @@ from receding_fenicsx.interface.contact import (
     Leg,
     State,
     frictional_form,
+    typical_stiffness,
 )
 from receding_fenicsx.interface.cycles import SteadyWatch
 from receding_fenicsx.interface.events import EventPath
@@ -124,7 +125,7 @@ class _Run:
         self.passed = passed
         self.model = frictional_form(system)
         self.multiplicity = np.bincount(mirror_of(system).index)
-        self.watch = SteadyWatch(solver.steady_tolerance, system.rigid)
+        self.watch = SteadyWatch(solver.steady_tolerance, system.rigid, typical_stiffness(system))
         self.corners: list[Instant] = []
         for row in range(len(passed)):
             watch(self.watch, passed, row)

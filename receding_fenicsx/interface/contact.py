@@ -265,6 +265,11 @@ def relative_residual(
     return float(law_residual(system, state.r, state.u, slip, stiffness).max()) / force_scale
 
 
+def typical_stiffness(system: ContactSystem) -> float:
+    """Return the median of the diagonal of K."""
+    return float(np.median(np.diagonal(system.K)))
+
+
 def local_stiffness(system: ContactSystem) -> tuple[Array, Array]:
     """Return the diagonals (K_tt)_ii and (K_nn)_ii, the local stiffnesses k_i of the residual."""
     diagonal = np.diagonal(system.K)

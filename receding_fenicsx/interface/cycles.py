@@ -17,8 +17,13 @@ RIGID_PART = 0.1
 """What a displacement gained per period may lack of a rigid sliding, over that sliding: slips that
 die away gain displacements too, however small a cycle's slip has become."""
 
+SHAKEDOWN = "shakedown"
 SHAKEDOWN_TOLERANCE = 1e-6
 """Dissipation of a cycle over that of cycle 1 below which the contact has shaken down."""
+
+NO_SLIP = 1e-12
+"""Slip over the elastic displacement F / K_ii of a node under the largest nodal force F, and
+dissipation over its energy F^2 / K_ii, below which they are round-off: no node slips."""
 
 
 @dataclass(frozen=True)
@@ -89,14 +94,15 @@ class SteadyWatch:
     steady at the first n with A_n below the tolerance for two periods running.
     """
 
-    def __init__(self, tolerance: float, rigid: Array) -> None:
+    def __init__(self, tolerance: float, rigid: Array, stiffness: float = np.inf) -> None:
         """Start with no cycles seen.
 
         Args:
             tolerance: bound of A_n.
             rigid: (2N, n) rigid motions that supports and symmetry leave.
+            stiffness: local stiffness of a contact node, to tell slip from round-off.
         """
-        self.tolerance = tolerance
+        self.tolerance, self.stiffness = tolerance, stiffness
         v = rigid[: len(rigid) // 2]
         self.slides = v[:, np.any(v != 0.0, axis=0)]
         self.ends: list[tuple[Array, Array]] = []
@@ -129,7 +135,10 @@ class SteadyWatch:
                 if len(change) >= needed and max(change[-needed:]) < self.tolerance:
                     self.cycle, self.period = len(self.change), period
                     gain = self._gain(v - self.ends[-1 - period][1])
-                    self.kind = _kind(gain, slip_range, dissipation, first)
+                    give = NO_SLIP * scale / self.stiffness
+                    least = max(first, give * scale / SHAKEDOWN_TOLERANCE)
+                    slips = slip_range > give
+                    self.kind = _kind(gain, slip_range, dissipation, least) if slips else SHAKEDOWN
                     break
         return self.cycle >= 0
 
@@ -151,7 +160,7 @@ def _kind(gain: float, slip_range: float, dissipation: float, first: float) -> s
     if slip_range > 0.0 and gain > RATCHET_TOLERANCE * slip_range:
         return "ratchetting"
     if slip_range == 0.0 or dissipation <= SHAKEDOWN_TOLERANCE * first:
-        return "shakedown"
+        return SHAKEDOWN
     return "cyclic slip"
 
 

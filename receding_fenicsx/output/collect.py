@@ -12,8 +12,9 @@ from receding_fenicsx.interface.contact import (
     ContactState,
     ContactSystem,
     frictional_form,
+    typical_stiffness,
 )
-from receding_fenicsx.interface.cycles import SHAKEDOWN_TOLERANCE, SteadyWatch
+from receding_fenicsx.interface.cycles import SteadyWatch
 from receding_fenicsx.interface.mirror import SWAPPED, Mirror, mirror_of
 from receding_fenicsx.output.record import Cycles, Events, Record, States, Steady
 from receding_fenicsx.scene import SolverOptions
@@ -103,9 +104,7 @@ def watch(watcher: SteadyWatch, passed: list[Passed], row: int) -> None:
     if row == 0:
         watcher.start(end.state.r, end.v)
     else:
-        loading, first, last = (float(p.dissipation.sum()) for p in (*passed[:2], cycle))
-        # where nothing but round-off slips in cycle 1, it is measured by the first loading
-        first = max(first, SHAKEDOWN_TOLERANCE * loading)
+        first, last = (float(p.dissipation.sum()) for p in (passed[1], cycle))
         watcher.add(end.state.r, end.v, cycle.slip_range, last, first)
 
 
@@ -132,7 +131,7 @@ def record_of(
     slip = np.array([p.slip for p in passed[1:]]).reshape(-1, system.n)
     flip = np.where(mirror.left, -1.0, 1.0)
     kept = [p.kept for p in passed if p.kept is not None] + ([last] if last else [])
-    watcher = SteadyWatch(solver.steady_tolerance, system.rigid)
+    watcher = SteadyWatch(solver.steady_tolerance, system.rigid, typical_stiffness(system))
     for row in range(len(passed)):
         watch(watcher, passed, row)
     corners = [i for p in passed for i in p.corners] + unfinished[0]
