@@ -145,9 +145,10 @@ def test_body_on_a_much_stiffer_one_is_on_a_rigid_plane(stiffer: str) -> None:
         assert np.abs(system.r_star).max() == pytest.approx(largest, rel=10.0 / ratio)
 
 
-def test_ratio_of_moduli_that_costs_too_many_figures_is_said() -> None:
-    scene = pair_scene(young=1e-9, supports=(Support("xy", edge="lower.bottom"),))
-    with pytest.raises(SolveError, match="bring their Young's moduli closer together"):
+@pytest.mark.parametrize("young", [1e-9, 1e-18])
+def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> None:
+    scene = pair_scene(young=young, supports=(Support("xy", edge="lower.bottom"),))
+    with pytest.raises(SolveError, match="moduli closer together"):
         system_of(scene)
 
 

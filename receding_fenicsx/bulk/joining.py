@@ -11,10 +11,12 @@ of them is much stiffer, and which lets a node be held on one body only.
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg import LinAlgError, LinAlgWarning, solve
 
 from receding_fenicsx.bulk.motions import free_motions, scaled
 from receding_fenicsx.errors import InputError, SolveError
@@ -89,11 +91,11 @@ def join(a: Reduced, b: Reduced, modes: Array, load_names: tuple[str, ...]) -> J
     direction = 1.0 if stiffer_b else -1.0
     free = ~(e.held | s.held)
     on_s = s.held & ~e.held
-    # u_e = T (direction u) + y on the free ones
-    T = np.diag(np.where(on_s, -1.0, 0.0))
-    V = T + np.eye(len(T))
+    # u_e = t (direction u) + y on the free ones, u_s = v (direction u) + y
+    t = np.where(on_s, -1.0, 0.0)
+    v = t + 1.0
     H = (e.K + s.K)[np.ix_(free, free)]
-    C = (e.K @ T + s.K @ V)[free]
+    C = e.K[free] * t + s.K[free] * v
     L = (e.r_star + s.r_star)[:, free].T
     common = free_motions(np.vstack([e.constraints, s.constraints]))
     if common.shape[1]:
@@ -107,11 +109,19 @@ def join(a: Reduced, b: Reduced, modes: Array, load_names: tuple[str, ...]) -> J
                 "other body (a [[load]] of the same name)"
             )
         H = H + R @ R.T * (np.trace(H) / len(H))
-    given = np.linalg.solve(H, np.hstack([C, L]))
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("error", LinAlgWarning)
+            given = solve(H, np.hstack([C, L]), assume_a="pos")
+    except (LinAlgError, LinAlgWarning):
+        raise SolveError(
+            "the stiffness of the joined bodies is singular to round-off; bring their Young's "
+            "moduli closer together or hold the stiffer one"
+        ) from None
     y, y_load = -given[:, : C.shape[1]], -given[:, C.shape[1] :]
-    K = T.T @ e.K @ T + V.T @ s.K @ V + C.T @ y
+    K = t[:, None] * e.K * t + v[:, None] * s.K * v + C.T @ y
     K = 0.5 * (K + K.T)
-    r_star = direction * (e.r_star @ T + s.r_star @ V + (C.T @ y_load).T)
+    r_star = direction * (e.r_star * t + s.r_star * v + (C.T @ y_load).T)
     sign = np.where(a.sign == 0.0, b.sign, a.sign)
     if np.any(a.sign * b.sign < 0.0):
         name = load_names[int(np.argmin(a.sign * b.sign))]
@@ -120,7 +130,7 @@ def join(a: Reduced, b: Reduced, modes: Array, load_names: tuple[str, ...]) -> J
             "same form on both"
         )
     compliance = e.compliance + s.compliance + sign[:, None] * (L.T @ y_load)
-    u_e, u_e_load = direction * T, np.zeros((len(T), L.shape[1]))
+    u_e, u_e_load = np.diag(direction * t), np.zeros((len(t), L.shape[1]))
     u_e[free] += direction * y
     u_e_load[free] = y_load
     held = a.held & b.held
@@ -135,7 +145,7 @@ def join(a: Reduced, b: Reduced, modes: Array, load_names: tuple[str, ...]) -> J
         )
     if stiffer_b:
         return Joined(K, r_star, compliance, sign, held, rigid, (u_e, u_e_load))
-    return Joined(K, r_star, compliance, sign, held, rigid, (u_e - np.eye(len(T)), u_e_load))
+    return Joined(K, r_star, compliance, sign, held, rigid, (u_e - np.eye(len(t)), u_e_load))
 
 
 def _span(motions: Array) -> Array:
