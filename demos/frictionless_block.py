@@ -33,8 +33,10 @@ PRESSURE_TOLERANCE, WIDTH_TOLERANCE = 1e-4, 1e-3
 """Relative errors allowed at 40 quadratic elements on h: 321 nodes under the block."""
 
 
-def solve(known: Pressed, width: float, elements: int, growth: float) -> Record | None:
-    """Run the scene of a known contact; the record on rank 0."""
+def solve(
+    known: Pressed, width: float, elements: int, growth: float, *others: str
+) -> Record | None:
+    """Run the scene of a known contact, with other changes; the record on rank 0."""
     scene = read_scene(
         HERE / "frictionless_block.toml",
         [
@@ -42,6 +44,7 @@ def solve(known: Pressed, width: float, elements: int, growth: float) -> Record 
             f"mesh.contact_elements={int(elements * width / 4.0)}",
             f"mesh.growth={growth}",
             f"load.p0.span=[{-known.load}, {known.load}]",
+            *others,
         ],
     )
     return study.run(scene)

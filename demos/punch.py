@@ -33,6 +33,8 @@ RADII = (10.0, 20.0, 40.0)
 FALL = {"plane strain": 4.0, "axisymmetric": 8.0}
 """By how much the error of truncation falls when the radius is doubled."""
 FILES = {"plane strain": "punch.toml", "axisymmetric": "punch_axisymmetric.toml"}
+FINER = ("mesh.contact_elements=320", "mesh.growth=1.075")
+"""Elements half as large as the scenes'."""
 TOLERANCE = 0.01
 """Relative error allowed of the stick half width (radius)."""
 
@@ -64,6 +66,14 @@ def stick(record: Record, nu: float) -> ZoneEnd:
     return stick_half_width_estimate(tractions(record, 0, dundurs_beta((1.0, nu, "plane strain"))))
 
 
+def widths(
+    kinematics: str, nu: float, f: float, radii: tuple[float, ...], *others: str
+) -> list[float]:
+    """Stick half widths in bodies of some radii, on rank 0."""
+    records = [solve(kinematics, nu, f, radius, *others) for radius in radii]
+    return [stick(record, nu).value for record in records if record is not None]
+
+
 def limit(kinematics: str, near: float, far: float) -> float:
     """Value at an infinite radius, from two of which the second is twice the first."""
     return far + (far - near) / (FALL[kinematics] - 1.0)
@@ -83,16 +93,20 @@ def main() -> None:
         if root:
             heads = "".join(f"     R = {radius:2.0f} a" for radius in RADII)
             print(f"{kinematics}: stick half width over a")
-            print(f"   nu    f {heads}    limit    known  error")
+            print(f"   nu    f {heads}    limit    known  error (twice as fine)")
+        errors = []
         for (nu, f), known in values.items():
-            records = [solve(kinematics, nu, f, radius) for radius in RADII]
-            if any(record is None for record in records):
+            found = widths(kinematics, nu, f, RADII)
+            finer = widths(kinematics, nu, f, RADII[1:], *FINER)
+            if not root:
                 continue
-            found = [stick(record, nu).value for record in records if record is not None]
-            far = limit(kinematics, found[-2], found[-1])
-            shown = "".join(f"  {c:9.5f}" for c in [*found, far, known])
-            print(f"  {nu:.1f}  {f:.1f} {shown}  {abs(far / known - 1.0):.1e}")
-            assert abs(far / known - 1.0) < TOLERANCE, f"stick zone at nu = {nu}, f = {f}"
+            limits = [limit(kinematics, *pair[-2:]) for pair in (found, finer)]
+            errors.append([abs(value / known - 1.0) for value in limits])
+            shown = "".join(f"  {c:9.5f}" for c in [*found, limits[0], known])
+            print(f"  {nu:.1f}  {f:.1f} {shown}  {errors[-1][0]:.1e} ({errors[-1][1]:.1e})")
+        if root:
+            coarse, fine = np.max(errors, axis=0)
+            assert fine < coarse < TOLERANCE, f"{kinematics}: stick zones"
     uniform = solve("plane strain", 0.3, 0.2, RADII[-1], f"load.P.pressure={0.5 / RADII[-1]}")
     if uniform is not None:
         error = abs(stick(uniform, 0.3).value / PUNCH_STICK["plane strain"][0.3, 0.2] - 1.0)

@@ -9,6 +9,7 @@ from scipy.optimize import brentq
 
 from receding_fenicsx import reference
 from receding_fenicsx.layer_contact import contact_half_width
+from receding_fenicsx.output.widths import estimates
 from receding_fenicsx.study import condense
 
 DEMOS = Path(__file__).parent.parent / "demos"
@@ -33,6 +34,29 @@ def test_frictionless_pressure_is_right_to_1e_4_and_half_width_to_1e_3(
         assert centre < 1e-4
         assert profile < 3e-4
         assert half_width < 1e-3
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_interval_of_the_half_width_holds_the_known_one_and_shrinks_with_the_elements(
+    degree: int, cell: str
+) -> None:
+    block = demo("frictionless_block")
+    errors, lengths = [], []
+    for nodes, growth in ((96, 1.15), (128, 1.1), (160, 1.1), (288, 1.05)):
+        changes = [f"mesh.degree={degree}", f"mesh.cell={cell}"]
+        record = block["solve"](reference.BLOCK, 4.0, nodes * 2 // degree, growth, *changes)
+        if record is None:
+            continue
+        found = estimates(record, -1)["contact_half_width_estimate"]
+        low, high = found["interval"]
+        assert low <= reference.BLOCK.half_width <= high
+        assert high - low < 1.9 * (record.x[1] - record.x[0])
+        errors.append(abs(found["value"] - reference.BLOCK.half_width))
+        lengths.append(high - low)
+    if errors:
+        assert errors[-1] < 0.5 * errors[0]
+        assert lengths[-1] < 0.5 * lengths[0]
 
 
 @pytest.mark.parametrize("load", [0.05, 0.5])

@@ -1,7 +1,5 @@
 """Half widths below node spacing of a record: the same body on either side of its edge."""
 
-from dataclasses import replace
-
 import pytest
 from bodies import block
 
@@ -16,16 +14,16 @@ BETA = dundurs_beta((2.0, 0.3, "plane strain"))
 KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
 
 
-def record_of(edge: str, opposite: str) -> Record | None:
+def record_of(edge: str, opposite: str, elements: int = 160, growth: float = 1.3) -> Record | None:
     scene = block(
         degree=2,
-        elements=160,
-        growth=1.3,
+        elements=elements,
+        growth=growth,
         load=Load("p0", opposite, (-1.0, 1.0), pressure=1.0),
         contacts=(Contact(edge, friction=0.35),),
-        history=HistoryOptions(kind="monotonic"),
+        history=HistoryOptions(cycles=1),
     )
-    return study.run(replace(scene))
+    return study.run(scene)
 
 
 def test_a_block_hanging_from_the_plane_has_the_widths_of_one_lying_on_it() -> None:
@@ -65,7 +63,7 @@ def test_estimates_stand_in_the_summary_beside_the_nodal_widths() -> None:
     record = record_of("bottom", "top")
     if record is None:
         return
-    (point,) = summarise(record)["turning_points"]
+    point = summarise(record)["turning_points"][0]
     spacing = max(record.x[1:] - record.x[:-1])
     for key in KEYS:
         low, high = point[key]["interval"]
@@ -80,3 +78,18 @@ def test_estimates_stand_in_the_summary_beside_the_nodal_widths() -> None:
     assert ends[-1]["value"] == pytest.approx(point[KEYS[0]]["value"], abs=1e-12)
     # not the frictionless width, which is that of another contact
     assert abs(point[KEYS[0]]["value"] - reference.BLOCK.half_width) > 10 * spacing
+
+
+def test_intervals_on_a_coarse_mesh_hold_the_widths_of_a_fine_one_under_friction() -> None:
+    coarse, fine = (record_of("bottom", "top", n, 1.1) for n in (160, 480))
+    if coarse is None or fine is None:
+        return
+    betas, spacing = contact_betas(coarse), coarse.x[1] - coarse.x[0]
+    # loaded, unloaded to a third, loaded again
+    for row in range(3):
+        for key in KEYS:
+            one, other = estimates(coarse, row, betas)[key], estimates(fine, row, betas)[key]
+            assert one["fitted"] and other["fitted"]
+            low, high = one["interval"]
+            assert low <= other["value"] <= high
+            assert abs(one["value"] - other["value"]) < 0.3 * spacing

@@ -14,8 +14,9 @@ sigma = 1 where the slip beside the end runs outwards from the zone's middle, -1
 Where a contact sticks up to its end the power is complex (the tractions oscillate): no fit there.
 
 The last node in the zone is left out: its traction depends on where the end lies between two nodes.
-Further in, the error of finite elements acts as a shift of the end by a few hundredths of the node
-spacing. The interval is the hull of several fits, widened by that.
+Further in, the error of finite elements acts as a shift of the end by a part of the node spacing:
+some hundredths with fine elements of order 2, up to a third with coarse ones or order 1. The
+interval is the hull of several fits, widened by that.
 """
 
 from __future__ import annotations
@@ -31,19 +32,22 @@ from receding_fenicsx.interface.tractions import cell_means, midside_nodes
 from receding_fenicsx.interface.zones import stick_zone
 
 Window = tuple[int, int, int]
-"""First and last cell of a fit, counted from the zone's end (0: touches the end), and its terms."""
+"""First and last cell of a fit, and its terms. Cell 0, the last whole one, may touch the last
+node and is left out."""
 
-QUADRATIC_WINDOWS: tuple[Window, ...] = ((1, 6, 3), (0, 3, 2), (1, 4, 2), (1, 8, 3))
+QUADRATIC_WINDOWS: tuple[Window, ...] = ((1, 6, 3), (1, 4, 2), (1, 3, 2), (1, 8, 3))
 """Elements of order 2 that are fitted; the first that the zone has room for gives the value."""
 LINEAR_WINDOWS: tuple[Window, ...] = ((1, 8, 2), (1, 6, 2), (2, 10, 2), (1, 10, 3))
 """The same in nodes of order 1."""
-QUADRATIC_SHIFT = 0.2
+QUADRATIC_SHIFT = 0.3
 """Largest shift of an end, in node spacings, by the error of elements of order 2."""
-LINEAR_SHIFT = 0.3
+LINEAR_SHIFT = 0.4
 """The same for order 1."""
-ROOM = {2: 0.6, 3: 0.45}
+ROOM = {2: 0.6, 3: 0.4}
 """Largest part of the length over which a zone's traction is smooth that a fit may reach over, by
 its terms."""
+AGREEMENT = 0.6
+"""Largest distance between the ends of several fits, in node spacings: beyond, they fit nothing."""
 SEARCH = (-1.0, 2.0)
 """Where an end is looked for, in node spacings from the zone's last node."""
 CANDIDATES = 33
@@ -206,9 +210,9 @@ def zone_end(at: Tractions, last: int, side: int) -> ZoneEnd:
         ends.append(low + fit)
     if len(ends) < 2:
         return bracket
-    found = ZoneEnd(ends[0], min(ends) - shift, max(ends) + shift, fitted=True)
-    # a fit that says less than the two nodes is none
-    return found if found.high - found.low < spacing else bracket
+    if max(ends) - min(ends) > AGREEMENT * spacing:
+        return bracket
+    return ZoneEnd(ends[0], min(ends) - shift, max(ends) + shift, fitted=True)
 
 
 def _mirrored(at: Tractions) -> Tractions:
