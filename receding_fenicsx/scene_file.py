@@ -24,6 +24,7 @@ from receding_fenicsx.scene import (
     SolverOptions,
     Support,
 )
+from receding_fenicsx.scene_tables import inline_files
 from receding_fenicsx.scene_values import BY_TYPE, read_string, unknown_name
 
 TABLES: dict[str, type] = {
@@ -81,8 +82,8 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
     Args:
         text: the scene.
         overrides: changes to it.
-        folder: folder that the paths of mesh files are relative to; they are kept as they are when
-            left out.
+        folder: folder that the paths of files are relative to. When left out, those of mesh files
+            are kept as they are, those of tables are relative to the present folder.
 
     Returns:
         The checked scene.
@@ -93,7 +94,7 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
         raise InputError(f"not valid TOML: {error}".replace("\n", " ")) from None
     for override in overrides:
         apply_override(raw, override)
-    scene = _scene(raw)
+    scene = _scene(inline_files(raw, folder or Path()))
     if folder is not None:
         found = [_with_path(body, folder) for body in scene.bodies]
         scene = replace(scene, body=found[0], others=tuple(found[1:]))
