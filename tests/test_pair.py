@@ -349,6 +349,39 @@ def test_half_of_a_symmetric_pair_gives_the_whole() -> None:
         assert half.energy_error_max < 1e-10 and whole.energy_error_max < 1e-10
 
 
+@pytest.mark.parametrize("span", [None, (-1.0, 1.0)])
+def test_platen_on_a_pair_carries_what_the_contact_does(span: tuple[float, float] | None) -> None:
+    scene = pair_scene("triangle", 2)
+    table = HistoryOptions(
+        "table",
+        columns=("N", "s"),
+        rows=((1.0, 0.0), (1.0, 1.0)),
+        cycle_rows=((1.0, -1.0), (1.0, 1.0)),
+    )
+    contact = replace(scene.contacts[0], span=span)
+    scene = replace(scene, contacts=(contact,), history=replace(table, cycles=1))
+    down = Load("N", "upper.top", displacement=(0.0, -0.5))
+    aside = Load("s", "upper.top", displacement=(0.1, 0.0))
+    moved = record_of(replace(scene, loads=(down, aside)))
+    force = Load("N", "upper.top", platen=True, force=(0.0, -2.0))
+    shear = Load("s", "upper.top", platen=True, force=(0.4, 0.0))
+    pressed = record_of(replace(scene, loads=(force, shear)))
+    if moved is None or pressed is None:
+        return
+    # work-conjugate to a displacement is the force that it takes, times its size
+    points = moved.turning_points
+    assert points.load_displacement[:, 0] == pytest.approx(0.5 * points.P.sum(axis=1), rel=1e-10)
+    assert points.load_displacement[1:, 1] == pytest.approx(
+        -0.1 * points.Q.sum(axis=1)[1:], rel=1e-8
+    )
+    points = pressed.turning_points
+    assert points.P.sum(axis=1) == pytest.approx(2.0, rel=1e-10)
+    assert points.Q.sum(axis=1) == pytest.approx(-0.4 * points.load[:, 1], abs=1e-10)
+    for record in (moved, pressed):
+        assert record.energy_error_max < 1e-10
+        assert len(record.x) == (25 if span is None else 13)
+
+
 def test_turned_pair_gives_the_same_history(shared_tmp_path: Path) -> None:
     scene = pair_scene("triangle", 1, solver=SolverOptions(symmetry="none"))
     shear = Load("s", "upper.right", pressure=0.2)
