@@ -36,10 +36,13 @@ with contextlib.suppress(ImportError):
 from mpi4py import MPI
 
 import pytest
+import pytest_timeout
 
 POLL_SECONDS = 0.001
 EXIT_WAIT_SECONDS = 5.0
 """A rank's wait for the others once pytest has ended."""
+HEAD_START_SECONDS = 1.0
+"""How much later a waiting rank's time runs out: the one that hangs shall say where before that."""
 COLLECTION_WAIT_SECONDS = 60.0
 """A failing rank's wait for ranks that are still collecting: they may be importing DOLFINx."""
 
@@ -49,6 +52,8 @@ OUTCOMES: tuple[Literal["passed", "skipped", "failed"], ...] = ("passed", "skipp
 comm = MPI.COMM_WORLD.Dup()
 stderr_stream = sys.__stderr__
 """Set to the terminal's own stream once pytest has configured its capture."""
+waiting = threading.Event()
+"""Set while this rank waits for the others."""
 failures: list[str] = []
 """Texts of the failures so far: an aborted session has no closing report."""
 
@@ -97,10 +102,12 @@ def exchange(step: str, outcome: int, patience: float) -> list[int] | None:
     gathered = array.array("q", [0] * (2 * comm.size))
     request = comm.Iallgather([mine, MPI.INT64_T], [gathered, MPI.INT64_T])
     begin = time.monotonic()
+    waiting.set()
     while not request.Test():
         if outcome >= FAILED and time.monotonic() - begin > patience:
             return None
         time.sleep(POLL_SECONDS)
+    waiting.clear()
     if len(set(gathered[::2])) > 1:
         say(f"\nthe ranks are out of step: rank {comm.rank} is at {step}\n")
         time.sleep(0.5)  # lets every rank say where it is
@@ -127,9 +134,21 @@ def pytest_configure(config: pytest.Config) -> None:
     if comm.size == 1:
         return
     stderr_stream = os.fdopen(os.dup(2), "w")
+    pytest_timeout.timeout_timer = held_back(pytest_timeout.timeout_timer)
     faulthandler.register(signal.SIGTERM, file=stderr_stream, chain=True)
     if comm.rank > 0:
         config.get_terminal_writer()._file = OtherRankTerminal()
+
+
+def held_back(end: Callable[..., None]) -> Callable[..., None]:
+    """Make the end of a rank whose time has run out come later if it waits for others."""
+
+    def end_later(*arguments: object) -> None:
+        if waiting.is_set():
+            time.sleep(HEAD_START_SECONDS)
+        end(*arguments)
+
+    return end_later
 
 
 def pytest_collectreport(report: pytest.CollectReport) -> None:
@@ -279,8 +298,11 @@ def mpirun() -> Callable[..., Any]:
 
 
 def outer_environment() -> dict[str, str]:
-    """Return the environment without what Open MPI put into it for this very process."""
-    inner = ("PMIX_", "OMPI_COMM_", "OMPI_MCA_ess", "OMPI_MCA_orte", "OMPI_MCA_pmix", "OPAL_")
+    """Return the environment without what MPI put into it for this very process."""
+    inner = (
+        *("PMIX_", "OMPI_COMM_", "OMPI_MCA_ess", "OMPI_MCA_orte", "OMPI_MCA_pmix", "OPAL_"),
+        *("PMI_", "HYDI_", "MPI_LOCALNRANKS", "MPI_LOCALRANKID"),
+    )
     environment = {k: v for k, v in os.environ.items() if not k.startswith(inner)}
     return environment | {
         "OMPI_ALLOW_RUN_AS_ROOT": "1",
