@@ -130,8 +130,8 @@ def confirmed(system: ContactSystem, history: History, error: SolveError) -> boo
     assert found is not None, text
     cycle, leg, s = int(found[1]), int(found[2]), float(found[3])
     polyline = history.path if cycle == 0 else history.loop
-    corners = [*history.path[:-1]] + [*history.loop[:-1]] * max(cycle - 1, 0)
-    corners += [*polyline[: leg + 1]] if cycle else []
+    before = [*history.path[:-1]] + [*history.loop[:-1]] * (cycle - 1) if cycle else []
+    corners = [*before, *polyline[: leg + 1]]
     a, b = polyline[leg], polyline[leg + 1]
     if s > 1e-8:
         corners.append((1.0 - s + 1e-8) * a + (s - 1e-8) * b)

@@ -73,7 +73,7 @@ class Tally:
         try:
             record = evolve(played, history, solver, output, initial_slip)
         except NoQuasiStaticContinuation as error:
-            require(confirmed(system, history, error), f"refused, but a way on exists: {error}")
+            self._confirm(system, history, error)
             raise
         part = modelled(system, record)
         checks = [worst_violation(system, part), record.residual_max]
@@ -87,6 +87,16 @@ class Tally:
             difference = dissipation_difference(record)
             require(difference <= QUADRATURE, f"dissipation is off by {difference:.1e}")
         return record
+
+    def _confirm(
+        self, system: ContactSystem, history: History, refusal: NoQuasiStaticContinuation
+    ) -> None:
+        """Raise Wrong where the path goes on although it is said to end."""
+        try:
+            ends = confirmed(system, history, refusal)
+        except RecedingError as error:
+            raise Wrong(f"ends even before the place that is named: {error}") from error
+        require(ends, f"refused, but a way on exists: {refusal}")
 
 
 def modelled(system: ContactSystem, record: Record) -> Record:

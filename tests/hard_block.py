@@ -323,7 +323,9 @@ def free_whole(tally: Tally) -> str:
     """Play the whole block without friction: nothing resists sliding."""
     whole = with_friction(body(WHOLE), 0.0)
     half = with_friction(body(), 0.0)
-    off = differ(tally.solve(whole, cyclic(3)), tally.solve(half, cyclic(3)))
+    one, two = tally.solve(whole, cyclic(3)), tally.solve(half, cyclic(3))
+    v, w = one.turning_points.v, two.turning_points.v
+    off = max(differ(one, two), float(np.abs(v - w).max() / np.abs(w).max()))
     require(off <= 1e-9, f"half differs by {off:.1e}")
     return f"half and whole differ by {off:.0e}"
 
@@ -488,7 +490,7 @@ CASES: tuple[Case, ...] = (
     *(Case(f"one node, f K_tn/K_tt = {c:g}", f"{SOLVED} or {JUMPS}", partial(wedge, c))
       for c in (-0.9, 0.9, -1.5, 1.5, 5.0)),
     *(Case(f"random body {seed}, friction far above uniqueness", f"{SOLVED} or {JUMPS}",
-           partial(strong_random, seed)) for seed in range(12)),
+           partial(strong_random, seed)) for seed in (*range(12), 73)),
     Case("curved body, half", SOLVED, partial(gapped, False)),
     Case("curved body, whole", SOLVED, partial(gapped, True)),
     *(Case(f"random initial slip {seed}", SOLVED, partial(slipped, seed)) for seed in range(3)),
