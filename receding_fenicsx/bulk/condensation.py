@@ -6,6 +6,10 @@ With the contact C and the interior I, and forces r of the plane on the body,
 
 MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks. Route
 "solve" needs nothing but a factorisation of A_II and is slower: a fallback and a check.
+
+A mirror-symmetric whole body is condensed as it is. Two half-body problems (u_x = 0, then u_y = 0
+on the axis) would take 40 % less time and a third less memory, but with 2561 contact nodes that is
+0.2 s of 0.5 s and 0.3 GB of 0.8 GB, little beside what is then done with 2N = 5122 unknowns.
 """
 
 from __future__ import annotations
