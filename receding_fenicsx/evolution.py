@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable
 from itertools import pairwise
 
@@ -10,6 +11,7 @@ import numpy as np
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import (
+    STATE_NAMES,
     Array,
     ContactState,
     ContactSystem,
@@ -34,6 +36,8 @@ from receding_fenicsx.output.collect import (
 from receding_fenicsx.output.journal import Journal
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions, SolverOptions
+
+log = logging.getLogger(__name__)
 
 Progress = Callable[[int, int, str], None]
 """Called as progress(cycle, cycles, message) after every cycle."""
@@ -96,9 +100,7 @@ def evolve(
                 journal.checkpoint()
             watch(run.watch, passed, number)
             if progress is not None and number > 0:
-                events = passed[-1].totals.events - passed[-2].totals.events
-                change = run.watch.change[-1]
-                progress(number, history.cycles, f"{events} events, change {change:.1e}")
+                progress(number, history.cycles, run.brief(number))
     except SolveError as error:
         error.record = record_of(system, run.solver, passed, (run.corners, run.totals))
         raise
@@ -196,6 +198,16 @@ class _Run:
             kept=kept,
         )
 
+    def brief(self, number: int) -> str:
+        """Return what a cycle has brought, for those who watch."""
+        now, before = self.passed[number].totals, self.passed[number - 1].totals
+        sweeps = f"{now.sweeps - before.sweeps} sweeps, " if now.sweeps else ""
+        D = self.passed[number].dissipation.sum()
+        return (
+            f"{now.events - before.events} events, {sweeps}residual {now.residual:.1e}, "
+            f"dissipation {D:.6g}, change {self.watch.change[-1]:.1e}"
+        )
+
     def sample_last(self) -> Kept | None:
         """Trace the last cycle once more from its start, for its samples, unless they are kept."""
         number = len(self.passed) - 1
@@ -243,6 +255,16 @@ class _Run:
         """Take over a leg's checks: residual, energy identity (not for a jump), counts."""
         before = self.totals
         error, scale = (0.0, before.energy_scale) if jump else self._energy_error(leg)
+        if log.isEnabledFor(logging.DEBUG):
+            for s, i, old, new in leg.events:
+                log.debug(
+                    "s = %.9f: node %d, %s to %s",
+                    s,
+                    i,
+                    STATE_NAMES[State(old)],
+                    STATE_NAMES[State(new)],
+                )
+            log.debug("end of a leg: residual %.1e, energy error %.1e", leg.residual, error)
         self.totals = Totals(
             force_scale=leg.force_scale,
             energy_scale=scale,

@@ -108,7 +108,9 @@ class _Pace:
             return
         a_cycle = (self.times[-1] - self.times[0]) / (len(self.times) - 1)
         left = duration(a_cycle * (cycles - cycle))
-        self.say(f"evolve: cycle {cycle} of {cycles}, {message}, {left} left")
+        # the terminal's one line holds the counts and the time; the rest is logged
+        events = message.partition(",")[0]
+        self.say(f"evolve: cycle {cycle} of {cycles}, {events}, {left} left at most")
 
 
 def duration(seconds: float) -> str:
