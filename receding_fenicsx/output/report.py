@@ -14,7 +14,7 @@ from PIL import Image
 
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.summary import read_summary
-from receding_fenicsx.output.table import fitted, zones_from_centre
+from receding_fenicsx.output.table import fitted, zones_header, zones_shown
 
 WIDEST = 1200
 """Dots that an embedded picture of the body is wide at most."""
@@ -25,23 +25,17 @@ FIRST_CYCLES = 20
 """Cycles whose numbers stand in the table before the last one's."""
 
 CAPTIONS = (
-    (
-        "fig04",
-        "Tractions, friction cone and states at the end of first loading (the paper's Fig. 4).",
-    ),
-    ("fig05", "Zones of stick, slip and separation along the first unloading (Fig. 5)."),
-    (
-        "fig06",
-        "Tractions on the first unloading, where about a third of the load is left (Fig. 6).",
-    ),
-    ("fig07", "Zones along the ninth cycle (Fig. 7)."),
-    ("fig08", "Slip gained in each cycle at some nodes, and its power of N (Fig. 8)."),
+    ("fig04", "Tractions, friction cone and states at the end of first loading."),
+    ("fig05", "Zones of stick, slip and separation along the first unloading."),
+    ("fig06", "Tractions on the first unloading, where about a third of the load is left."),
+    ("fig07", "Zones along the ninth cycle."),
+    ("fig08", "Slip gained in each cycle at some nodes, and its power of N."),
     (
         "fig09",
-        "Zones along the last cycle (Fig. 9); the dashed line is where nodes reach the friction "
-        "limit without slipping.",
+        "Zones along the last cycle; a dashed line is where nodes reach the friction limit "
+        "without slipping.",
     ),
-    ("fig10", "Dissipation of each cycle over that of the first (Fig. 10)."),
+    ("fig10", "Dissipation of each cycle over that of the first."),
     ("zones_by_cycle", "Zones along all cycles that were sampled."),
     ("dissipation_density", "Where along the contact edge energy is dissipated in a cycle."),
     ("hysteresis", "Each load against its work-conjugate displacement; the area is work."),
@@ -141,7 +135,7 @@ def report_html(
     parts += _section("Against the paper", _paper(summary))
     parts += _section("Turning points", _turning_points(summary))
     edges = {row["edge"] for row in summary["turning_points"] if "edge" in row}
-    parts += _section("Figures", _figures(figures, edges))
+    parts += _section("Figures", _figures(figures, edges, bool(summary.get("paper"))))
     parts += _section("The body", _bodies(snapshots))
     parts += _section("Cycles", _cycles(summary))
     parts += _section("How far to trust it", _trust(summary))
@@ -210,11 +204,13 @@ def _turning_points(summary: Mapping[str, Any]) -> str:
         load = ", ".join(f"{name} = {value:.6g}" for name, value in p["load"].items())
         half = [p["contact_half_width"], p["stick_half_width"]]
         below = [fitted(p.get(f"{k}_half_width_estimate")) for k in ("contact", "stick")]
-        zones = zones_from_centre(p["zones"], summary["symmetry"] == "axisymmetric")
         widths = [part for pair in zip(half, below, strict=True) for part in pair]
-        rows.append([p["cycle"], load, *widths, p["p_max"], p["q_min"], p["q_max"], zones])
+        edge = [p["edge"]] if "edge" in p else []
+        extremes = [p["p_max"], p["q_min"], p["q_max"]]
+        rows.append([*edge, p["cycle"], load, *widths, *extremes, zones_shown(p, summary)])
     head = ["cycle", "load", "contact half width", "fitted", "stick half width", "fitted"]
-    return _table([*head, "p max", "q min", "q max", "zones, x > 0, from the centre"], rows)
+    head = ["edge", *head] if any("edge" in p for p in points) else head
+    return _table([*head, "p max", "q min", "q max", zones_header(summary)], rows)
 
 
 def _cycles(summary: Mapping[str, Any]) -> str:
@@ -248,6 +244,11 @@ def _trust(summary: Mapping[str, Any]) -> str:
                 f"{margin:.3g}",
             ]
         )
+    for name, found in (summary.get("errors") or {}).items():
+        error = "unknown" if found["error"] is None else f"{found['error']:.1e}"
+        rows.append(
+            [f"{name.replace('_', ' ')} {found['value']:.6g}, estimated space error", error]
+        )
     steady = summary["steady"]
     if steady.get("dissipation_limit"):
         rows.append(
@@ -257,7 +258,10 @@ def _trust(summary: Mapping[str, Any]) -> str:
             ]
         )
     if summary.get("limit_without_slip"):
-        ranges = ", ".join(f"{a:.4g} to {b:.4g}" for a, b in summary["limit_without_slip"])
+        ranges = ", ".join(
+            " on ".join([f"{a:.4g} to {b:.4g}", *edge])
+            for a, b, *edge in summary["limit_without_slip"]
+        )
         rows.append(["friction limit reached without slip in the last cycle, x from", ranges])
     return _table([], rows)
 
@@ -271,7 +275,7 @@ def _costs(summary: Mapping[str, Any]) -> str:
     return _table([], rows)
 
 
-def _figures(paths: Sequence[Path], edges: set[str]) -> str:
+def _figures(paths: Sequence[Path], edges: set[str], paper: bool) -> str:
     """Figures in the order of their captions; those of several edges are in folders of theirs."""
     parts = [part for part, _ in CAPTIONS]
 
@@ -282,8 +286,12 @@ def _figures(paths: Sequence[Path], edges: set[str]) -> str:
     for path in sorted(paths, key=place):
         with Image.open(path) as image:
             wide = image.width > PAGE_FIGURE
-        edge = f"On {path.parent.name}: " if path.parent.name in edges else ""
-        shown.append(_figure(path.stem, edge + _caption(path), "png", path.read_bytes(), wide))
+        caption = f"On {path.parent.name}: " if path.parent.name in edges else ""
+        caption += _caption(path)
+        number = re.match(r"fig(\d+)_", path.stem)
+        if number and paper:
+            caption += f" The paper's Fig. {int(number[1])}."
+        shown.append(_figure(path.stem, caption, "png", path.read_bytes(), wide))
     return f'<div class="figures">{"".join(shown)}</div>' if shown else ""
 
 

@@ -29,7 +29,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
         "fitted",
         "p_max",
         "q_max",
-        "zones (x > 0, from the centre)",
+        zones_header(summary),
     ]
     rows = [
         [
@@ -42,7 +42,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
             fitted(p.get("stick_half_width_estimate")),
             f"{p['p_max']:.4f}",
             f"{max(abs(p['q_min']), abs(p['q_max'])):.4f}",
-            zones_from_centre(p["zones"], summary["symmetry"] == "axisymmetric"),
+            zones_shown(p, summary),
         ]
         for p in points
         if p["cycle"] in (0, 1, last)
@@ -102,9 +102,23 @@ def run_table(summary: Mapping[str, Any]) -> str:
     return "\n".join(lines)
 
 
-def zones_from_centre(zones: list[list[Any]], axisymmetric: bool) -> str:
-    """The zones from the centre to the right end."""
-    centre = 0.0 if axisymmetric else 0.5 * (zones[0][1] + zones[-1][2])
+def zones_header(summary: Mapping[str, Any]) -> str:
+    """What stands above the zones: only half of them where the contact is its own mirror image."""
+    if any("edge" in p for p in summary["turning_points"]):
+        return "zones"
+    return {
+        "mirror": "zones (x > 0, from the centre)",
+        "axisymmetric": "zones (from the axis)",
+    }.get(summary["symmetry"], "zones")
+
+
+def zones_shown(point: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
+    """The zones of a turning point, from the centre of a symmetric contact or all of them."""
+    zones, symmetry = point["zones"], summary["symmetry"]
+    if symmetry not in ("mirror", "axisymmetric") or "edge" in point:
+        first = f"{zones[0][1]:.4f} " if zones else ""
+        return first + " | ".join(f"{name} to {end:.4f}" for name, _, end in zones)
+    centre = 0.0 if symmetry == "axisymmetric" else 0.5 * (zones[0][1] + zones[-1][2])
     return " | ".join(f"{name} to {end:.4f}" for name, _, end in zones if end > centre)
 
 
