@@ -270,6 +270,20 @@ def typical_stiffness(system: ContactSystem) -> float:
     return float(np.median(np.diagonal(system.K)))
 
 
+def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: float) -> float:
+    """Return the relative residual at one instant; a slipping node must be at its limit.
+
+    Args:
+        system: the condensed body in 2N form.
+        end: the state, reactions evaluated afresh.
+        force_scale: largest nodal force of the history so far.
+    """
+    sign = (end.state == State.FORWARD_SLIP).astype(float) - (end.state == State.BACKWARD_SLIP)
+    worst = relative_residual(system, end, np.zeros(system.n), local_stiffness(system), force_scale)
+    on_limit = np.abs(end.Q + sign * system.f * end.P)[sign != 0.0]
+    return max(worst, float(on_limit.max(initial=0.0)) / force_scale)
+
+
 def local_stiffness(system: ContactSystem) -> tuple[Array, Array]:
     """Return the diagonals (K_tt)_ii and (K_nn)_ii, the local stiffnesses k_i of the residual."""
     diagonal = np.diagonal(system.K)

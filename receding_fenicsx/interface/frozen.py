@@ -26,10 +26,11 @@ from receding_fenicsx.interface.contact import (
     ContactSystem,
     Leg,
     reactions,
+    residual_at_rest,
 )
 from receding_fenicsx.interface.rates import SEPARATION
 from receding_fenicsx.interface.segments import LIMIT_TOLERANCE, Segments
-from receding_fenicsx.interface.walk import Walk, residual_at_rest
+from receding_fenicsx.interface.walk import Walk
 
 WORTHWHILE = 0.8
 """Part of the nodes that may be active at most for a reduction to be made."""

@@ -7,19 +7,19 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.contact import (
     Array,
     ContactState,
-    ContactSystem,
     Leg,
     law_residual,
     local_stiffness,
     reachable,
     reactions,
-    relative_residual,
+    residual_at_rest,
 )
 from receding_fenicsx.interface.contact_lcp import is_exhaustible, solve_states
+from receding_fenicsx.interface.ending import explain
 from receding_fenicsx.interface.rates import (
     BACKWARD,
     FORWARD,
@@ -365,47 +365,9 @@ class Walk:
     def _explain(
         self, before: States, nodes: NDArray[np.intp], exhausted: bool = False
     ) -> SolveError:
-        """Return the error for a load at which the path ends."""
-        segments = self.segments
-        load = ", ".join(f"{value:.9g}" for value in self.load(self.s))
-        where = f"at load factors [{load}] (s = {self.s:.9g} of the leg)"
-        contact = before != SEPARATION
-        loose = contact & segments.frictional
-        reach = self.y.reshape(4, -1)[:, loose]
-        limit = LIMIT_TOLERANCE * self.force_scale
-        if segments.lifts_freely and np.all(
-            self.y.reshape(4, -1)[2:][:, contact].sum(axis=0) <= limit
-        ):
-            if self.s == 0.0 and not contact.any():
-                return NoEquilibrium(
-                    f"the body is not held {where}: it touches nowhere, its smallest initial gap "
-                    f"is {self.system.g0.min():.3g}; take that off the gap, or add a [[support]]"
-                )
-            if self.s == 0.0 and np.any(self.system.g0):
-                return NoEquilibrium(
-                    f"the body is not held {where}: it can turn or lift about the nodes that touch "
-                    'first; model half of it (solver.symmetry = "auto") or add a [[support]]'
-                )
-            return NoEquilibrium(
-                f"lift-off {where}: no pressure is left on the contact, nothing holds the body"
-            )
-        if (
-            segments.slides_freely
-            and loose.any()
-            and (np.all(reach[2] <= limit) or np.all(reach[3] <= limit))
-        ):
-            return NoEquilibrium(
-                f"gross sliding {where}: all contact nodes are at their limit, in the same "
-                "direction"
-            )
-        listed = ", ".join(str(i) for i in nodes[:12].tolist()) + (
-            " ..." if len(nodes) > 12 else ""
-        )
-        return NoQuasiStaticContinuation(
-            f"no quasi-static continuation {where}: the rates of nodes [{listed}] have no "
-            f"solution{' (all sets of their states were tried)' if exhausted else ''}, the body "
-            "jumps here; reduce the friction or the load range"
-        )
+        """Return the error for the place at which the path ends."""
+        place = self.load(self.s), self.s
+        return explain(self.segments, before, self.y, place, self.force_scale, nodes, exhausted)
 
     def finish(self, apex: bool, correct: bool) -> Leg:
         """Return the leg: fresh reactions, residual checked.
@@ -458,17 +420,3 @@ class Walk:
             u[:n] = end.v.mean()
         u[:n][self.system.held[:n]] = end.v[self.system.held[:n]]
         return u
-
-
-def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: float) -> float:
-    """Return the relative residual at one instant; a slipping node must be at its limit.
-
-    Args:
-        system: the condensed body in 2N form.
-        end: the state, reactions evaluated afresh.
-        force_scale: largest nodal force of the history so far.
-    """
-    sign = (end.state == FORWARD).astype(float) - (end.state == BACKWARD)
-    worst = relative_residual(system, end, np.zeros(system.n), local_stiffness(system), force_scale)
-    on_limit = np.abs(end.Q + sign * system.f * end.P)[sign != 0.0]
-    return max(worst, float(on_limit.max(initial=0.0)) / force_scale)
