@@ -12,7 +12,7 @@ import pytest
 
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import from_scene
-from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.interface.contact import ContactSystem, State
 from receding_fenicsx.output.loops import loop_of
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import (
@@ -124,6 +124,29 @@ def test_load_steps_converge_to_the_exact_polygon(case: str) -> None:
     coarse, fine = np.array(off)
     assert np.all(fine < 5e-3)
     assert np.all(fine < 0.5 * coarse)
+
+
+def test_load_steps_converge_where_all_but_one_node_slip() -> None:
+    """A polish with wrong states shifts the whole body; sweeps must not go on from there."""
+    scene = replace(
+        scene_of("platen sheared to and fro"),
+        material=Material(1.0, 0.45),
+        mesh=MeshOptions(16, "triangle", 1, 1.4),
+        contacts=(Contact(friction=0.1),),
+        loads=(Load("p", "top", (-0.5, 0.5), pressure=2.0),),
+        history=HistoryOptions(kind="monotonic"),
+    )
+    steps = SolverOptions(method="gauss-seidel", symmetry="none", steps_per_leg=80, max_sweeps=500)
+    scene = replace(scene, solver=steps)
+    system = condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    found, exact = evolved(scene, system), evolved(replace(scene, solver=SolverOptions()), system)
+    assert np.sum(exact.turning_points.state[0] == State.STICK) == 1
+    P, Q = (
+        np.abs(getattr(found.turning_points, k) - getattr(exact.turning_points, k)).max()
+        for k in "PQ"
+    )
+    assert max(P, Q) < 1e-9
 
 
 @pytest.mark.parametrize("case", CASES)

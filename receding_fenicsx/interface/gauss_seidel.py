@@ -46,6 +46,10 @@ TRIED_AFTER = {
 SETTLE_SWEEPS = 2
 """Sweeps without a change of state after which a polish is tried."""
 
+POLISH_GAIN = 1e-1
+"""Part of the residual that a polish may leave. One with wrong states may leave less than there was
+but carry the body far away, from where sweeps take for ever."""
+
 CHECK_SWEEPS = 10
 """Sweeps between two evaluations of the residual when eq. (16) alone is not yet met."""
 
@@ -409,7 +413,7 @@ class _Sweeper:
         return (v, new[1]) if forward == (state == FORWARD) else new
 
     def polish(self) -> None:
-        """Solve directly with the present states; keep the answer if it betters the residual."""
+        """Solve directly with the present states; keep the answer if it betters the residual much."""
         stiffness = local_stiffness(self.system)
         before = self.residual(stiffness, 0.0)[0]
         state, v_ref = np.array(self.state), np.array(self.v_ref)
@@ -421,7 +425,7 @@ class _Sweeper:
         for i in np.flatnonzero(self.was_open):
             if not self.held_t[i]:
                 self._touch_down_at(int(i))
-        if self.residual(stiffness, 0.0)[0] < before:
+        if self.residual(stiffness, 0.0)[0] < POLISH_GAIN * before:
             self.polished = True
         else:
             self.u, self.r, self.v_ref = kept
