@@ -413,7 +413,7 @@ class _Sweeper:
         return (v, new[1]) if forward == (state == FORWARD) else new
 
     def polish(self) -> None:
-        """Solve directly with the present states; keep the answer if it betters the residual much."""
+        """Solve directly with the present states; keep what betters the residual much."""
         stiffness = local_stiffness(self.system)
         before = self.residual(stiffness, 0.0)[0]
         state, v_ref = np.array(self.state), np.array(self.v_ref)
