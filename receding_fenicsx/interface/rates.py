@@ -251,7 +251,7 @@ class Tableau:
         """
         outputs: list[int] = []
         inputs: list[int] = []
-        n = self.system.n
+        n = len(state)
         changing = (state != self.state).nonzero()[0].tolist()
         way = len(changing)
         if way > FEW and self._start_nearer(state, way):
@@ -351,10 +351,10 @@ class Tableau:
         Returns:
             (4N,) rates by label; zero for the inputs.
         """
-        n = self.system.n
+        n = len(self.state)
         rates = np.zeros(4 * n)
-        rates[self.row_label] = self.load_rates @ direction
-        rates[: 2 * n] /= self._unit
+        rates[self.row_label] = self.load_rates.dot(direction)
+        rates[: 2 * n] *= 1.0 / self._unit  # a power of two
         return self._refined(rates, direction) if refined else rates
 
     def response(self, labels: NDArray[np.intp], change: Array) -> Array:

@@ -174,7 +174,7 @@ class Segments:
         return made
 
     def _make(self, state: States, direction: Array) -> Segment:
-        n = self.system.n
+        n = len(state)
         q = self.tableau(state).rates(direction, self.refined)
         if self._works_on_pins(state, q, direction):
             raise SingularExchange

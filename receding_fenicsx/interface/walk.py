@@ -137,7 +137,8 @@ class Walk:
             if last:
                 self.s = s_end
                 return
-            self._watch_progress()
+            if ds <= CLOSE_EVENTS:
+                self._watch_progress()
             segment, looked_at = self._event(int(segment.falling[k]), segment)
 
     def _advance(self, segment: Segment, ds: float) -> None:
@@ -215,13 +216,24 @@ class Walk:
             if self.segments.refined:
                 self._clear_if_due()
             return following, False
-        count = len(self.leg.events)
-        following = self._consistent(label, segment)
-        changes = self.leg.events[count:]
+        before = self.state
+        self.state = before.copy()
+        self._change([label])
+        try:
+            following = self.segments.at(self.state, self.direction)
+            alone = len(self._violations(following)) == 0
+        except SingularExchange:
+            alone = False
+        if alone:
+            i = label % len(before)
+            change = i, int(before[i]), int(self.state[i])
+            self.leg.events.append((self.s, *change))
+            # where others change too they may sit on limits by chance: not to be repeated
+            segment.next[label] = self.state, following, change
+        else:
+            self.state = before
+            following = self._consistent(label)
         self._clear_if_due()
-        # other nodes may have changed because they sat on limits by chance: not to be repeated
-        if len(changes) == 1 and changes[0][1] == label % self.system.n:
-            segment.next[label] = self.state, following, changes[0][1:]
         return following, True
 
     def _clear_if_due(self) -> None:
@@ -273,7 +285,7 @@ class Walk:
             r = reactions(self.system, self.load(s), u)
             self.leg.samples.append((s, ContactState(u, r, self.state.copy())))
 
-    def _consistent(self, hit: int | None = None, segment: Segment | None = None) -> Segment:
+    def _consistent(self, hit: int | None = None) -> Segment:
         """Change states until no node on a limit is driven across it.
 
         All violating nodes change at first, then the worst one; when a set of states comes back,
@@ -283,8 +295,8 @@ class Walk:
         self.state = state = before.copy()
         seen = {state.tobytes()}
         rounds = 0
-        if hit is not None and segment is not None:
-            self._change([hit], segment)
+        if hit is not None:
+            self._change([hit])
             seen.add(state.tobytes())
         try:
             while True:
@@ -296,7 +308,7 @@ class Walk:
                 if rounds > ALL_AT_ONCE:
                     badness = np.abs(segment.q[violating]) * segments.weight[violating]
                     violating = violating[[int(np.argmax(badness))]]
-                self._change(violating.tolist(), segment)
+                self._change(violating.tolist())
                 if state.tobytes() in seen or rounds > len(state):
                     segment = self._finite(before)
                     break
@@ -312,11 +324,13 @@ class Walk:
         """Return labels of quantities on their limit that are driven across it."""
         fall = segment.falling
         on_limit = fall[self.y[fall] <= self._on_limit[fall]]
+        if not len(segment.reversed_nodes):
+            return on_limit
         return np.concatenate([segment.reversed_nodes, on_limit])
 
-    def _change(self, labels: list[int], segment: Segment) -> None:
+    def _change(self, labels: list[int]) -> None:
         """Give each node of the violated quantities the state on the other side of its limit."""
-        n, state, y, on_limit = self.system.n, self.state, self.y, self._on_limit
+        n, state, y, on_limit = len(self.state), self.state, self.y, self._on_limit
         chosen: dict[int, list[int]] = {}
         for label in labels:
             kind, i = divmod(label, n)
