@@ -23,6 +23,7 @@ from receding_fenicsx.interface.contact import ContactSystem, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.output.fields import field_files, fields_at
 from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.scales import pressure_of
 from receding_fenicsx.scene import (
     Body,
     Contact,
@@ -410,6 +411,13 @@ def test_turned_pair_gives_the_same_history(shared_tmp_path: Path) -> None:
             expected = getattr(a, name)
             assert np.abs(getattr(b, name) - expected).max() < 1e-9 * np.abs(expected).max()
         assert len(np.unique(a.state)) > 2
+
+
+def test_tractions_are_divided_by_a_pressure_only_where_its_parts_agree() -> None:
+    part = Load("p0", "upper.top", pressure=2.0)
+    for other, expected in ((2.0, (2.0, "p_{0}")), (1.0, (1.0, ""))):
+        loads = (part, Load("p0", "lower.left", pressure=other))
+        assert pressure_of(pair_scene(loads=loads), ("p0",)) == expected
 
 
 def test_axis_node_of_a_half_pair_is_held() -> None:

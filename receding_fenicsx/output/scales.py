@@ -148,7 +148,10 @@ def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float
     if len(load_names) != 1:
         return 1.0, ""
     loads = scene.loads if scene is not None else ()
-    value = loads[0].pressure if len(loads) == 1 else 1.0
+    value = loads[0].pressure if loads else 1.0
+    # parts of one load on two bodies
+    if any(load.pressure != value for load in loads):
+        return 1.0, ""
     if not isinstance(value, float | int) or value <= 0.0:
         return 1.0, ""
     return float(value), load_symbol(load_names[0])

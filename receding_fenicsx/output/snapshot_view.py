@@ -15,7 +15,6 @@ from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.fields import Fields
 from receding_fenicsx.output.scales import describe_factors, length_of, name_leg, pressure_of
 from receding_fenicsx.scene import (
-    EDGES,
     HORIZONTAL,
     Load,
     Scene,
@@ -323,14 +322,12 @@ def _arrows(
     factors: Array,
     units: tuple[float, float, float],
 ) -> list[Arrows]:
-    """Arrows of the loads that act on the edges of a rectangle, at its deformed edges."""
-    if scene.body.mesh is not None or scene.body.shape != "rectangle":
-        return []
+    """Arrows of the loads that act on the edges of rectangles, at their deformed edges."""
     exaggeration, unit, size = units
     largest = dict(zip(names, largest_factors(scene), strict=True))
     found = []
     for load in scene.loads:
-        if load.edge in EDGES:
+        if scene.find_edge(load.edge)[0].mesh is None:
             along, points, traction = _traction(scene, load, ARROW_GAP * size)
             found.append((load, along, points, traction))
     if not found:
@@ -339,8 +336,10 @@ def _arrows(
     scale = ARROW * size / max([*sizes, np.finfo(float).tiny])
     arrows = []
     for load, along, points, traction in found:
-        outward = np.array(OUTWARD[load.edge])
-        shift = _edge_shift(fields, points, outward, along)
+        body, edge = scene.find_edge(load.edge)
+        outward = np.array(OUTWARD[edge])
+        first = scene.find_edge(scene.contacts[0].edge)[0]
+        shift = _edge_shift(fields, points, outward, int(body != first))
         vector = scale * float(factors[names.index(load.name)]) * traction
         if not np.any(vector):
             continue
@@ -359,7 +358,8 @@ def _traction(scene: Scene, load: Load, gap: float) -> tuple[Array, Array, Array
     revolution is continued beyond it.
     """
     begin, end = load.span or edge_range(scene, load.edge)
-    level = scene.axisymmetric and load.edge in HORIZONTAL
+    edge = scene.find_edge(load.edge)[1]
+    level = scene.axisymmetric and edge in HORIZONTAL
     area = np.pi * (end**2 - begin**2) if level else end - begin
     begin = -end if level and begin == 0.0 else begin
     along = np.linspace(begin, end, max(2, int(np.ceil((end - begin) / gap)) + 1))
@@ -367,7 +367,7 @@ def _traction(scene: Scene, load: Load, gap: float) -> tuple[Array, Array, Array
     side = np.where(level & (x < 0.0), -1.0, 1.0)
     if load.pressure is not None:
         size = evaluate(load.pressure, side * x, y)
-        traction = -size[:, None] * np.array(OUTWARD[load.edge])
+        traction = -size[:, None] * np.array(OUTWARD[edge])
     else:
         mean = (load.force[0] / area, load.force[1] / area) if load.force else (0.0, 0.0)
         parts = load.traction or mean
@@ -391,10 +391,12 @@ def _shift(fields: Fields, place: Array, normal: Array) -> Array:
     return np.stack([np.interp(wanted, position, moved[:, k]) for k in (0, 1)], axis=1)
 
 
-def _edge_shift(fields: Fields, points: Array, outward: Array, along: Array) -> Array:
-    """Displacement (n, 2) of points of an edge, from the vertices on it."""
+def _edge_shift(fields: Fields, points: Array, outward: Array, body: int) -> Array:
+    """Displacement (n, 2) of points of an edge, from the vertices on it of the body's number."""
     height = fields.points @ outward
     on = np.abs(height - points[0] @ outward) <= ON_EDGE * np.abs(fields.points).max()
+    if fields.body is not None:
+        on &= fields.body == body
     axis = 1 if outward[0] else 0
     order = np.argsort(fields.points[on][:, axis], kind="stable")
     position, moved = fields.points[on][order][:, axis], fields.displacement[on][order]
