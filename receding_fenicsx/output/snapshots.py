@@ -15,8 +15,9 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from receding_fenicsx.errors import InputError, on_root
+from receding_fenicsx.history import from_scene
 from receding_fenicsx.interface.contact import Array
-from receding_fenicsx.output import style
+from receding_fenicsx.output import paraview, style
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.fields import field_files, fields_at
 from receding_fenicsx.output.figures import save
@@ -121,6 +122,11 @@ def snapshot(
 
     def draw() -> list[Path]:
         assert fields is not None
+        history = from_scene(bulk.scene)
+        legs = len(history.path if now.cycle == 0 else history.loop) - 1
+        for file in field_files(bulk, xdmf):
+            paraview.join_fields(file, paraview.time_of(now.cycle, now.leg, now.s, legs))
+        paraview.join_instants(beside)
         view = view_of(bulk, fields, now)
         made = [folder / f"{name}_{quantity.name}.png" for quantity in quantities]
         for quantity, path in zip(quantities, made, strict=True):
