@@ -20,6 +20,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import argparse
 import sys
 import time
+import zlib
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -31,7 +32,7 @@ import matplotlib as mpl
 import numpy as np
 
 from receding_fenicsx import study
-from receding_fenicsx.errors import SolveError
+from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactSystem, State
@@ -122,14 +123,24 @@ def play(task: Task) -> Cell:
 
 
 def read_cells(path: Path) -> dict[str, Cell]:
-    """Read the finished cells; a line that was cut short is left out."""
-    cells = {}
-    for line in path.read_text().splitlines() if path.is_file() else []:
+    """Read the finished cells of the same scene; a line that was cut short is left out."""
+    cells: dict[str, Cell] = {}
+    if not path.is_file():
+        return cells
+    first_line, *lines = path.read_text().splitlines() or [""]
+    if first_line != stamp():
+        raise InputError(f"{path} is of another scene; give another --out")
+    for line in lines:
         parts = line.split(",")
         if len(parts) == 9 and len(parts[8]) in (0, 2 * system.n - 1):
             size, first, steady = (float(part) for part in parts[4:7])
             cells[",".join(parts[:4])] = Cell(size, first, steady, int(parts[7]), parts[8])
     return cells
+
+
+def stamp() -> str:
+    """Return the first line of the file of finished cells: what scene they belong to."""
+    return f"# scene {zlib.crc32(system.scene_toml.encode()):08x}"
 
 
 def work(tasks: list[Task], path: Path) -> dict[str, Cell]:
@@ -144,6 +155,7 @@ def work(tasks: list[Task], path: Path) -> dict[str, Cell]:
             print(f"{len(tasks) - len(left)} of {len(tasks)} are finished already", flush=True)
         found = executor.map(play, left, chunksize=4, unordered=False)
         with path.open("w") as file:
+            file.write(stamp() + "\n")
             file.writelines(f"{key},{cell.line}\n" for key, cell in cells.items())
             for task, cell in zip(left, progress(found, len(left)), strict=True):
                 file.write(f"{task.key},{cell.line}\n")
