@@ -111,7 +111,8 @@ def test_run_prints_a_table_and_no_progress_into_a_file(
     MPI.COMM_WORLD.Barrier()
     assert cli.main(["run", BLOCK, *SMALL, "--out", str(out)]) == 2
     MPI.COMM_WORLD.Barrier()
-    assert cli.main(["run", BLOCK, *SMALL, "--out", str(out), "--overwrite"]) == 0
+    again = ["run", BLOCK, *SMALL, "--pictures", "none", "--out", str(out), "--overwrite"]
+    assert cli.main(again) == 0
 
 
 def test_unloading_demo_ends_without_any_force(
@@ -241,7 +242,7 @@ def test_run_on_two_ranks_gives_the_answer_of_one(mpirun: Run, tmp_path: Path) -
     summaries = []
     for ranks in (1, 2):
         out = tmp_path / str(ranks)
-        done = mpirun(ranks, *MODULE, "run", BLOCK, *SMALL, "--out", out)
+        done = mpirun(ranks, *MODULE, "run", BLOCK, *SMALL, "--pictures", "none", "--out", out)
         assert done.returncode == 0, done.stderr
         assert done.stdout.count("contact nodes") == 1
         summaries.append(json.loads((out / "summary.json").read_text()))
