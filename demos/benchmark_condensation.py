@@ -114,7 +114,7 @@ def show_growth(rows: dict[tuple[str, str, int, int], dict[str, float]], base: f
     print("\ngrowth of condensing with the number n of contact nodes, from the three largest n:")
     for case in dict.fromkeys(key[:3] for key in rows):
         largest = sorted(key for key in rows if key[:3] == case)[-3:]
-        if len(largest) < 2:
+        if len(largest) < 3:
             continue
         n = np.log([key[3] for key in largest])
         seconds = np.polyfit(n, np.log([rows[key]["condense"] for key in largest]), 1)[0]
