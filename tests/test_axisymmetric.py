@@ -306,6 +306,18 @@ def test_cyclic_dissipation_by_loop_area_and_by_load_steps() -> None:
     assert stepped.cycles.dissipation[0] == pytest.approx(D[0], rel=2e-3)
 
 
+@pytest.mark.parametrize("degree", [1, 2])
+def test_shear_vanishes_on_the_axis(degree: int) -> None:
+    top = Load("p", "top", (0.0, 1.0), pressure=1.0)
+    record = evolved(cylinder("triangle", degree, contacts=(Contact(),), loads=(top,)))
+    if record is None:
+        return
+    table = record.turning_points
+    if degree == 1:  # else the axis has no contact node
+        assert record.x[0] == 0.0 and table.q[-1, 0] == 0.0 and table.Q[-1, 0] == 0.0
+    assert np.all(np.abs(table.Q) <= record.f * table.P + 1e-11 * table.P.max())
+
+
 def test_value_on_the_axis_of_an_even_field() -> None:
     x = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 9.0])
     field = np.stack([3.0 - 2.0 * x**2, np.where(x == 0.0, 7.0, 1.0)])

@@ -15,7 +15,7 @@ from receding_fenicsx.interface.contact import (
     typical_stiffness,
 )
 from receding_fenicsx.interface.cycles import SteadyWatch
-from receding_fenicsx.interface.mirror import SWAPPED, Mirror, mirror_of
+from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, SWAPPED, Mirror, mirror_of
 from receding_fenicsx.output.record import Cycles, Events, Record, States, Steady
 from receding_fenicsx.scene import SolverOptions
 
@@ -188,6 +188,9 @@ def states_table(system: ContactSystem, mirror: Mirror, instants: list[Instant])
     load = np.array([i.load for i in instants]).reshape(-1, n_loads)
     state = np.array([i.state.state for i in instants], dtype=np.int8).reshape(-1, n)
     Q, P = mirror.odd_total(r[:, :n]), mirror.total(r[:, n:])
+    if system.axisymmetric:
+        # what holds the axis in its place is no traction
+        Q[:, np.abs(system.x) <= AXIS_TOLERANCE * np.abs(system.x).max()] = 0.0
     weighted = weight > 0.0
     safe = np.where(weighted, weight, 1.0)
     return States(
