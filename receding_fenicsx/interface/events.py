@@ -127,6 +127,9 @@ class EventPath:
     ) -> Leg:
         """Follow one leg from event to event."""
         walk = Walk(self.segments, start, ends, force_scale, samples, self.check_all)
+        limit = self._limit(*ends)
+        if limit is not None:
+            walk.equilibrium_ends = limit.s
         apex = self._is_unloaded(ends[1]) and self.segments.lifts_freely
         try:
             walk.run(1.0 - APEX if apex else 1.0)

@@ -69,7 +69,11 @@ CLEARED_REFINED = 2
 
 
 class Walk:
-    """One leg under way."""
+    """One leg under way.
+
+    Attributes:
+        equilibrium_ends: place on the leg beyond which statics know of no equilibrium.
+    """
 
     def __init__(
         self,
@@ -99,6 +103,7 @@ class Walk:
         self.s, self.trials_before = 0.0, segments.trials
         self.progress_at, self.standing = 0.0, 0
         self.cleared_at, self.uncleared = segments.trials, 0
+        self.equilibrium_ends = np.inf
         self.state = start.state.copy()
         self.y = segments.values(start)
         self.force_scale = force_scale
@@ -357,6 +362,8 @@ class Walk:
         """Decide the nodes on limits by linear complementarity, or say why that cannot be."""
         segments, system, n = self.segments, self.system, self.system.n
         undecided = segments.undecided(self.y, before, self.force_scale)
+        if self.s >= self.equilibrium_ends - CLOSE_EVENTS:
+            raise self._explain(before, undecided.nodes)
         free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
         decided_open = (before == SEPARATION) & ~np.isin(np.arange(n), undecided.nodes)
         open_n = np.flatnonzero(decided_open & ~system.held[n:])
