@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -49,10 +50,8 @@ ALL_AT_ONCE = 3
 EVENT_RESIDUAL = 1e-11
 """Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
 
-CHECKED_EVENTS = 8
-"""Events, evenly spread over a leg with new sets of states, whose residual is evaluated afresh.
-
-The residual at the end of every leg is always evaluated afresh."""
+DOUBT = 0.25
+"""Random sums of N errors, over sqrt(N) times the tolerance, from which every one is looked at."""
 
 STOPS = 512
 """Events after which dissipation and work are summed up: all of them at once, to save time."""
@@ -174,30 +173,21 @@ class Walk:
         if self.watch is not None:
             found = self.watch(u[1:], load[1:], self.force_scale)
             self.found = np.union1d(self.found, found)
-        if self.check_all or self._seems_wrong(y, u, load):
-            among = np.arange(1, len(s))
-        else:
-            among = self._spread(len(s) if self._is_new() else 1)
-        if len(among):
-            states = np.array([self.stops[k][2] for k in among])
-            self._check(u[among], load[among], slip[among - 1], states)
+        if self.check_all or self._doubt(y, u, load) > EVENT_RESIDUAL * max(1.0, DOUBT * sqrt(n)):
+            states = np.array([stop[2] for stop in self.stops[1:]])
+            self._check(u[1:], load[1:], slip, states)
         self.stops = [(self.s, self.y.copy(), self.state)]
 
-    def _spread(self, count: int) -> NDArray[np.intp]:
-        """Return ``CHECKED_EVENTS`` of the stops 1 to count - 1, evenly spread."""
-        if count == 1:
-            return np.zeros(0, dtype=np.intp)
-        return np.unique(np.linspace(1, count - 1, CHECKED_EVENTS).astype(np.intp))
+    def _doubt(self, y: Array, u: Array, load: Array) -> float:
+        """Return by how much, over all stops, a limit is passed, or A and B do not belong to u.
 
-    def _seems_wrong(self, y: Array, u: Array, load: Array) -> bool:
-        """Return whether at any of all stops a limit is passed, or A and B do not belong to u.
-
-        The latter by a few random sums over the nodes, at a cost that does not grow with N^2.
+        The latter by a few random sums over the nodes, at a cost that does not grow with N^2; both
+        relative to the force scale.
         """
-        n, near = self.system.n, EVENT_RESIDUAL * self.force_scale
-        if float((y[1:, n:] * self.segments.weight[n:]).min()) < -near:
-            return True
-        return float(np.abs(self.segments.probe(y, u, load)).max()) > near
+        n = self.system.n
+        passed = -float((y[1:, n:] * self.segments.weight[n:]).min())
+        apart = float(np.abs(self.segments.probe(y, u, load)).max())
+        return max(passed, apart) / self.force_scale
 
     def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:
         """Evaluate the residual afresh at several instants, slip being that of the last segment."""
