@@ -2,11 +2,14 @@
 
 import pytest
 from bodies import block
+from models import block_system
+from small import cyclic
 
 from receding_fenicsx import reference, study
+from receding_fenicsx.evolution import evolve
 from receding_fenicsx.interface.zone_ends import dundurs_beta
 from receding_fenicsx.output.record import Record
-from receding_fenicsx.output.summary import summarise
+from receding_fenicsx.output.summary import FITTED_CYCLES, summarise
 from receding_fenicsx.output.widths import contact_betas, estimates
 from receding_fenicsx.scene import Contact, HistoryOptions, Load
 
@@ -78,6 +81,13 @@ def test_estimates_stand_in_the_summary_beside_the_nodal_widths() -> None:
     assert ends[-1]["value"] == pytest.approx(point[KEYS[0]]["value"], abs=1e-12)
     # not the frictionless width, which is that of another contact
     assert abs(point[KEYS[0]]["value"] - reference.BLOCK.half_width) > 10 * spacing
+
+
+def test_long_histories_have_fitted_ends_at_their_beginning_and_end() -> None:
+    points = summarise(evolve(block_system(16, 4), cyclic(FITTED_CYCLES + 5)))["turning_points"]
+    fitted = [point["cycle"] for point in points if "zone_ends" in point]
+    assert sorted(set(fitted)) == [*range(FITTED_CYCLES + 1), FITTED_CYCLES + 5]
+    assert all((KEYS[0] in point) == ("zone_ends" in point) for point in points)
 
 
 def test_intervals_on_a_coarse_mesh_hold_the_widths_of_a_fine_one_under_friction() -> None:

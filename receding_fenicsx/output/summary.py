@@ -26,6 +26,10 @@ from receding_fenicsx.scene_warnings import warnings
 TREND_CYCLES = 8
 """Cycles from which a trend of the dissipation is fitted."""
 
+FITTED_CYCLES = 20
+"""Cycles, besides the last one, at whose turning points the ends of zones are fitted: that takes
+longer than a cycle."""
+
 
 def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[str, Any]:
     """Make the summary of a record; lengths and tractions are in the scene's units.
@@ -168,9 +172,18 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
         "p_max": float(table.p[i].max()),
         "q_min": float(table.q[i].min()),
         "q_max": float(table.q[i].max()),
-        **estimates(record, i, betas),
-        "zone_ends": estimated_ends(record, i, betas),
+        **(_below_spacing(record, i, betas) if _is_fitted(record, i) else {}),
     }
+
+
+def _is_fitted(record: Record, i: int) -> bool:
+    """Return whether the ends of zones are fitted at a turning point."""
+    cycle = record.turning_points.cycle
+    return bool(cycle[i] <= FITTED_CYCLES or cycle[i] == cycle[-1])
+
+
+def _below_spacing(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
+    return {**estimates(record, i, betas), "zone_ends": estimated_ends(record, i, betas)}
 
 
 def _finite(value: Any) -> Any:
