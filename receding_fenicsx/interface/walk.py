@@ -109,6 +109,7 @@ class Walk:
         self.sample_at = [j / samples for j in range(1, samples + 1)]
         n = self.system.n
         self.stiffness = local_stiffness(self.system)
+        self.gaps = bool(np.any(self.system.g0))
         self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=self.force_scale)
         self.work, self.dissipation, self.residual = np.zeros(len(a)), np.zeros(n), 0.0
         self.watch, self.found = watch, np.zeros(0, dtype=np.intp)
@@ -160,15 +161,17 @@ class Walk:
         """
         if len(self.stops) == 1:  # the leg ended where the last sum did
             return
-        n, system, F = self.system.n, self.system, self.segments.frictional
+        n, system = self.system.n, self.system
         s = np.array([stop[0] for stop in self.stops])[:, None]
         y = np.concatenate([stop[1] for stop in self.stops]).reshape(-1, 4 * n)
-        v, gap, A_, B_ = (y[:, k * n : (k + 1) * n] for k in range(4))
-        load, u = self.load(s), np.hstack([v, gap - system.g0])
-        Q = 0.5 * (A_ - B_)[:, F]
-        slip = np.diff(v, axis=0)
-        self.dissipation[F] -= (0.5 * (Q[1:] + Q[:-1]) * slip[:, F]).sum(axis=0)
-        stroke = np.diff(u, axis=0) @ system.r_star.T
+        u, load = y[:, : 2 * n], self.load(s)
+        if self.gaps:
+            u = u - np.concatenate([np.zeros(n), system.g0])
+        Q = y[:, 2 * n : 3 * n] - y[:, 3 * n :]  # twice Q where there is friction
+        slip = u[1:, :n] - u[:-1, :n]
+        dissipation = -0.25 * np.einsum("ij,ij->j", Q[1:] + Q[:-1], slip)
+        self.dissipation += np.where(self.segments.frictional, dissipation, 0.0)
+        stroke = np.diff(u @ system.r_star.T, axis=0)
         self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
         if self.watch is not None:
             found = self.watch(u[1:], load[1:], self.force_scale)
@@ -185,7 +188,7 @@ class Walk:
         relative to the force scale.
         """
         n = self.system.n
-        passed = -float((y[1:, n:] * self.segments.weight[n:]).min())
+        passed = -float((y[1:, n:].min(axis=0) * self.segments.weight[n:]).min())
         apart = float(np.abs(self.segments.probe(y, u, load)).max())
         return max(passed, apart) / self.force_scale
 
@@ -326,27 +329,30 @@ class Walk:
     def _change(self, labels: list[int]) -> None:
         """Give each node of the violated quantities the state on the other side of its limit."""
         n, state, y, on_limit = len(self.state), self.state, self.y, self._on_limit
-        chosen: dict[int, list[int]] = {}
+        kinds_of: dict[int, int] = {}
         for label in labels:
             kind, i = divmod(label, n)
-            chosen.setdefault(i, []).append(kind)
-        for i, kinds in chosen.items():
-            old = state[i]
-            if not self.segments.frictional[i]:
+            kinds_of[i] = kinds_of.get(i, 0) | 1 << kind
+        frictional = self.segments.frictional
+        for i, kinds in kinds_of.items():
+            old = int(state[i])
+            if not frictional[i]:
                 new = SEPARATION if old == STICK else STICK
             elif old == SEPARATION:
                 new = STICK
             elif old >= FORWARD:
-                new = STICK if V in kinds else SEPARATION
-            elif len(kinds) == 2:
-                new = SEPARATION
+                new = STICK if kinds & 1 << V else SEPARATION
+            elif kinds == 1 << A:
+                new = FORWARD
             else:
-                new = FORWARD if kinds[0] == A else BACKWARD
+                new = BACKWARD if kinds == 1 << B else SEPARATION
             state[i] = new
             # what the new states fix, and what is within round-off of its limit, is exactly zero
-            for at in (A * n + i, B * n + i):
-                if new == SEPARATION or y[at] <= on_limit[at]:
-                    y[at] = 0.0
+            a, b = A * n + i, B * n + i
+            if new == SEPARATION or y[a] <= on_limit[a]:
+                y[a] = 0.0
+            if new == SEPARATION or y[b] <= on_limit[b]:
+                y[b] = 0.0
 
     def _finite(self, before: States) -> Segment:
         """Decide the nodes on limits by linear complementarity, or say why that cannot be."""
@@ -399,7 +405,9 @@ class Walk:
             u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
             end = ContactState(u, reactions(system, self.load(self.s), u), self.state.copy())
         self.force_scale = max(self.force_scale, float(np.abs(end.r).max(initial=0.0)))
-        leg.residual = max(self.residual, residual_at_rest(system, end, self.force_scale))
+        leg.residual = self.residual
+        if self.watch is None:  # else the whole contact is looked at, of which this is a part
+            leg.residual = max(leg.residual, residual_at_rest(system, end, self.force_scale))
         if leg.residual > EVENT_RESIDUAL and leg.residual > reachable(
             system, end.u, self.force_scale
         ):
