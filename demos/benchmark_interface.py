@@ -178,7 +178,7 @@ def sweep_rows(nodes: int, steps: int) -> Iterable[Row]:
 def speed(options: argparse.Namespace) -> None:
     """Measure events by size, settled cycles, and Gauss-Seidel."""
     costs: list[float] = []
-    heads = ["nodes", "first ms", "events", "trials", "us an event", "cycle 2 ms", "settled ms"]
+    heads = ["nodes", "first ms", "events", "trials", "us an event", "cycle 3-5 ms", "settled ms"]
     sizes = options.nodes
     table("events by size", heads, event_rows(sizes, costs), options.csv)
     if len(sizes) > 1:
