@@ -2,6 +2,8 @@
 
 from pathlib import Path
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
@@ -19,9 +21,11 @@ BLOCK = (Path(__file__).parents[1] / "demos" / "block.toml").read_text()
 def test_a_profile_is_read_from_a_file_beside_the_scene(
     text: str, key: str, shared_tmp_path: Path
 ) -> None:
-    (shared_tmp_path / "scene.toml").write_text(BLOCK)
-    (shared_tmp_path / "profile.csv").write_text(text)
-    scene = read_scene(shared_tmp_path / "scene.toml", [f'{key}={{file = "profile.csv"}}'])
+    folder = shared_tmp_path / str(MPI.COMM_WORLD.rank)
+    folder.mkdir()
+    (folder / "scene.toml").write_text(BLOCK)
+    (folder / "profile.csv").write_text(text)
+    scene = read_scene(folder / "scene.toml", [f'{key}={{file = "profile.csv"}}'])
     owner = scene.history if key.startswith("history") else scene.contacts[0]
     profile = getattr(owner, key.split(".")[1])
     assert np.allclose(evaluate(profile, np.array([-2.0, -1.0, 0.0, 2.0])), [0.0, 0.05, 0.1, 0.0])
