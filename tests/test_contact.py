@@ -14,6 +14,7 @@ from receding_fenicsx.interface.contact import (
     largest_force,
     law_residual,
     local_stiffness,
+    reachable,
     reactions,
     round_off,
 )
@@ -110,6 +111,15 @@ def test_round_off_bounds_the_error_of_the_product() -> None:
     error = np.abs(reactions(system, np.zeros(1), u) - exact).max()
     assert 0.0 < error <= 8 * round_off(system, u, 1.0)
     assert round_off(system, u, 0.0) == 0.0
+
+
+def test_a_body_far_away_excuses_no_residual() -> None:
+    whole = block_system(24, 6, half=False)
+    moved = whole.rigid @ np.array([1.0, 3.0, 1.0])
+    assert reachable(whole, moved, 1.0) < 1e-12
+    # round-off of K u alone is then as large as any force
+    assert round_off(whole, 1e16 * moved, 1.0) > 1.0
+    assert reachable(whole, 1e16 * moved, 1.0) <= 1e-9
 
 
 def test_frictionless_contact_needs_no_tangential_freedoms() -> None:

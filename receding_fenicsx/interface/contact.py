@@ -208,9 +208,14 @@ ROUND_OFFS = 32.0
 incompressible bodies."""
 
 
+REACHABLE_AT_MOST = 1e-9
+"""Residual above which no round-off excuses it: that of a body which has moved far without limit,
+tipping over, would let pass anything."""
+
+
 def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
     """Return the relative residual that is accepted for round-off."""
-    return ROUND_OFFS * round_off(system, u, force_scale)
+    return min(ROUND_OFFS * round_off(system, u, force_scale), REACHABLE_AT_MOST)
 
 
 def law_residual(
