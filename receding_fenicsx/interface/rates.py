@@ -71,6 +71,28 @@ SINGULAR = 1e-11
 """Pivot, over a typical stiffness or compliance, below which an exchange is singular."""
 
 
+def limit_distances(
+    f: Array, smooth: NDArray[np.bool_], state: NDArray[np.int8], r: Array
+) -> tuple[Array, Array]:
+    """Return A = Q + f P and B = f P - Q of nodes in contact, or their rates.
+
+    At a slipping node one of them is zero and the other 2 f P: as a difference of Q and f P it
+    would carry the round-off of Q, which a small f P does not bear.
+
+    Args:
+        f: (N,) coefficients of friction.
+        smooth: (N,) nodes at which P stands in place of A.
+        state: (N,) states.
+        r: (2N,) reactions [Q; P], or their rates.
+    """
+    Q, P = r[: len(f)], r[len(f) :]
+    sliding = 2.0 * f * P
+    distance_A = np.where(state == BACKWARD, sliding, Q + f * P)
+    distance_B = np.where(state == FORWARD, sliding, f * P - Q)
+    distance_A[state == FORWARD] = distance_B[state == BACKWARD] = 0.0
+    return np.where(smooth, P, distance_A), distance_B
+
+
 class SingularExchange(Exception):
     """A change of state would leave a motion of the body without stiffness."""
 
@@ -406,9 +428,8 @@ class Tableau:
         for _ in range(REFINEMENTS):
             du += self.correction(held + system.K @ du)
         dr = held + system.K @ du
-        f, contact = system.f, state != SEPARATION
-        forward = np.where(self.smooth, dr[n:], dr[:n] + f * dr[n:])
-        rates[A * n : B * n] = np.where(contact & (state != FORWARD), forward, 0.0)
-        outputs_B = contact & self.frictional & (state != BACKWARD)
-        rates[B * n :] = np.where(outputs_B, f * dr[n:] - dr[:n], 0.0)
+        contact = state != SEPARATION
+        forward, backward = limit_distances(system.f, self.smooth, state, dr)
+        rates[A * n : B * n] = np.where(contact, forward, 0.0)
+        rates[B * n :] = np.where(contact & self.frictional, backward, 0.0)
         return rates

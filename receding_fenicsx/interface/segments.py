@@ -22,6 +22,7 @@ from receding_fenicsx.interface.rates import (
     STICK,
     SingularExchange,
     Tableau,
+    limit_distances,
 )
 
 States = NDArray[np.int8]
@@ -187,7 +188,7 @@ class Segments:
         return Segment(q, falling, -1.0 / q[falling], wrong)
 
     def probe(self, y: Array, u: Array, load: Array) -> Array:
-        """Return (k, PROBES) random sums of the errors of A and B over the nodes, as forces.
+        """Return (k, PROBES) random sums over the nodes of the errors of Q and P.
 
         Args:
             y: (k, 4N) quantities at k instants.
@@ -196,23 +197,26 @@ class Segments:
         """
         n, system = self.system.n, self.system
         if self._probes is None:
-            sign = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, PROBES))
-            a, b = sign * (self.weight[2 * n : 3 * n] * self.frictional)[:, None]
-            smooth = sign[0] * self.smooth[:, None]
-            on_r = np.vstack([a - b, system.f[:, None] * (a + b) + smooth])
-            self._probes = system.K @ on_r, system.r_star @ on_r, np.vstack([a + smooth, b])
+            # Q and P, not the limits: where friction is small these hide what is wrong with P
+            on_Q, on_P = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, PROBES))
+            on_Q *= self.frictional[:, None]
+            on_P *= (self.frictional | self.smooth)[:, None]
+            twice_f = np.where(self.frictional, 2.0 * system.f, 1.0)[:, None]
+            on_A, on_B = 0.5 * on_Q + on_P / twice_f, on_P / twice_f - 0.5 * on_Q
+            on_B[~self.frictional] = 0.0
+            on_r = np.vstack([on_Q, on_P])
+            self._probes = system.K @ on_r, system.r_star @ on_r, np.vstack([on_A, on_B])
         on_u, on_load, on_forces = self._probes
         return u @ on_u + load @ on_load - y[:, 2 * n :] @ on_forces
 
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""
         f = self.system.f
-        forward = np.where(self.smooth, state.P, state.Q + f * state.P)
-        backward = f * state.P - state.Q
+        forward, backward = limit_distances(f, self.smooth, state.state, state.r)
         contact = state.state != SEPARATION
         gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
-        forward = np.where(contact & (state.state != FORWARD), forward, 0.0)
-        backward = np.where(contact & self.frictional & (state.state != BACKWARD), backward, 0.0)
+        forward = np.where(contact, forward, 0.0)
+        backward = np.where(contact & self.frictional, backward, 0.0)
         # a gap keeps its round-off: times the stiffness it would be a force out of balance
         return np.concatenate([state.v, gap, np.maximum(forward, 0.0), np.maximum(backward, 0.0)])
 

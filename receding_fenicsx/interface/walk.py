@@ -182,7 +182,7 @@ class Walk:
         self.stops = [(self.s, self.y.copy(), self.state)]
 
     def _doubt(self, y: Array, u: Array, load: Array) -> float:
-        """Return by how much, over all stops, a limit is passed, or A and B do not belong to u.
+        """Return by how much, over all stops, a limit is passed, or Q and P do not belong to u.
 
         The latter by a few random sums over the nodes, at a cost that does not grow with N^2; both
         relative to the force scale.
