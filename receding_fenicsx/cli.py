@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 PROGRAM = "receding-fenicsx"
 RANK_WAIT_SECONDS = 10.0
 """How long a failing rank waits for the others to fail too before it ends the whole job."""
+LAUNCHER_SECONDS = 0.5
+"""A rank's pause before it ends the job: MPICH's launcher drops what it has not passed on yet."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C, by the shell's convention 128 + SIGINT."""
 
@@ -105,7 +107,11 @@ def _fail(comm: MPI.Comm | None, text: str, code: int) -> int:
     while not together.Test():
         if time.monotonic() > end:
             if comm.rank != 0:
-                print(f"{PROGRAM}: rank {comm.rank}: {text}", file=sys.stderr, flush=True)
+                print(f"{PROGRAM}: rank {comm.rank}: {text}", file=sys.stderr)
+            for stream in (sys.stdout, sys.stderr):
+                with contextlib.suppress(OSError):
+                    stream.flush()
+            time.sleep(LAUNCHER_SECONDS)
             comm.Abort(code)
         time.sleep(POLL_SECONDS)
     return code
