@@ -39,10 +39,12 @@ import pytest
 import pytest_timeout
 
 POLL_SECONDS = 0.001
-EXIT_WAIT_SECONDS = 5.0
+EXIT_WAIT_SECONDS = 30.0
 """A rank's wait for the others once pytest has ended."""
-HEAD_START_SECONDS = 1.0
+HEAD_START_SECONDS = 5.0
 """How much later a waiting rank's time runs out: the one that hangs shall say where before that."""
+LAUNCHER_SECONDS = 0.5
+"""A rank's pause before it ends the job: MPICH's launcher drops what it has not passed on yet."""
 COLLECTION_WAIT_SECONDS = 60.0
 """A failing rank's wait for ranks that are still collecting: they may be importing DOLFINx."""
 
@@ -82,6 +84,8 @@ def abort(reason: str) -> NoReturn:
     """Print the failures so far and the reason, and end the job on every rank."""
     text = "\n".join([*failures, f"aborted by rank {comm.rank}: {reason}"])
     say(f"\n{text}\n")
+    sys.stdout.flush()
+    time.sleep(LAUNCHER_SECONDS)
     comm.Abort(1)
     raise SystemExit(1)
 
@@ -135,6 +139,7 @@ def pytest_configure(config: pytest.Config) -> None:
         return
     stderr_stream = os.fdopen(os.dup(2), "w")
     pytest_timeout.timeout_timer = held_back(pytest_timeout.timeout_timer)
+    pytest_timeout.dump_stacks = paused_after(pytest_timeout.dump_stacks)
     faulthandler.register(signal.SIGTERM, file=stderr_stream, chain=True)
     if comm.rank > 0:
         config.get_terminal_writer()._file = OtherRankTerminal()
@@ -149,6 +154,17 @@ def held_back(end: Callable[..., None]) -> Callable[..., None]:
         end(*arguments)
 
     return end_later
+
+
+def paused_after(dump: Callable[..., None]) -> Callable[..., None]:
+    """Make the end of a rank, which comes right after its stack dump, wait for the launcher."""
+
+    def dump_and_pause(terminal: pytest.TerminalReporter) -> None:
+        dump(terminal)
+        terminal.flush()
+        time.sleep(LAUNCHER_SECONDS)
+
+    return dump_and_pause
 
 
 def pytest_collectreport(report: pytest.CollectReport) -> None:

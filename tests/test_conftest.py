@@ -19,9 +19,12 @@ from mpi4py import MPI
 comm = MPI.COMM_WORLD
 rank = comm.rank
 """
-RANK_WAIT = 2
-NO_HANG = 30
-"""Seconds: several times what a job takes here, a small part of what a hanging one would."""
+RANK_WAIT = 3
+"""Seconds: a failing rank's wait, in vain in most of these tests."""
+RANKS_COME = ("-o", "rank_wait=60")
+"""Where they do not wait in vain, a busy machine may take its time."""
+NO_HANG = 120
+"""Seconds: many times what a job takes here, less than what a hanging test may take."""
 
 
 @pytest.fixture
@@ -35,6 +38,8 @@ def session(mpirun: Session, tmp_path: Path) -> Session:
         return mpirun(
             2,
             *("-m", "pytest", "-p", "no:cacheprovider", "--color=no"),
+            # two ranks that clean up old temporary folders at once are warned of each other
+            *("-p", "no:warnings"),
             *options,
             cwd=tmp_path,
             timeout=NO_HANG,
@@ -79,7 +84,8 @@ def test_one_folder_for_all(shared_tmp_path):
 
 def test_still_in_step():
     assert comm.allreduce(1) == 2
-"""
+""",
+        *RANKS_COME,
     )
     out = done.stdout
     assert done.returncode == 1
@@ -166,13 +172,15 @@ def endless():
 
 
 def test_error_of_collection_on_one_rank_stops_all(session: Session) -> None:
-    done = session("if rank == 1:\n    import no_such_module\n\ndef test_it(): pass\n")
+    text = "if rank == 1:\n    import no_such_module\n\ndef test_it(): pass\n"
+    done = session(text, *RANKS_COME)
     assert done.returncode == pytest.ExitCode.INTERRUPTED
     assert "No module named 'no_such_module'" in done.stdout
 
 
 def test_other_tests_on_each_rank_stop_all(session: Session) -> None:
-    done = session("if rank == 1:\n    def test_more(): pass\n\ndef test_it(): pass\n")
+    text = "if rank == 1:\n    def test_more(): pass\n\ndef test_it(): pass\n"
+    done = session(text, *RANKS_COME)
     assert done.returncode == pytest.ExitCode.INTERRUPTED
     assert "the ranks collected different tests" in done.stdout
 
