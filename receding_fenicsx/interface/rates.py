@@ -22,7 +22,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import dgemm
+from scipy.linalg.blas import dgemm, dger
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from receding_fenicsx.interface.contact import Array, ContactSystem, State
@@ -193,7 +193,7 @@ class Tableau:
             swapped = self.row_label[rows].copy()
             self.row_label[rows] = self.column_label[columns]
             self.column_label[columns] = swapped
-        self._T, self.load_rates = np.ascontiguousarray(T), G
+        self._T, self.load_rates = np.ascontiguousarray(T), np.asfortranarray(G)
         self._age = 0
         self._stand_in(state)
         self._kept.clear()
@@ -215,7 +215,7 @@ class Tableau:
         copy = _Kept(
             self.state.copy(),
             self._T.copy(),
-            self.load_rates.copy(),
+            self.load_rates.copy(order="F"),
             self.row_label.copy(),
             self.column_label.copy(),
             self._age,
@@ -230,7 +230,7 @@ class Tableau:
         if nearest is None or np.count_nonzero(nearest.state != state) >= way:
             return False
         np.copyto(self._T, nearest.T)
-        self.load_rates = nearest.load_rates.copy()
+        self.load_rates = nearest.load_rates.copy(order="F")
         self.row_label = nearest.row_label.copy()
         self.column_label = nearest.column_label.copy()
         self._age = nearest.age
@@ -321,7 +321,7 @@ class Tableau:
         R[j] -= 1.0
         C *= -1.0 / D
         G = self.load_rates
-        G += np.multiply.outer(C, G[i])
+        dger(1.0, C, G[i], a=G, overwrite_a=1)
         self._held_back = k + 1
         self.row_label[i], self.column_label[j] = into, out
         self._row_of[into], self._row_of[out] = i, -1

@@ -92,7 +92,6 @@ class Segments:
         stiffness = np.concatenate(local_stiffness(system))
         stiffness[stiffness == 0.0] = stiffness.max()  # freedoms eliminated in the 2N form
         self.weight = np.concatenate([stiffness, force, force])
-        self._tolerance = RATE_TOLERANCE / self.weight
         self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
         self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
         self.refined = False
@@ -180,11 +179,11 @@ class Segments:
         if self._works_on_pins(state, q, direction):
             raise SingularExchange
         forces = q * self.weight
-        threshold = sqrt(forces.dot(forces)) * self._tolerance
+        threshold = -RATE_TOLERANCE * sqrt(forces.dot(forces))
         # what falls and is not a displacement is bounded: an output A, B or gap of its state
-        falling = (q[n:] < -threshold[n:]).nonzero()[0]
+        falling = (forces[n:] < threshold).nonzero()[0]
         falling += n
-        wrong = (SIGN[state] * q[:n] < -threshold[:n]).nonzero()[0]
+        wrong = (SIGN[state] * forces[:n] < threshold).nonzero()[0]
         return Segment(q, falling, -1.0 / q[falling], wrong)
 
     def probe(self, y: Array, u: Array, load: Array) -> Array:
