@@ -408,8 +408,9 @@ class Walk:
         leg.residual = self.residual
         if self.watch is None:  # else the whole contact is looked at, of which this is a part
             leg.residual = max(leg.residual, residual_at_rest(system, end, self.force_scale))
-        if leg.residual > EVENT_RESIDUAL and leg.residual > reachable(
-            system, end.u, self.force_scale
+        # an unloading leaves small displacements: the round-off on the way is that of its start
+        if leg.residual > EVENT_RESIDUAL and leg.residual > max(
+            reachable(system, u, self.force_scale) for u in (leg.end.u, end.u)
         ):
             raise SolveError(
                 f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: "
