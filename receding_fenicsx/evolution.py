@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.history import History
+from receding_fenicsx.history import History, check_history
 from receding_fenicsx.interface.contact import (
     STATE_NAMES,
     Array,
@@ -20,6 +20,7 @@ from receding_fenicsx.interface.contact import (
     frictional_form,
     typical_stiffness,
 )
+from receding_fenicsx.interface.contact_checks import check_system
 from receding_fenicsx.interface.cycles import SteadyWatch
 from receding_fenicsx.interface.events import EventPath
 from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, GaussSeidelPath
@@ -66,7 +67,8 @@ def evolve(
         history: path from rest, then cycles.
         solver: method and tolerances.
         output: which cycles get samples and events, and how many samples a leg.
-        initial_slip: (N,) tangential displacement at rest from which the first slip is counted.
+        initial_slip: (N,) tangential displacement at rest from which the first slip is counted; the
+            first leg is then one static problem. At nodes that are open it counts for nothing.
         progress: called after every cycle.
         journal: finished cycles to go on from, and where further ones go. At each of its
             checkpoints all that is remembered of the way (factor, rates) is made anew, so that
@@ -76,14 +78,12 @@ def evolve(
         The record of the whole contact.
 
     Raises:
-        InputError: the history's loads are not the system's, or an array has the wrong length.
+        InputError: the history's loads are not the system's, an array has a wrong length or values
+            without meaning, or an open node lands where the first leg is one static problem.
         SolveError: a solver found no answer that satisfies the contact law.
     """
-    if history.load_names != system.load_names:
-        raise InputError(
-            f"the history drives loads {list(history.load_names)}, the system has "
-            f"{list(system.load_names)}: name the same loads in the same order"
-        )
+    check_system(system)
+    check_history(history, system.load_names)
     journal = journal or Journal()
     passed = journal.passed
     run = _Run(system, history, solver or SolverOptions(), output or OutputOptions(), passed)
@@ -135,11 +135,13 @@ class _Run:
     def lay(self, initial_slip: Array | None) -> None:
         """Lay the unloaded body on the plane."""
         n = self.system.n
-        self.has_initial_slip = initial_slip is not None
         v = np.zeros(n) if initial_slip is None else np.array(initial_slip, dtype=float)
         if v.shape != (n,):
             raise InputError(f"initial_slip has shape {v.shape}, expected ({n},)")
+        if not np.all(np.isfinite(v)):
+            raise InputError(f"initial_slip of node {np.argmin(np.isfinite(v))} is not finite")
         v[self.system.held[:n]] = 0.0
+        self.has_initial_slip = bool(np.any(v))
         state = np.where(self.system.g0 > 0.0, State.SEPARATION, State.STICK).astype(np.int8)
         self.rest = ContactState(np.concatenate([v, np.zeros(n)]), np.zeros(2 * n), state)
 
@@ -234,6 +236,7 @@ class _Run:
         scale = self.totals.force_scale
         if number == 0 and k == 0 and self.has_initial_slip:
             leg = self.tracer.static_leg(self.now, (a, b), scale)
+            self._refuse_landing(leg.end)
         else:
             samples = self.output.samples_per_leg if kept is not None else 0
             leg = self.tracer.trace_leg(self.now, (a, b), scale, samples)
@@ -244,6 +247,23 @@ class _Run:
                 Change(number, k, s, (1 - s) * a + s * b, *rest) for s, *rest in leg.events
             ]
         return leg
+
+    def _refuse_landing(self, end: ContactState) -> None:
+        """Raise where an open node has landed with friction in the static problem of a first leg.
+
+        Its slip counts from where it touched, which a jump from one state to another leaves open.
+        """
+        model = self.model
+        rubs = (model.f > 0.0) & ~model.held[: model.n] & ~model.held[model.n :]
+        landed = np.flatnonzero(rubs & (model.g0 > 0.0) & (end.state != State.SEPARATION))
+        if len(landed):
+            i = int(landed[0])
+            raise InputError(
+                f"initial_slip: node {i} (x = {model.x[i]:.6g}) has an initial gap, "
+                f"{model.g0[i]:.3g}, and lands on the first leg, which an initial slip makes one "
+                "static problem: where its slip begins is not defined; leave out the initial slip, "
+                "or the gap"
+            )
 
     def _instant(self, cycle: int, leg: int, s: float, load: Array, state: ContactState) -> Instant:
         v = state.v

@@ -34,6 +34,43 @@ class History:
     until_steady: bool = False
 
 
+def check_history(history: History, load_names: tuple[str, ...]) -> None:
+    """Raise where a history cannot be played on a contact with these loads.
+
+    Raises:
+        InputError: it drives other loads, its arrays have another shape or entries that are not
+            finite, it does not begin at rest, or its cycle does not join on and close.
+    """
+    if history.load_names != load_names:
+        raise InputError(
+            f"the history drives loads {list(history.load_names)}, the system has "
+            f"{list(load_names)}: name the same loads in the same order"
+        )
+    path, loop = np.asarray(history.path), np.asarray(history.loop)
+    for name, rows, least in (("path", path, 2), ("loop", loop, 0)):
+        if rows.ndim != 2 or rows.shape[1] != len(load_names) or len(rows) < least:
+            raise InputError(
+                f"the history's {name} has shape {rows.shape}, expected at least {least} rows of "
+                f"{len(load_names)} load factors"
+            )
+        wrong = ~np.isfinite(rows).all(axis=1)
+        if np.any(wrong):
+            raise InputError(
+                f"row {np.argmax(wrong)} of the history's {name}, {rows[np.argmax(wrong)].tolist()}"
+                ", is not finite"
+            )
+    if np.any(path[0]):
+        raise InputError(
+            f"the history's path begins at load factors {path[0].tolist()}: put a row of zeros, "
+            "the body at rest, before it"
+        )
+    if len(loop) and (np.any(loop[0] != path[-1]) or np.any(loop[-1] != loop[0])):
+        raise InputError(
+            f"the history's loop runs from {loop[0].tolist()} to {loop[-1].tolist()}: begin and "
+            f"end it where the path ends, at {path[-1].tolist()}"
+        )
+
+
 def from_scene(scene: Scene) -> History:
     """Make the load history of a scene.
 

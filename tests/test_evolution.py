@@ -3,11 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from models import block_system
-from small import cyclic, table
+from small import cyclic, small_system, table
 
 from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
+from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions, SolverOptions
 
@@ -180,6 +181,115 @@ def test_an_initial_slip_of_zero_is_none() -> None:
     zero = evolve(BLOCK, cyclic(2), initial_slip=np.zeros(41))
     assert np.array_equal(plain.turning_points.P, zero.turning_points.P)
     assert zero.dissipation_first_loading == plain.dissipation_first_loading
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"f": np.zeros(3)}, r"f of the contact system has shape \(3,\), expected \(2,\)"),
+        ({"f": np.array([0.1, np.nan])}, r"f of the contact system is nan at node 1 \(x = 1\)"),
+        ({"f": np.array([-0.1, 0.1])}, r"f of the contact system is -0\.1 at node 0"),
+        ({"g0": np.array([0.0, -1e-9])}, r"g0 of the contact system is -1e-09 at node 1"),
+        ({"g0": np.array([np.inf, 0.0])}, "g0 of the contact system is inf at node 0"),
+        ({"g0": 0.0 * np.eye(2)}, r"g0 of the contact system has shape \(2, 2\)"),
+        ({"held": np.zeros(2, dtype=bool)}, r"held of the contact system has shape \(2,\)"),
+        ({"K": np.eye(3)}, r"K of the contact system has shape \(3, 3\), expected \(4, 4\)"),
+        ({"K": np.diag([1, 1, np.nan, 1])}, "K of the contact system has entries"),
+        ({"K": np.eye(4) + 1e-6 * np.eye(4, k=1)}, "K of the contact system is not symmetric"),
+        ({"r_star": np.zeros((2, 4))}, "2 nodes, 1 loads"),
+        ({"r_star": np.full((1, 4), np.inf)}, "r_star of the contact system has entries"),
+        ({"rigid": np.zeros((2, 1))}, r"rigid of the contact system has shape \(2, 1\)"),
+        ({"rigid": np.ones((4, 1))}, "rigid of the contact system holds a motion that its K"),
+    ],
+)
+def test_an_array_without_meaning_is_refused_by_name(
+    change: dict[str, np.ndarray], words: str
+) -> None:
+    system = laid_down(0.3)
+    evolve(system, table(system, [0.0, 1.0]))
+    with pytest.raises(InputError, match=words):
+        evolve(replace(system, **change), table(system, [0.0, 1.0]))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("path", "loop", "words"),
+    [
+        ([0.5, 1.0], [], r"path begins at load factors \[0\.5\]: put a row of zeros"),
+        ([0.0], [], r"path has shape \(1, 1\), expected at least 2 rows of 1 load factors"),
+        ([0.0, np.nan], [], r"row 1 of the history's path, \[nan\], is not finite"),
+        ([0.0, 1.0], [1.0, np.inf, 1.0], "row 1 of the history's loop"),
+        ([0.0, 1.0], [0.5, 0.2, 0.5], r"loop runs from \[0\.5\] to \[0\.5\]: begin and end it"),
+        ([0.0, 1.0], [1.0, 0.2], r"loop runs from \[1\.0\] to \[0\.2\]"),
+    ],
+)
+def test_a_history_that_cannot_be_played_is_refused(
+    path: list[float], loop: list[float], words: str
+) -> None:
+    system = laid_down(0.3)
+    with pytest.raises(InputError, match=words):
+        evolve(system, table(system, path, loop, 1))
+
+
+def laid_down(gap: float) -> ContactSystem:
+    """Return two nodes, the second one open; it is lowered as the first one slides forward."""
+    K = np.diag([5.0, 5.0, 3.0, 4.0])
+    K[0, 3] = K[3, 0] = 0.8
+    return small_system(K, {"p0": [0.0, 0.0, 1.0, 0.2]}, 0.4, [0.0, gap])
+
+
+METHODS = ["events", "gauss-seidel"]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_open_node_has_no_initial_slip(method: str) -> None:
+    # node 1 hangs free: w = -(0.2 + 0.8 v0) / 4; node 0 slides back to Q = 5 v0 + 0.8 w = f P
+    system = laid_down(0.3)
+    v0 = (0.4 + 0.8 * 0.2 / 4.0) / (5.0 - 0.8**2 / 4.0)
+    for elsewhere in (0.0, -7.0):
+        record = evolve(
+            system,
+            table(system, [0.0, 1.0]),
+            SolverOptions(method=method),
+            initial_slip=np.array([1.0, elsewhere]),
+        )
+        end = record.turning_points
+        assert end.v[0] == pytest.approx([v0, 0.0], rel=1e-11, abs=1e-13)
+        assert end.w[0, 1] == pytest.approx(-(0.2 + 0.8 * v0) / 4.0, rel=1e-11)
+        assert record.dissipation_first_loading == pytest.approx(0.2 * (1.0 - v0), rel=1e-11)
+        assert record.residual_max <= 1e-11
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_landing_after_an_initial_slip_is_refused_by_node(method: str) -> None:
+    system = laid_down(0.01)
+    history, options = table(system, [0.0, 1.0]), SolverOptions(method=method)
+    with pytest.raises(InputError, match=r"^initial_slip: node 1 \(x = 1\) has an initial gap"):
+        evolve(system, history, options, initial_slip=np.array([1.0, 0.0]))
+    # where it lands without friction nothing depends on the place
+    smooth = replace(system, f=np.array([0.4, 0.0]))
+    end = evolve(smooth, history, options, initial_slip=np.array([1.0, 0.0])).turning_points
+    assert end.P[0, 1] > 0.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_initial_slip_of_zero_is_none_beside_a_gap(method: str) -> None:
+    system = laid_down(0.01)
+    # it lands on its way forward, and slips on
+    system = replace(system, r_star=system.r_star + np.array([0.0, -0.6, 0.0, 0.0]))
+    history, options = table(system, [0.0, 1.0, 0.3]), SolverOptions(method=method)
+    plain, zero = (
+        evolve(system, history, options, initial_slip=slip) for slip in (None, np.zeros(2))
+    )
+    assert np.array_equal(plain.turning_points.P, zero.turning_points.P)
+    assert zero.dissipation_first_loading == plain.dissipation_first_loading
+    assert zero.energy_error_max <= (1e-12 if method == "events" else 1.0)
+
+
+def test_an_initial_slip_that_is_not_finite_is_refused() -> None:
+    slip = np.zeros(41)
+    slip[7] = np.nan
+    with pytest.raises(InputError, match="initial_slip of node 7 is not finite"):
+        evolve(BLOCK, cyclic(1), initial_slip=slip)
 
 
 def test_both_methods_tell_the_same_story() -> None:

@@ -29,6 +29,7 @@ from receding_fenicsx.interface.contact import (
     frictional_form,
     local_stiffness,
 )
+from receding_fenicsx.interface.contact_checks import check_system
 from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, solve_step
 
 
@@ -80,7 +81,11 @@ def step_problem(
         system: the condensed body.
         load: (n_loads,) load factors at the end of the step.
         start: state at its start; unloaded, without displacements, when left out.
+
+    Raises:
+        InputError: an array of the system has a wrong shape or values without meaning.
     """
+    check_system(system)
     model = frictional_form(system)
     n, held = model.n, model.held
     free = np.flatnonzero(~held)
