@@ -335,20 +335,20 @@ def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
 
 def _plot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx import study
+    from receding_fenicsx import pictures
     from receding_fenicsx.output.files import read_record
 
     record = read_record(Path(options.folder) / "record.h5")
     if _is_root(comm):
-        for path in study.plot(record, Path(options.folder) / "figures"):
+        for path in pictures.plot(record, Path(options.folder) / "figures"):
             print(path)
 
 
 def _snapshot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx import study
+    from receding_fenicsx import pictures
 
     with _Progress(comm, options.verbose) as say:
-        made = study.snapshot(
+        made = pictures.snapshot(
             options.folder, options.cycle, options.leg, options.at, _needed(comm), say
         )
     for path in made or ():
@@ -356,10 +356,10 @@ def _snapshot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
 
 def _animate(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx import study
+    from receding_fenicsx import pictures
 
     with _Progress(comm) as say:
-        made = study.animate(
+        made = pictures.animate(
             options.folder, options.cycle, options.frames, options.stress, _needed(comm), say
         )
     for path in made or ():

@@ -98,6 +98,12 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
     return result
 
 
+def given(value: T | None) -> T:
+    """Return what only rank 0 has, on rank 0."""
+    assert value is not None
+    return value
+
+
 def _wait_for_root(request: MPI.Request) -> None:
     """Sleep until rank 0 has done its work.
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import make_tracer
-from receding_fenicsx.history import History
+from receding_fenicsx.history import History, from_scene, leg_number
 from receding_fenicsx.interface.contact import (
     ContactState,
     ContactSystem,
@@ -20,7 +20,7 @@ from receding_fenicsx.interface.contact import (
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.record import Record
-from receding_fenicsx.scene import SolverOptions
+from receding_fenicsx.scene import Scene, SolverOptions
 
 
 def state_at(
@@ -105,3 +105,28 @@ def _rest(system: ContactSystem) -> ContactState:
     n = system.n
     state = np.where(system.g0 > 0.0, State.SEPARATION, State.STICK).astype(np.int8)
     return ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
+
+
+def instant_of(
+    scene: Scene, system: ContactSystem, record: Record, cycle: int, leg: str, at: float = 1.0
+) -> Instant:
+    """Find the state of the modelled contact nodes at one instant of a scene's record.
+
+    Args:
+        scene: the scene.
+        system: its condensed system.
+        record: its record.
+        cycle: cycle, 0 for the first loading.
+        leg: "loading", "unloading" or the number of the leg in the cycle.
+        at: position along the leg, in [0, 1].
+
+    Returns:
+        The instant, replayed from the turning point before it.
+    """
+    path = from_scene(scene)
+    number = leg_number(path, leg, cycle)
+    if scene.history.initial_slip is not None and (cycle, number) == (0, 0) and at < 1.0:
+        raise InputError(
+            "the first leg of a history with initial_slip is one jump; only its end is known, at 1"
+        )
+    return state_at(record, system, path, scene.solver, (cycle, number, at))

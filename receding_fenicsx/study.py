@@ -2,82 +2,29 @@
 
 from __future__ import annotations
 
-import logging
 import resource
-import signal
 import sys
-import threading
-import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING, Any
 
-import numpy as np
-
-from receding_fenicsx import errors, estimate, history, long_run
-from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx import errors, estimate, long_run
+from receding_fenicsx.condensing import condensed, world
 from receding_fenicsx.interface.contact import friction_margin
 from receding_fenicsx.output import files, summary
-from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.run_folder import SYSTEM, run_folder
-from receding_fenicsx.replay import state_at
+from receding_fenicsx.pictures import draw, drawing
 from receding_fenicsx.reuse import system_for
 from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_checks import is_half_meshed
-from receding_fenicsx.scene_file import from_toml
+from receding_fenicsx.stages import Say, Timer
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.bulk.body import Bulk
-    from receding_fenicsx.bulk.pair import Pair
     from receding_fenicsx.interface.contact import ContactSystem
-
-T = TypeVar("T")
-
-log = logging.getLogger(__name__)
-
-Say = Callable[[str], None]
-"""Told what is being done, on rank 0."""
-
-PICTURE_GROWTH = (1.0, 1.1)
-"""Largest size ratio between neighbouring layers of a mesh that pictures are drawn on: with up to
-``PICTURE_CELLS`` cells of the contact elements' size, and with more."""
-PICTURE_CELLS = 30_000
-
-SMALL_CELLS = 30_000
-"""Cells, about, up to which rank 0 condenses a rectangle by itself."""
-SMALL_FILE = 10_000_000
-"""The same for a user's mesh: bytes of its file."""
-
-STAGES = ("mesh", "assemble", "condense", "evolve", "pictures")
-
-
-class Timer:
-    """Seconds spent in each stage."""
-
-    def __init__(self, say: Say | None = None) -> None:
-        """Start with nothing spent; ``say`` is told the name of each stage as it begins."""
-        self.seconds = dict.fromkeys(STAGES, 0.0)
-        self.say = say
-
-    @contextmanager
-    def __call__(self, stage: str) -> Iterator[None]:
-        """Add the time spent inside to a stage."""
-        if self.say is not None:
-            self.say(stage)
-        begin = time.perf_counter()
-        try:
-            yield
-        finally:
-            spent = self.seconds.get(stage, 0.0)
-            self.seconds[stage] = spent + time.perf_counter() - begin
-            log.info("%s: %.3f s", stage, self.seconds[stage])
 
 
 def run(
@@ -123,7 +70,7 @@ def run(
     scene.validate()
     if error:
         estimate.check(scene)
-    comm = comm or _world()
+    comm = comm or world()
     timer = Timer(progress if comm.rank == 0 else None)
     if snapshots is None:
         snapshots = system_file is None
@@ -131,7 +78,7 @@ def run(
         system, extra = _system(scene, comm, timer, folder, system_file)
         with timer("evolve"):
             evolved = errors.on_root(
-                comm, lambda: long_run.run_history(scene, _given(system), folder, timer.say)
+                comm, lambda: long_run.run_history(scene, errors.given(system), folder, timer.say)
             )
         record, failure = evolved or (None, None)
         failure = comm.bcast(failure)
@@ -148,7 +95,7 @@ def run(
             _write_summary(comm, folder, record, extra, timer)
             with timer("pictures"):
                 if pictures and failure is None:
-                    _pictures(scene, comm, system, record, folder, snapshots)
+                    draw(scene, comm, system, record, folder, snapshots)
             _write_summary(comm, folder, record, extra, timer)
             errors.on_root(comm, lambda: _write_report(folder, record))
     if failure is not None:
@@ -181,52 +128,14 @@ def _system(
     system = errors.on_root(comm, saved)
     if comm.bcast(system is not None):
         return system, {}
-    whole, dofs = _condensed(scene, comm, timer)
+    whole, dofs = condensed(scene, comm, timer)
 
     def keep() -> ContactSystem:
         if folder is not None:
-            files.write_system(folder / SYSTEM, _given(whole))
-        return system_for(scene, _given(whole))
+            files.write_system(folder / SYSTEM, errors.given(whole))
+        return system_for(scene, errors.given(whole))
 
     return errors.on_root(comm, keep), {"bulk_dofs": dofs}
-
-
-def is_small(scene: Scene) -> bool:
-    """Return whether rank 0 condenses a scene's body by itself.
-
-    For small bodies that is quicker than together, and it gives the same bits at every start and
-    on any number of ranks: several ranks number and add up in the order in which messages come.
-    """
-    n, growth = scene.mesh.contact_elements, scene.mesh.growth
-    for body in scene.bodies:
-        if body.mesh is not None:
-            if Path(body.mesh).stat().st_size > SMALL_FILE:
-                return False
-            continue
-        # a layer of size dx growth^k has n / growth^k elements side by side
-        layers = n * body.height / body.width
-        if growth > 1.0:
-            layers = min(layers, growth / (growth - 1.0))
-        if 2.0 * n * layers > SMALL_CELLS:
-            return False
-    return True
-
-
-def _condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem | None, int]:
-    """Mesh, assemble and condense; return the system on rank 0, and the body's freedoms."""
-    from receding_fenicsx.bulk import condensation
-
-    if comm.size > 1 and is_small(scene):
-        from mpi4py import MPI
-
-        alone = errors.on_root(comm, lambda: _condensed(scene, MPI.COMM_SELF, timer))
-        return alone or (None, 0)
-    bulk = _bulk(scene, comm, timer)
-    try:
-        with timer("condense"):
-            return condensation.condense(bulk), bulk.dofs
-    finally:
-        bulk.destroy()
 
 
 def condense(
@@ -245,133 +154,11 @@ def condense(
         The condensed system on rank 0, None on the others.
     """
     scene.validate()
-    comm = comm or _world()
-    system, _ = _condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
+    comm = comm or world()
+    system, _ = condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
     if whole:
         return system
-    return errors.on_root(comm, lambda: system_for(scene, _given(system)))
-
-
-def snapshot(
-    folder: str | Path,
-    cycle: int,
-    leg: str,
-    at: float = 1.0,
-    comm: MPI.Comm | None = None,
-    progress: Say | None = None,
-) -> list[Path] | None:
-    """Draw the body at one instant of a finished run; all ranks call this together.
-
-    Args:
-        folder: folder of the run; pictures go to its ``snapshots``.
-        cycle: cycle, 0 for the first loading.
-        leg: "loading", "unloading" or the number of the leg in the cycle.
-        at: position along the leg, in [0, 1].
-        comm: communicator; all processes of the job when left out.
-        progress: told on rank 0 what is being done.
-
-    Returns:
-        The files that were made, on rank 0; None on the others.
-    """
-    snapshots = _drawing("snapshots")
-    comm = comm or _world()
-    folder = Path(folder)
-    timer = Timer(progress if comm.rank == 0 else None)
-
-    def find() -> tuple[str, Instant]:
-        record = files.read_record(folder / "record.h5")
-        scene = from_toml(record.scene_toml)
-        system = files.read_system(folder / "system.h5", scene)
-        return record.scene_toml, instant_of(scene, system, record, cycle, leg, at)
-
-    text, instant = comm.bcast(errors.on_root(comm, find))
-    bulk = picture_body(from_toml(text), comm)
-    try:
-        with timer("pictures"):
-            return snapshots.snapshot(bulk, instant, folder / "snapshots")
-    finally:
-        bulk.destroy()
-
-
-def animate(
-    folder: str | Path,
-    cycle: int,
-    frames: int = 60,
-    stress: str = "max_shear",
-    comm: MPI.Comm | None = None,
-    progress: Say | None = None,
-) -> list[Path] | None:
-    """Make a film of one cycle of a finished run; all ranks call this together.
-
-    Args:
-        folder: folder of the run; films go to its ``animations``.
-        cycle: cycle, 0 for the first loading.
-        frames: pictures, spread over the legs by the loads' way in each.
-        stress: what is drawn: "max_shear" (as fringes), "von_mises", "sxx", "syy" or "sxy".
-        comm: communicator; all processes of the job when left out.
-        progress: told on rank 0 what is being done.
-
-    Returns:
-        The files that were made, .mp4 and .gif, on rank 0; None on the others.
-    """
-    animation, snapshots = _drawing("animation"), _drawing("snapshots")
-    comm = comm or _world()
-    folder = Path(folder)
-    timer = Timer(progress if comm.rank == 0 else None)
-    quantity = snapshots.quantity_of(stress)
-
-    def find() -> tuple[str, Any]:
-        record = files.read_record(folder / "record.h5")
-        scene = from_toml(record.scene_toml)
-        system = files.read_system(folder / "system.h5", scene)
-        legs, at, time = history.spread(history.from_scene(scene), cycle, frames)
-        instants = [
-            instant_of(scene, system, record, cycle, str(leg), float(s))
-            for leg, s in zip(legs, at, strict=True)
-        ]
-        return record.scene_toml, animation.Scenario(instants, time)
-
-    text, scenario = comm.bcast(errors.on_root(comm, find))
-    bulk = picture_body(from_toml(text), comm)
-    try:
-        with timer("pictures"):
-            made: list[Path] | None = animation.animate(
-                bulk, scenario, quantity, folder / "animations" / f"cycle{cycle:04d}_{stress}"
-            )
-            return made
-    finally:
-        bulk.destroy()
-
-
-def instant_of(
-    scene: Scene, system: ContactSystem, record: Record, cycle: int, leg: str, at: float = 1.0
-) -> Instant:
-    """Find the state of the modelled contact nodes at one instant of a scene's record.
-
-    Args:
-        scene: the scene.
-        system: its condensed system.
-        record: its record.
-        cycle: cycle, 0 for the first loading.
-        leg: "loading", "unloading" or the number of the leg in the cycle.
-        at: position along the leg, in [0, 1].
-
-    Returns:
-        The instant, replayed from the turning point before it.
-    """
-    path = history.from_scene(scene)
-    number = history.leg_number(path, leg, cycle)
-    if scene.history.initial_slip is not None and (cycle, number) == (0, 0) and at < 1.0:
-        raise InputError(
-            "the first leg of a history with initial_slip is one jump; only its end is known, at 1"
-        )
-    return state_at(record, system, path, scene.solver, (cycle, number, at))
-
-
-def _world() -> MPI.Comm:
-    from mpi4py import MPI
-
-    return MPI.COMM_WORLD
+    return errors.on_root(comm, lambda: system_for(scene, errors.given(system)))
 
 
 @contextmanager
@@ -387,99 +174,6 @@ def _folder(
         folder = errors.on_root(comm, lambda: stack.enter_context(opened))
         yield folder
         errors.on_root(comm, stack.close)
-
-
-def _bulk(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk | Pair:
-    from receding_fenicsx.bulk import meshing, pair
-
-    half = is_half_meshed(scene)
-    with timer("mesh"), _signals_kept():
-        bodies = meshing.make_meshes(comm, scene, half)
-    with timer("assemble"):
-        return pair.build_all(scene, bodies, half)
-
-
-@contextmanager
-def _signals_kept() -> Iterator[None]:
-    """Put Python's handlers back afterwards: gmsh sets that of SIGTERM to its default."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
-        return
-    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield
-    finally:
-        for number, handler in before.items():
-            if handler is not None:
-                signal.signal(number, handler)
-
-
-def _pictures(
-    scene: Scene,
-    comm: MPI.Comm,
-    system: ContactSystem | None,
-    record: Record | None,
-    folder: Path | None,
-    body: bool,
-) -> None:
-    """Draw the figures on rank 0 and, of the body, the default snapshots on all ranks together."""
-    figures = _drawing("figures")
-    errors.on_root(comm, lambda: figures.plot_all(_given(record), _given(folder) / "figures"))
-    if not body:
-        return
-    snapshots = _drawing("snapshots")
-
-    def choose() -> list[Instant]:
-        return default_instants(scene, _given(system), _given(record))
-
-    instants, place = comm.bcast((errors.on_root(comm, choose), folder))
-    fine = picture_body(scene, comm)
-    try:
-        for instant in instants:
-            snapshots.snapshot(fine, instant, place / "snapshots", snapshots.IN_EVERY_RUN)
-    finally:
-        fine.destroy()
-
-
-def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
-    """Return the body on a mesh for pictures: the same contact nodes, finer inside.
-
-    Fringes and the fields beside the ends of the load ask for more than the contact does.
-    """
-    if any(body.mesh is not None for body in scene.bodies):
-        # what a user's file makes of another growth is not known
-        return _bulk(scene, comm, Timer())
-    cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
-    growth = min(scene.mesh.growth, PICTURE_GROWTH[cells > PICTURE_CELLS])
-    return _bulk(replace(scene, mesh=replace(scene.mesh, growth=growth)), comm, Timer())
-
-
-def default_instants(scene: Scene, system: ContactSystem, record: Record) -> list[Instant]:
-    """Loaded turning points of first loading and of the first and last cycles, for snapshots."""
-    table = record.turning_points
-    chosen = sorted({0, 1, int(table.cycle.max(initial=0))})
-    loaded = np.any(table.load != 0.0, axis=1)
-    return [
-        instant_of(scene, system, record, int(table.cycle[i]), str(int(table.leg[i])))
-        for i in np.flatnonzero(np.isin(table.cycle, chosen) & loaded)
-    ]
-
-
-def plot(record: Record, folder: Path) -> list[Path]:
-    """Draw all figures of a run into its folder ``figures``, write its report; return the files."""
-    made: list[Path] = _drawing("figures").plot_all(record, folder)
-    return [*made, _drawing("report").write_report(folder.parent, record.scene_toml)]
-
-
-def _drawing(name: str) -> ModuleType:
-    """Load a module that draws, only when something is drawn: it may load VTK."""
-    place = f"receding_fenicsx.output.{name}"
-    try:
-        return import_module(place)
-    except ModuleNotFoundError as error:
-        if error.name != place:
-            raise RecedingError(f"{name}: {error}; see receding-fenicsx doctor") from None
-        raise InputError(f"{name} are not available yet") from None
 
 
 def _costs(comm: MPI.Comm, timer: Timer) -> dict[str, Any]:
@@ -498,11 +192,11 @@ def _costs(comm: MPI.Comm, timer: Timer) -> dict[str, Any]:
 
 
 def _write_record(folder: Path | None, record: Record | None) -> None:
-    files.write_record(_given(folder) / "record.h5", _given(record), overwrite=True)
+    files.write_record(errors.given(folder) / "record.h5", errors.given(record), overwrite=True)
 
 
 def _write_report(folder: Path | None, record: Record | None) -> None:
-    _drawing("report").write_report(_given(folder), _given(record).scene_toml)
+    drawing("report").write_report(errors.given(folder), errors.given(record).scene_toml)
 
 
 def _write_summary(
@@ -516,12 +210,7 @@ def _write_summary(
     whole = {**extra, **_costs(comm, timer)}
 
     def write() -> None:
-        text = summary.summarise(_given(record), whole)
-        summary.write_summary(_given(folder) / "summary.json", text, overwrite=True)
+        text = summary.summarise(errors.given(record), whole)
+        summary.write_summary(errors.given(folder) / "summary.json", text, overwrite=True)
 
     errors.on_root(comm, write)
-
-
-def _given(value: T | None) -> T:
-    assert value is not None
-    return value

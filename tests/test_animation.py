@@ -14,6 +14,7 @@ from PIL import Image
 from receding_fenicsx import read_scene, study
 from receding_fenicsx.errors import InputError, RecedingError, on_root
 from receding_fenicsx.output import animation, style
+from receding_fenicsx.pictures import animate
 
 BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
 COMM = MPI.COMM_WORLD
@@ -24,7 +25,7 @@ def film(folder: Path) -> list[Path] | None:
     """Run the block on a coarse mesh for one cycle and make a film of it."""
     scene = read_scene(BLOCK, ["mesh.contact_elements=16", "history.cycles=1"])
     study.run(scene, folder, COMM, pictures=False)
-    return study.animate(folder, 1, frames=FRAMES, comm=COMM)
+    return animate(folder, 1, frames=FRAMES, comm=COMM)
 
 
 def test_film_shows_all_frames_with_the_states_and_the_loads(shared_tmp_path: Path) -> None:
@@ -78,4 +79,4 @@ def test_failure_of_the_coder_is_said_and_leaves_no_file(
 
 def test_unknown_stress_is_refused_with_the_known_ones(shared_tmp_path: Path) -> None:
     with pytest.raises(InputError, match="max_shear"):
-        study.animate(shared_tmp_path, 1, stress="szz", comm=COMM)
+        animate(shared_tmp_path, 1, stress="szz", comm=COMM)

@@ -9,10 +9,11 @@ import h5py
 import numpy as np
 import pytest
 
-from receding_fenicsx import environment, study
+from receding_fenicsx import environment
 from receding_fenicsx.bulk.stress import STRESSES
 from receding_fenicsx.output.fields import fields_at
 from receding_fenicsx.output.paraview import join_fields, join_instants, time_of
+from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene_file import read_scene
 
 BLOCK = Path(__file__).parents[1] / "demos" / "block.toml"
@@ -40,7 +41,7 @@ for time in times:
 def folder(shared_tmp_path: Path) -> Path:
     """Three instants of a small block, the loads 1, 2 and 3, written out of order."""
     scene = read_scene(BLOCK, ["mesh.contact_elements=8", "mesh.degree=1"])
-    bulk = study.picture_body(scene, COMM)
+    bulk = picture_body(scene, COMM)
     n = len(bulk.contact.x)
     for cycle, leg, load in ((1, 1, 3.0), (0, 0, 1.0), (1, 0, 2.0)):
         file = shared_tmp_path / f"cycle{cycle:04d}_leg{leg}_s1.000.xdmf"

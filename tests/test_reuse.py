@@ -15,6 +15,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx import cli, environment, study
+from receding_fenicsx.bulk import meshing
 from receding_fenicsx.output.files import read_record, read_system
 from receding_fenicsx.output.summary import read_summary
 
@@ -57,7 +58,7 @@ def test_another_friction_gap_or_history_is_played_without_touching_the_body(
         [],
     )
     assert cli.main(fresh) == 0
-    monkeypatch.setattr(study, "_bulk", untouched)
+    monkeypatch.setattr(meshing, "make_meshes", untouched)
     comm.Barrier()
     reused = [*fresh[:-1], str(folder / "reused"), "--system", str(system)]
     assert cli.main(reused) == 0
@@ -83,7 +84,7 @@ def test_the_body_is_drawn_from_a_saved_system_only_when_asked_for(
     system: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     drawn: list[object] = []
-    monkeypatch.setattr(study, "_pictures", lambda *arguments: drawn.append(arguments[-1]))
+    monkeypatch.setattr(study, "draw", lambda *arguments: drawn.append(arguments[-1]))
     saved, all_, figures = (
         ["--system", str(system)],
         ["--pictures", "all"],

@@ -22,6 +22,8 @@ from receding_fenicsx.output.fields import Fields, fields_at
 from receding_fenicsx.output.render import Picture, Renderer, renderer
 from receding_fenicsx.output.snapshot_view import view_of
 from receding_fenicsx.output.snapshots import QUANTITIES, colours_of, fringe_value, snapshot
+from receding_fenicsx.pictures import picture_body
+from receding_fenicsx.pictures import snapshot as snapshot_of_run
 from receding_fenicsx.replay import turning_point
 from receding_fenicsx.scene import Load, Material, Scene
 
@@ -87,7 +89,7 @@ def test_fields_of_the_half_body_mirrored_are_those_of_the_whole_body() -> None:
 def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Path) -> None:
     scene = small_block("auto")
     now = instant(scene)
-    bulk = study.picture_body(scene, COMM)
+    bulk = picture_body(scene, COMM)
     try:
         made = snapshot(bulk, now, shared_tmp_path / "snapshots")
     finally:
@@ -174,7 +176,7 @@ def test_renderer_that_crashes_is_said_and_replaced() -> None:
 def test_view_is_of_the_whole_body_without_a_seam() -> None:
     scene = small_block("auto")
     now = COMM.bcast(instant(scene))
-    bulk = study.picture_body(scene, COMM)
+    bulk = picture_body(scene, COMM)
     try:
         found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
         if COMM.rank != 0:
@@ -215,7 +217,7 @@ def test_loads_on_a_cylinder_are_drawn_on_both_sides_of_its_axis(load: Load) -> 
     scene = small_block("auto")
     scene = replace(scene, loads=(load,), material=Material(kinematics="axisymmetric"))
     now = COMM.bcast(instant(scene))
-    bulk = study.picture_body(scene, COMM)
+    bulk = picture_body(scene, COMM)
     try:
         found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
         view = None if found is None else view_of(bulk, found, now)
@@ -264,7 +266,7 @@ def test_missing_renderer_is_said_before_vtk_is_loaded(
     scene = small_block("auto")
     now = instant(scene)
     monkeypatch.setattr(ctypes.util, "find_library", lambda name: None)
-    bulk = study.picture_body(scene, COMM)
+    bulk = picture_body(scene, COMM)
     try:
         with pytest.raises(RecedingError, match="no off-screen renderer"):
             snapshot(bulk, now, shared_tmp_path / "snapshots")
@@ -286,7 +288,7 @@ def test_half_of_the_area_lies_below_the_middle_colour_however_fine_the_mesh_is(
 def test_small_contact_is_shown_from_near_by(shared_tmp_path: Path) -> None:
     scene = read_scene(BLOCK.with_name("punch.toml"), ["mesh.contact_elements=16"])
     study.run(scene, shared_tmp_path / "run", COMM, pictures=False)
-    made = study.snapshot(shared_tmp_path / "run", 0, "0", comm=COMM)
+    made = snapshot_of_run(shared_tmp_path / "run", 0, "0", comm=COMM)
     if COMM.rank != 0:
         return
     assert made is not None

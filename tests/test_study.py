@@ -8,11 +8,14 @@ import numpy as np
 import pytest
 
 from receding_fenicsx import study
+from receding_fenicsx.condensing import is_small
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import from_scene
 from receding_fenicsx.output.files import read_record, read_system
 from receding_fenicsx.output.summary import read_summary
+from receding_fenicsx.pictures import default_instants
+from receding_fenicsx.replay import instant_of
 from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_file import read_scene
 
@@ -156,17 +159,17 @@ def test_instants_are_found_by_the_names_of_legs(shared_tmp_path: Path) -> None:
     record = study.run(scene, shared_tmp_path / "run", comm, pictures=False)
     if record is not None:
         system = read_system(shared_tmp_path / "run" / "system.h5", scene)
-        low = study.instant_of(scene, system, record, 2, "unloading")
+        low = instant_of(scene, system, record, 2, "unloading")
         np.testing.assert_array_equal(low.load, [scene.history.minimum])
-        middle = study.instant_of(scene, system, record, 2, "loading", 0.25)
+        middle = instant_of(scene, system, record, 2, "loading", 0.25)
         np.testing.assert_allclose(middle.load, [0.5], rtol=1e-14)
-        chosen = study.default_instants(scene, system, record)
+        chosen = default_instants(scene, system, record)
         assert [(i.cycle, i.leg) for i in chosen] == [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1)]
         slipped = dataclasses.replace(
             scene, history=dataclasses.replace(scene.history, initial_slip="0.001*x")
         )
         with pytest.raises(InputError, match="one jump"):
-            study.instant_of(slipped, system, record, 0, "loading", 0.5)
+            instant_of(slipped, system, record, 0, "loading", 0.5)
     comm.Barrier()
 
 
@@ -178,5 +181,5 @@ def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() ->
         assert alone.K.tobytes() == together.K.tobytes()
         assert alone.r_star.tobytes() == together.r_star.tobytes()
     comm.Barrier()
-    assert study.is_small(small("mesh.contact_elements=1280"))
-    assert not study.is_small(small("mesh.contact_elements=640", "mesh.growth=1"))
+    assert is_small(small("mesh.contact_elements=1280"))
+    assert not is_small(small("mesh.contact_elements=640", "mesh.growth=1"))

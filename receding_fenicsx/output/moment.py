@@ -130,6 +130,6 @@ def find(
         raise InputError(
             f"{where}: no such instant is stored; the nearest is leg {int(nearest.leg[k])}, "
             f"s = {float(nearest.s[k]):.12g}, load {nearest.load[k].tolist()} (raise [output] "
-            "samples_per_leg or name the cycle in [output] cycles, or replay it: study.instant_of)"
+            "samples_per_leg or name the cycle in [output] cycles, or replay it: replay.instant_of)"
         )
     return moment_of(record, *found[0])

@@ -1,0 +1,98 @@
+"""From a scene to its bulk and its condensed system, by all ranks together or by rank 0 alone."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from receding_fenicsx import errors
+from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene_checks import is_half_meshed
+from receding_fenicsx.stages import Timer
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from receding_fenicsx.bulk.body import Bulk
+    from receding_fenicsx.bulk.pair import Pair
+    from receding_fenicsx.interface.contact import ContactSystem
+
+SMALL_CELLS = 30_000
+"""Cells, about, up to which rank 0 condenses a rectangle by itself."""
+SMALL_FILE = 10_000_000
+"""The same for a user's mesh: bytes of its file."""
+
+
+def world() -> MPI.Comm:
+    """Return the communicator of all processes of the job."""
+    from mpi4py import MPI
+
+    return MPI.COMM_WORLD
+
+
+def is_small(scene: Scene) -> bool:
+    """Return whether rank 0 condenses a scene's body by itself.
+
+    For small bodies that is quicker than together, and it gives the same bits at every start and
+    on any number of ranks: several ranks number and add up in the order in which messages come.
+    """
+    n, growth = scene.mesh.contact_elements, scene.mesh.growth
+    for body in scene.bodies:
+        if body.mesh is not None:
+            if Path(body.mesh).stat().st_size > SMALL_FILE:
+                return False
+            continue
+        # a layer of size dx growth^k has n / growth^k elements side by side
+        layers = n * body.height / body.width
+        if growth > 1.0:
+            layers = min(layers, growth / (growth - 1.0))
+        if 2.0 * n * layers > SMALL_CELLS:
+            return False
+    return True
+
+
+def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem | None, int]:
+    """Mesh, assemble and condense; return the system on rank 0, and the body's freedoms."""
+    from receding_fenicsx.bulk import condensation
+
+    if comm.size > 1 and is_small(scene):
+        from mpi4py import MPI
+
+        alone = errors.on_root(comm, lambda: condensed(scene, MPI.COMM_SELF, timer))
+        return alone or (None, 0)
+    bulk = bulk_of(scene, comm, timer)
+    try:
+        with timer("condense"):
+            return condensation.condense(bulk), bulk.dofs
+    finally:
+        bulk.destroy()
+
+
+def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk | Pair:
+    """Mesh and assemble a scene's body or bodies; collective."""
+    from receding_fenicsx.bulk import meshing, pair
+
+    half = is_half_meshed(scene)
+    with timer("mesh"), _signals_kept():
+        bodies = meshing.make_meshes(comm, scene, half)
+    with timer("assemble"):
+        return pair.build_all(scene, bodies, half)
+
+
+@contextmanager
+def _signals_kept() -> Iterator[None]:
+    """Put Python's handlers back afterwards: gmsh sets that of SIGTERM to its default."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            if handler is not None:
+                signal.signal(number, handler)

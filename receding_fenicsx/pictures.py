@@ -1,0 +1,192 @@
+"""What is drawn of a run: figures, the body at chosen instants, films."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from receding_fenicsx import errors, history
+from receding_fenicsx.condensing import bulk_of, world
+from receding_fenicsx.errors import RecedingError
+from receding_fenicsx.output import files
+from receding_fenicsx.output.collect import Instant
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.replay import instant_of
+from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene_file import from_toml
+from receding_fenicsx.stages import Say, Timer
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from receding_fenicsx.bulk.body import Bulk
+    from receding_fenicsx.bulk.pair import Pair
+    from receding_fenicsx.interface.contact import ContactSystem
+
+PICTURE_GROWTH = (1.0, 1.1)
+"""Largest size ratio between neighbouring layers of a mesh that pictures are drawn on: with up to
+``PICTURE_CELLS`` cells of the contact elements' size, and with more."""
+PICTURE_CELLS = 30_000
+
+
+def snapshot(
+    folder: str | Path,
+    cycle: int,
+    leg: str,
+    at: float = 1.0,
+    comm: MPI.Comm | None = None,
+    progress: Say | None = None,
+) -> list[Path] | None:
+    """Draw the body at one instant of a finished run; all ranks call this together.
+
+    Args:
+        folder: folder of the run; pictures go to its ``snapshots``.
+        cycle: cycle, 0 for the first loading.
+        leg: "loading", "unloading" or the number of the leg in the cycle.
+        at: position along the leg, in [0, 1].
+        comm: communicator; all processes of the job when left out.
+        progress: told on rank 0 what is being done.
+
+    Returns:
+        The files that were made, on rank 0; None on the others.
+    """
+    snapshots = drawing("snapshots")
+    comm = comm or world()
+    folder = Path(folder)
+    timer = Timer(progress if comm.rank == 0 else None)
+
+    def find() -> tuple[str, Instant]:
+        record = files.read_record(folder / "record.h5")
+        scene = from_toml(record.scene_toml)
+        system = files.read_system(folder / "system.h5", scene)
+        return record.scene_toml, instant_of(scene, system, record, cycle, leg, at)
+
+    text, instant = comm.bcast(errors.on_root(comm, find))
+    bulk = picture_body(from_toml(text), comm)
+    try:
+        with timer("pictures"):
+            return snapshots.snapshot(bulk, instant, folder / "snapshots")
+    finally:
+        bulk.destroy()
+
+
+def animate(
+    folder: str | Path,
+    cycle: int,
+    frames: int = 60,
+    stress: str = "max_shear",
+    comm: MPI.Comm | None = None,
+    progress: Say | None = None,
+) -> list[Path] | None:
+    """Make a film of one cycle of a finished run; all ranks call this together.
+
+    Args:
+        folder: folder of the run; films go to its ``animations``.
+        cycle: cycle, 0 for the first loading.
+        frames: pictures, spread over the legs by the loads' way in each.
+        stress: what is drawn: "max_shear" (as fringes), "von_mises", "sxx", "syy" or "sxy".
+        comm: communicator; all processes of the job when left out.
+        progress: told on rank 0 what is being done.
+
+    Returns:
+        The files that were made, .mp4 and .gif, on rank 0; None on the others.
+    """
+    animation, snapshots = drawing("animation"), drawing("snapshots")
+    comm = comm or world()
+    folder = Path(folder)
+    timer = Timer(progress if comm.rank == 0 else None)
+    quantity = snapshots.quantity_of(stress)
+
+    def find() -> tuple[str, Any]:
+        record = files.read_record(folder / "record.h5")
+        scene = from_toml(record.scene_toml)
+        system = files.read_system(folder / "system.h5", scene)
+        legs, at, time = history.spread(history.from_scene(scene), cycle, frames)
+        instants = [
+            instant_of(scene, system, record, cycle, str(leg), float(s))
+            for leg, s in zip(legs, at, strict=True)
+        ]
+        return record.scene_toml, animation.Scenario(instants, time)
+
+    text, scenario = comm.bcast(errors.on_root(comm, find))
+    bulk = picture_body(from_toml(text), comm)
+    try:
+        with timer("pictures"):
+            made: list[Path] | None = animation.animate(
+                bulk, scenario, quantity, folder / "animations" / f"cycle{cycle:04d}_{stress}"
+            )
+            return made
+    finally:
+        bulk.destroy()
+
+
+def draw(
+    scene: Scene,
+    comm: MPI.Comm,
+    system: ContactSystem | None,
+    record: Record | None,
+    folder: Path | None,
+    body: bool,
+) -> None:
+    """Draw the figures on rank 0 and, of the body, the default snapshots on all ranks together."""
+    figures = drawing("figures")
+    errors.on_root(
+        comm, lambda: figures.plot_all(errors.given(record), errors.given(folder) / "figures")
+    )
+    if not body:
+        return
+    snapshots = drawing("snapshots")
+
+    def choose() -> list[Instant]:
+        return default_instants(scene, errors.given(system), errors.given(record))
+
+    instants, place = comm.bcast((errors.on_root(comm, choose), folder))
+    fine = picture_body(scene, comm)
+    try:
+        for instant in instants:
+            snapshots.snapshot(fine, instant, place / "snapshots", snapshots.IN_EVERY_RUN)
+    finally:
+        fine.destroy()
+
+
+def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
+    """Return the body on a mesh for pictures: the same contact nodes, finer inside.
+
+    Fringes and the fields beside the ends of the load ask for more than the contact does.
+    """
+    if any(body.mesh is not None for body in scene.bodies):
+        # what a user's file makes of another growth is not known
+        return bulk_of(scene, comm, Timer())
+    cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
+    growth = min(scene.mesh.growth, PICTURE_GROWTH[cells > PICTURE_CELLS])
+    return bulk_of(replace(scene, mesh=replace(scene.mesh, growth=growth)), comm, Timer())
+
+
+def default_instants(scene: Scene, system: ContactSystem, record: Record) -> list[Instant]:
+    """Loaded turning points of first loading and of the first and last cycles, for snapshots."""
+    table = record.turning_points
+    chosen = sorted({0, 1, int(table.cycle.max(initial=0))})
+    loaded = np.any(table.load != 0.0, axis=1)
+    return [
+        instant_of(scene, system, record, int(table.cycle[i]), str(int(table.leg[i])))
+        for i in np.flatnonzero(np.isin(table.cycle, chosen) & loaded)
+    ]
+
+
+def plot(record: Record, folder: Path) -> list[Path]:
+    """Draw all figures of a run into its folder ``figures``, write its report; return the files."""
+    made: list[Path] = drawing("figures").plot_all(record, folder)
+    return [*made, drawing("report").write_report(folder.parent, record.scene_toml)]
+
+
+def drawing(name: str) -> ModuleType:
+    """Load a module that draws, only when something is drawn: it may load VTK."""
+    try:
+        return import_module(f"receding_fenicsx.output.{name}")
+    except ModuleNotFoundError as error:
+        raise RecedingError(f"{name}: {error}; see receding-fenicsx doctor") from None
