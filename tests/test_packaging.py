@@ -33,6 +33,13 @@ def test_all_mesh_sources_are_shipped() -> None:
     assert files == {path for pattern in patterns for path in (ROOT / "meshes").glob(pattern)}
 
 
+def test_package_data_exist() -> None:
+    for package, patterns in SETUPTOOLS["package-data"].items():
+        folder = ROOT / SETUPTOOLS["package-dir"][package]
+        for pattern in patterns:
+            assert any(folder.glob(pattern)), f"{package}: {pattern}"
+
+
 BUILD = "from setuptools import build_meta as b; print(b.build_{kind}({folder!r}))"
 LEFT = shutil.ignore_patterns(".*", "*.egg-info", "build", "dist", "results", "__pycache__")
 NEEDED = int(PYPROJECT["build-system"]["requires"][0].partition(">=")[2])
@@ -64,6 +71,8 @@ def test_an_installed_wheel_made_from_the_sdist_has_all_it_needs(tmp_path: Path)
 
     shipped = {path.relative_to(ROOT) for path in (ROOT / "receding_fenicsx").rglob("*.py")}
     assert shipped == {path.relative_to(site) for path in (site / "receding_fenicsx").rglob("*.py")}
+    # without it type checkers take nothing of the package's annotations
+    assert (site / "receding_fenicsx" / "py.typed").is_file()
     for path in (ROOT / "meshes").glob("*.geo"):
         assert (site / "receding_fenicsx" / "meshes" / path.name).read_text() == path.read_text()
     assert os.access(site / "bin" / "receding-fenicsx", os.X_OK)
