@@ -1,13 +1,22 @@
-"""What the documents tell to do works as it stands there: programs, commands, files, packages."""
+"""What the documents tell to do works as it stands there: programs, commands, scripts, files."""
 
+import functools
+import os
 import re
 import shlex
+import signal
 import subprocess
+import sys
+import tomllib
+from collections.abc import Callable
 from pathlib import Path
+
+from mpi4py import MPI
 
 import pytest
 
 from receding_fenicsx import cli
+from receding_fenicsx.environment import child_environment
 from receding_fenicsx.scene_file import read_scene
 
 ROOT = Path(__file__).parent.parent
@@ -18,6 +27,31 @@ CHEAPER = {
     "animate": ["--frames", "3"],
 }
 """What is added to a command, so that it takes a moment only."""
+ENVIRONMENT = Path(sys.prefix)
+SCRIPT_SECONDS = 280
+"""Patience with a script, on a machine that does much else."""
+LACKING = 69
+"""Exit code of set-up where the machine lacks something; here also where it would build."""
+NO_BUILD = """
+root=$1
+lacking=$2
+source "$root/demos/setup.sh"
+install_debian_packages() { [ -z "$(missing_packages)" ] || exit "$lacking"; }
+build_environment() { exit "$lacking"; }
+set_up
+"""
+QUICK = {
+    "bash demos/run.sh --setup": "ready: ",
+    "bash demos/run.sh frictionless_block": "order of convergence",
+    "bash demos/run.sh two_blocks": "Filon's 1.338",
+    "bash demos/run.sh cattaneo_mindlin": "figure written to results/cattaneo_mindlin",
+    "bash tests/run.sh tests/test_zones.py": "tests on 2 ranks",
+    "source .venv/bin/activate; receding-fenicsx doctor": "all that is needed is there",
+    "source .venv/bin/activate; python docs/build.py": "pages in results/reference",
+}
+"""Lines of the documents that are run as they stand, and a part of what they say."""
+LONG = {"bash demos/run.sh", "bash tests/run.sh", "bash .ci/run", "bash demos/run.sh NAME"}
+"""Lines that take minutes: they are only checked to be scripts that bash can read."""
 
 
 def text_of(name: str) -> str:
@@ -39,8 +73,6 @@ def commands() -> list[list[str]]:
 @pytest.fixture
 def beside_demos(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder like the project's, for what the commands and programs write."""
-    from mpi4py import MPI
-
     if MPI.COMM_WORLD.size > 1:
         pytest.skip("what the documents tell is for one rank")
     (tmp_path / "demos").symlink_to(ROOT / "demos")
@@ -84,18 +116,102 @@ def test_commands_in_the_readme_run(beside_demos: Path, capsys: pytest.CaptureFi
         assert any((mine / kind).iterdir())
 
 
-def test_scripts_that_the_documents_name_are_there_and_can_be_read() -> None:
-    scripts = {tuple(words[1:]) for words in commands() if words[0] == "bash"}
-    assert {("demos/run.sh",), ("tests/run.sh",), (".ci/run",)} <= scripts
-    for script, *_ in scripts:
-        subprocess.run(["bash", "-n", ROOT / script], check=True)
-    for name in DOCUMENTS:
-        for demo in re.findall(r"demos/run\.sh (\w+)", text_of(name)):
-            assert demo == "NAME" or (ROOT / "demos" / f"{demo}.py").is_file(), demo
+@pytest.fixture
+def shell(tmp_path: Path) -> Callable[[str], str]:
+    """Runs a line of the documents by bash, in a folder of its own, and returns what it says."""
+    if MPI.COMM_WORLD.size > 1:
+        pytest.skip("what the documents tell is for one rank")
+    if ENVIRONMENT.resolve().parent != ROOT.resolve():
+        pytest.skip("this interpreter's environment is not one of the project's folder")
+    code, said = is_set_up()
+    if code == LACKING:
+        pytest.skip("the environment is not up to date; see bash demos/run.sh --setup")
+    assert code == 0, said
+
+    def shell(line: str) -> str:
+        placed = re.sub(r"(?<=\s)(demos|tests|docs|\.venv)/", rf"{ROOT}/\1/", line)
+        placed = placed.replace("/.venv/", f"/{ENVIRONMENT.name}/")
+        code, said = bash("-e", "-c", placed, folder=tmp_path)
+        assert code == 0, said
+        return said
+
+    return shell
 
 
-def test_no_command_is_left_untried() -> None:
-    assert {words[0] for words in commands()} == {"bash", "receding-fenicsx"}
+def bash(*words: str | Path, folder: Path) -> tuple[int, str]:
+    """Run bash in a folder; return its exit code and what it said."""
+    environment = child_environment() | {"PYTEST_DEBUG_TEMPROOT": str(folder)}
+    environment["RECEDING_ENV"] = "pypi" if ENVIRONMENT.name == ".venv-pypi" else "debian"
+    for name in ("PYTHONPATH", "VIRTUAL_ENV", "PYTEST_ADDOPTS"):
+        environment.pop(name, None)
+    process = subprocess.Popen(
+        ["bash", *words],
+        cwd=folder,
+        env=environment,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.STDOUT,
+        text=True,
+        start_new_session=True,
+    )
+    try:
+        said, _ = process.communicate(timeout=SCRIPT_SECONDS)
+    finally:
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGKILL)
+    return process.returncode, said
+
+
+@functools.cache
+def is_set_up() -> tuple[int, str]:
+    """Look as a script does whether all is set up; without building anything."""
+    return bash("-c", NO_BUILD, "set_up", ROOT, str(LACKING), folder=ROOT)
+
+
+@pytest.mark.parametrize("line", QUICK)
+def test_scripts_of_the_documents_run(
+    shell: Callable[[str], str], tmp_path: Path, line: str
+) -> None:
+    if "docs/build.py" in line:
+        pytest.importorskip("pdoc")
+    said = shell(line)
+    assert QUICK[line] in said, said
+    if "tests/run.sh" in line:
+        passed = re.findall(r"=+ (\d+) passed in ", said)
+        assert len(passed) == 2 and len(set(passed)) == 1, said
+    for folder in re.findall(r"(?:written to|pages in) (results/\w+)", said):
+        assert any((tmp_path / folder).iterdir())
+
+
+def test_no_line_for_the_shell_is_left_untried() -> None:
+    lines = {" ".join(words) for words in commands() if words[0] != "receding-fenicsx"}
+    demos = {line for line in QUICK if line.split("run.sh ")[-1].isidentifier()}
+    single = {part for line in QUICK.keys() - demos for part in line.split("; ")}
+    assert lines == (single | LONG) - {"receding-fenicsx doctor"}
+    for line in LONG:
+        subprocess.run(["bash", "-n", ROOT / line.split()[1]], check=True)
+    named = {
+        name
+        for document in DOCUMENTS
+        for name in re.findall(r"demos/run\.sh (\w+)", text_of(document))
+    }
+    for name in named - {"NAME"}:
+        assert (ROOT / "demos" / f"{name}.py").is_file(), name
+    for line in demos:
+        assert f"| `{line.split()[-1]}`" in text_of("README.md")
+
+
+def test_extras_that_the_documents_name_keep_the_numpy_of_the_stack() -> None:
+    project = tomllib.loads(text_of("pyproject.toml"))["project"]
+    extras = project["optional-dependencies"]
+    named = {
+        name for d in DOCUMENTS for name in re.findall(r"pip install .*\.\[(\w+)\]", text_of(d))
+    }
+    assert named == {"tables"} <= set(extras)
+    # pip looks at these together with the extra's own
+    assert any("numpy" in d and "<2; python_version < '3.12'" in d for d in project["dependencies"])
+    for requirement in extras["tables"]:
+        assert f"to_{re.split('[<>=]', requirement)[0]}()" in text_of("README.md")
 
 
 def test_links_and_pictures_of_the_documents_exist() -> None:

@@ -91,4 +91,8 @@ def _optional(name: str) -> ModuleType:
     try:
         return import_module(name)
     except ModuleNotFoundError:
-        raise InputError(f"{name} is not installed; pip install {name}, or use to_table") from None
+        # another major version of NumPy would break Debian's DOLFINx
+        numpy = f'"numpy<{int(np.__version__.partition(".")[0]) + 1}"'
+        raise InputError(
+            f"{name} is not installed; pip install {numpy} {name}, or use to_table"
+        ) from None
