@@ -177,7 +177,8 @@ class OutputOptions:
     Attributes:
         samples_per_leg: samples a leg of the kept cycles.
         cycles: which cycles get samples and events ("all", list, None: default).
-        checkpoint_cycles: cycles between two checkpoints.
+        checkpoint_cycles: cycles between two checkpoints; after 20 times as many a tenth of the
+            finished cycles at most.
     """
 
     samples_per_leg: int = 40

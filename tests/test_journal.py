@@ -16,7 +16,7 @@ from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.output import journal as journal_module
-from receding_fenicsx.output.journal import Journal, JournalFile
+from receding_fenicsx.output.journal import Journal, JournalFile, is_checkpoint
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions, SolverOptions
 
@@ -225,6 +225,15 @@ def test_writing_takes_a_small_part_of_the_time_and_no_more_as_the_history_grows
     size = (tmp_path / "journal").stat().st_size
     journal.write()
     assert (tmp_path / "journal").stat().st_size == size
+
+
+def test_checkpoints_grow_sparser_but_never_leave_more_than_a_tenth_behind() -> None:
+    assert [n for n in range(101) if is_checkpoint(n, 10)] == list(range(0, 101, 10))
+    assert [n for n in range(200, 401) if is_checkpoint(n, 10)] == list(range(200, 401, 20))
+    for every in (1, 5, 7, 10):
+        at = np.array([n for n in range(20000) if is_checkpoint(n, every)])
+        assert np.all(np.diff(at) <= np.maximum(every, at[:-1] / 10))
+    assert len(at) < 100
 
 
 def test_failed_history_keeps_the_legs_before_the_failure() -> None:

@@ -33,6 +33,10 @@ TOTALS = np.dtype([(k, np.asarray(v).dtype) for k, v in Totals._field_defaults.i
 CHANGE = np.dtype([("cycle", "<i4"), ("node", "<i4"), ("leg", "<i4"), ("old", "i1"), ("new", "i1")])
 
 
+LOST_SHARE = 10
+"""Part of the finished cycles, as 1 over this, that may lie behind the last checkpoint: to renew
+the memory of the way costs some cycles' time, which long histories need not spend so often."""
+
 JOURNAL = "journal.bin"
 """Name of the file in a run's folder."""
 
@@ -41,7 +45,7 @@ class Journal:
     """The finished cycles of a run, in memory.
 
     Attributes:
-        checkpoint_cycles: cycles between two checkpoints; None for none.
+        checkpoint_cycles: cycles between two checkpoints, more in long histories; None for none.
         passed: the finished cycles, from cycle 0.
     """
 
@@ -54,7 +58,7 @@ class Journal:
         """Take the next finished cycle; return whether the run can be gone on with from its end."""
         self.passed.append(passed)
         every = self.checkpoint_cycles
-        return every is not None and (len(self.passed) - 1) % every == 0
+        return every is not None and is_checkpoint(len(self.passed) - 1, every)
 
     def checkpoint(self) -> None:
         """Note that the run can be gone on with from here, its memory of the way being renewed."""
@@ -152,6 +156,20 @@ class JournalFile(Journal):
                 end = file.tell()
         self._written = self._ready = len(self.passed)
         return end
+
+
+def is_checkpoint(cycle: int, every: int) -> bool:
+    """Return whether a history can be gone on with from the end of a cycle, by its number alone.
+
+    Every so many cycles at first; the spacing doubles with each doubling of the cycles past
+    ``LOST_SHARE * every``.
+
+    Args:
+        cycle: number of the cycle, 0 for the first loading.
+        every: cycles between two checkpoints at the beginning.
+    """
+    doublings = max(0, (cycle // (LOST_SHARE * every)).bit_length() - 1)
+    return cycle % (every << doublings) == 0
 
 
 def has_checkpoint(path: Path) -> bool:
