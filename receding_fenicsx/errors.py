@@ -12,7 +12,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 POLL_SECONDS = 0.005
-"""Pause between two looks of a waiting rank: short beside any stage, long beside a busy core."""
+"""Longest pause between two looks of a waiting rank: long beside a busy core."""
+POLL_SHARE = 0.1
+"""Pause over the time waited so far: no stage gets longer by a larger part than that."""
 SAVING_SECONDS = 10.0
 """How long a rank that is told to end waits for rank 0 to save its work."""
 
@@ -111,11 +113,11 @@ def _wait_for_root(request: MPI.Request) -> None:
     others give it some time before they follow the signal by themselves.
     """
     stopped: BaseException | None = None
-    end = float("inf")
+    begin, end = time.monotonic(), float("inf")
     while time.monotonic() < end:
         try:
             while time.monotonic() < end and not request.Test():
-                time.sleep(POLL_SECONDS)
+                time.sleep(pause_after(time.monotonic() - begin))
             if time.monotonic() < end:
                 return
         except (KeyboardInterrupt, SystemExit) as signalled:
@@ -123,6 +125,11 @@ def _wait_for_root(request: MPI.Request) -> None:
             end = min(end, time.monotonic() + SAVING_SECONDS)
     assert stopped is not None
     raise stopped
+
+
+def pause_after(waited: float) -> float:
+    """Return the seconds that a rank sleeps between two looks once it has waited so many."""
+    return min(POLL_SHARE * waited, POLL_SECONDS)
 
 
 def on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:
