@@ -17,13 +17,14 @@ from receding_fenicsx.interface.contact import (
     ContactSystem,
     Leg,
     State,
-    frictional_form,
     typical_stiffness,
 )
 from receding_fenicsx.interface.contact_checks import check_system
 from receding_fenicsx.interface.cycles import SteadyWatch
 from receding_fenicsx.interface.events import EventPath
-from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, GaussSeidelPath
+from receding_fenicsx.interface.forms import frictional_form
+from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions
+from receding_fenicsx.interface.load_steps import GaussSeidelPath
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.output.collect import (
     Change,

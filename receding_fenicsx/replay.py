@@ -10,13 +10,8 @@ import numpy as np
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import make_tracer
 from receding_fenicsx.history import History, from_scene, leg_number
-from receding_fenicsx.interface.contact import (
-    ContactState,
-    ContactSystem,
-    State,
-    frictional_form,
-    reactions,
-)
+from receding_fenicsx.interface.contact import ContactState, ContactSystem, State, reactions
+from receding_fenicsx.interface.forms import frictional_form
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.record import Record

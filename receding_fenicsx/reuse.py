@@ -8,7 +8,8 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.contact import Array, ContactSystem, eliminate_tangential
+from receding_fenicsx.interface.contact import Array, ContactSystem
+from receding_fenicsx.interface.forms import eliminate_tangential
 from receding_fenicsx.scene import Contact, Scene, evaluate
 from receding_fenicsx.scene_file import from_toml, to_toml
 

@@ -19,7 +19,8 @@ from law import worst_slip, worst_violation
 from receding_fenicsx.errors import NoQuasiStaticContinuation, RecedingError
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import ContactSystem, eliminate_tangential
+from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.interface.forms import eliminate_tangential
 from receding_fenicsx.output.record import Record, States
 from receding_fenicsx.scene import OutputOptions, SolverOptions
 

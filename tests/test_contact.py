@@ -7,15 +7,13 @@ from small import cyclic, small_system, table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import evolve
-from receding_fenicsx.interface.contact import (
-    ContactSystem,
-    eliminate_tangential,
-    frictional_form,
+from receding_fenicsx.interface.contact import ContactSystem, reactions
+from receding_fenicsx.interface.forms import eliminate_tangential, frictional_form
+from receding_fenicsx.interface.residual import (
     largest_force,
     law_residual,
     local_stiffness,
     reachable,
-    reactions,
     round_off,
 )
 

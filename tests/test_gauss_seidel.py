@@ -10,8 +10,9 @@ from small import cyclic, small_system, table
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import ContactState, ContactSystem, State, law_residual
+from receding_fenicsx.interface.contact import ContactState, ContactSystem, State
 from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, local_solution, solve_step
+from receding_fenicsx.interface.residual import law_residual
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions, SolverOptions
 

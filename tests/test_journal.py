@@ -110,7 +110,7 @@ def test_nearly_incompressible_body_keeps_its_refined_rates(tmp_path: Path) -> N
 
 
 def test_frictionless_contact_is_gone_on_with_in_its_normal_form(tmp_path: Path) -> None:
-    from receding_fenicsx.interface.contact import eliminate_tangential
+    from receding_fenicsx.interface.forms import eliminate_tangential
 
     normal = eliminate_tangential(block_system(16, 8, f=0.0))
     undisturbed = evolve(normal, cyclic(9), journal=Journal(5))

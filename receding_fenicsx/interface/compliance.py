@@ -21,16 +21,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.contact import (
-    Array,
-    ContactState,
-    ContactSystem,
-    State,
-    frictional_form,
-    local_stiffness,
-)
+from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, State
 from receding_fenicsx.interface.contact_checks import check_system
+from receding_fenicsx.interface.forms import frictional_form
 from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, solve_step
+from receding_fenicsx.interface.residual import local_stiffness
 
 
 @dataclass(frozen=True)

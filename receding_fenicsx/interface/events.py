@@ -11,18 +11,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
-from receding_fenicsx.interface.contact import (
-    Array,
-    ContactState,
-    ContactSystem,
-    Leg,
-    largest_force,
-    local_stiffness,
-    relative_residual,
-)
+from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.frozen import Reduction, reduce, widen
 from receding_fenicsx.interface.limits import Limit, furthest
 from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION
+from receding_fenicsx.interface.residual import largest_force, local_stiffness, relative_residual
 from receding_fenicsx.interface.segments import Segments
 from receding_fenicsx.interface.static import solve_static
 from receding_fenicsx.interface.walk import Walk

@@ -20,15 +20,9 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.contact import (
-    Array,
-    ContactState,
-    ContactSystem,
-    Leg,
-    reactions,
-    residual_at_rest,
-)
+from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, Leg, reactions
 from receding_fenicsx.interface.rates import SEPARATION
+from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.segments import LIMIT_TOLERANCE, Segments
 from receding_fenicsx.interface.walk import Walk
 

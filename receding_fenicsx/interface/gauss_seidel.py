@@ -14,23 +14,23 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy
 
-from receding_fenicsx.errors import NoEquilibrium, NotConverged
+from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface.contact import (
     Array,
     ContactState,
     ContactSystem,
-    Leg,
     State,
+    reactions,
+)
+from receding_fenicsx.interface.given_states import solve_directly
+from receding_fenicsx.interface.residual import (
     largest_force,
     law_residual,
     local_stiffness,
-    reactions,
     round_off,
 )
-from receding_fenicsx.interface.limits import furthest
 
 STICK, SEPARATION = int(State.STICK), int(State.SEPARATION)
 FORWARD, BACKWARD = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)
@@ -155,119 +155,6 @@ def solve_step(
         f"residual {residual:.1e} at node {node} (x = {system.x[node]:.6g}), tolerance "
         f"{options.residual_tolerance:.1e}; take more steps per leg, more sweeps, or method events"
     )
-
-
-def solve_directly(
-    system: ContactSystem, load: Array, u: Array, v_ref: Array, state: NDArray[np.integer]
-) -> Array | None:
-    """Return the displacements in given states, from eqs. (4), (6), (8) and (10) at once.
-
-    Args:
-        system: the condensed body, ``kind = "frictional"``.
-        load: (n_loads,) load factors.
-        u: (2N,) displacements of the held freedoms; of the others any.
-        v_ref: (N,) where stuck nodes stick.
-        state: (N,) states.
-
-    Returns:
-        (2N,) displacements, None if the body has a motion without stiffness in these states.
-    """
-    n, K, held = system.n, system.K, system.held
-    u = u.copy()
-    grounded = (state != SEPARATION) & ~held[n:]
-    u[n:][grounded] = -system.g0[grounded]
-    stuck = (state == STICK) & ~held[:n]
-    u[:n][stuck] = v_ref[stuck]
-    free_t = np.flatnonzero((state != STICK) & ~held[:n])
-    free_n = np.flatnonzero((state == SEPARATION) & ~held[n:])
-    free = np.concatenate([free_t, n + free_n])
-    if len(free) == 0:
-        return u
-    sign = np.where(state == FORWARD, 1.0, np.where(state == BACKWARD, -1.0, 0.0))
-    f = (sign * system.f)[free_t]
-    rows = np.vstack([K[free_t] + f[:, None] * K[n + free_t], K[n + free_n]])
-    r = reactions(system, load, u)
-    rhs = np.concatenate([r[free_t] + f * r[n + free_t], r[n + free_n]])
-    try:
-        u[free] -= np.linalg.solve(rows[:, free], rhs)
-    except np.linalg.LinAlgError:
-        return None
-    return u
-
-
-@dataclass(frozen=True)
-class GaussSeidelPath:
-    """Follows legs in equal load steps.
-
-    Attributes:
-        system: the condensed body, ``kind = "frictional"``.
-        options: tolerances and accelerations.
-        steps: load steps a leg.
-    """
-
-    system: ContactSystem
-    options: GaussSeidelOptions
-    steps: int
-
-    def trace_leg(
-        self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
-    ) -> Leg:
-        """Follow one leg; events are the changes of state seen at the ends of the steps.
-
-        Args:
-            start: state at the leg's start.
-            ends: (n_loads,) load factors at its start and at its end.
-            force_scale: largest nodal force of the history so far.
-            samples: number of states to keep, at the ends of steps, the last one at s = 1.
-
-        Returns:
-            The traced leg.
-
-        Raises:
-            NotConverged: a step's sweeps ran out.
-            NoEquilibrium: they did because no contact forces balance the loads.
-        """
-        return self._steps(start, ends, force_scale, samples, self.steps)
-
-    def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
-        """Jump to the end of a leg in one step; slip is counted from ``start``."""
-        return self._steps(start, ends, force_scale, 1, 1)
-
-    def _steps(
-        self,
-        start: ContactState,
-        ends: tuple[Array, Array],
-        force_scale: float,
-        samples: int,
-        steps: int,
-    ) -> Leg:
-        system = self.system
-        leg = Leg(end=start, dissipation=np.zeros(system.n), force_scale=force_scale)
-        kept = {round((j + 1) * steps / samples) for j in range(samples)}
-        load = ends[0]
-        for k in range(1, steps + 1):
-            s = k / steps
-            next_load = ends[1] if k == steps else (1.0 - s) * ends[0] + s * ends[1]
-            try:
-                step = solve_step(system, leg.end, next_load, self.options, leg.force_scale)
-            except NotConverged as error:
-                limit = furthest(system, *ends)
-                if limit is None or limit.s > s:
-                    raise
-                raise NoEquilibrium(limit.text) from error
-            leg.work += float(0.5 * (load + next_load) @ system.r_star @ (step.end.u - leg.end.u))
-            leg.events += [
-                (s, int(i), int(leg.end.state[i]), int(step.end.state[i]))
-                for i in np.flatnonzero(leg.end.state != step.end.state)
-            ]
-            leg.dissipation = leg.dissipation + step.dissipation
-            leg.residual = max(leg.residual, step.residual)
-            leg.sweeps += step.sweeps
-            leg.force_scale = step.force_scale
-            if k in kept:
-                leg.samples.append((s, step.end))
-            leg.end, load = step.end, next_load
-        return leg
 
 
 def local_solution(

@@ -13,7 +13,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, local_stiffness
+from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem
 from receding_fenicsx.interface.contact_lcp import Undecided
 from receding_fenicsx.interface.rates import (
     BACKWARD,
@@ -24,6 +24,7 @@ from receding_fenicsx.interface.rates import (
     Tableau,
     limit_distances,
 )
+from receding_fenicsx.interface.residual import local_stiffness
 
 States = NDArray[np.int8]
 

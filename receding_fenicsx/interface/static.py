@@ -6,17 +6,16 @@ import numpy as np
 
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface import gauss_seidel
-from receding_fenicsx.interface.contact import (
-    Array,
-    ContactState,
+from receding_fenicsx.interface.contact import Array, ContactState, reactions
+from receding_fenicsx.interface.contact_lcp import Undecided, solve_states
+from receding_fenicsx.interface.given_states import solve_directly
+from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION, STICK, SingularExchange
+from receding_fenicsx.interface.residual import (
     largest_force,
     local_stiffness,
     reachable,
-    reactions,
     relative_residual,
 )
-from receding_fenicsx.interface.contact_lcp import Undecided, solve_states
-from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION, STICK, SingularExchange
 from receding_fenicsx.interface.segments import Segments
 
 GUESSES = 30
@@ -69,7 +68,7 @@ def _guess_states(segments: Segments, start: ContactState, load: Array) -> Conta
     seen: set[bytes] = set()
     while len(seen) < GUESSES and state.tobytes() not in seen:
         seen.add(state.tobytes())
-        u = gauss_seidel.solve_directly(system, load, start.u, start.v, state)
+        u = solve_directly(system, load, start.u, start.v, state)
         if u is None:
             return None
         r = reactions(system, load, u)

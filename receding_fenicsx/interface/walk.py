@@ -9,16 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.contact import (
-    Array,
-    ContactState,
-    Leg,
-    law_residual,
-    local_stiffness,
-    reachable,
-    reactions,
-    residual_at_rest,
-)
+from receding_fenicsx.interface.contact import Array, ContactState, Leg, reactions
 from receding_fenicsx.interface.contact_lcp import is_exhaustible, solve_states
 from receding_fenicsx.interface.ending import explain
 from receding_fenicsx.interface.rates import (
@@ -30,6 +21,12 @@ from receding_fenicsx.interface.rates import (
     B,
     SingularExchange,
     V,
+)
+from receding_fenicsx.interface.residual import (
+    law_residual,
+    local_stiffness,
+    reachable,
+    residual_at_rest,
 )
 from receding_fenicsx.interface.segments import LIMIT_TOLERANCE, Segment, Segments, States
 

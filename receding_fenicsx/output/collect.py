@@ -7,14 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from receding_fenicsx.interface.contact import (
-    Array,
-    ContactState,
-    ContactSystem,
-    frictional_form,
-    typical_stiffness,
-)
+from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, typical_stiffness
 from receding_fenicsx.interface.cycles import SteadyWatch
+from receding_fenicsx.interface.forms import frictional_form
 from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, SWAPPED, Mirror, mirror_of
 from receding_fenicsx.output.record import Cycles, Events, Record, States, Steady
 from receding_fenicsx.scene import SolverOptions

@@ -1,0 +1,48 @@
+"""The displacements of a contact whose states are given, by one linear solve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.contact import Array, ContactSystem, State, reactions
+
+
+def solve_directly(
+    system: ContactSystem, load: Array, u: Array, v_ref: Array, state: NDArray[np.integer]
+) -> Array | None:
+    """Return the displacements in given states, from eqs. (4), (6), (8) and (10) at once.
+
+    Args:
+        system: the condensed body, ``kind = "frictional"``.
+        load: (n_loads,) load factors.
+        u: (2N,) displacements of the held freedoms; of the others any.
+        v_ref: (N,) where stuck nodes stick.
+        state: (N,) states.
+
+    Returns:
+        (2N,) displacements, None if the body has a motion without stiffness in these states.
+    """
+    n, K, held = system.n, system.K, system.held
+    u = u.copy()
+    grounded = (state != State.SEPARATION) & ~held[n:]
+    u[n:][grounded] = -system.g0[grounded]
+    stuck = (state == State.STICK) & ~held[:n]
+    u[:n][stuck] = v_ref[stuck]
+    free_t = np.flatnonzero((state != State.STICK) & ~held[:n])
+    free_n = np.flatnonzero((state == State.SEPARATION) & ~held[n:])
+    free = np.concatenate([free_t, n + free_n])
+    if len(free) == 0:
+        return u
+    sign = np.where(
+        state == State.FORWARD_SLIP, 1.0, np.where(state == State.BACKWARD_SLIP, -1.0, 0.0)
+    )
+    f = (sign * system.f)[free_t]
+    rows = np.vstack([K[free_t] + f[:, None] * K[n + free_t], K[n + free_n]])
+    r = reactions(system, load, u)
+    rhs = np.concatenate([r[free_t] + f * r[n + free_t], r[n + free_n]])
+    try:
+        u[free] -= np.linalg.solve(rows[:, free], rhs)
+    except np.linalg.LinAlgError:
+        return None
+    return u

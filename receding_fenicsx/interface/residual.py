@@ -1,0 +1,110 @@
+"""The residual of the contact law, evaluated afresh, and the scales that it is relative to."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, State
+
+OPEN_SCALE = 1e-2
+"""Part of the reactions with all nodes held that counts as force scale where nothing presses."""
+
+
+def largest_force(system: ContactSystem, load: Array, r: Array, so_far: float) -> float:
+    """Return the history's largest nodal force, the scale of every residual and force tolerance.
+
+    An open contact has no force of its own: there the held reactions sum lambda r* set the scale.
+
+    Args:
+        system: the condensed body.
+        load: (n_loads,) load factors.
+        r: reactions at this instant.
+        so_far: largest force before it.
+    """
+    held = float(np.abs(load @ system.r_star).max(initial=0.0))
+    return max(so_far, float(np.abs(r).max(initial=0.0)), OPEN_SCALE * held)
+
+
+def round_off(system: ContactSystem, u: Array, force_scale: float) -> float:
+    """Return the relative residual that round-off of u alone leaves: eps max(|K| |u|) / scale."""
+    if force_scale == 0.0:
+        return 0.0
+    return float(np.finfo(float).eps * (np.abs(system.K) @ np.abs(u)).max()) / force_scale
+
+
+ROUND_OFFS = 32.0
+"""Such round-offs that an accepted residual may consist of where nothing better can be had: nearly
+incompressible bodies."""
+
+
+REACHABLE_AT_MOST = 1e-9
+"""Residual above which no round-off excuses it: that of a body which has moved far without limit,
+tipping over, would let pass anything."""
+
+
+def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
+    """Return the relative residual that is accepted for round-off."""
+    return min(ROUND_OFFS * round_off(system, u, force_scale), REACHABLE_AT_MOST)
+
+
+def law_residual(
+    system: ContactSystem, r: Array, u: Array, slip: Array, stiffness: tuple[Array, Array]
+) -> Array:
+    """Return the natural-map residual of the contact law, node by node, as a force.
+
+    Normal: P - max(0, P - k_n g). Tangential: Q - clip(Q - k_t dv, -f P+, f P+), P+ = max(P, 0).
+    Both vanish exactly when Signorini's and Coulomb's conditions hold (eqs. 4 to 10).
+
+    Args:
+        system: the condensed body, ``kind = "frictional"``.
+        r: (2N,) reactions, or (k, 2N) of k instants.
+        u: (2N,) or (k, 2N) displacements.
+        slip: (N,) or (k, N) tangential displacement of the step or segment, from the point of
+            first contact for a node that was open at its start.
+        stiffness: (N,) tangential and normal stiffness that weigh a displacement against a force.
+
+    Returns:
+        (2N,) or (k, 2N) absolute residual, tangential part first; zero at held degrees of freedom.
+    """
+    n = system.n
+    k_t, k_n = stiffness
+    Q, P, gap = r[..., :n], r[..., n:], system.g0 + u[..., n:]
+    limit = system.f * np.maximum(P, 0.0)
+    tangential = np.abs(Q - np.clip(Q - k_t * slip, -limit, limit))
+    normal = np.abs(P - np.maximum(0.0, P - k_n * gap))
+    both = np.concatenate([tangential, normal], axis=-1)
+    both[..., system.held] = 0.0
+    return both
+
+
+def relative_residual(
+    system: ContactSystem,
+    state: ContactState,
+    slip: Array,
+    stiffness: tuple[Array, Array],
+    force_scale: float,
+) -> float:
+    """Return the largest entry of :func:`law_residual` over the force scale."""
+    if force_scale == 0.0:
+        return 0.0
+    return float(law_residual(system, state.r, state.u, slip, stiffness).max()) / force_scale
+
+
+def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: float) -> float:
+    """Return the relative residual at one instant; a slipping node must be at its limit.
+
+    Args:
+        system: the condensed body in 2N form.
+        end: the state, reactions evaluated afresh.
+        force_scale: largest nodal force of the history so far.
+    """
+    sign = (end.state == State.FORWARD_SLIP).astype(float) - (end.state == State.BACKWARD_SLIP)
+    worst = relative_residual(system, end, np.zeros(system.n), local_stiffness(system), force_scale)
+    on_limit = np.abs(end.Q + sign * system.f * end.P)[sign != 0.0]
+    return max(worst, float(on_limit.max(initial=0.0)) / force_scale)
+
+
+def local_stiffness(system: ContactSystem) -> tuple[Array, Array]:
+    """Return the diagonals (K_tt)_ii and (K_nn)_ii, the local stiffnesses k_i of the residual."""
+    diagonal = np.diagonal(system.K)
+    return diagonal[: system.n].copy(), diagonal[system.n :].copy()
