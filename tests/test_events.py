@@ -508,7 +508,7 @@ def test_nodes_of_small_friction_among_others_are_followed() -> None:
 @pytest.mark.parametrize("stops", [1, 2, 3, 7])
 def test_a_leg_may_end_where_its_last_sum_did(stops: int, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = evolve(SMALL, cyclic(2))
-    monkeypatch.setattr("receding_fenicsx.interface.walk.STOPS", stops)
+    monkeypatch.setattr("receding_fenicsx.interface.sums.STOPS", stops)
     parts = evolve(SMALL, cyclic(2))
     assert parts.cycles.dissipation == near(whole.cycles.dissipation)
     assert parts.energy_error_max <= 1e-12

@@ -88,8 +88,8 @@ class Reduction:
             leg: the leg that it found.
             ends: (n_loads,) load factors at the start and at the end.
         """
-        if len(walk.found):
-            return walk.found
+        if len(walk.sums.found):
+            return walk.sums.found
         (a, b), n = ends, self.full.n
         end = self.expand(leg.end, b)
         dissipation = np.zeros(n)
@@ -99,7 +99,7 @@ class Reduction:
         return Leg(
             end=end,
             dissipation=dissipation,
-            work=float(walk.work[:-1].sum() + 0.5 * (a + b) @ self.swing @ (b - a)),
+            work=float(walk.sums.work[:-1].sum() + 0.5 * (a + b) @ self.swing @ (b - a)),
             residual=residual,
             force_scale=scale,
             samples=[(s, self.expand(state, (1.0 - s) * a + s * b)) for s, state in leg.samples],

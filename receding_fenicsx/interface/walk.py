@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from math import sqrt
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,12 +20,11 @@ from receding_fenicsx.interface.rates import (
     V,
 )
 from receding_fenicsx.interface.residual import (
-    law_residual,
-    local_stiffness,
     reachable,
     residual_at_rest,
 )
 from receding_fenicsx.interface.segments import LIMIT_TOLERANCE, Segment, Segments, States
+from receding_fenicsx.interface.sums import EVENT_RESIDUAL, Sums, Watch
 
 CLOSE_EVENTS = 1e-9
 """Part of the leg within which the next event makes all nodes on limits be looked at together."""
@@ -44,19 +40,6 @@ there."""
 ALL_AT_ONCE = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
 
-EVENT_RESIDUAL = 1e-11
-"""Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
-
-DOUBT = 0.25
-"""Random sums of N errors, over sqrt(N) times the tolerance, from which every one is looked at."""
-
-STOPS = 512
-"""Events after which dissipation and work are summed up: all of them at once, to save time."""
-
-Watch = Callable[[Array, Array, float], NDArray[np.intp]]
-"""Looks at displacements (k, 2N) and load factors (k, n_loads) for a force scale."""
-
-
 CLEARED_EVENTS = 128
 """Events with newly worked-out rates after which the round-off of the walk is cleared."""
 
@@ -68,6 +51,7 @@ class Walk:
     """One leg under way.
 
     Attributes:
+        sums: dissipation, work and residual so far.
         equilibrium_ends: place on the leg beyond which statics know of no equilibrium.
     """
 
@@ -91,9 +75,9 @@ class Walk:
                 included.
             samples: number of evenly spaced states to keep.
             check_all: evaluate the residual afresh after every event.
-            watch: looks at every event and at the end; what it finds is put into ``found``.
+            watch: looks at every event and at the end; what it finds stands in ``sums.found``.
         """
-        self.segments, self.system, self.check_all = segments, segments.system, check_all
+        self.segments, self.system = segments, segments.system
         self.a, self.b = a, b = ends
         self.direction = b - a
         self.s, self.trials_before = 0.0, segments.trials
@@ -102,16 +86,10 @@ class Walk:
         self.equilibrium_ends = np.inf
         self.state = start.state.copy()
         self.y = segments.values(start)
-        self.force_scale = force_scale
         self.sample_at = [j / samples for j in range(1, samples + 1)]
         n = self.system.n
-        self.stiffness = local_stiffness(self.system)
-        self.gaps = bool(np.any(self.system.g0))
-        self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=self.force_scale)
-        self.work, self.dissipation, self.residual = np.zeros(len(a)), np.zeros(n), 0.0
-        self.watch, self.found = watch, np.zeros(0, dtype=np.intp)
-        # place, y and the states on the way there of every event; then the place reached
-        self.stops: list[tuple[float, Array, States]] = [(0.0, self.y.copy(), self.state)]
+        self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=force_scale)
+        self.sums = Sums(segments, ends, force_scale, (0.0, self.y, self.state), check_all, watch)
         self._on_limit = LIMIT_TOLERANCE * force_scale / segments.weight
         self._step = np.zeros(4 * n)
 
@@ -147,55 +125,7 @@ class Walk:
         """Move on by ds."""
         self.y += np.multiply(segment.q, ds, out=self._step)
         self.s += ds
-        self.stops.append((self.s, self.y.copy(), self.state))
-        if len(self.stops) > STOPS:
-            self._sum_up()
-
-    def _sum_up(self) -> None:
-        """Add the dissipation and the work since the last time, and check residuals.
-
-        Between two stops forces and displacements are linear: the mean force counts.
-        """
-        if len(self.stops) == 1:  # the leg ended where the last sum did
-            return
-        n, system = self.system.n, self.system
-        s = np.array([stop[0] for stop in self.stops])[:, None]
-        y = np.concatenate([stop[1] for stop in self.stops]).reshape(-1, 4 * n)
-        u, load = y[:, : 2 * n], self.load(s)
-        if self.gaps:
-            u = u - np.concatenate([np.zeros(n), system.g0])
-        Q = y[:, 2 * n : 3 * n] - y[:, 3 * n :]  # twice Q where there is friction
-        slip = u[1:, :n] - u[:-1, :n]
-        dissipation = -0.25 * np.einsum("ij,ij->j", Q[1:] + Q[:-1], slip)
-        self.dissipation += np.where(self.segments.frictional, dissipation, 0.0)
-        stroke = np.diff(u @ system.r_star.T, axis=0)
-        self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
-        if self.watch is not None:
-            found = self.watch(u[1:], load[1:], self.force_scale)
-            self.found = np.union1d(self.found, found)
-        if self.check_all or self._doubt(y, u, load) > EVENT_RESIDUAL * max(1.0, DOUBT * sqrt(n)):
-            states = np.array([stop[2] for stop in self.stops[1:]])
-            self._check(u[1:], load[1:], slip, states)
-        self.stops = [(self.s, self.y.copy(), self.state)]
-
-    def _doubt(self, y: Array, u: Array, load: Array) -> float:
-        """Return by how much, over all stops, a limit is passed, or Q and P do not belong to u.
-
-        The latter by a few random sums over the nodes, at a cost that does not grow with N^2; both
-        relative to the force scale.
-        """
-        n = self.system.n
-        passed = -float((y[1:, n:].min(axis=0) * self.segments.weight[n:]).min())
-        apart = float(np.abs(self.segments.probe(y, u, load)).max())
-        return max(passed, apart) / self.force_scale
-
-    def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:
-        """Evaluate the residual afresh at several instants, slip being that of the last segment."""
-        r = load @ self.system.r_star + u @ self.system.K
-        moved = np.where(states >= FORWARD, slip, 0.0)
-        self.force_scale = max(self.force_scale, float(np.abs(r).max()))
-        residual = law_residual(self.system, r, u, moved, self.stiffness).max()
-        self.residual = max(self.residual, float(residual) / self.force_scale)
+        self.sums.pass_stop(self.s, self.y, self.state)
 
     def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
         """Pass the event at which a quantity reached its limit; return the new rates.
@@ -244,9 +174,9 @@ class Walk:
             due = self.segments.trials - self.cleared_at >= CLEARED_EVENTS
         if due:
             # what is cleared is no slip
-            self._sum_up()
+            self.sums.add_up()
             self._clear()
-            self.stops = [(self.s, self.y.copy(), self.state)]
+            self.sums.go_on_from(self.s, self.y, self.state)
 
     def _clear(self) -> ContactState:
         """Clear the round-off of the walk by one step of iterative refinement; return the state."""
@@ -354,7 +284,7 @@ class Walk:
     def _finite(self, before: States) -> Segment:
         """Decide the nodes on limits by linear complementarity, or say why that cannot be."""
         segments, system, n = self.segments, self.system, self.system.n
-        undecided = segments.undecided(self.y, before, self.force_scale)
+        undecided = segments.undecided(self.y, before, self.sums.force_scale)
         if self.s >= self.equilibrium_ends - CLOSE_EVENTS:
             raise self._explain(before, undecided.nodes)
         free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
@@ -381,7 +311,9 @@ class Walk:
     ) -> SolveError:
         """Return the error for the place at which the path ends."""
         place = self.load(self.s), self.s
-        return explain(self.segments, before, self.y, place, self.force_scale, nodes, exhausted)
+        return explain(
+            self.segments, before, self.y, place, self.sums.force_scale, nodes, exhausted
+        )
 
     def finish(self, apex: bool, correct: bool) -> Leg:
         """Return the leg: fresh reactions, residual checked.
@@ -394,20 +326,20 @@ class Walk:
         Raises:
             SolveError: the residual is above its tolerance.
         """
-        leg, n, system = self.leg, self.system.n, self.system
-        self._sum_up()
+        leg, n, system, sums = self.leg, self.system.n, self.system, self.sums
+        sums.add_up()
         if self._is_new() or correct:
             end = self._clear()
         else:
             u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
             end = ContactState(u, reactions(system, self.load(self.s), u), self.state.copy())
-        self.force_scale = max(self.force_scale, float(np.abs(end.r).max(initial=0.0)))
-        leg.residual = self.residual
-        if self.watch is None:  # else the whole contact is looked at, of which this is a part
-            leg.residual = max(leg.residual, residual_at_rest(system, end, self.force_scale))
+        force_scale = max(sums.force_scale, float(np.abs(end.r).max(initial=0.0)))
+        leg.residual = sums.residual
+        if sums.watch is None:  # else the whole contact is looked at, of which this is a part
+            leg.residual = max(leg.residual, residual_at_rest(system, end, force_scale))
         # an unloading leaves small displacements: the round-off on the way is that of its start
         if leg.residual > EVENT_RESIDUAL and leg.residual > max(
-            reachable(system, u, self.force_scale) for u in (leg.end.u, end.u)
+            reachable(system, u, force_scale) for u in (leg.end.u, end.u)
         ):
             raise SolveError(
                 f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: "
@@ -416,8 +348,8 @@ class Walk:
         if apex:
             end = ContactState(self._rest(end), np.zeros(2 * n), end.state)
             leg.samples += [(s, end) for s in self.sample_at]
-        leg.dissipation, leg.work = self.dissipation, float(self.work.sum())
-        leg.end, leg.force_scale = end, self.force_scale
+        leg.dissipation, leg.work = sums.dissipation, float(sums.work.sum())
+        leg.end, leg.force_scale = end, force_scale
         return leg
 
     def stop_here(self) -> Leg:
@@ -426,7 +358,7 @@ class Walk:
         Raises:
             SolveError: the residual is above its tolerance.
         """
-        self.state = self.stops[-1][2].copy()
+        self.state = self.sums.state.copy()
         return self.finish(False, True)
 
     def _rest(self, end: ContactState) -> Array:

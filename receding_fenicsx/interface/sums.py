@@ -1,0 +1,128 @@
+"""What adds up along a leg: dissipation, work of the loads, and the residual at every event.
+
+Between two stops (events, ends) forces and displacements are linear, so that the mean force counts.
+Stops are collected and summed up many at once, to save time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import sqrt
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.contact import Array
+from receding_fenicsx.interface.rates import FORWARD
+from receding_fenicsx.interface.residual import law_residual, local_stiffness
+from receding_fenicsx.interface.segments import Segments, States
+
+EVENT_RESIDUAL = 1e-11
+"""Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
+
+DOUBT = 0.25
+"""Random sums of N errors, over sqrt(N) times the tolerance, from which every one is looked at."""
+
+STOPS = 512
+"""Stops after which they are summed up."""
+
+Watch = Callable[[Array, Array, float], NDArray[np.intp]]
+"""Looks at displacements (k, 2N) and load factors (k, n_loads) for a force scale."""
+
+
+class Sums:
+    """Dissipation, work and residual of a leg under way.
+
+    Attributes:
+        dissipation: (N,) frictional dissipation.
+        work: (n_loads,) integral of lambda_k r*_k . du.
+        residual: largest residual at the stops that were looked at afresh, over ``force_scale``.
+        force_scale: largest nodal force of the history so far.
+        found: what ``watch`` has found.
+    """
+
+    def __init__(
+        self,
+        segments: Segments,
+        ends: tuple[Array, Array],
+        force_scale: float,
+        start: tuple[float, Array, States],
+        check_all: bool,
+        watch: Watch | None,
+    ) -> None:
+        """Stand at the start of a leg.
+
+        Args:
+            segments: rates in known sets of states.
+            ends: (n_loads,) load factors at the leg's start and end.
+            force_scale: largest nodal force of the history so far.
+            start: place on the leg, quantities y and states.
+            check_all: evaluate the residual afresh at every stop.
+            watch: looks at every stop.
+        """
+        n = segments.system.n
+        self.segments, self.system, self.ends = segments, segments.system, ends
+        self.force_scale, self.check_all, self.watch = force_scale, check_all, watch
+        self.stiffness = local_stiffness(self.system)
+        self.gaps = bool(np.any(self.system.g0))
+        self.dissipation, self.work, self.residual = np.zeros(n), np.zeros(len(ends[0])), 0.0
+        self.found = np.zeros(0, dtype=np.intp)
+        self.go_on_from(*start)
+
+    @property
+    def state(self) -> States:
+        """(N,) states on the way to the last stop."""
+        return self._stops[-1][2]
+
+    def go_on_from(self, s: float, y: Array, state: States) -> None:
+        """Begin a sum at a place of the leg, from quantities y (4N,) and states."""
+        self._stops = [(s, y.copy(), state)]
+
+    def pass_stop(self, s: float, y: Array, state: States) -> None:
+        """Take note of a stop: its place, the quantities y (4N,), the states on the way there."""
+        self._stops.append((s, y.copy(), state))
+        if len(self._stops) > STOPS:
+            self.add_up()
+
+    def add_up(self) -> None:
+        """Add what the stops since the last sum bring, and check their residuals."""
+        if len(self._stops) == 1:  # the leg ended where the last sum did
+            return
+        n, system, (a, b) = self.system.n, self.system, self.ends
+        s = np.array([stop[0] for stop in self._stops])[:, None]
+        y = np.concatenate([stop[1] for stop in self._stops]).reshape(-1, 4 * n)
+        u, load = y[:, : 2 * n], (1.0 - s) * a + s * b
+        if self.gaps:
+            u = u - np.concatenate([np.zeros(n), system.g0])
+        Q = y[:, 2 * n : 3 * n] - y[:, 3 * n :]  # twice Q where there is friction
+        slip = u[1:, :n] - u[:-1, :n]
+        dissipation = -0.25 * np.einsum("ij,ij->j", Q[1:] + Q[:-1], slip)
+        self.dissipation += np.where(self.segments.frictional, dissipation, 0.0)
+        stroke = np.diff(u @ system.r_star.T, axis=0)
+        self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
+        if self.watch is not None:
+            found = self.watch(u[1:], load[1:], self.force_scale)
+            self.found = np.union1d(self.found, found)
+        if self.check_all or self._doubt(y, u, load) > EVENT_RESIDUAL * max(1.0, DOUBT * sqrt(n)):
+            states = np.array([stop[2] for stop in self._stops[1:]])
+            self._check(u[1:], load[1:], slip, states)
+        self._stops = self._stops[-1:]
+
+    def _doubt(self, y: Array, u: Array, load: Array) -> float:
+        """Return by how much, over all stops, a limit is passed, or Q and P do not belong to u.
+
+        The latter by a few random sums over the nodes, at a cost that does not grow with N^2; both
+        relative to the force scale.
+        """
+        n = self.system.n
+        passed = -float((y[1:, n:].min(axis=0) * self.segments.weight[n:]).min())
+        apart = float(np.abs(self.segments.probe(y, u, load)).max())
+        return max(passed, apart) / self.force_scale
+
+    def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:
+        """Evaluate the residual afresh at several stops, slip being that of the piece before."""
+        r = load @ self.system.r_star + u @ self.system.K
+        moved = np.where(states >= FORWARD, slip, 0.0)
+        self.force_scale = max(self.force_scale, float(np.abs(r).max()))
+        residual = law_residual(self.system, r, u, moved, self.stiffness).max()
+        self.residual = max(self.residual, float(residual) / self.force_scale)
