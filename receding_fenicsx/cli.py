@@ -393,8 +393,8 @@ def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
 def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx.history import from_scene
-    from receding_fenicsx.scene_checks import is_mirror_symmetric
     from receding_fenicsx.scene_file import read_scene
+    from receding_fenicsx.scene_symmetry import is_mirror_symmetric
     from receding_fenicsx.scene_warnings import warnings
 
     scene = read_scene(options.scene, options.overrides)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from receding_fenicsx import errors
 from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_checks import is_half_meshed
+from receding_fenicsx.scene_symmetry import is_half_meshed
 from receding_fenicsx.stages import Timer
 
 if TYPE_CHECKING:

@@ -1,7 +1,8 @@
 """What is modelled: the scene's dataclasses, and the values of profiles along its edges.
 
-Reading and writing TOML is in :mod:`receding_fenicsx.scene_file`, the checks and the test for
-mirror symmetry in :mod:`receding_fenicsx.scene_checks`; their public functions are also found here.
+Reading and writing TOML is in :mod:`receding_fenicsx.scene_file`, the checks in
+:mod:`receding_fenicsx.scene_checks`, the test for mirror symmetry in
+:mod:`receding_fenicsx.scene_symmetry`; their public functions are also found here.
 """
 
 from __future__ import annotations
@@ -18,10 +19,10 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.expressions import evaluate_expression
 
 if TYPE_CHECKING:
-    from receding_fenicsx.scene_checks import is_mirror_symmetric as is_mirror_symmetric
     from receding_fenicsx.scene_file import from_toml as from_toml
     from receding_fenicsx.scene_file import read_scene as read_scene
     from receding_fenicsx.scene_file import to_toml as to_toml
+    from receding_fenicsx.scene_symmetry import is_mirror_symmetric as is_mirror_symmetric
 
 Array = NDArray[np.float64]
 
@@ -319,7 +320,7 @@ def __getattr__(name: str) -> Any:
 
         return getattr(scene_file, name)
     if name == "is_mirror_symmetric":
-        from receding_fenicsx.scene_checks import is_mirror_symmetric
+        from receding_fenicsx.scene_symmetry import is_mirror_symmetric
 
         return is_mirror_symmetric
     raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

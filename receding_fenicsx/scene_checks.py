@@ -1,4 +1,4 @@
-"""Checks of a scene's meaning, and the test for mirror symmetry about x = 0.
+"""Checks of a scene's meaning.
 
 Every message is one line: the table and key, what is wrong, what to do.
 """
@@ -6,7 +6,6 @@ Every message is one line: the table and key, what is wrong, what to do.
 from __future__ import annotations
 
 import math
-from collections import Counter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,8 +35,6 @@ Array = NDArray[np.float64]
 
 LENGTH_TOLERANCE = 1e-9
 """Positions closer than this, over the edge's length, are the same."""
-SYMMETRY_TOLERANCE = 1e-12
-"""Largest difference of mirrored values, over the largest value, that still counts as symmetric."""
 LOAD_SAMPLES = 401
 """Points along an edge at which load profiles are looked at (odd: one lies at the centre)."""
 
@@ -74,63 +71,6 @@ def validate(scene: Scene) -> None:
     _check_output(scene)
 
 
-def is_mirror_symmetric(scene: Scene) -> bool:
-    """Say whether the whole scene is its own mirror image about x = 0, so that half of it will do.
-
-    Pressures, friction and gap must be even in x, the x-component of tractions and the initial slip
-    odd, the y-component even; every support needs its image. Expressions are compared at sample
-    points.
-
-    Args:
-        scene: a valid scene.
-
-    Returns:
-        True when mesh, supports, contact, every load by itself and the initial slip are symmetric.
-    """
-    if any(body.mesh is not None or body.position[0] != 0.0 for body in scene.bodies):
-        return False
-    for contact in scene.contacts:
-        if not _is_horizontal(scene, contact.edge) or not _span_is_even(
-            scene, contact.edge, contact.span
-        ):
-            return False
-        x = contact_samples(scene, contact)
-        if not all(_is_even(evaluate(p, x)) for p in (contact.friction, contact.initial_gap)):
-            return False
-        slip = scene.history.initial_slip
-        if slip is not None and not _is_even(evaluate(slip, x), sign=-1.0):
-            return False
-    for load in scene.loads:
-        if not _is_horizontal(scene, load.edge) or not _span_is_even(scene, load.edge, load.span):
-            return False
-        x, y = edge_points(scene, load.edge, _load_samples(scene, load))
-        if load.pressure is not None and not _is_even(evaluate(load.pressure, x, y)):
-            return False
-        if load.traction is not None:
-            tx, ty = (evaluate(part, x, y) for part in load.traction)
-            scale = max(np.abs(tx).max(), np.abs(ty).max())
-            if not (_is_even(tx, -1.0, scale) and _is_even(ty, 1.0, scale)):
-                return False
-        if load.force is not None and load.force[0] != 0.0:
-            return False
-        if load.displacement is not None:
-            given = zip((-1.0, 1.0), load.displacement, strict=True)
-            parts = [(sign, evaluate(part, x, y)) for sign, part in given if part != FREE]
-            scale = max(np.abs(values).max() for _, values in parts)
-            if not all(_is_even(values, sign, scale) for sign, values in parts):
-                return False
-    return Counter(_support_key(scene, s) for s in scene.supports) == Counter(
-        _support_key(scene, s, mirrored=True) for s in scene.supports
-    )
-
-
-def is_half_meshed(scene: Scene) -> bool:
-    """Whether only x >= 0 is meshed: an axisymmetric body, or half of a mirror-symmetric scene."""
-    if scene.axisymmetric:
-        return True
-    return scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
-
-
 def contact_samples(scene: Scene, contact: Contact) -> Array:
     """Positions of the nodes that a contact edge will have, nominally equally spaced."""
     low, high = contact.span or edge_range(scene, contact.edge)
@@ -138,40 +78,20 @@ def contact_samples(scene: Scene, contact: Contact) -> Array:
     return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, n + 1)
 
 
-def _load_samples(scene: Scene, load: Load) -> Array:
+def load_samples(scene: Scene, load: Load) -> Array:
+    """Positions along a load's span at which its profile is looked at."""
     low, high = load.span or edge_range(scene, load.edge)
     return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, LOAD_SAMPLES)
 
 
-def _is_even(values: Array, sign: float = 1.0, scale: float | None = None) -> bool:
-    """Whether values at points symmetric about 0 are even (sign 1) or odd (sign -1)."""
-    scale = float(np.abs(values).max()) if scale is None else scale
-    return bool(np.all(np.abs(values - sign * values[::-1]) <= SYMMETRY_TOLERANCE * scale))
-
-
-def _span_is_even(scene: Scene, edge: str, span: tuple[float, float] | None) -> bool:
-    low, high = edge_range(scene, edge)
-    return span is None or abs(span[0] + span[1]) <= SYMMETRY_TOLERANCE * (high - low)
-
-
-def _is_horizontal(scene: Scene, edge: str) -> bool:
+def is_horizontal(scene: Scene, edge: str) -> bool:
+    """Whether an edge is the bottom or the top of a rectangle."""
     return scene.find_edge(edge)[1] in HORIZONTAL
 
 
 def _is_meshed(scene: Scene, edge: str) -> bool:
     """Whether an edge is a group of a mesh file, which is looked at when it is read."""
     return scene.find_edge(edge)[0].mesh is not None
-
-
-def _support_key(scene: Scene, support: Support, mirrored: bool = False) -> tuple[object, ...]:
-    swap = {"left": "right", "right": "left"} if mirrored else {}
-    body, edge, point = support.body, "", support.point
-    if support.edge is not None:
-        held, edge = scene.find_edge(support.edge)
-        body, edge = held.name, swap.get(edge, edge)
-    if mirrored and isinstance(point, tuple):
-        point = (0.0 - point[0], point[1])
-    return body, edge, point, "".join(sorted(support.fix))
 
 
 def _check_finite(value: object, where: str) -> None:
@@ -220,7 +140,7 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
                 "out for a rigid plane"
             )
     meshed = _is_meshed(scene, contact.edge)
-    if scene.axisymmetric and not (meshed or _is_horizontal(scene, contact.edge)):
+    if scene.axisymmetric and not (meshed or is_horizontal(scene, contact.edge)):
         raise InputError(
             f'{where} edge: "{contact.edge}" cannot touch a plane in an axisymmetric body; use '
             "bottom or top"
@@ -302,7 +222,7 @@ def _check_load(scene: Scene, load: Load) -> None:
                     f'{where}: lies on the contact edge "{load.edge}" where the contact is; use '
                     "another edge, or a span beside the contact's"
                 )
-    along = _load_samples(scene, load)
+    along = load_samples(scene, load)
     x, y = edge_points(scene, load.edge, along)
     value = getattr(load, kind)
     key = f"{where} {kind}"

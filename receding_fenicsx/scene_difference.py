@@ -10,9 +10,9 @@ from typing import Any
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_checks import is_half_meshed
 from receding_fenicsx.scene_file import ARRAYS, to_toml
 from receding_fenicsx.scene_parts import part_of
+from receding_fenicsx.scene_symmetry import is_half_meshed
 
 FREE_WHEN_RESUMED = frozenset(
     {"title", "history.cycles", "history.until", "output.samples_per_leg", "output.cycles"}

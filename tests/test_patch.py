@@ -25,7 +25,7 @@ from receding_fenicsx.scene import (
     Scene,
     SolverOptions,
 )
-from receding_fenicsx.scene_checks import is_half_meshed
+from receding_fenicsx.scene_symmetry import is_half_meshed
 from receding_fenicsx.study import condense
 
 comm = MPI.COMM_WORLD

@@ -28,7 +28,7 @@ from receding_fenicsx.scene import (
     SolverOptions,
     Support,
 )
-from receding_fenicsx.scene_checks import is_mirror_symmetric
+from receding_fenicsx.scene_symmetry import is_mirror_symmetric
 from receding_fenicsx.study import condense as condense_scene
 
 comm = MPI.COMM_WORLD

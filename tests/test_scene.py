@@ -20,8 +20,8 @@ from receding_fenicsx.scene import (
     edge_range,
     evaluate,
 )
-from receding_fenicsx.scene_checks import is_mirror_symmetric
 from receding_fenicsx.scene_file import from_toml, read_scene, to_toml
+from receding_fenicsx.scene_symmetry import is_mirror_symmetric
 from receding_fenicsx.scene_warnings import warnings
 
 DEMOS = Path(__file__).parents[1] / "demos"
