@@ -299,7 +299,7 @@ def mpirun() -> Callable[..., Any]:
     def run(
         ranks: int,
         *arguments: str | Path,
-        timeout: float = 120,
+        timeout: float = 300,
         start: bool = False,
         **options: object,
     ) -> subprocess.CompletedProcess[str] | subprocess.Popen[str]:

@@ -58,7 +58,7 @@ def test_an_installed_wheel_made_from_the_sdist_has_all_it_needs(tmp_path: Path)
         command = [sys.executable, *map(str, arguments)]
         environment = {k: v for k, v in os.environ.items() if k != "PYTHONPATH"} | variables
         done = subprocess.run(
-            command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=120
+            command, cwd=cwd, env=environment, capture_output=True, text=True, timeout=300
         )
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout

@@ -89,7 +89,7 @@ def test_vtk_s_reader_finds_fields_and_times(folder: Path) -> None:
         env=environment.child_environment(),
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     if "No module named" in done.stderr:
         pytest.skip("this VTK has no reader of XDMF")

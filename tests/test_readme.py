@@ -28,7 +28,7 @@ CHEAPER = {
 }
 """What is added to a command, so that it takes a moment only."""
 ENVIRONMENT = Path(sys.prefix)
-SCRIPT_SECONDS = 280
+SCRIPT_SECONDS = 800
 """Patience with a script, on a machine that does much else."""
 LACKING = 69
 """Exit code of set-up where the machine lacks something; here also where it would build."""

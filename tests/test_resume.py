@@ -224,7 +224,7 @@ def test_signals_leave_a_run_that_can_be_gone_on_with(
         # logged cycle by cycle: byte by byte, so that nothing is read beyond
         assert any(b"cycle 3 of" in line for line in process.stderr)  # type: ignore[union-attr]
         process.send_signal(number)
-        stdout, stderr = process.communicate(timeout=200)
+        stdout, stderr = process.communicate(timeout=300)
     finally:
         process.kill()
     assert process.returncode == code

@@ -182,7 +182,7 @@ def test_reuse_needs_neither_dolfinx_nor_petsc_nor_gmsh(system: Path) -> None:
         env=environment.child_environment(),
         capture_output=True,
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert done.returncode == 0, done.stderr
     assert "written to" in done.stdout

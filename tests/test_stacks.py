@@ -38,7 +38,7 @@ def summary(python: Path, out: Path) -> dict[str, Any]:
         env=child_environment() | {"PYTHONPATH": str(ROOT)},
         capture_output=True,
         text=True,
-        timeout=200,
+        timeout=400,
     )
     assert done.returncode == 0, done.stderr
     result: dict[str, Any] = json.loads((out / "summary.json").read_text())
