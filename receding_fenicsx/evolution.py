@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -89,6 +90,7 @@ def evolve(
     passed = journal.passed
     run = _Run(system, history, solver or SolverOptions(), output or OutputOptions(), passed)
     run.lay(initial_slip)
+    run.sample_passed()
     run.go_on()
     try:
         for number in range(len(passed), history.cycles + 1 if len(history.loop) else 1):
@@ -148,11 +150,14 @@ class _Run:
 
     def go_on(self) -> None:
         """Stand at the end of the last finished cycle, nothing of the way there remembered."""
+        self._go_on_after(len(self.passed) - 1)
+
+    def _go_on_after(self, number: int) -> None:
         self.tracer = make_tracer(self.model, self.solver)
-        if self.passed and self.passed[-1].refined:
+        if number >= 0 and self.passed[number].refined:
             assert isinstance(self.tracer, EventPath)
             self.tracer.segments.refine()
-        self._stand_after(len(self.passed) - 1)
+        self._stand_after(number)
 
     def check_range(self) -> None:
         """Raise where the cycles change the forces too little to be told from round-off."""
@@ -211,13 +216,29 @@ class _Run:
             f"dissipation {D:.6g}, change {self.watch.change[-1]:.1e}"
         )
 
+    def sample_passed(self) -> None:
+        """Keep the samples of those finished cycles for which they are asked for, and no others.
+
+        A run that is gone on with may ask for other cycles than it began with.
+        """
+        for number, cycle in enumerate(self.passed):
+            if not self._wanted(number):
+                self.passed[number] = replace(cycle, kept=None)
+            elif cycle.kept is None:
+                self._go_on_after(number - 1)
+                self.passed[number] = replace(cycle, kept=self._sample(number))
+
     def sample_last(self) -> Kept | None:
         """Trace the last cycle once more from its start, for its samples, unless they are kept."""
         number = len(self.passed) - 1
         if self.passed[number].kept is not None or self.output.cycles is not None:
             return None
-        kept = Kept()
         self._stand_after(number - 1)
+        return self._sample(number)
+
+    def _sample(self, number: int) -> Kept:
+        """Trace a finished cycle once more, standing at its start, for its samples and events."""
+        kept = Kept()
         for k, (a, b) in enumerate(self._legs(number)):
             leg = self._trace(number, k, a, b, kept)
             self.now, self.totals = leg.end, self.totals._replace(force_scale=leg.force_scale)

@@ -14,10 +14,10 @@ from receding_fenicsx.scene_file import ARRAYS, to_toml
 from receding_fenicsx.scene_parts import part_of
 from receding_fenicsx.scene_symmetry import is_half_meshed
 
-FREE_WHEN_RESUMED = frozenset(
-    {"title", "history.cycles", "history.until", "output.samples_per_leg", "output.cycles"}
-)
-"""Keys that change no bit of the path up to a checkpoint."""
+FREE_WHEN_RESUMED = frozenset({"title", "history.cycles", "history.until", "output.cycles"})
+"""Keys that may change when a run is gone on with: none changes a bit of the finished cycles."""
+FREE_WHEN_FINISHED = frozenset({"history.cycles", "history.until"})
+"""Keys whose change alone leaves nothing to do on a run that has gone as far as is asked."""
 
 TABLE_OF = {attribute: name for name, (_, attribute) in ARRAYS.items()}
 """Names in a scene file of what occurs several times in a scene."""

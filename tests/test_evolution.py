@@ -8,7 +8,7 @@ from small import cyclic, small_system, table
 from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.interface.contact import ContactSystem, State
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions, SolverOptions
 
@@ -302,3 +302,25 @@ def test_both_methods_tell_the_same_story() -> None:
     assert steps.cycles.dissipation == pytest.approx(exact.cycles.dissipation, rel=2e-3)
     gap = np.abs(steps.turning_points.P - exact.turning_points.P).max()
     assert 0.0 < gap <= 1e-3 * exact.turning_points.P.max()
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_open_nodes_bear_exactly_nothing(method: str) -> None:
+    record = evolve(BLOCK, cyclic(10), SolverOptions(method=method, steps_per_leg=5))
+    for states in (record.turning_points, record.samples):
+        is_open = states.state == State.SEPARATION
+        assert 0 < np.sum(is_open) < is_open.size
+        for name in ("P", "Q", "p", "q"):
+            assert np.all(getattr(states, name)[is_open] == 0.0), name
+            assert np.any(getattr(states, name)[~is_open] != 0.0), name
+
+
+def test_what_holds_an_open_node_is_kept() -> None:
+    # the load lifts the node, whose tangential displacement is held by a support
+    system = small_system([[2.0, 0.5], [0.5, 1.0]], {"p0": [0.3, -1.0]}, 0.4)
+    system = replace(system, held=np.array([True, False]), f=np.zeros(1))
+    record = evolve(system, cyclic(0))
+    assert record.turning_points.state.tolist() == [[State.SEPARATION]]
+    assert record.turning_points.P.tolist() == [[0.0]]
+    # w = 1, so Q = 0.3 + 0.5 w
+    assert record.turning_points.Q == pytest.approx(np.array([[0.8]]), rel=1e-12)

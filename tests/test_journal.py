@@ -71,6 +71,27 @@ def interrupted(
     return JournalFile(path, system, every)
 
 
+@pytest.mark.parametrize("solver", [SolverOptions(), GAUSS_SEIDEL], ids=lambda s: s.method)
+def test_run_gone_on_with_has_samples_of_the_cycles_that_are_asked_for_then(
+    tmp_path: Path, solver: SolverOptions
+) -> None:
+    wanted = OutputOptions(cycles=(0, 4, 9, 13))
+    undisturbed = evolve(BLOCK, cyclic(14), solver, wanted)
+    journal = interrupted(tmp_path / "journal", 10, cyclic(14), solver=solver)
+    # of the finished cycles 0, 1, 2 and 9 were kept
+    record = evolve(BLOCK, cyclic(14), solver, wanted, journal=journal)
+    for table in ("samples", "events"):
+        one, other = getattr(record, table), getattr(undisturbed, table)
+        assert list(dict.fromkeys(one.cycle)) == [0, 4, 9, 13]
+        np.testing.assert_array_equal(one.cycle, other.cycle)
+    np.testing.assert_array_equal(record.samples.state, undisturbed.samples.state)
+    for name in ("load", "P", "Q", "v", "w"):
+        one, other = getattr(record.samples, name), getattr(undisturbed.samples, name)
+        assert np.abs(one - other).max() <= 1e-11 * np.abs(other).max(), name
+    # asking for them leaves no trace in the path
+    equal(record.cycles, evolve(BLOCK, cyclic(14), solver, journal=Journal(5)).cycles)
+
+
 @pytest.mark.parametrize("killed", [1, 5, 14, 23])
 def test_exact_path_gone_on_with_is_the_undisturbed_one_in_every_bit(
     tmp_path: Path, killed: int

@@ -20,6 +20,7 @@ from receding_fenicsx import cli, environment, study
 from receding_fenicsx.errors import InputError, Interrupted
 from receding_fenicsx.output import journal
 from receding_fenicsx.output.files import read_record
+from receding_fenicsx.output.run_folder import is_finished
 from receding_fenicsx.output.summary import read_summary
 from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_file import read_scene
@@ -106,6 +107,18 @@ def test_finished_run_goes_on_for_more_cycles(shared_tmp_path: Path) -> None:
     if comm.rank == 0:
         same_bits(out, whole)
         assert read_record(out / "record.h5").scene_toml.count("cycles = 17") == 1
+    # nothing is left to do but samples of another cycle
+    wanted = replace(small("history.cycles=17").output, cycles=(4,))
+    asked = replace(small("history.cycles=17"), output=wanted)
+    if comm.rank == 0:
+        assert not is_finished(out, asked)
+    comm.Barrier()
+    study.run(asked, out, comm, pictures=False, resume=True)
+    comm.Barrier()
+    if comm.rank == 0:
+        assert is_finished(out, asked)
+        record = read_record(out / "record.h5")
+        assert set(record.samples.cycle) == {4} and len(record.cycles.dissipation) == 17
     with pytest.raises(InputError, match=r"begun with another \[contact\] friction"):
         study.run(small("contact.friction=0.2"), out, comm, pictures=False, resume=True)
 

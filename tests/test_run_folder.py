@@ -132,6 +132,7 @@ def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path)
         ("material", {"poisson": 0.25}, r"\[material\] poisson"),
         ("solver", {"method": "gauss-seidel"}, r"\[solver\] method"),
         ("output", {"checkpoint_cycles": 7}, r"\[output\] checkpoint_cycles"),
+        ("output", {"samples_per_leg": 3}, r"\[output\] samples_per_leg"),
         ("history", {"minimum": 0.5}, r"\[history\] minimum"),
         ("mesh", {"growth": 1.2}, r"\[mesh\] growth"),
     ],
@@ -146,7 +147,7 @@ def test_run_of_another_scene_is_not_resumed(
     for free in (
         replace(BLOCK, title="another"),
         replace(BLOCK, history=replace(BLOCK.history, cycles=3, until=None)),
-        replace(BLOCK, output=replace(BLOCK.output, samples_per_leg=3, cycles="all")),
+        replace(BLOCK, output=replace(BLOCK.output, cycles="all")),
     ):
         interrupt(tmp_path / "run", free, resume=True)
 

@@ -18,7 +18,11 @@ from receding_fenicsx.output.atomic import check_folder, new_file, sync
 from receding_fenicsx.output.journal import JOURNAL, has_checkpoint
 from receding_fenicsx.output.summary import read_summary
 from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_difference import FREE_WHEN_RESUMED, difference
+from receding_fenicsx.scene_difference import (
+    FREE_WHEN_FINISHED,
+    FREE_WHEN_RESUMED,
+    difference,
+)
 from receding_fenicsx.scene_file import from_toml, to_toml
 
 SYSTEM, SCENE = "system.h5", "scene.toml"
@@ -109,6 +113,8 @@ def is_finished(path: Path, scene: Scene) -> bool:
     _check_same(path, scene)
     if "failure" in summary:
         raise InputError(f"{path}: that run has failed ({summary['failure']}); change the scene")
+    if difference(_scene_of(path), scene, FREE_WHEN_FINISHED) is not None:
+        return False
     steady = summary["steady"]["reached"] and scene.history.until == "steady"
     wanted = scene.history.cycles if len(summary["dissipation_per_cycle"]) else 0
     return bool(steady or len(summary["dissipation_per_cycle"]) >= wanted)
@@ -122,10 +128,13 @@ def _earlier(path: Path) -> Path | None:
     return None
 
 
+def _scene_of(folder: Path) -> Scene:
+    return from_toml((folder / SCENE).read_text(encoding="utf-8"))
+
+
 def _check_same(folder: Path, scene: Scene) -> None:
     """Refuse to go on with the run of another scene."""
-    before = from_toml((folder / SCENE).read_text(encoding="utf-8"))
-    other = difference(before, scene, FREE_WHEN_RESUMED)
+    other = difference(_scene_of(folder), scene, FREE_WHEN_RESUMED)
     if other is not None:
         raise InputError(
             f"{folder}: was begun with another {other}; resume it with the same scene, or choose "
