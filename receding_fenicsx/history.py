@@ -88,6 +88,8 @@ def from_scene(scene: Scene) -> History:
     Raises:
         InputError: the history drives no load or not every one, or its table has no meaning.
     """
+    if not isinstance(scene, Scene):
+        raise InputError(f"a history is made from a scene, not from a {type(scene).__name__}")
     options = scene.history
     names = scene.load_names
     if options.kind not in KINDS:

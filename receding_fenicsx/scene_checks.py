@@ -49,6 +49,9 @@ def validate(scene: Scene) -> None:
         InputError: a value has no meaning, contradicts another one, or asks for what is not
             available.
     """
+    if not isinstance(scene, Scene):
+        kind = type(scene).__name__
+        raise InputError(f'a scene is needed, as read_scene("block.toml") returns it, not a {kind}')
     _check_finite(scene, "scene")
     check_bodies(scene)
     check_mesh(scene)

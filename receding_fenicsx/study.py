@@ -19,6 +19,7 @@ from receding_fenicsx.output.run_folder import SYSTEM, run_folder
 from receding_fenicsx.pictures import draw, drawing
 from receding_fenicsx.reuse import system_for
 from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene_checks import validate
 from receding_fenicsx.stages import Say, Timer
 
 if TYPE_CHECKING:
@@ -67,7 +68,7 @@ def run(
         Interrupted: a signal asked to end; ``OUT.part`` holds the record up to there and can be
             gone on with.
     """
-    scene.validate()
+    validate(scene)
     if error:
         estimate.check(scene)
     comm = comm or world()
@@ -153,7 +154,7 @@ def condense(
     Returns:
         The condensed system on rank 0, None on the others.
     """
-    scene.validate()
+    validate(scene)
     comm = comm or world()
     system, _ = condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
     if whole:

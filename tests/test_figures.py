@@ -1,9 +1,11 @@
 """Figures: the arrays behind them, what is drawn of them, and which are drawn of which record."""
 
 import io
+import re
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import models
 import numpy as np
@@ -14,6 +16,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
+from small import small_system
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import evolve
@@ -32,7 +35,7 @@ from receding_fenicsx.output.zone_map import (
     zone_map,
 )
 from receding_fenicsx.output.zone_plots import load_axis
-from receding_fenicsx.scene import Load, Scene, SolverOptions
+from receding_fenicsx.scene import Load, OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene_file import to_toml
 
 PAPER = Scene(loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
@@ -397,3 +400,43 @@ def test_figures_are_drawn_of_what_is_asked_by_names_and_show_in_a_notebook() ->
     assert image.size[0] == pytest.approx(style.COLUMN * style.NOTEBOOK_DPI, abs=2)
     with pytest.raises(InputError, match="cycle 5"):
         figures.zone_maps(found, 5)
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "said"),
+    [
+        ("zone_maps", "nine", "cycle 'nine': must be a whole number"),
+        ("zone_maps", (1, 0), "list of (cycle, leg), legs from 0"),
+        ("zone_maps", [(1, 7)], "cycle 1, leg 7: has no such leg, only [0, 1]"),
+        ("zone_maps", [(5, 0)], "cycle 5: the record has no samples of it"),
+        ("zone_maps", [], "none is asked for"),
+        ("tractions", 9, "give an instant, as record.at() returns it"),
+        ("tractions", [], "give an instant, as record.at() returns it"),
+        ("hysteresis", 5, "cycle 5: the record has no samples of it"),
+        ("hysteresis", [], "cycles: name some of [0, 1"),
+        ("trajectories", [-1], "nodes [-1]: name some of 0 to"),
+        ("trajectories", 0.5, "node 0.5: must be a whole number"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_in_one_line(name: str, asked: Any, said: str) -> None:
+    with pytest.raises(InputError, match=re.escape(said)) as caught:
+        getattr(figures, name)(record(), asked)
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"format 'xyz': is unknown; use some of .*png"):
+        figures.plot_all(record(), tmp_path / "figures", formats="xyz")
+    assert not (tmp_path / "figures").exists()
+
+
+def test_legs_are_counted_from_0_as_in_the_record() -> None:
+    path, loop = (
+        np.array([[0.0, 0.0], [1.0, 0.5]]),
+        [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]],
+    )
+    system = small_system([[2.0, 0.3], [0.3, 1.0]], {"a": [0.1, 1.0], "b": [0.2, 0.5]}, 0.5)
+    history = History(("a", "b"), path, np.array(loop), 2)
+    found = evolve(system, history, output=OutputOptions(cycles="all"))
+    titles = [axes.get_title() for axes in figures.zone_maps(found, 2).axes[:3]]
+    assert [re.findall(r"cycle 2, leg (\d): ", title) for title in titles] == [["0"], ["1"], ["2"]]

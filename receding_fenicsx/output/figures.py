@@ -12,8 +12,10 @@ from typing import Any
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.output import style
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.cycle_plots import (
@@ -65,7 +67,7 @@ def plot_all(
     folder: str | Path,
     unloading: Record | None = None,
     stepped: Record | None = None,
-    formats: Iterable[str] = FORMATS,
+    formats: str | Iterable[str] = FORMATS,
 ) -> list[Path]:
     """Draw every figure that a record holds something for.
 
@@ -82,8 +84,16 @@ def plot_all(
 
     Returns:
         The files that were made.
+
+    Raises:
+        InputError: a format is unknown, or the folder cannot be made.
     """
-    folder, formats = Path(folder), tuple(formats)
+    folder = Path(folder)
+    formats = (formats,) if isinstance(formats, str) else tuple(formats)
+    known = FigureCanvasBase.get_supported_filetypes()
+    for ending in formats:
+        if ending not in known:
+            raise InputError(f"format '{ending}': is unknown; use some of {', '.join(known)}")
     made: list[Path] = []
     edges = record.by_edge()
     for edge, part in edges.items():
@@ -91,7 +101,12 @@ def plot_all(
         for name, figure in draw_all(part, unloading, stepped):
             whole = alone or name in OF_THE_WHOLE
             place = folder if whole else folder / edge.replace("/", "_")
-            place.mkdir(parents=True, exist_ok=True)
+            try:
+                place.mkdir(parents=True, exist_ok=True)
+            except OSError as error:
+                raise InputError(
+                    f"{place}: cannot be made ({error.strerror}); choose another folder"
+                ) from None
             files = [place / f"{name}.{ending}" for ending in formats]
             if set(files) <= set(made):
                 continue

@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.contact import Array
-from receding_fenicsx.output import style
+from receding_fenicsx.output import asked, style
 from receding_fenicsx.output.loops import Loop, loop_of, shown_cycles, telling_nodes
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import Scales, is_word, load_symbol, scales_of
@@ -27,7 +27,7 @@ ROUND_OFF = 1e-9
 
 
 def hysteresis(
-    record: Record, cycles: Sequence[int] | None = None, scales: Scales | None = None
+    record: Record, cycles: int | Sequence[int] | None = None, scales: Scales | None = None
 ) -> Figure:
     """Draw each load against its work-conjugate displacement: the loops' area is dissipation.
 
@@ -46,7 +46,7 @@ def hysteresis(
         InputError: the record has no samples of a cycle, or no displacements of the loads.
     """
     scales = scales or scales_of(record)
-    paths = [loop_of(record, c) for c in (shown_cycles(record) if cycles is None else cycles)]
+    paths = _paths(record, cycles)
     moves = moving_loads(paths)
     if not moves:
         raise InputError("hysteresis: no load moves, or the record has no load displacements")
@@ -86,8 +86,8 @@ def hysteresis(
 
 def trajectories(
     record: Record,
-    nodes: Sequence[int] | None = None,
-    cycles: Sequence[int] | None = None,
+    nodes: int | Sequence[int] | None = None,
+    cycles: int | Sequence[int] | None = None,
     scales: Scales | None = None,
 ) -> Figure:
     """Draw what nodes go through in the planes of tractions (q, p) and displacements (v, w).
@@ -106,10 +106,10 @@ def trajectories(
         InputError: the record has no samples of a cycle, no such node, or no node in contact.
     """
     scales = scales or scales_of(record)
-    paths = [loop_of(record, c) for c in (shown_cycles(record) if cycles is None else cycles)]
-    chosen = telling_nodes(record) if nodes is None else list(nodes)
-    if not chosen or not all(0 <= i < len(record.x) for i in chosen):
-        raise InputError(f"trajectories: nodes {chosen} are not among 0 to {len(record.x) - 1}")
+    paths = _paths(record, cycles)
+    chosen = telling_nodes(record) if nodes is None else asked.nodes(record, nodes)
+    if not chosen:
+        raise InputError("trajectories: no node touches in the sampled cycles; name nodes")
     unit, behind = scales.peak_traction()
     length, beside = scales.slip()
     reach = float(np.abs(record.x).max())
@@ -150,6 +150,11 @@ def trajectories(
         handles.append(Patch(label=r"friction cone, $|Q| \leq f P$", **style.CONE))
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
+
+
+def _paths(record: Record, cycles: int | Sequence[int] | None) -> list[Loop]:
+    chosen = shown_cycles(record) if cycles is None else asked.cycles(record, cycles)
+    return [loop_of(record, cycle) for cycle in chosen]
 
 
 def moving_loads(paths: Sequence[Loop]) -> list[int]:

@@ -59,6 +59,16 @@ def sampled_cycles(record: Record) -> list[int]:
     return [int(cycle) for cycle in np.unique(record.samples.cycle)]
 
 
+def check_sampled(record: Record, cycle: int) -> None:
+    """Raise InputError where a record has no samples of a cycle."""
+    known = sampled_cycles(record)
+    if cycle not in known:
+        raise InputError(
+            f"cycle {cycle}: the record has no samples of it, only of {known}; name it in [output] "
+            "cycles"
+        )
+
+
 def shown_cycles(record: Record) -> list[int]:
     """First loading, first and last cycle, as far as there are samples."""
     cycles = sampled_cycles(record)
@@ -72,11 +82,7 @@ def loop_of(record: Record, cycle: int) -> Loop:
         InputError: the record holds no samples of the cycle.
     """
     points, samples = record.turning_points, record.samples
-    if cycle not in sampled_cycles(record):
-        raise InputError(
-            f"cycle {cycle}: the record has no samples of it, only of {sampled_cycles(record)}; "
-            "name it in [output] cycles"
-        )
+    check_sampled(record, cycle)
     parts: list[tuple[States, NDArray[np.intp], bool]] = []
     before = np.flatnonzero(points.cycle < cycle)[-1:]
     parts.append((points, before, True))

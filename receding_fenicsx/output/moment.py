@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -86,6 +87,10 @@ def find(
             "the record has several contact edges; ask one of them: record.by_edge()"
             f"['{record.edge_names[0]}'].at(...)"
         )
+    for name, value, kind in (("cycle", cycle, Integral), ("leg", leg, Integral), ("s", s, Real)):
+        if value is not None and not isinstance(value, kind):
+            expected = "whole number" if kind is Integral else "number from 0 to 1"
+            raise InputError(f"{name} = {value!r}: must be a {expected}")
     points = record.turning_points
     last = int(points.cycle.max(initial=0))
     number = cycle + last + 1 if cycle < 0 else cycle

@@ -232,9 +232,9 @@ def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str
     if first:
         return "first unloading"
     if cycle == 0:
-        return f"first loading, leg {leg + 1}" if leg else "first loading"
+        return f"first loading, leg {leg}" if leg else "first loading"
     if not plain:
-        return f"cycle {cycle}, leg {leg + 1}"
+        return f"cycle {cycle}, leg {leg}"
     return f"{'unloading' if falls else 'reloading'}, cycle {cycle}"
 
 

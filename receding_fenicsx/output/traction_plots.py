@@ -12,6 +12,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.contact import STATE_NAMES
 from receding_fenicsx.interface.zones import zones
 from receding_fenicsx.output import style
@@ -36,9 +37,17 @@ def tractions(
 
     Returns:
         The figure.
+
+    Raises:
+        InputError: something else than instants was given.
     """
     scales = scales or scales_of(record)
     moments = [moments] if isinstance(moments, Moment) else moments
+    if not isinstance(moments, Sequence) or {type(moment) for moment in moments} != {Moment}:
+        raise InputError(
+            "tractions: give an instant, as record.at() returns it, or a list of some, not "
+            f"{moments!r}"
+        )
     panels = len(moments)
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels)

@@ -11,12 +11,11 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.contact import Array
-from receding_fenicsx.output import style
+from receding_fenicsx.output import asked, style
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import Scales, describe_leg, scales_of
-from receding_fenicsx.output.series import NEGLIGIBLE_SLIP, Still, leg_ends, legs_of
+from receding_fenicsx.output.series import NEGLIGIBLE_SLIP, Still, leg_ends
 from receding_fenicsx.output.zone_labels import place_labels
 from receding_fenicsx.output.zone_map import FLICKER, ZoneMap, zone_map
 
@@ -51,13 +50,10 @@ def zone_maps(
         The figure; only x >= 0 is shown where the contact is symmetric.
 
     Raises:
-        InputError: the record has no samples of the cycle.
+        InputError: the record has no samples of a leg.
     """
     scales = scales or scales_of(record)
-    if isinstance(legs, int):
-        cycle, legs = legs, legs_of(record, legs)
-        if not legs:
-            raise InputError(f"cycle {cycle}: the record has no samples of it; see [output] cycles")
+    legs = asked.legs(record, legs)
     stuck = None if still is None else still.stuck
     with mpl.rc_context(style.RC):
         rows = -(-len(legs) // columns)
