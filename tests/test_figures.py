@@ -21,8 +21,8 @@ from small import small_system
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import State
-from receding_fenicsx.output import figures, style
+from receding_fenicsx.interface.contact import ContactSystem, State
+from receding_fenicsx.output import figures, series, style
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import load_symbol, scales_of
 from receding_fenicsx.output.series import first_unloading, limit_without_slip, slip_lines
@@ -424,10 +424,41 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(name: str, asked: Any, said
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("legs", [2, 4, 5, 7, 30])
+def test_no_leg_is_left_out_of_the_zone_maps_unless_they_say_so(legs: int) -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, legs + 1)
+    loop = np.stack([1.0 + 0.3 * np.cos(angle), 0.2 * np.sin(angle)], axis=1)
+    loop[-1] = loop[0]
+    system = two_nodes()
+    history = History(("a", "b"), np.array([[0.0, 0.0], loop[0]]), loop, 2)
+    found = evolve(system, history, output=OutputOptions(samples_per_leg=2, cycles="all"))
+    drawn = dict(figures.draw_all(found))
+    last = drawn["fig09_zones_last_cycle"]
+    told = [text.get_text() for text in last.findobj(Text) if "of the 30 legs" in text.get_text()]
+    assert told == (["24 of the 30 legs"] if legs == 30 else [])
+    assert len([axes for axes in last.axes if axes.axison]) == min(legs, 24)
+    if legs == 30:
+        assert "zones_by_cycle" not in drawn
+        return
+    overview = [axes for axes in drawn["zones_by_cycle"].axes if axes.axison]
+    places = [re.sub(r"\(\w+\) |:.*", "", axes.get_title()) for axes in overview]
+    expected = [f"cycle {cycle}, leg {leg}" for cycle in (1, 2) for leg in range(legs)]
+    unloading = series.first_unloading(found)
+    assert unloading is not None
+    expected[(unloading[0] - 1) * legs + unloading[1]] = "first unloading"
+    assert places == expected
+
+
 def test_unknown_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"format 'xyz': is unknown; use some of .*png"):
         figures.plot_all(record(), tmp_path / "figures", formats="xyz")
     assert not (tmp_path / "figures").exists()
+
+
+def two_nodes() -> ContactSystem:
+    """Two nodes that know nothing of each other, under two loads."""
+    loads = {"a": np.repeat([0.1, 1.0], 2), "b": np.repeat([0.2, 0.5], 2)}
+    return small_system(np.kron([[2.0, 0.3], [0.3, 1.0]], np.eye(2)), loads, 0.5)
 
 
 def test_legs_are_counted_from_0_as_in_the_record() -> None:
@@ -435,7 +466,7 @@ def test_legs_are_counted_from_0_as_in_the_record() -> None:
         np.array([[0.0, 0.0], [1.0, 0.5]]),
         [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]],
     )
-    system = small_system([[2.0, 0.3], [0.3, 1.0]], {"a": [0.1, 1.0], "b": [0.2, 0.5]}, 0.5)
+    system = two_nodes()
     history = History(("a", "b"), path, np.array(loop), 2)
     found = evolve(system, history, output=OutputOptions(cycles="all"))
     titles = [axes.get_title() for axes in figures.zone_maps(found, 2).axes[:3]]

@@ -29,6 +29,7 @@ from receding_fenicsx.output.moment import moment_of
 from receding_fenicsx.output.record import Record, States
 from receding_fenicsx.output.scales import Scales, scales_of
 from receding_fenicsx.output.series import (
+    Still,
     first_unloading,
     legs_of,
     limit_without_slip,
@@ -54,12 +55,14 @@ PAPERS_CYCLE = 9
 """The cycle of the paper's Fig. 7."""
 LOW_LOAD = 1.0 / 3.0
 """Part of the largest load at which the paper's Fig. 6 stands."""
-MOST_ROWS, MOST_COLUMNS = 5, 3
-"""Cycles, and legs of each, in the overview of all sampled cycles at most."""
+MOST_ROWS = 6
+"""Rows of the overview of sampled cycles at most; every cycle begins a row."""
 OF_THE_WHOLE = ("fig10_dissipation_per_cycle", "hysteresis")
 """Figures that show no single contact edge."""
 MOST_PANELS = 6
-"""Legs of a cycle that are drawn in one figure at most."""
+"""Panels one above the other at most."""
+MOST_LEGS = 24
+"""Legs of a cycle that are drawn in one figure at most; of more the figure says so."""
 
 
 def plot_all(
@@ -139,18 +142,20 @@ def draw_all(
     yield from _first_loading(record, scales)
     yield from _first_unloading([unloading or record, record])
     last = int(record.turning_points.cycle.max(initial=0))
-    legs = legs_of(record, PAPERS_CYCLE)[:MOST_PANELS]
-    if legs and last > PAPERS_CYCLE:
-        yield f"fig07_zones_cycle_{PAPERS_CYCLE}", zone_maps(record, legs, scales)
+    if legs_of(record, PAPERS_CYCLE) and last > PAPERS_CYCLE:
+        yield f"fig07_zones_cycle_{PAPERS_CYCLE}", _all_legs(record, PAPERS_CYCLE, scales)
     if slip_lines(record, scales.length):
         yield "fig08_slip_per_cycle", slip_per_cycle(record, scales)
-    legs = legs_of(record, last)[:MOST_PANELS]
-    if legs and last > 1:
+    if legs_of(record, last) and last > 1:
         still = limit_without_slip(record, last)
-        yield "fig09_zones_last_cycle", zone_maps(record, legs, scales, still)
-    if len(sampled := [cycle for cycle in sampled_cycles(record) if cycle][:MOST_ROWS]) > 1:
-        legs = [leg for cycle in sampled for leg in legs_of(record, cycle)[:MOST_COLUMNS]]
-        yield "zones_by_cycle", zone_maps(record, legs, scales, columns=len(legs) // len(sampled))
+        yield "fig09_zones_last_cycle", _all_legs(record, last, scales, still)
+    if len(sampled := [cycle for cycle in sampled_cycles(record) if cycle]) > 1:
+        columns = _columns(len(legs_of(record, sampled[0])))
+        most = MOST_ROWS // -(-len(legs_of(record, sampled[0])) // columns)
+        if most > 1:
+            several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
+            legs = [leg for cycle in several for leg in legs_of(record, cycle)]
+            yield "zones_by_cycle", zone_maps(record, legs, scales, columns=columns)
     dissipation = record.cycles.dissipation
     if len(dissipation) > 1 and dissipation[0] > 0.0:
         yield "fig10_dissipation_per_cycle", dissipation_per_cycle(record, scales, stepped)
@@ -166,8 +171,32 @@ def draw_all(
         table = record.turning_points
         rows = np.flatnonzero((table.cycle == last) & np.any(table.P > 0.0, axis=1))
         if len(rows):
-            chosen = [moment_of(record, table, int(row)) for row in rows[:MOST_PANELS]]
+            chosen = [moment_of(record, table, int(row)) for row in _spread(rows, MOST_PANELS)]
             yield "tractions_last_cycle", tractions(record, chosen, scales)
+
+
+def _all_legs(record: Record, cycle: int, scales: Scales, still: Still | None = None) -> Figure:
+    """Map the zones along all legs of a cycle."""
+    legs = legs_of(record, cycle)
+    chosen = [legs[k] for k in _spread(range(len(legs)), MOST_LEGS)]
+    columns = 1 if len(chosen) <= MOST_PANELS else 3
+    figure = zone_maps(record, chosen, scales, still, columns)
+    if len(chosen) < len(legs):
+        figure.suptitle(f"{len(chosen)} of the {len(legs)} legs", fontsize="medium")
+    return figure
+
+
+def _columns(legs: int) -> int:
+    """Panels beside each other for a cycle of so many legs."""
+    return 2 if legs == 4 else min(legs, 3)
+
+
+def _spread(items: Iterable[int], most: int) -> list[int]:
+    """Return all items, or the first, the last and others evenly between."""
+    every = [int(item) for item in items]
+    if len(every) <= most:
+        return every
+    return [every[round(k * (len(every) - 1) / (most - 1))] for k in range(most)]
 
 
 def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure]]:

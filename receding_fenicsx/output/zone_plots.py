@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import matplotlib as mpl
@@ -44,7 +45,8 @@ def zone_maps(
         legs: (cycle, leg), a panel each; or a cycle, for all its legs.
         scales: units; the record's own when left out.
         still: nodes that reach the friction limit without slipping, for a dashed line.
-        columns: panels beside each other; with more than one the figure is as wide as a page.
+        columns: panels beside each other at most; with more than one the figure is as wide as a
+            page, and every cycle begins a row.
 
     Returns:
         The figure; only x >= 0 is shown where the contact is symmetric.
@@ -56,16 +58,17 @@ def zone_maps(
     legs = asked.legs(record, legs)
     stuck = None if still is None else still.stuck
     with mpl.rc_context(style.RC):
-        rows = -(-len(legs) // columns)
+        places = _places(legs, columns)
+        rows = places[-1][0] + 1
         width = style.COLUMN if columns == 1 else style.PAGE
         figure = style.new_figure(width, 0.9 + (PANEL_HEIGHT + 0.25) * rows)
         grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
-        panels = grid.ravel()
-        for axes in panels[len(legs) :]:
-            axes.set_axis_off()
+        for place in set(np.ndindex(grid.shape)) - set(places):
+            grid[place].set_axis_off()
         shown: set[int] = set()
         dashed = False
-        for n, (axes, (cycle, leg)) in enumerate(zip(panels, legs, strict=True)):
+        for n, ((row, column), (cycle, leg)) in enumerate(zip(places, legs, strict=True)):
+            axes = grid[row, column]
             drawn = zone_map(record, cycle, leg, stuck, FLICKER)
             shown |= {int(state) for state, _ in drawn.pieces}
             axes.set_title(
@@ -74,12 +77,13 @@ def zone_maps(
             begin, end, label = load_axis(record, cycle, leg, scales)
             inches = (AXES_WIDTH - style.COLUMN + width) / columns
             _draw_map(axes, drawn, (begin, end), scales, inches)
-            if n % columns == 0 or label != load_axis(record, *legs[n - 1], scales)[2]:
+            if column == 0 or label != load_axis(record, *legs[n - 1], scales)[2]:
                 axes.set_ylabel(label)
             if still is not None:
                 dashed |= _draw_limit(axes, record, still, leg, (begin, end), scales)
-        for axes in grid[-1]:
-            axes.set_xlabel(scales.x_label)
+            if (row + 1, column) not in places:
+                axes.set_xlabel(scales.x_label)
+                axes.tick_params(labelbottom=True)
         handles: list[Line2D] = []
         if still is not None and dashed:
             text = "reaches the friction limit, does not slip"
@@ -96,6 +100,16 @@ def zone_maps(
             columnspacing=1.4,
         )
     return figure
+
+
+def _places(legs: list[tuple[int, int]], columns: int) -> list[tuple[int, int]]:
+    """Row and column of each leg's panel."""
+    places = [(0, 0)]
+    for (before, _), (cycle, _) in pairwise(legs):
+        row, column = places[-1]
+        full = column + 1 == columns or (columns > 1 and cycle != before)
+        places.append((row + 1, 0) if full else (row, column + 1))
+    return places
 
 
 def load_axis(record: Record, cycle: int, leg: int, scales: Scales) -> tuple[float, float, str]:
