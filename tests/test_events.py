@@ -16,6 +16,7 @@ from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactState, ContactSystem, State
 from receding_fenicsx.interface.events import EventPath
 from receding_fenicsx.interface.rates import Tableau
+from receding_fenicsx.interface.resting import at_rest
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions, SolverOptions
 
@@ -378,6 +379,43 @@ def test_a_whole_body_that_touches_at_one_node_first_is_that_of_its_half(bend: f
         x, y = getattr(a, field), getattr(b, field)
         assert np.abs(x - y).max() <= 1e-9 * np.abs(y).max(), field
     assert found[1].residual_max <= 1e-11
+
+
+@pytest.mark.parametrize(("top", "f"), [(0.5, 0.35), (-0.75, 0.1), (1.0, 0.6)])
+def test_a_crowned_body_rolls_to_where_it_rests_under_its_load(top: float, f: float) -> None:
+    # another top of the same parabola is the same gap, tilted: only rigid motions may differ
+    body, bend = block_system(48, 12, half=False, f=f), 0.05
+    tilted, level = (
+        evolve(replace(body, g0=bend * (body.x - at) ** 2), cyclic(3, maximum=5.0), output=ALL)
+        for at in (top, 0.0)
+    )
+    for field in ("P", "Q", "v"):
+        x, y = (getattr(record.samples, field) for record in (tilted, level))
+        assert np.abs(x - y).max() <= 1e-9 * np.abs(y).max(), field
+    gaps = [
+        record.samples.w[-1] + bend * (body.x - at) ** 2
+        for record, at in ((tilted, top), (level, 0.0))
+    ]
+    assert np.abs(gaps[0] - gaps[1]).max() <= 1e-9 * bend
+    assert tilted.residual_max <= 1e-11 and tilted.energy_error_max <= 1e-10
+    assert worst_violation(replace(body, g0=bend * (body.x - top) ** 2), tilted) <= 1e-9
+
+
+def test_a_crowned_body_pressed_beside_its_top_is_what_load_steps_make_of_it() -> None:
+    # without friction the answer knows no path
+    body = block_system(24, 8, half=False, f=0.0)
+    body = replace(body, g0=0.02 * (body.x - 1.0) ** 2)
+    history = cyclic(1, maximum=2.0)
+    steps = SolverOptions(method="gauss-seidel", steps_per_leg=2)
+    a, b = (evolve(body, history, solver).turning_points for solver in (None, steps))
+    assert np.abs(a.P - b.P).max() <= 1e-9 * a.P.max()
+    states = np.where(body.g0 > 0.0, OPEN, STICK).astype(np.int8)
+    laid = ContactState(np.zeros(2 * body.n), np.zeros(2 * body.n), states)
+    rolled = at_rest(body, laid, np.ones(1))
+    # the load's middle lies above a node: the body leans to neither side of it
+    assert np.flatnonzero(rolled.state == STICK).tolist() == [int(np.argmin(np.abs(body.x)))]
+    left, right = (body.g0 + rolled.w)[[11, 13]]
+    assert left == near(right)
 
 
 def two_feet() -> ContactSystem:

@@ -7,15 +7,18 @@ pressure or a gap reaches zero, and the dissipation -integral Q dv is a sum of e
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
-from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, Leg, reactions
 from receding_fenicsx.interface.frozen import Reduction, reduce, widen
 from receding_fenicsx.interface.limits import Limit, furthest
-from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION
+from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION, SingularExchange
 from receding_fenicsx.interface.residual import largest_force, local_stiffness, relative_residual
+from receding_fenicsx.interface.resting import at_rest
 from receding_fenicsx.interface.segments import Segments
 from receding_fenicsx.interface.static import solve_static
 from receding_fenicsx.interface.walk import Walk
@@ -79,11 +82,33 @@ class EventPath:
             SolveError: the residual of the contact law is above its tolerance.
         """
         a, b = ends
-        if self._is_unloaded(a) and not np.any(start.r):
-            return self._from_rest(start, b, force_scale, samples)
+        if not np.any(a) and not np.any(start.r):
+            if self._is_unloaded(a):
+                return self._from_rest(start, b, force_scale, samples)
+            laid = self._laid(start, ends)
+            leg = self._held_leg(laid, ends, force_scale, samples)
+            leg.events = [*changes(0.0, start.state, laid.state), *leg.events]
+            return leg
         crossing = self._crosses_zero(a, b)
         if crossing is not None:
             return self._through_zero(start, ends, crossing, force_scale, samples)
+        return self._held_leg(start, ends, force_scale, samples)
+
+    def _laid(self, start: ContactState, ends: tuple[Array, Array]) -> ContactState:
+        """Let an unloaded body with a gap roll to where it rests under the load of a leg."""
+        laid = at_rest(self.system, start, ends[1])
+        if laid is not start:
+            with suppress(SingularExchange):
+                # K R is zero up to the round-off of the condensation only
+                r = reactions(self.system, ends[0], laid.u)
+                laid.u += self.segments.tableau(laid.state).correction(r)
+        return laid
+
+    def _held_leg(
+        self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int
+    ) -> Leg:
+        """Follow one leg that begins where the contact holds the body; say where it ends to."""
+        a, b = ends
         force_scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
         try:
             leg = self._trace(start, ends, force_scale, samples)
@@ -160,8 +185,7 @@ class EventPath:
         leg = joined(before, rest, s)
         leg.work += work
         old, new = before.end.state, end.state
-        changed = np.flatnonzero(old != new)
-        leg.events += [(s, int(i), int(old[i]), int(new[i])) for i in changed]
+        leg.events += changes(s, old, new)
         leg.events.sort(key=lambda event: event[0])
         leg.jumps = [(walk.s, released), *leg.jumps]
         self._remember(b - a, leg)
@@ -293,9 +317,15 @@ class EventPath:
         for j in range(1, samples + 1):
             s = j / samples
             leg.samples.append((s, ContactState(start.u + s * change, s * end.r, end.state)))
-        changed = np.flatnonzero(end.state != start.state)
-        leg.events = [(0.0, int(i), int(start.state[i]), int(end.state[i])) for i in changed]
+        leg.events = changes(0.0, start.state, end.state)
         return leg
+
+
+def changes(
+    s: float, old: NDArray[np.int8], new: NDArray[np.int8]
+) -> list[tuple[float, int, int, int]]:
+    """Return the events (s, node, old, new) between two sets of states at one place of a leg."""
+    return [(s, int(i), int(old[i]), int(new[i])) for i in np.flatnonzero(old != new)]
 
 
 def joined(first: Leg, second: Leg, s0: float, scale: float = 1.0) -> Leg:

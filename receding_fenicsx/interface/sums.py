@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.interface.rates import FORWARD
-from receding_fenicsx.interface.residual import law_residual, local_stiffness
+from receding_fenicsx.interface.residual import law_residual, local_stiffness, reachable
 from receding_fenicsx.interface.segments import Segments, States
 
 EVENT_RESIDUAL = 1e-11
@@ -37,6 +37,8 @@ class Sums:
         dissipation: (N,) frictional dissipation.
         work: (n_loads,) integral of lambda_k r*_k . du.
         residual: largest residual at the stops that were looked at afresh, over ``force_scale``.
+        start: (2N,) displacements at the leg's start.
+        excess: by how much a residual was above what is accepted there.
         force_scale: largest nodal force of the history so far.
         found: what ``watch`` has found.
     """
@@ -66,7 +68,8 @@ class Sums:
         self.stiffness = local_stiffness(self.system)
         self.gaps = bool(np.any(self.system.g0))
         self.dissipation, self.work, self.residual = np.zeros(n), np.zeros(len(ends[0])), 0.0
-        self.found = np.zeros(0, dtype=np.intp)
+        self.start = start[1][: 2 * n] - np.concatenate([np.zeros(n), self.system.g0])
+        self.excess, self.found = 0.0, np.zeros(0, dtype=np.intp)
         self.go_on_from(*start)
 
     @property
@@ -108,6 +111,15 @@ class Sums:
             self._check(u[1:], load[1:], slip, states)
         self._stops = self._stops[-1:]
 
+    def accepted(self, u: Array) -> float:
+        """Return the residual that is accepted at displacements u, over the force scale so far.
+
+        Forces may be small at the beginning of a leg beside those of its end, and displacements at
+        the end beside those of the beginning, whose round-off is carried along.
+        """
+        excused = (reachable(self.system, at, self.force_scale) for at in (self.start, u))
+        return max(EVENT_RESIDUAL, *excused)
+
     def _doubt(self, y: Array, u: Array, load: Array) -> float:
         """Return by how much, over all stops, a limit is passed, or Q and P do not belong to u.
 
@@ -124,5 +136,8 @@ class Sums:
         r = load @ self.system.r_star + u @ self.system.K
         moved = np.where(states >= FORWARD, slip, 0.0)
         self.force_scale = max(self.force_scale, float(np.abs(r).max()))
-        residual = law_residual(self.system, r, u, moved, self.stiffness).max()
-        self.residual = max(self.residual, float(residual) / self.force_scale)
+        residuals = law_residual(self.system, r, u, moved, self.stiffness).max(axis=1)
+        residuals /= self.force_scale
+        self.residual = max(self.residual, float(residuals.max()))
+        for k in np.flatnonzero(residuals > EVENT_RESIDUAL):
+            self.excess = max(self.excess, float(residuals[k]) - self.accepted(u[k]))
