@@ -438,11 +438,11 @@ def test_feet_that_slip_apart_may_drift_together_only() -> None:
     assert points.P[-1] == pytest.approx(2.5 * points.P[0], abs=1e-9 * points.P.max())
 
 
-def test_a_body_pushed_over_its_only_node_is_refused() -> None:
+def test_a_crowned_body_pushed_over_its_end_is_refused() -> None:
     whole = block_system(24, 6, half=False)
     whole = replace(whole, g0=0.2 * whole.x**2)
     couple = np.zeros(2 * whole.n)
-    couple[[whole.n, -1]] = -0.1, 0.1
+    couple[[whole.n, -1]] = -1.5, 1.5  # the resultant stands at 3, the body ends at 2
     pushed = replace(whole, r_star=whole.r_star + couple, load_compliance=np.zeros((0, 0)))
     with pytest.raises(NoEquilibrium, match="touch first"):
         evolve(pushed, cyclic(1))
