@@ -444,7 +444,7 @@ def test_a_crowned_body_pushed_over_its_end_is_refused() -> None:
     couple = np.zeros(2 * whole.n)
     couple[[whole.n, -1]] = -1.5, 1.5  # the resultant stands at 3, the body ends at 2
     pushed = replace(whole, r_star=whole.r_star + couple, load_compliance=np.zeros((0, 0)))
-    with pytest.raises(NoEquilibrium, match="touch first"):
+    with pytest.raises(NoEquilibrium, match="that touch first"):
         evolve(pushed, cyclic(1))
 
 
