@@ -69,8 +69,8 @@ def _not_pressed(
         )
     if at_start and np.any(gap):
         return NoEquilibrium(
-            f"the body is not held {where}: the loads lift it or turn it about the nodes that touch "
-            "first; move their resultant to above the contact, or add a [[support]]"
+            f"the body is not held {where}: the loads lift it or turn it about the nodes that "
+            "touch first; move their resultant to above the contact, or add a [[support]]"
         )
     return NoEquilibrium(
         f"lift-off {where}: no pressure is left on the contact, nothing holds the body"
