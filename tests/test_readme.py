@@ -129,7 +129,8 @@ def shell(tmp_path: Path) -> Callable[[str], str]:
     assert code == 0, said
 
     def shell(line: str) -> str:
-        placed = re.sub(r"(?<=\s)(demos|tests|docs|\.venv)/", rf"{ROOT}/\1/", line)
+        root = shlex.quote(str(ROOT))
+        placed = re.sub(r"(?<=\s)(demos|tests|docs|\.venv)/", lambda m: f"{root}/{m[0]}", line)
         placed = placed.replace("/.venv/", f"/{ENVIRONMENT.name}/")
         code, said = bash("-e", "-c", placed, folder=tmp_path)
         assert code == 0, said
