@@ -324,3 +324,17 @@ def test_what_holds_an_open_node_is_kept() -> None:
     assert record.turning_points.P.tolist() == [[0.0]]
     # w = 1, so Q = 0.3 + 0.5 w
     assert record.turning_points.Q == pytest.approx(np.array([[0.8]]), rel=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("gap", [0.0, 0.3])
+def test_nothing_happens_before_the_first_load(method: str, gap: float) -> None:
+    system = laid_down(gap)
+    late, plain = (
+        evolve(system, table(system, path), SolverOptions(method=method))
+        for path in ([0.0, 0.0, 0.0, 1.0], [0.0, 1.0])
+    )
+    ends = late.turning_points
+    assert not ends.P[:2].any() and not ends.v[:2].any() and not ends.w[:2].any()
+    assert np.array_equal(ends.P[-1], plain.turning_points.P[-1])
+    assert late.dissipation_first_loading == plain.dissipation_first_loading

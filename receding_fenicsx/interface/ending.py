@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.interface.rates import SEPARATION
-from receding_fenicsx.interface.segments import LIMIT_TOLERANCE, Segments, States
+from receding_fenicsx.interface.segments import Segments, States
 
 LISTED = 12
 """Nodes that a message names at most."""
@@ -39,12 +39,11 @@ def explain(
         f"at load factors [{', '.join(f'{value:.9g}' for value in load)}] (s = {s:.9g} of the leg)"
     )
     contact = states != SEPARATION
-    A, B = y.reshape(4, -1)[2:]
-    limit = LIMIT_TOLERANCE * force_scale
-    if segments.lifts_freely and np.all((A + B)[contact] <= limit):
+    A, B = (y - segments.limit * force_scale).reshape(4, -1)[2:]
+    if segments.lifts_freely and np.all(((A <= 0.0) & (B <= 0.0))[contact]):
         return _not_pressed(segments, contact, where, at_start=s == 0.0)
     loose = contact & segments.frictional
-    all_slip = np.all(A[loose] <= limit) or np.all(B[loose] <= limit)
+    all_slip = np.all(A[loose] <= 0.0) or np.all(B[loose] <= 0.0)
     if segments.slides_freely and loose.any() and all_slip:
         return NoEquilibrium(
             f"gross sliding {where}: all contact nodes are at their limit, in the same direction"

@@ -37,6 +37,9 @@ JUMP_STEP = 1e-7
 """Part of the leg beyond a jump at which the state to jump to is looked for: at the jump itself the
 state before is still an equilibrium."""
 
+FAINT = 1e-5
+"""Friction below which a path that ends may have been lost in round-off: f P is too small."""
+
 REDUCTIONS = 3
 """Choices of the nodes left out that are tried on a leg."""
 
@@ -57,6 +60,9 @@ class EventPath:
         """
         self.system, self.check_all, self.on_jump = system, check_all, on_jump
         self.segments = Segments(system)
+        rubbing = np.flatnonzero(self.segments.frictional)
+        least = int(rubbing[np.argmin(system.f[rubbing])]) if len(rubbing) else 0
+        self.faint = least if len(rubbing) and system.f[least] < FAINT else None
         self.legs_since_correction = 0
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
         self.reduction: Reduction | None = None
@@ -110,6 +116,9 @@ class EventPath:
         """Follow one leg that begins where the contact holds the body; say where it ends to."""
         a, b = ends
         force_scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
+        if force_scale == 0.0:  # nothing is loaded yet
+            still = [(j / samples, start) for j in range(1, samples + 1)]
+            return Leg(end=start, dissipation=np.zeros(self.system.n), samples=still)
         try:
             leg = self._trace(start, ends, force_scale, samples)
         except NoEquilibrium:
@@ -118,6 +127,13 @@ class EventPath:
             limit = self._limit(a, b)
             if limit is not None:
                 raise NoEquilibrium(limit.text) from error
+            if self.faint is not None:
+                f = float(self.system.f[self.faint])
+                raise SolveError(
+                    f"the exact path is lost on the way to load factors {b.tolist()}: the friction "
+                    f"f = {f:.2g} of node {self.faint} is so small that its limit cannot be told "
+                    f"from round-off; make it 0, or {FAINT:.0e} at least"
+                ) from error
             raise
         return leg
 
@@ -152,7 +168,7 @@ class EventPath:
         try:
             walk.run(1.0 - APEX if apex else 1.0)
         except NoQuasiStaticContinuation:
-            if self.on_jump != "static" or not self.segments.refined:
+            if self.on_jump != "static" or not self.segments.refined or self.faint is not None:
                 raise
             return self._jump(walk, samples)
         leg = walk.finish(apex, self._correction_due())

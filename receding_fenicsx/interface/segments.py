@@ -34,6 +34,13 @@ LIMIT_TOLERANCE = 1e-12
 RATE_TOLERANCE = 1e-11
 """Rate over the Euclidean norm of all rates (as forces) below which it is taken for zero."""
 
+SLIGHT = 0.1
+"""Friction below which the distances A and B from its limits are measured by f P, not by P: they
+are small because f is, and a node on both limits at once has to be one without pressure."""
+
+COUNTED = 1e-3
+"""Friction below which the rates 2 f P of slipping nodes are worked out from P itself."""
+
 SIGN = np.zeros(5)
 SIGN[FORWARD], SIGN[BACKWARD] = 1.0, -1.0
 """Direction of slip in each state."""
@@ -76,6 +83,7 @@ class Segments:
         frictional: (N,) nodes with the full contact law.
         smooth: (N,) nodes without friction, or held tangentially.
         weight: (4N,) brings every entry of y to the size of a nodal force.
+        limit: (4N,) distance from a limit, per unit of force scale, up to which a node sits on it.
         refined: every set of rates is refined once.
         trials: sets of states whose rates were worked out.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
@@ -93,6 +101,11 @@ class Segments:
         stiffness = np.concatenate(local_stiffness(system))
         stiffness[stiffness == 0.0] = stiffness.max()  # freedoms eliminated in the 2N form
         self.weight = np.concatenate([stiffness, force, force])
+        slack = np.where(self.frictional, np.minimum(1.0, system.f / SLIGHT), 1.0)
+        self.limit = LIMIT_TOLERANCE / self.weight
+        self.limit[2 * n :] *= np.tile(slack, 2)
+        self._slack = slack
+        self._counted = np.flatnonzero(self.frictional & (system.f < COUNTED))
         self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
         self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
         self.refined = False
@@ -181,11 +194,25 @@ class Segments:
             raise SingularExchange
         forces = q * self.weight
         threshold = -RATE_TOLERANCE * sqrt(forces.dot(forces))
+        if len(self._counted):
+            self._count_pressure(state, q, direction, forces)
         # what falls and is not a displacement is bounded: an output A, B or gap of its state
         falling = (forces[n:] < threshold).nonzero()[0]
         falling += n
         wrong = (SIGN[state] * forces[:n] < threshold).nonzero()[0]
         return Segment(q, falling, -1.0 / q[falling], wrong)
+
+    def _count_pressure(self, state: States, q: Array, direction: Array, forces: Array) -> None:
+        """Set the rates 2 f P of slipping nodes with little friction by their pressure itself.
+
+        As outputs of the tableau they carry round-off of the size of P, which is theirs over f.
+        """
+        n, system = self.system.n, self.system
+        for slipping, kind in ((FORWARD, 3), (BACKWARD, 2)):
+            i = self._counted[state[self._counted] == slipping]
+            P = direction @ system.r_star[:, n + i] + system.K[n + i] @ q[: 2 * n]
+            q[kind * n + i] = 2.0 * system.f[i] * P
+            forces[kind * n + i] = q[kind * n + i] / self._slack[i]
 
     def probe(self, y: Array, u: Array, load: Array) -> Array:
         """Return (k, PROBES) random sums over the nodes of the errors of Q and P.
@@ -223,7 +250,7 @@ class Segments:
     def undecided(self, y: Array, state: States, force_scale: float) -> Undecided:
         """Return the nodes that sit on a limit, sorted by which limit."""
         n = self.system.n
-        on = (y * self.weight <= LIMIT_TOLERANCE * force_scale).reshape(4, n)
+        on = (y <= self.limit * force_scale).reshape(4, n)
         contact = state != SEPARATION
         touching = np.where(contact, on[2] & (on[3] | ~self.frictional), on[1])
         F = self.frictional & contact & ~touching

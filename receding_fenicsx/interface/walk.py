@@ -22,7 +22,7 @@ from receding_fenicsx.interface.rates import (
 from receding_fenicsx.interface.residual import (
     residual_at_rest,
 )
-from receding_fenicsx.interface.segments import LIMIT_TOLERANCE, Segment, Segments, States
+from receding_fenicsx.interface.segments import Segment, Segments, States
 from receding_fenicsx.interface.sums import EVENT_RESIDUAL, Sums, Watch
 
 CLOSE_EVENTS = 1e-9
@@ -89,7 +89,7 @@ class Walk:
         n = self.system.n
         self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=force_scale)
         self.sums = Sums(segments, ends, force_scale, (0.0, self.y, self.state), check_all, watch)
-        self._on_limit = LIMIT_TOLERANCE * force_scale / segments.weight
+        self._on_limit = segments.limit * force_scale
         self._step = np.zeros(4 * n)
 
     def load(self, s: float | Array) -> Array:

@@ -1,0 +1,44 @@
+"""Friction near zero: in the limit every node slips as without it, and D = f sum P |dv|."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from law import worst_violation
+from models import block_system
+from small import cyclic
+
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.scene import OutputOptions, SolverOptions
+
+WHOLE = block_system(32, 6, half=False)
+ALL = OutputOptions(samples_per_leg=16, cycles="all")
+
+
+@pytest.mark.parametrize("f", [1e-2, 1e-4, 1e-5, 1e-6])
+def test_a_block_unloaded_to_zero_dissipates_f_times_its_frictionless_slip(f: float) -> None:
+    slip = evolve(replace(WHOLE, f=np.zeros(WHOLE.n)), cyclic(0)).turning_points
+    v = slip.v[0] - slip.v[0, WHOLE.n // 2]
+    # P and v grow with the load: a leg to or from zero takes half of the product at its end
+    leg = 0.5 * f * float(np.sum(slip.P[0] * np.abs(v)))
+    system = replace(WHOLE, f=np.full(WHOLE.n, f))
+    record = evolve(system, cyclic(2, minimum=0.0), output=ALL)
+    assert worst_violation(system, record) <= 1e-10 and record.energy_error_max <= 1e-10
+    assert record.dissipation_first_loading == pytest.approx(leg, rel=30.0 * f)
+    assert record.cycles.dissipation == pytest.approx([2.0 * leg] * 2, rel=30.0 * f)
+
+
+@pytest.mark.parametrize("on_jump", ["stop", "static"])
+@pytest.mark.parametrize("minimum", [0.0, 1.0 / 3.0])
+@pytest.mark.parametrize("f", [1e-8, 1e-10, 1e-12])
+def test_friction_lost_in_round_off_is_named(f: float, minimum: float, on_jump: str) -> None:
+    system = replace(WHOLE, f=np.full(WHOLE.n, f))
+    try:
+        record = evolve(system, cyclic(1, minimum), SolverOptions(on_jump=on_jump), ALL)
+    except SolveError as error:
+        # neither does the body lift off, nor does it jump
+        assert not isinstance(error, NoEquilibrium | NoQuasiStaticContinuation)
+        assert f"f = {f:.2g} of node" in str(error)
+    else:
+        assert worst_violation(system, record) <= 1e-10 and record.jumps == 0
