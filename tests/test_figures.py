@@ -26,6 +26,8 @@ from receding_fenicsx.output import figures, series, style
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import load_symbol, scales_of
 from receding_fenicsx.output.series import first_unloading, limit_without_slip, slip_lines
+from receding_fenicsx.output.summary import summarise
+from receding_fenicsx.output.table import run_table
 from receding_fenicsx.output.zone_map import (
     FLICKER,
     Timeline,
@@ -422,6 +424,27 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(name: str, asked: Any, said
     with pytest.raises(InputError, match=re.escape(said)) as caught:
         getattr(figures, name)(record(), asked)
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_nothing_sticks_where_there_is_no_friction(mu: float) -> None:
+    system = models.block_system(40, 20)
+    system = replace(system, f=np.full_like(system.f, mu))
+    path, loop = np.array([[0.0], [1.0]]), np.array([[1.0], [0.5], [1.0]])
+    found = evolve(system, History(("p0",), path, loop, 2))
+    low = found.at(1, "minimum")
+    touching = low.zones[len(low.zones) // 2][0]
+    assert touching == ("stick" if mu else "contact")
+    shown = summarise(found)
+    assert ("contact to" in run_table(shown)) != bool(mu)
+    assert ("stick to" in run_table(shown)) == bool(mu)
+    for figure in (figures.tractions(found, low), figures.zone_maps(found, 1)):
+        texts = [text.get_text() for text in figure.findobj(Text)]
+        assert ("1  stick" in texts) == bool(mu)
+        assert ("1  contact" in texts) != bool(mu)
+    axes = figures.tractions(found, low).axes[1]
+    assert len([line for line in axes.lines if np.size(line.get_xdata()) > 2]) == (2 if mu else 1)
+    assert bool(axes.collections) == bool(mu)
 
 
 @pytest.mark.parametrize("legs", [2, 4, 5, 7, 30])

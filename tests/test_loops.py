@@ -76,6 +76,25 @@ def test_hysteresis_shows_the_loops_of_the_record() -> None:
         assert np.array_equal(line.get_xdata(), loop.displacement[:, 0])
 
 
+@pytest.mark.parametrize("mu", [0.0, 50.0])
+def test_round_off_is_not_drawn_as_a_loop(mu: float) -> None:
+    # without friction, and with so much that nothing slips, loading and unloading are one way
+    system = models.block_system(40, 20)
+    system = dataclasses.replace(system, f=np.full_like(system.f, mu))
+    loop = np.array([[1.0], [0.5], [1.0]])
+    found = evolve(system, History(("p0",), np.array([[0.0], [1.0]]), loop, 2))
+    for line in figures.hysteresis(found).axes[1].lines:
+        assert np.all(np.asarray(line.get_xdata()) == 0.0)
+    figure = figures.trajectories(found)
+    for axes in figure.axes[:3]:
+        for line in axes.lines:
+            q = np.asarray(line.get_xdata())
+            assert np.all(q == 0.0) if mu == 0.0 else np.any(q != 0.0)
+    (legend,) = figure.legends
+    labels = [text.get_text() for text in legend.get_texts()]
+    assert any("cone" in label for label in labels) == bool(mu)
+
+
 def test_force_that_a_prescribed_displacement_takes_is_drawn_over_it() -> None:
     found = dataclasses.replace(record(), load_sign=np.array([1.0]))
     axes = figures.hysteresis(found).axes[0]

@@ -1,8 +1,10 @@
+import copy
 import dataclasses
 import json
 import os
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -369,6 +371,34 @@ def test_damaged_summaries_are_refused(tmp_path: Path) -> None:
         path.write_text(text)
         with pytest.raises(InputError, match=r"summary\.json: is"):
             read_summary(path)
+
+
+@pytest.mark.parametrize(("metre", "pascal"), [(1e-3, 1e8), (1e-2, 1e-7), (1e3, 1e-3)])
+def test_table_shows_as_many_figures_in_any_units(
+    record: Record, metre: float, pascal: float
+) -> None:
+    shown = summarise(record)
+    other = copy.deepcopy(shown)
+    for point in other["turning_points"]:
+        for key in ("contact_half_width", "stick_half_width"):
+            point[key] *= metre
+            below = point.get(f"{key}_estimate")
+            if below and below["fitted"]:
+                below["value"] *= metre
+                below["interval"] = [metre * end for end in below["interval"]]
+        for key in ("p_max", "q_min", "q_max"):
+            point[key] *= pascal
+        point["zones"] = [[name, metre * a, metre * b] for name, a, b in point["zones"]]
+
+    def numbers(summary: dict[str, Any]) -> list[list[float]]:
+        rows = [line.split("  ") for line in run_table(summary).splitlines()[2:5]]
+        cells = [[cell.strip() for cell in row if cell.strip()] for row in rows]
+        return [[float(cell[k]) for k in (2, 4, -3, -2)] for cell in cells]
+
+    scales = np.array([metre, metre, pascal, pascal])
+    once, again = np.array(numbers(shown)), np.array(numbers(other)) / scales
+    assert np.all(once.max(axis=0) > 0.0)
+    assert np.abs(once - again).max(axis=0) == pytest.approx(0.0, abs=1.1e-4)
 
 
 # -- comparison with the paper -------------------------------------------------------------------

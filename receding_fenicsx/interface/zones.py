@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import STATE_NAMES, Array, State
 
+TOUCHING = "contact"
+"""Name of the zone that touches where there is no friction."""
+
 Zone = tuple[str, float, float]
 """Name of the state, and the two ends."""
 
@@ -38,6 +41,19 @@ def zones(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> l
         (STATE_NAMES[State(int(state[i]))], float(a), float(b))
         for i, a, b in zip(first, ends[:-1], ends[1:], strict=True)
     ]
+
+
+def contact_zones(
+    x: Array, state: NDArray[np.integer], f: Array, axisymmetric: bool = False
+) -> list[Zone]:
+    """Zones as :func:`zones` finds them; without friction what touches is called "contact".
+
+    There nothing holds the nodes, and "stick" would tell of a limit that they do not have.
+    """
+    found = zones(x, state, axisymmetric)
+    if np.any(f > 0.0):
+        return found
+    return [(TOUCHING if name == STATE_NAMES[State.STICK] else name, a, b) for name, a, b in found]
 
 
 def contact_half_width(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> float:

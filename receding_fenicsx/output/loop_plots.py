@@ -23,7 +23,7 @@ FIRST_LOADING = {"color": style.GUIDE_COLOUR, "lw": 0.9}
 
 
 ROUND_OFF = 1e-9
-"""Part of the largest position or displacement that is none."""
+"""Part of the largest position, displacement or traction that is none."""
 
 
 def hysteresis(
@@ -60,11 +60,12 @@ def hysteresis(
             delta = letter if is_word(name) else rf"{letter}_{{{load_symbol(name)}}}"
             unit, behind = (1.0, "") if prescribed else scales.load_displacement()
             straight = _chord(paths[-1], k)
+            most = max(float(np.abs(path.displacement[:, k]).max()) for path in paths) / unit
             for path in paths:
                 load = path.load[:, k] / scales.load_max[k]
                 size = path.displacement[:, k] / unit
                 bend = (path.displacement[:, k] - straight * path.load[:, k]) / unit
-                bend = bend - _offset(paths[-1], k, straight) / unit
+                bend = _felt(bend - _offset(paths[-1], k, straight) / unit, most)
                 # first loading is no loop and lies far from the chord
                 shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
                 for axes, conjugate in zip(row, shown, strict=False):
@@ -112,7 +113,7 @@ def trajectories(
         raise InputError("trajectories: no node touches in the sampled cycles; name nodes")
     unit, behind = scales.peak_traction()
     length, beside = scales.slip()
-    reach = float(np.abs(record.x).max())
+    reach, pressed = (float(np.abs(a).max()) for a in (record.x, [path.p.max() for path in paths]))
     most = max(float(np.abs(path.v).max()) for path in paths) / length or 1.0
     low, high = (f([f(path.w[:, chosen]) for path in paths]) / length for f in (np.min, np.max))
     room = 0.1 * (high - low) or 1.0
@@ -124,7 +125,9 @@ def trajectories(
         for n, i in enumerate(chosen):
             above, below = panels[:, n]
             for path in paths:
-                _draw_path(above, path.q[:, i] / unit, path.p[:, i] / unit, path, paths)
+                _draw_path(
+                    above, _felt(path.q[:, i], pressed) / unit, path.p[:, i] / unit, path, paths
+                )
                 _draw_path(below, path.v[:, i] / length, path.w[:, i] / length, path, paths)
             _draw_cone(above, float(record.f[i]))
             if np.any([path.w[:, i] > -record.g0[i] for path in paths][-1]):
@@ -147,9 +150,15 @@ def trajectories(
         panels[0, 0].set_ylabel(f"$p{behind}$")
         panels[1, 0].set_ylabel(f"$w{beside}$")
         handles: list[Any] = _cycle_handles(paths)
-        handles.append(Patch(label=r"friction cone, $|Q| \leq f P$", **style.CONE))
+        if np.any(record.f[chosen] > 0.0):
+            handles.append(Patch(label=r"friction cone, $|Q| \leq f P$", **style.CONE))
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
+
+
+def _felt(values: Array, largest: float) -> Array:
+    """Values, those that are round-off of the largest being zero."""
+    return np.where(np.abs(values) > ROUND_OFF * largest, values, 0.0)
 
 
 def _paths(record: Record, cycles: int | Sequence[int] | None) -> list[Loop]:

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.contact import Array
-from receding_fenicsx.interface.zones import Zone, zones
+from receding_fenicsx.interface.zones import Zone, contact_zones
 
 if TYPE_CHECKING:
     from receding_fenicsx.output.record import Record, States
@@ -56,7 +56,7 @@ class Moment:
     @property
     def zones(self) -> list[Zone]:
         """Zones of equal state as (name, from, to), from the smallest x to the greatest."""
-        return zones(self.x, self.state)
+        return contact_zones(self.x, self.state, self.f)
 
 
 def moment_of(record: Record, table: States, row: int) -> Moment:

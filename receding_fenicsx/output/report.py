@@ -14,7 +14,7 @@ from PIL import Image
 
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.summary import read_summary
-from receding_fenicsx.output.table import fitted, zones_header, zones_shown
+from receding_fenicsx.output.table import fitted, length_format, zones_header, zones_shown
 
 WIDEST = 1200
 """Dots that an embedded picture of the body is wide at most."""
@@ -197,13 +197,14 @@ def _paper(summary: Mapping[str, Any]) -> str:
 def _turning_points(summary: Mapping[str, Any]) -> str:
     points = summary["turning_points"]
     last = max((p["cycle"] for p in points), default=0)
+    form = length_format(summary)
     rows = []
     for p in points:
         if p["cycle"] not in (0, 1, last):
             continue
         load = ", ".join(f"{name} = {value:.6g}" for name, value in p["load"].items())
         half = [p["contact_half_width"], p["stick_half_width"]]
-        below = [fitted(p.get(f"{k}_half_width_estimate")) for k in ("contact", "stick")]
+        below = [fitted(p.get(f"{k}_half_width_estimate"), form) for k in ("contact", "stick")]
         widths = [part for pair in zip(half, below, strict=True) for part in pair]
         edge = [p["edge"]] if "edge" in p else []
         extremes = [p["p_max"], p["q_min"], p["q_max"]]

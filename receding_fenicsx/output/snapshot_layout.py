@@ -205,7 +205,7 @@ def compose(
     moved = f"{colours.note}, {moved}" if colours.note else moved
     figure.text(end, top, moved, ha="right", va="top", color=style.INK_OF_GUIDES)
     figure.legend(
-        handles=style.state_patches([1, 2, 3, 4]),
+        handles=style.state_patches([1, 2, 3, 4] if view.friction else [1, 2], view.friction),
         loc="lower center",
         bbox_to_anchor=(0.5 * (begin + end), 0.0),
         ncols=4,
@@ -359,13 +359,13 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     divided = f"/{view.pressure_symbol}" if view.pressure_symbol else ""
     axes.axhline(0.0, color="black", lw=0.4)
     limit = (view.f * view.p)[known]
-    axes.fill_between(view.x[known], -limit, limit, **style.CONE)
+    curves = [(view.p, style.PRESSURE_COLOUR, "p")]
+    if view.friction:
+        curves.append((view.q, style.SHEAR_COLOUR, "q"))
+        axes.fill_between(view.x[known], -limit, limit, **style.CONE)
     for _, begin, _ in zones(view.x, view.state)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
-    for values, colour, name in (
-        (view.p, style.PRESSURE_COLOUR, "p"),
-        (view.q, style.SHEAR_COLOUR, "q"),
-    ):
+    for values, colour, name in curves:
         axes.plot(view.x[known], values[known], color=colour, label=f"${name}{divided}$")
     if clock is None:
         others = np.concatenate([view.q[known], limit, -limit])
@@ -384,5 +384,5 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     label = position_label(view.length_symbol, view.axisymmetric)
     which = f" on {view.strips[0].name}" if len(view.strips) > 1 else ""
     axes.set_xlabel(label + which, labelpad=1.0)
-    axes.set_ylabel(f"$p{divided}$,  $q{divided}$")
+    axes.set_ylabel(",  ".join(f"${name}{divided}$" for *_, name in curves))
     style.ticks(axes.yaxis, 5)

@@ -144,6 +144,11 @@ class View:
         return self.strips[0].x
 
     @property
+    def friction(self) -> bool:
+        """Whether there is friction; of further edges that is not known."""
+        return len(self.strips) > 1 or bool(np.any(self.f > 0.0))
+
+    @property
     def state(self) -> NDArray[np.int8]:
         """(N,) states on the first contact edge."""
         return self.strips[0].state

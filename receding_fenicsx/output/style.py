@@ -20,6 +20,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from receding_fenicsx.interface.contact import STATE_NAMES, Array, State
+from receding_fenicsx.interface.zones import TOUCHING
 
 STATE_COLOURS = {
     State.STICK: "#c3cad3",
@@ -140,10 +141,11 @@ def focus(p: Array, others: Array) -> tuple[float, float]:
     return low - room, top + room
 
 
-def state_patches(states: Iterable[int]) -> list[Patch]:
-    """Legend entries of the states that occur, in their order."""
+def state_patches(states: Iterable[int], friction: bool = True) -> list[Patch]:
+    """Legend entries of the states that occur, in their order; nothing sticks without friction."""
+    labels = STATE_LABELS if friction else STATE_LABELS | {State.STICK: f"1  {TOUCHING}"}
     return [
-        Patch(fc=STATE_COLOURS[State(s)], ec="black", lw=0.4, label=STATE_LABELS[State(s)])
+        Patch(fc=STATE_COLOURS[State(s)], ec="black", lw=0.4, label=labels[State(s)])
         for s in sorted({int(s) for s in states})
     ]
 

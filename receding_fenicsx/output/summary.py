@@ -14,7 +14,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.axis import on_axis
 from receding_fenicsx.interface.contact import State
 from receding_fenicsx.interface.cycles import limit_of_decay
-from receding_fenicsx.interface.zones import contact_half_width, stick_half_width, zones
+from receding_fenicsx.interface.zones import contact_half_width, contact_zones, stick_half_width
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.series import limit_without_slip
@@ -161,11 +161,12 @@ def read_summary(path: Path) -> dict[str, Any]:
 def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
     table = record.turning_points
     x, state = record.x, table.state[i]
+    found = contact_zones(x, state, record.f, record.axisymmetric)
     return {
         "cycle": int(table.cycle[i]),
         "leg": int(table.leg[i]),
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
-        "zones": [list(zone) for zone in zones(x, state, record.axisymmetric)],
+        "zones": [list(zone) for zone in found],
         **({"p_axis": float(on_axis(x, table.p[i]))} if record.axisymmetric else {}),
         "contact_half_width": contact_half_width(x, state, record.axisymmetric),
         "stick_half_width": stick_half_width(x, state, record.f, record.axisymmetric),

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
+
+EXTREMES = ("p_max", "q_min", "q_max")
+"""Extreme tractions of a turning point."""
 
 
 def run_table(summary: Mapping[str, Any]) -> str:
@@ -31,17 +35,18 @@ def run_table(summary: Mapping[str, Any]) -> str:
         "q_max",
         zones_header(summary),
     ]
+    length, traction = length_format(summary), _format([p[k] for p in points for k in EXTREMES])
     rows = [
         [
             *([p["edge"]] if edges else []),
             str(p["cycle"]),
             " ".join(f"{name}={value:.4g}" for name, value in p["load"].items()),
-            f"{p['contact_half_width']:.4f}",
-            fitted(p.get("contact_half_width_estimate")),
-            f"{p['stick_half_width']:.4f}",
-            fitted(p.get("stick_half_width_estimate")),
-            f"{p['p_max']:.4f}",
-            f"{max(abs(p['q_min']), abs(p['q_max'])):.4f}",
+            f"{p['contact_half_width']:{length}}",
+            fitted(p.get("contact_half_width_estimate"), length),
+            f"{p['stick_half_width']:{length}}",
+            fitted(p.get("stick_half_width_estimate"), length),
+            f"{p['p_max']:{traction}}",
+            f"{max(abs(p['q_min']), abs(p['q_max'])):{traction}}",
             zones_shown(p, summary),
         ]
         for p in points
@@ -115,19 +120,35 @@ def zones_header(summary: Mapping[str, Any]) -> str:
 def zones_shown(point: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
     """The zones of a turning point, from the centre of a symmetric contact or all of them."""
     zones, symmetry = point["zones"], summary["symmetry"]
+    form = length_format(summary)
     if symmetry not in ("mirror", "axisymmetric") or "edge" in point:
-        first = f"{zones[0][1]:.4f} " if zones else ""
-        return first + " | ".join(f"{name} to {end:.4f}" for name, _, end in zones)
+        first = f"{zones[0][1]:{form}} " if zones else ""
+        return first + " | ".join(f"{name} to {end:{form}}" for name, _, end in zones)
     centre = 0.0 if symmetry == "axisymmetric" else 0.5 * (zones[0][1] + zones[-1][2])
-    return " | ".join(f"{name} to {end:.4f}" for name, _, end in zones if end > centre)
+    return " | ".join(f"{name} to {end:{form}}" for name, _, end in zones if end > centre)
 
 
-def fitted(estimate: Mapping[str, Any] | None) -> str:
+def fitted(estimate: Mapping[str, Any] | None, form: str = ".4f") -> str:
     """A half width below node spacing with its interval; a dash where nothing was fitted."""
     if estimate is None or not estimate["fitted"]:
         return "-"
     low, high = estimate["interval"]
-    return f"{estimate['value']:.4f} ({low:.4f} to {high:.4f})"
+    return f"{estimate['value']:{form}} ({low:{form}} to {high:{form}})"
+
+
+def length_format(summary: Mapping[str, Any]) -> str:
+    """How positions along the contact are written, in whatever unit: to 1e-4 of a thing of 1."""
+    zones = [zone for point in summary["turning_points"] for zone in point["zones"]]
+    return _format([end for _, *ends in zones for end in ends])
+
+
+def _format(values: Sequence[float]) -> str:
+    """Return the format with which the largest of some values shows five figures or so."""
+    largest = max((abs(value) for value in values), default=0.0)
+    if largest == 0.0 or 0.1 <= largest < 100.0:
+        return ".4f"
+    places = 4 - math.floor(math.log10(largest))
+    return f".{places}f" if 0 <= places <= 8 else ".4e"
 
 
 def _value(value: object) -> str:

@@ -63,14 +63,17 @@ def tractions(
             axes.tick_params(labelbottom=n == panels - 1)
             if n == panels - 1:
                 axes.set_xlabel(scales.x_label)
-        p, q, _ = scales.traction_labels()
-        curves = [
-            Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
-            Line2D([], [], color=style.SHEAR_COLOUR, label=q),
-            Patch(label=f"friction cone, {scales.traction_labels()[2]}", **style.CONE),
-        ]
-        figure.legend(handles=curves, loc="outside upper center", ncols=3)
-        patches = style.state_patches(np.unique([moment.state for moment in moments]))
+        p, q, cone = scales.traction_labels()
+        friction = bool(np.any(record.f > 0.0))
+        if friction:
+            curves = [
+                Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
+                Line2D([], [], color=style.SHEAR_COLOUR, label=q),
+                Patch(label=f"friction cone, {cone}", **style.CONE),
+            ]
+            figure.legend(handles=curves, loc="outside upper center", ncols=3)
+        states = np.unique([moment.state for moment in moments])
+        patches = style.state_patches(states, friction)
         figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
     return figure
 
@@ -107,10 +110,13 @@ def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> 
     axes.axhline(0.0, color="black", lw=0.4)
     for _, begin, _ in zones(record.x / scales.length, moment.state, record.axisymmetric)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
-    axes.fill_between(x, -limit, limit, **style.CONE)
+    labels = list(scales.traction_labels()[:1])
     axes.plot(x, p, color=style.PRESSURE_COLOUR)
-    axes.plot(x, q, color=style.SHEAR_COLOUR)
+    if np.any(record.f > 0.0):
+        labels = list(scales.traction_labels()[:2])
+        axes.fill_between(x, -limit, limit, **style.CONE)
+        axes.plot(x, q, color=style.SHEAR_COLOUR)
     axes.set_xlim(*scales.ends(record.x))
     axes.set_ylim(*style.focus(p, np.concatenate([q, limit, -limit])))
     style.ticks(axes.yaxis, 7)
-    axes.set_ylabel(",  ".join(scales.traction_labels()[:2]))
+    axes.set_ylabel(",  ".join(labels))

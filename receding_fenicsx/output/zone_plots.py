@@ -94,7 +94,7 @@ def zone_maps(
             handles = [Line2D([], [], label=text, **DASHED)]
             figure.legend(handles=handles, loc="outside upper center")
         figure.legend(
-            handles=style.state_patches(shown),
+            handles=style.state_patches(shown, bool(np.any(record.f > 0.0))),
             loc="outside lower center",
             ncols=2 if columns == 1 else 4,
             columnspacing=1.4,
