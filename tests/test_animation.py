@@ -6,14 +6,17 @@ from pathlib import Path
 from mpi4py import MPI
 
 import imageio_ffmpeg
+import matplotlib as mpl
 import numpy as np
 import pytest
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from PIL import Image
 
 from receding_fenicsx import read_scene, study
 from receding_fenicsx.errors import InputError, RecedingError, on_root
-from receding_fenicsx.output import animation, style
+from receding_fenicsx.output import animation, snapshot_layout, style
 from receding_fenicsx.pictures import animate
 
 BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
@@ -61,6 +64,41 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(shared_tmp_path: Pa
     for colour in (*style.STATE_COLOURS.values(), style.SHEAR_COLOUR):
         near = np.abs(pixels - 255.0 * np.array(to_rgb(colour))).max(axis=2) < 8.0
         assert near.sum() > 30, f"{colour} does not show"
+
+
+@pytest.mark.parametrize("now", [0.0, 0.5, 1.0])
+def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
+    time = np.array([0.0, 0.5, 1.0])
+    load = np.array([[1.0, 0.5], [-1.0, 1.0], [1.0, 0.5]])
+    here = np.array([np.interp(now, time, column) for column in load.T])
+    clock = snapshot_layout.Clock(time, load, ("P", "Q"), now, here, (0.0, 1.0))
+    with mpl.rc_context(style.RC):
+        # the size that the dial has on the page
+        figure = Figure(figsize=(4.0, 3.0), dpi=200)
+        canvas = FigureCanvasAgg(figure)
+        axes = figure.add_axes((0.5, 0.5, (snapshot_layout.RIGHT - 0.45) / 4.0, 0.2))
+        snapshot_layout._draw_clock(axes, clock)
+        canvas.draw()
+    dots = [line for line in axes.lines if line.get_marker() == "o"]
+    assert len(dots) == 2
+    for dot in dots:
+        x, y = axes.transData.transform(dot.get_xydata())[0]
+        radius = 0.5 * dot.get_markersize() * figure.dpi / 72.0
+        for label in axes.get_yticklabels():
+            box = label.get_window_extent()
+            off = np.hypot(max(box.x0 - x, x - box.x1, 0.0), max(box.y0 - y, y - box.y1, 0.0))
+            assert off > radius, label.get_text()
+
+
+def test_legend_of_a_film_is_where_the_pressure_is_low_in_all_pictures() -> None:
+    x = np.linspace(-1.0, 1.0, 61)
+    hill, edges, left = 1.0 - x**2, 0.1 + x**4, 1.0 - x
+    assert animation.free_place(x, np.array([hill, 0.1 * hill])) in ("upper right", "upper left")
+    assert animation.free_place(x, np.array([0.1 * edges, edges])) == "upper center"
+    assert animation.free_place(x, np.array([left, 0.5 * left])) == "upper right"
+    assert animation.free_place(x, np.array([left[::-1], 0.1 * edges])) == "upper left"
+    nowhere = np.where(np.abs(x) > 0.9, np.nan, edges)
+    assert animation.free_place(x, np.array([nowhere])) == "upper center"
 
 
 def test_failure_of_the_coder_is_said_and_leaves_no_file(

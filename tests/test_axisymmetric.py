@@ -76,7 +76,7 @@ def test_forces_and_displacements_are_those_of_the_full_circle(cell: str, degree
     summary = summarise(record)
     assert summary["symmetry"] == "axisymmetric"
     assert summary["turning_points"][-1]["contact_half_width"] == RADIUS
-    assert summary["turning_points"][-1]["zones"] == [["stick", 0.0, RADIUS]]
+    assert summary["turning_points"][-1]["zones"] == [["contact", 0.0, RADIUS]]
     assert summary["turning_points"][-1]["p_axis"] == pytest.approx(p, rel=1e-11)
 
 

@@ -118,6 +118,7 @@ def draw_frames(
     ]
     values = [scaled(view, quantity) for view in views]
     limits = np.array([style.focus(*_tractions(view)) for view in views])
+    legend = free_place(views[0].x, np.array([view.p for view in views]))
     load = np.array([now.load for now in film.instants]) / largest
     frames = []
     with mpl.rc_context(style.RC):
@@ -137,6 +138,7 @@ def draw_frames(
                 now=float(now),
                 now_load=part,
                 tractions=(float(limits[:, 0].min()), float(limits[:, 1].max())),
+                legend=legend,
             )
             picture = Picture(
                 points=view.moved,
@@ -153,6 +155,18 @@ def draw_frames(
             canvas.draw()
             frames.append(np.array(canvas.buffer_rgba())[:, :, :3])
     return frames
+
+
+def free_place(x: Array, p: Array) -> str:
+    """Return where above the contact, to the right, left or middle, the pressure stays lowest.
+
+    Args:
+        x: (N,) positions.
+        p: (n, N) tractions in the pictures of a film; nan where a node stands for no length.
+    """
+    third = np.clip((3.0 * (x - x[0]) / (x[-1] - x[0])).astype(int), 0, 2)
+    highest = [float(np.nanmax(p[:, third == k])) for k in (2, 0, 1)]
+    return ("upper right", "upper left", "upper center")[int(np.argmin(highest))]
 
 
 def _tractions(view: View) -> tuple[Array, Array]:

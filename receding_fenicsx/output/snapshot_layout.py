@@ -91,6 +91,10 @@ class Layout:
         return round(self.body[2] * self.dpi), round(self.body[3] * self.dpi)
 
 
+DIAL_ROOM = 0.12
+"""Room beside the ends of the time in the dial of a film, over the time."""
+
+
 @dataclass(frozen=True)
 class Clock:
     """Where a picture stands in a film.
@@ -102,6 +106,7 @@ class Clock:
         now: progress at the picture.
         now_load: (n_loads,) loads over their largest values at the picture.
         tractions: limits of the tractions' axis.
+        legend: where the legend of the tractions lies on none of them in any picture.
     """
 
     time: Array
@@ -110,6 +115,7 @@ class Clock:
     now: float
     now_load: Array
     tractions: tuple[float, float]
+    legend: str = "upper right"
 
 
 def layout_of(*views: View, dpi: float = style.DPI) -> Layout:
@@ -339,7 +345,8 @@ def _draw_clock(axes: Axes, clock: Clock) -> None:
         colour = "black" if len(clock.names) == 1 else style.SERIES_COLOURS[k % 6]
         axes.plot(clock.time, clock.load[:, k], color=colour, lw=0.9, label=name)
         axes.plot(clock.now, clock.now_load[k], "o", color=colour, ms=5.0, clip_on=False)
-    axes.set_xlim(0.0, 1.0)
+    # the dots stay clear of the numbers beside the dial
+    axes.set_xlim(-DIAL_ROOM, 1.0 + DIAL_ROOM)
     axes.set_xticks([])
     low, high = min(0.0, float(clock.load.min())), max(0.0, float(clock.load.max()))
     room = 0.06 * (high - low)
@@ -348,7 +355,9 @@ def _draw_clock(axes: Axes, clock: Clock) -> None:
     axes.set_yticks(sorted({low, high}))
     axes.tick_params(left=False, pad=2.0)
     if len(clock.names) == 1:
-        axes.set_xlabel(f"{clock.names[0]} over time", labelpad=3.0)
+        # a word is wider than the dial
+        between = "\n" if r"\mathrm" in clock.names[0] else " "
+        axes.set_xlabel(f"{clock.names[0]}{between}over time", labelpad=3.0)
     else:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), fontsize=7.0, labelspacing=0.2)
 
@@ -380,7 +389,8 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     else:
         axes.set_xlim(strip.x[0], strip.x[-1])
     # in a film the legend must not jump
-    axes.legend(loc="best" if clock is None else "upper right", borderaxespad=0.2, handlelength=1.2)
+    place = "best" if clock is None else clock.legend
+    axes.legend(loc=place, borderaxespad=0.2, handlelength=1.2)  # type: ignore[call-overload]
     label = position_label(view.length_symbol, view.axisymmetric)
     which = f" on {view.strips[0].name}" if len(view.strips) > 1 else ""
     axes.set_xlabel(label + which, labelpad=1.0)
