@@ -1,5 +1,7 @@
 """What is modelled: the scene's dataclasses, and the values of profiles along its edges.
 
+Units are any consistent set. ``docs/scene.md`` tells every key of the file with its default.
+
 Reading and writing TOML is in :mod:`receding_fenicsx.scene_file`, the checks in
 :mod:`receding_fenicsx.scene_checks`, the test for mirror symmetry in
 :mod:`receding_fenicsx.scene_symmetry`; their public functions are also found here.
@@ -44,7 +46,8 @@ class Body:
 
     Attributes:
         name: names the body in "NAME.edge"; needed when there are two.
-        shape, width, height: the rectangle.
+        shape: "rectangle".
+        width, height: its sides; axisymmetric, the width is the diameter.
         position: middle of the rectangle's bottom edge.
         mesh: a .geo or .msh file, in place of the rectangle; in a scene file its path is relative
             to that file.
@@ -67,9 +70,13 @@ class Body:
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity; ``name`` is that of a table [material.NAME].
+    """Isotropic linear elasticity.
 
-    ``kinematics`` is "plane strain", "plane stress" or "axisymmetric": x is then r, y is z.
+    Attributes:
+        young: Young's modulus, a stress; positive.
+        poisson: Poisson's ratio, above -1 and below 0.5 (below 1 in plane stress).
+        kinematics: "plane strain", "plane stress" or "axisymmetric": x is then r, y is z.
+        name: that of a table [material.NAME].
     """
 
     young: float = 1.0
@@ -80,7 +87,14 @@ class Material:
 
 @dataclass(frozen=True)
 class MeshOptions:
-    """How the body is meshed; ``growth`` is the size ratio of neighbouring layers, 1 = uniform."""
+    """How the body is meshed.
+
+    Attributes:
+        contact_elements: elements on the whole nominal contact edge, 4 to 20000.
+        cell: "triangle" or "quadrilateral".
+        degree: degree of the displacements, 1 or 2.
+        growth: size ratio of neighbouring layers away from the contact, 1 (uniform) to 3.
+    """
 
     contact_elements: int = 160
     cell: str = "triangle"
@@ -90,7 +104,14 @@ class MeshOptions:
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact edge, against a rigid plane or the other body's edge; ``span`` restricts it.
+    """One contact edge.
+
+    Attributes:
+        edge: the edge that may touch.
+        span: part of the edge; outside, the edge is free.
+        friction: coefficient of friction, not negative.
+        initial_gap: gap before loading, a length, not negative.
+        against: the other body's edge; a rigid plane when left out.
 
     Positions along the edge, in ``span`` and the profiles, run from its middle: rightwards or
     upwards on a rectangle, with the body on the left (along t) on a mesh of the user's own. On a
@@ -108,11 +129,17 @@ class Contact:
 class Load:
     """One named load with its load factor: one of pressure, traction, displacement and force.
 
-    Tractions, displacements and forces are [x, y] in global axes. A component of ``displacement``
-    that is "free" is not prescribed. A ``platen`` is an edge that moves rigidly without rotation,
-    under the resultant ``force`` (axisymmetric: of the full circle; one half of a symmetric body
-    carries half) or with a constant ``displacement``; loads with the same edge and span share it.
-    ``span`` runs along the edge as that of a contact does.
+    Attributes:
+        name: what the history calls it.
+        edge: where it acts.
+        span: part of the edge, along it as that of a contact.
+        pressure: stress normal to the edge; positive pushes on the body.
+        traction: [x, y] in global axes, stresses.
+        displacement: [x, y] prescribed; a component that is "free" is not.
+        platen: the edge moves rigidly without rotation, under ``force`` or by a constant
+            ``displacement``; loads with the same edge and span share it.
+        force: [x, y], resultant on a platen (axisymmetric: of the full circle; one half of a
+            symmetric body carries half).
     """
 
     name: str
@@ -127,10 +154,13 @@ class Load:
 
 @dataclass(frozen=True)
 class Support:
-    """Degrees of freedom held at an edge or a point: ``fix`` is "x", "y" or "xy".
+    """Degrees of freedom held at an edge or a point.
 
-    ``point`` is a place, or the name of a group of points of a mesh file; in a scene of two bodies
-    ``body`` says whose.
+    Attributes:
+        fix: "x", "y" or "xy".
+        edge: the edge that is held.
+        point: a place, or the name of a group of points of a mesh file, that is held instead.
+        body: whose point it is, in a scene of two bodies.
     """
 
     fix: str
@@ -141,7 +171,20 @@ class Support:
 
 @dataclass(frozen=True)
 class HistoryOptions:
-    """The load history's table in the scene file; see :mod:`receding_fenicsx.history`."""
+    """The load history's table in the scene file; see :mod:`receding_fenicsx.history`.
+
+    Attributes:
+        kind: "cyclic", "monotonic" or "table".
+        load: name of the load that is driven, unless there is but one.
+        maximum: largest load factor, positive.
+        minimum: smallest load factor of the cycles, below the maximum.
+        cycles: cycles at most.
+        until: "steady" to stop when the steady state is reached.
+        columns: of a table, the load of each column.
+        rows: of a table, load factors from rest to the cycles' start.
+        cycle_rows: of a table, corners of a cycle, from the last of ``rows`` and back to it.
+        initial_slip: tangential displacement at rest from which the first slip is counted.
+    """
 
     kind: str = "cyclic"
     load: str | None = None
@@ -157,7 +200,21 @@ class HistoryOptions:
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """Method and tolerances, each relative to the scene's own scales."""
+    """Method and tolerances, each relative to the scene's own scales.
+
+    Attributes:
+        method: "events" (exact) or "gauss-seidel" (in load steps).
+        steps_per_leg: load steps a leg (Gauss-Seidel).
+        symmetry: "auto" models half of a symmetric body, "none" never.
+        over_relaxation: between 0 and 2 (Gauss-Seidel).
+        polish: solve directly once the states have settled (Gauss-Seidel).
+        change_tolerance: change in a sweep over the step's largest displacement, eq. (16).
+        residual_tolerance: residual of the contact law over the largest nodal force.
+        max_sweeps: sweeps a step; one that needs more is an error.
+        steady_tolerance: change of the nodal forces over a cycle, over the largest, below which
+            the state is steady.
+        on_jump: "stop" or "static", where no quasi-static path leads on.
+    """
 
     method: str = "events"
     steps_per_leg: int = 40

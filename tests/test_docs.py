@@ -1,15 +1,29 @@
 """The reference builds, and its formulas survive Markdown."""
 
+import dataclasses
 import importlib.util
+import json
 import re
 from pathlib import Path
 from types import ModuleType
+from typing import Any
 
 from mpi4py import MPI
 
 import pytest
 
 import receding_fenicsx
+from receding_fenicsx.scene import (
+    Body,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    OutputOptions,
+    SolverOptions,
+    Support,
+)
 
 ROOT = Path(__file__).parent.parent
 
@@ -21,6 +35,42 @@ def builder() -> ModuleType:
     module = importlib.util.module_from_spec(spec)
     spec.loader.exec_module(module)
     return module
+
+
+SECTIONS = {
+    "[body]": Body,
+    "[material]": Material,
+    "[mesh]": MeshOptions,
+    "[contact]": Contact,
+    "[[load]]": Load,
+    "[[support]]": Support,
+    "[history]": HistoryOptions,
+    "[solver]": SolverOptions,
+    "[output]": OutputOptions,
+}
+
+
+def default_of(field: dataclasses.Field[Any]) -> str:
+    """How the guide writes a key's default."""
+    if field.default is dataclasses.MISSING:
+        return "needed" if field.default_factory is dataclasses.MISSING else "-"
+    if field.default is None or field.default == () or field.default == "":
+        return "-"
+    return json.dumps(field.default)
+
+
+@pytest.mark.parametrize("heading", SECTIONS)
+def test_every_key_of_a_scene_is_told_with_its_default(heading: str) -> None:
+    guide = (ROOT / "docs" / "scene.md").read_text(encoding="utf-8")
+    section = guide.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+    told = dict(re.findall(r"^\| `(\w+)` \| .* \| (.*) \|$", section, re.M))
+    kind = SECTIONS[heading]
+    assert told == {field.name: default_of(field) for field in dataclasses.fields(kind)}
+    attributes = str(kind.__doc__).partition("Attributes:")[2]
+    named = {
+        name for line in re.findall(r"^ +([\w, ]+):", attributes, re.M) for name in line.split(", ")
+    }
+    assert named == set(told)
 
 
 def test_every_module_can_be_imported_for_the_reference() -> None:

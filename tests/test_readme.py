@@ -20,7 +20,7 @@ from receding_fenicsx.environment import child_environment
 from receding_fenicsx.scene_file import read_scene
 
 ROOT = Path(__file__).parent.parent
-DOCUMENTS = ("README.md", "CONTRIBUTING.md", "docs/extending.md")
+DOCUMENTS = ("README.md", "CONTRIBUTING.md", "docs/extending.md", "docs/scene.md", "docs/bodies.md")
 CHEAPER = {
     "run": ["--set", "mesh.contact_elements=16", "--set", "history.cycles=9"],
     "condense": ["--set", "mesh.contact_elements=16"],
