@@ -1,5 +1,6 @@
 import os
-import signal
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -7,6 +8,7 @@ from mpi4py import MPI
 
 import pytest
 
+from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.output.journal import JOURNAL
 from receding_fenicsx.output.run_folder import SCENE, SYSTEM, has_run, part_of, run_folder
@@ -15,7 +17,17 @@ from receding_fenicsx.scene_file import read_scene
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.rank > 0, reason="one process is enough")
 
-BLOCK = read_scene(Path(__file__).parents[1] / "demos" / "block.toml")
+BLOCK_FILE = Path(__file__).parents[1] / "demos" / "block.toml"
+BLOCK = read_scene(BLOCK_FILE)
+LOCK = f"""
+import pathlib, sys, time
+from receding_fenicsx.output.run_folder import run_folder
+from receding_fenicsx.scene_file import read_scene
+with run_folder(pathlib.Path(sys.argv[1]), read_scene({str(BLOCK_FILE)!r}), resume=True):
+    print("locked", flush=True)
+    while True:
+        time.sleep(1)
+"""
 
 
 class Killed(BaseException):
@@ -169,18 +181,16 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     out = tmp_path / "run"
     interrupt(out)
     # a lock belongs to a process: another one takes it
-    reading, writing = os.pipe()
-    child = os.fork()
-    if child == 0:
-        with run_folder(out, BLOCK, resume=True):
-            os.write(writing, b"locked")
-            signal.pause()
+    child = subprocess.Popen(
+        [sys.executable, "-c", LOCK, str(out)], stdout=subprocess.PIPE, env=child_environment()
+    )
+    assert child.stdout is not None
     try:
-        assert os.read(reading, 6) == b"locked"
+        assert child.stdout.readline() == b"locked\n"
         for resume in (True, False):
             with pytest.raises(InputError, match="another run is working there"):
                 interrupt(out, resume=resume, overwrite=not resume)
     finally:
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
+        child.kill()
+        child.communicate()
     interrupt(out, resume=True)
