@@ -53,8 +53,8 @@ SCENES = {
     "frictionless, narrow load": ["contact.friction=0.0", "load.p0.span=[-0.25, 0.25]"],
 }
 MESHES = (
-    ("triangle", 2, 1.3, 64),
-    ("triangle", 2, 1.3, 128),
+    ("triangle", 2, 1.25, 64),
+    ("triangle", 2, 1.25, 128),
     ("triangle", 2, 1.1, 128),
     ("quadrilateral", 2, 1.3, 128),
     ("triangle", 1, 1.3, 128),

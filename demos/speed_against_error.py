@@ -87,14 +87,14 @@ class Mesh:
         return system
 
 
-TIME_MESH = Mesh("triangle", 2, 1.1, 81)
+TIME_MESH = Mesh("triangle", 2, 1.25, 81)
 GRID = Mesh("quadrilateral", 1, 1.0, 321, whole=True)
 """320 by 80 squares."""
 FAMILIES = (
-    *((cell, 2, growth, False) for growth in (1.1, 1.2, 1.3, 1.6) for cell in CELLS),
-    *((cell, 1, 1.3, False) for cell in CELLS),
+    *((cell, 2, growth, False) for growth in (1.1, 1.25, 1.4, 1.6) for cell in CELLS),
+    *((cell, 1, 1.25, False) for cell in CELLS),
     ("quadrilateral", 1, 1.0, False),
-    ("triangle", 2, 1.1, True),
+    ("triangle", 2, 1.25, True),
     ("quadrilateral", 1, 1.0, True),
 )
 """Cell, order, growth, whole body."""
@@ -277,7 +277,7 @@ def main() -> None:
     parts = ("space", "time", "grid", "estimates")
     parser.add_argument("--parts", nargs="+", choices=parts, default=list(parts))
     parser.add_argument("--repeat", type=int, default=3, help="repetitions of a measurement")
-    parser.add_argument("--nodes", type=int, nargs="+", default=[41, 81, 161, 241, 321, 481, 641])
+    parser.add_argument("--nodes", type=int, nargs="+", default=[41, 81, 161, 241, 321, 521, 641])
     options = parser.parse_args()
     asked = options.out, options.parts, options.repeat, options.nodes
     on_root(MPI.COMM_WORLD, lambda: study_all(*asked))

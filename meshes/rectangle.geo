@@ -1,14 +1,15 @@
 // The half x >= 0 of a rectangle that is symmetric about x = 0; "bottom" (y = 0) is the contact edge.
 // The whole body is this mesh and its mirror image.
 //
-// Triangles have the size dx + (growth - 1) y, so that neighbouring layers differ by about the factor growth;
-// quadrilaterals lie in columns of width dx and in layers whose height follows the same rule.
+// Triangles have the size dx + (growth - 1) d, d being the distance from the contact edge or from the nearest end of
+// a load or support, so that neighbouring layers differ by about the factor growth; quadrilaterals lie in columns of
+// width dx and in layers whose height follows the same rule, d being measured along y.
 
 DefineConstant[
   width = {4, Min 1e-3, Name "Body/1width (whole)"},
   height = {1, Min 1e-3, Name "Body/2height"},
   contact_elements = {160, Min 2, Step 2, Name "Mesh/1elements on the contact edge (whole)"},
-  growth = {1.1, Min 1, Max 3, Step 0.05, Name "Mesh/2growth between layers"},
+  growth = {1.25, Min 1, Max 3, Step 0.05, Name "Mesh/2growth between layers"},
   quadrilaterals = {0, Choices{0, 1}, Name "Mesh/3quadrilaterals"}
 ];
 
@@ -23,23 +24,46 @@ If (!Exists(inner_x))
   inner_x() = {};
   inner_y() = {};
 EndIf
+// ends of loads and supports above the contact edge
+If (!Exists(end_x))
+  end_x() = {height};
+  end_y() = {height};
+EndIf
 
 dx = width / contact_elements;
 half = 0.5 * width;
 
+// heights of vertices on the sides, each with its distance from the contact edge or the nearest end; quadrilaterals
+// also get the heights in between where that distance is largest
+marks() = {side_marks(), height};
+levels() = {0};
+distances() = {0};
+For i In {0 : #marks() - 1}
+  here = marks(i);
+  distance = here;
+  For j In {0 : #end_y() - 1}
+    distance = Min(distance, Fabs(here - end_y(j)));
+  EndFor
+  below = levels(#levels() - 1);
+  furthest = 0.5 * (here - below + distance + distances(#distances() - 1));
+  between = here + distance - furthest;
+  If (quadrilaterals && growth > 1 && between - below > dx && here - between > dx)
+    levels() += {between};
+    distances() += {furthest};
+  EndIf
+  levels() += {here};
+  distances() += {distance};
+EndFor
+
 // corners and marks, each list ordered upwards or rightwards
 axis_points() = {newp}; Point(axis_points(0)) = {0, 0, 0};
 right_points() = {newp}; Point(right_points(0)) = {half, 0, 0};
-levels() = {0};
-For i In {0 : #side_marks() - 1}
-  p = newp; Point(p) = {half, side_marks(i), 0}; right_points() += {p};
-  levels() += {side_marks(i)};
-  If (quadrilaterals)
-    p = newp; Point(p) = {0, side_marks(i), 0}; axis_points() += {p};
+For i In {1 : #levels() - 1}
+  p = newp; Point(p) = {half, levels(i), 0}; right_points() += {p};
+  If (quadrilaterals && i < #levels() - 1)
+    p = newp; Point(p) = {0, levels(i), 0}; axis_points() += {p};
   EndIf
 EndFor
-p = newp; Point(p) = {half, height, 0}; right_points() += {p};
-levels() += {height};
 top_points() = {newp}; Point(top_points(0)) = {0, height, 0};
 axis_points() += {top_points(0)};
 stations() = {0};
@@ -81,10 +105,10 @@ If (quadrilaterals)
     Transfinite Curve{top(i)} = Round((stations(i + 1) - stations(i)) / dx) + 1;
   EndFor
   For i In {0 : #right() - 1}
-    first = dx + (growth - 1) * levels(i);
-    last = dx + (growth - 1) * levels(i + 1);
+    first = dx + (growth - 1) * distances(i);
+    last = dx + (growth - 1) * distances(i + 1);
     If (growth > 1)
-      layers = Round(Log(last / first) / Log(growth));
+      layers = Round(Fabs(Log(last / first)) / Log(growth));
     Else
       layers = Round((levels(i + 1) - levels(i)) / dx);
     EndIf
@@ -103,7 +127,16 @@ Else
   EndFor
   Field[1] = MathEval;
   Field[1].F = Sprintf("%.17g + %.17g * y", dx, growth - 1);
-  Background Field = 1;
+  fields() = {1};
+  For i In {0 : #end_x() - 1}
+    Field[i + 2] = MathEval;
+    Field[i + 2].F = Sprintf("%.17g + %.17g * sqrt((x - %.17g)^2 + (y - %.17g)^2)", dx, growth - 1, end_x(i), end_y(i));
+    fields() += {i + 2};
+  EndFor
+  finest = #fields() + 1;
+  Field[finest] = Min;
+  Field[finest].FieldsList = {fields()};
+  Background Field = finest;
 EndIf
 
 Physical Curve("bottom", 1) = {bottom()};

@@ -99,7 +99,7 @@ class MeshOptions:
     contact_elements: int = 160
     cell: str = "triangle"
     degree: int = 2
-    growth: float = 1.1
+    growth: float = 1.25
 
 
 @dataclass(frozen=True)

@@ -216,7 +216,7 @@ def test_lame_ring_under_inner_pressure_converges(degree: int) -> None:
 
 
 def punch(degree: int, elements: int) -> tuple[float, float, float]:
-    """Errors of the pressure on the axis, within 0.9 a, and of the first node against the axis."""
+    """Errors of the pressure on the axis, mean within 0.9 a, of the first node against the axis."""
     height, force = 20.0, 1.0
     scene = cylinder(
         degree=degree,
@@ -234,7 +234,7 @@ def punch(degree: int, elements: int) -> tuple[float, float, float]:
     assert record.turning_points.P[-1].sum() == pytest.approx(force, rel=1e-10)
     first = float(p[0] / on_axis(record.x, p) - 1.0)
     axis = float(on_axis(record.x, p) / exact - 1.0)
-    return abs(axis), float(np.abs(p[inside] / shape - 1.0).max()), abs(first)
+    return abs(axis), float(np.abs(p[inside] / shape - 1.0).mean()), abs(first)
 
 
 @pytest.mark.parametrize("degree", [1, 2])
@@ -242,9 +242,9 @@ def test_pressure_under_a_flat_punch_converges_to_boussinesq(degree: int) -> Non
     """The closed form p = P / (2 pi a sqrt(a^2 - r^2)), also on the axis; order 1 by its edge."""
     coarse, fine = (punch(degree, elements) for elements in (400, 800))
     if comm.rank == 0:
-        assert fine[0] < 0.55 * coarse[0] < 0.04
-        assert fine[1] < 0.7 * coarse[1] < 0.09
-        assert fine[2] < 3e-3
+        assert fine[0] < 0.55 * coarse[0] < 0.045
+        assert fine[1] < 0.65 * coarse[1] < 0.06
+        assert fine[2] < min(0.4 * coarse[2], 5e-3)
 
 
 @pytest.mark.parametrize("degree", [1, 2])

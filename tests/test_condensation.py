@@ -101,12 +101,14 @@ def own_condensation(scene: Scene, body: BodyMesh) -> tuple[Array, Array, Array]
     corners, cells = everything(body)
     degree, cell = scene.mesh.degree, scene.mesh.cell
     number: dict[tuple[float, float], int] = {}
+    found: dict[int, Array] = {}
     elements = []
     for around in cells:
         nodes = element_nodes(corners[around], degree)
         keys = [tuple(np.round(node, 9) + 0.0) for node in nodes]
         elements.append((nodes, [number.setdefault(key, len(number)) for key in keys]))
-    places = np.array(list(number))
+        found |= dict(zip(elements[-1][1], nodes, strict=True))
+    places = np.array([found[i] for i in range(len(number))])
     A = np.zeros((2 * len(places), 2 * len(places)))
     for around, (nodes, numbers) in zip(cells, elements, strict=True):
         dofs = np.array([[2 * n, 2 * n + 1] for n in numbers]).ravel()

@@ -22,7 +22,8 @@ comm = MPI.COMM_WORLD
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("half", [False, True])
 def test_contact_vertices_are_equally_spaced(cell: str, half: bool) -> None:
-    scene = block(cell, elements=36, body=Body(width=3.7, height=0.9), loads=())
+    load = Load("a", "top", (-0.925, 0.925), pressure=1.0)
+    scene = block(cell, elements=36, body=Body(width=3.7, height=0.9), load=load)
     points, _ = everything(make_mesh(comm, scene, half))
     x = np.sort(points[points[:, 1] == 0.0, 0])
     expected = 3.7 * np.arange(0 if half else -18, 19) / 36
@@ -35,7 +36,8 @@ def test_contact_vertices_are_equally_spaced(cell: str, half: bool) -> None:
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("edge", ["bottom", "top"])
 def test_whole_mesh_is_its_own_mirror_image_to_the_bit(cell: str, edge: str) -> None:
-    scene = block(cell, elements=24, loads=(), contacts=(Contact(edge=edge),))
+    load = Load("a", "left", (-0.25, 0.3), pressure=1.0)
+    scene = block(cell, elements=24, load=load, contacts=(Contact(edge=edge),))
     points, cells = everything(make_mesh(comm, scene, False))
 
     def shapes(sign: float) -> set[frozenset[tuple[float, float]]]:
@@ -59,21 +61,75 @@ def test_cells_fill_the_body(cell: str, half: bool, growth: float) -> None:
     assert area.sum() == pytest.approx(2.0 if half else 4.0, rel=1e-13)
 
 
-def test_triangles_grow_with_depth_as_asked() -> None:
-    points, cells = everything(make_mesh(comm, block(elements=80, growth=1.25), True))
+@pytest.mark.parametrize(
+    ("loads", "ends"),
+    [
+        ((), []),
+        ((Load("a", "top", (-1.0, 1.0), pressure=1.0),), [(1.0, 1.0)]),
+        (
+            (
+                Load("a", "top", (-1.2, 0.3), pressure=1.0),
+                Load("b", "right", (-0.1, 0.5), pressure=1.0),
+            ),
+            [(1.2, 1.0), (0.3, 1.0), (2.0, 0.4), (2.0, 1.0)],
+        ),
+    ],
+)
+def test_triangles_grow_from_contact_and_ends_of_loads(
+    loads: tuple[Load, ...], ends: list[tuple[float, float]]
+) -> None:
+    points, cells = everything(make_mesh(comm, block(elements=80, growth=1.25, loads=loads), True))
     corners = points[cells]
     sides = np.hypot(*np.moveaxis(corners - np.roll(corners, 1, axis=1), 2, 0))
-    asked = 4.0 / 80 + 0.25 * corners[:, :, 1].mean(axis=1)
+    middle = corners.mean(axis=1)
+    far = [np.hypot(*(middle - end).T) for end in ends]
+    asked = 4.0 / 80 + 0.25 * np.min([middle[:, 1], *far], axis=0)
     ratio = sides.mean(axis=1) / asked
     assert 0.5 < ratio.min() and ratio.max() < 1.6
     assert np.median(ratio) == pytest.approx(1.0, abs=0.15)
 
 
+@pytest.mark.parametrize(
+    ("loads", "supports", "end"),
+    [
+        ((Load("a", "top", (-0.7, 0.7), pressure=1.0),), (), (0.7, 1.0)),
+        ((Load("a", "top", pressure=1.0),), (), (2.0, 1.0)),
+        ((), (Support("x", "right"), Support("x", "left")), (2.0, 1.0)),
+    ],
+)
+def test_a_mesh_is_as_fine_at_ends_of_loads_and_supports_as_on_the_contact(
+    loads: tuple[Load, ...], supports: tuple[Support, ...], end: tuple[float, float]
+) -> None:
+    for growth in (1.25, 1.8):
+        scene = block(elements=80, growth=growth, loads=loads, supports=supports)
+        points, cells = everything(make_mesh(comm, scene, True))
+        corners = points[cells]
+        there = np.any(np.all(np.abs(corners - end) < 1e-15, axis=2), axis=1)
+        sides = np.hypot(*np.moveaxis(corners - np.roll(corners, 1, axis=1), 2, 0))[there]
+        assert 0 < there.sum() <= 8
+        assert 0.5 * 4.0 / 80 < sides.min() and sides.max() < growth**2 * 4.0 / 80
+
+
 def test_layers_of_quadrilaterals_grow_geometrically() -> None:
-    points, _ = everything(make_mesh(comm, block("quadrilateral", elements=80, growth=1.3), True))
+    scene = block("quadrilateral", elements=80, growth=1.3, loads=())
+    points, _ = everything(make_mesh(comm, scene, True))
     heights = np.diff(np.unique(points[:, 1]))
     assert heights[1:] / heights[:-1] == pytest.approx(np.full(len(heights) - 1, 1.3), rel=0.05)
     assert heights[0] == pytest.approx(4.0 / 80, rel=0.2)
+
+
+def test_layers_of_quadrilaterals_shrink_towards_ends_of_loads() -> None:
+    loads = (
+        Load("a", "top", (-1.0, 1.0), pressure=1.0),
+        Load("b", "right", (0.1, 0.3), pressure=1.0),
+    )
+    scene = block("quadrilateral", elements=160, growth=1.3, loads=loads)
+    points, _ = everything(make_mesh(comm, scene, True))
+    levels = np.unique(points[:, 1])
+    heights, middle = np.diff(levels), 0.5 * (levels[1:] + levels[:-1])
+    distance = np.min([np.abs(middle - at) for at in (0.0, 0.6, 0.8, 1.0)], axis=0)
+    ratio = heights / (4.0 / 160 + 0.3 * distance)
+    assert 0.75 < ratio.min() and ratio.max() < 1.33
 
 
 def test_growth_one_makes_squares() -> None:

@@ -23,7 +23,7 @@ def demo(name: str) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("known", "width"), [(reference.BLOCK, 4.0), *((layer, 8.0) for layer in reference.LAYERS)]
 )
-def test_frictionless_pressure_is_right_to_1e_4_and_half_width_to_1e_3(
+def test_frictionless_pressure_is_right_to_1e_5_and_half_width_to_1e_3(
     known: reference.Pressed, width: float
 ) -> None:
     block = demo("frictionless_block")
@@ -31,9 +31,18 @@ def test_frictionless_pressure_is_right_to_1e_4_and_half_width_to_1e_3(
     if record is not None:
         # 40 quadratic elements on h: 321 nodes under the block
         centre, profile, half_width = block["errors"](known, record)
-        assert centre < 1e-4
+        assert centre < 1e-5
         assert profile < 3e-4
         assert half_width < 1e-3
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_pressure_under_a_narrow_load_is_right_to_1e_4_on_few_elements(cell: str) -> None:
+    """Where the mesh is coarse at the ends of the load it is off by 3e-4."""
+    block = demo("frictionless_block")
+    record = block["solve"](reference.BLOCK, 4.0, 80, 1.2, f"mesh.cell={cell}")
+    if record is not None:
+        assert block["errors"](reference.BLOCK, record)[0] < 1e-4
 
 
 @pytest.mark.parametrize(

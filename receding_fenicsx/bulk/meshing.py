@@ -244,6 +244,8 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
         "side_marks": (marks.side / unit).tolist(),
         "inner_x": (marks.inner[:, 0] / unit).tolist(),
         "inner_y": (marks.inner[:, 1] / unit).tolist(),
+        "end_x": (marks.ends[:, 0] / unit).tolist(),
+        "end_y": (marks.ends[:, 1] / unit).tolist(),
     }
     path = str(geo_path("rectangle.geo"))
     with gmsh_model() as gmsh:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.scene import Scene, edge_points
+from receding_fenicsx.scene import EDGES, Scene, edge_points, edge_range
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -62,11 +62,14 @@ class Marks:
         top: (n,) s on the edge opposite the contact, increasing.
         side: (n,) d on the sides (for columns of quadrilaterals: levels), increasing.
         inner: (n, 2) points (s, d) inside.
+        ends: (n, 2) points (s, d) off the contact edge where loads and supports end, some of them
+            corners: the mesh is as fine there as on the contact edge, for stresses jump there.
     """
 
     top: Array
     side: Array
     inner: Array
+    ends: Array
 
 
 @dataclass
@@ -158,7 +161,26 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
         else:
             inner.append((s, d))
     points = np.array(sorted(set(inner))).reshape(-1, 2)
-    return Marks(_apart(top, near), _apart(side, near), points)
+    return Marks(_apart(top, near), _apart(side, near), points, _find_ends(scene, frame))
+
+
+def _find_ends(scene: Scene, frame: Frame) -> Array:
+    """Return where loads and supports end off the contact edge, mirrored to s >= 0."""
+    left, bottom = scene.body.position
+    near = POSITION_TOLERANCE * frame.depth
+    spans = [(load.edge, load.span) for load in scene.loads]
+    spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
+    ends = {}
+    for edge, span in spans:
+        if edge not in EDGES:
+            continue  # said of where the edge is used
+        along = np.array(edge_range(scene, edge) if span is None else span)
+        for x, y in zip(*edge_points(scene, edge, along), strict=True):
+            s, d = frame.from_body(float(x) - left, float(y) - bottom)
+            # nothing ends on the axis of a body of revolution
+            if d > near and not (scene.axisymmetric and s <= near):
+                ends[round(abs(s) / near), round(d / near)] = abs(s), d
+    return np.array(sorted(ends.values())).reshape(-1, 2)
 
 
 def _misfit(scene: Scene, frame: Frame, key: str, s: float) -> str:
