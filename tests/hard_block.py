@@ -107,9 +107,13 @@ def poisson(
 
 
 def locking(nu: float, tally: Tally) -> str:
-    """Show which elements lock: the dissipation against that of four times as many of order 2."""
-    fine = body(f"material.poisson={nu}", "mesh.contact_elements=160")
-    limit = tally.solve(fine, cyclic(2)).cycles.dissipation[0]
+    """Show which elements lock: dissipation and mean pressure, against many of order 2.
+
+    Linear triangles show it more in the pressure, linear quadrilaterals more in the dissipation.
+    """
+    fine = body(f"material.poisson={nu}", "mesh.contact_elements=160", 'mesh.cell="quadrilateral"')
+    limit = tally.solve(fine, cyclic(2))
+    p = limit.turning_points.p[0]
     off, words = {}, []
     for cell, degree in ELEMENTS:
         coarse = body(
@@ -118,14 +122,16 @@ def locking(nu: float, tally: Tally) -> str:
             f"mesh.degree={degree}",
             f"mesh.contact_elements={80 // degree}",
         )
-        D = tally.solve(coarse, cyclic(2)).cycles.dissipation[0]
-        off[cell, degree] = abs(D / limit - 1.0)
+        record = tally.solve(coarse, cyclic(2))
+        pressure = np.interp(limit.x, record.x, record.turning_points.p[0])
+        D = record.cycles.dissipation[0] / limit.cycles.dissipation[0]
+        off[cell, degree] = max(abs(D - 1.0), float(np.abs(pressure - p).mean() / p.max()))
         words.append(f"{cell}s of order {degree} {off[cell, degree]:.1%}")
     good = max(error for (_, degree), error in off.items() if degree == 2)
     bad = min(error for (_, degree), error in off.items() if degree == 1)
-    require(good <= 0.02, f"order 2 is off by {good:.1%}")
+    require(good <= 0.03, f"order 2 is off by {good:.1%}")
     require(bad >= 2.0 * good, "order 1 does not lock: let its warning go")
-    return "dissipation off by: " + ", ".join(words)
+    return "dissipation or pressure off by: " + ", ".join(words)
 
 
 # -- loads and scales -----------------------------------------------------------------------------
