@@ -2,7 +2,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from small import cyclic
+from law import random_system
+from small import cyclic, table
 from test_events import SMALL
 
 from receding_fenicsx.evolution import evolve
@@ -136,6 +137,39 @@ def test_a_response_that_keeps_changing_is_not_reached() -> None:
     # one quiet cycle is not two
     ends = [(R * (1 + 1e-6 * (n // 2)), V) for n in range(30)]
     assert watch(ends).cycle == -1
+
+
+@pytest.mark.parametrize("left", [0.0, 1e-17, 1e-13])
+def test_cycles_that_end_without_force_are_told_by_the_force_within(left: float) -> None:
+    rng = np.random.default_rng(1)
+    watching = SteadyWatch(1e-8, SLIDE, stiffness=2.0)
+    watching.start(left * rng.standard_normal(4), V)
+    for _ in range(4):
+        watching.add(left * rng.standard_normal(4), V, 0.1, 0.3, 0.3, force=5.0)
+    assert (watching.cycle, watching.kind) == (2, "cyclic slip")
+    # what such a cycle dissipates is round-off
+    still = SteadyWatch(1e-8, SLIDE, stiffness=2.0)
+    still.start(np.zeros(4), V)
+    for _ in range(2):
+        still.add(np.zeros(4), V, 1e-15, 1e-15, 1e-15, force=5.0)
+    assert still.kind == "shakedown"
+
+
+def test_a_held_contact_unloaded_in_every_cycle_is_found_steady() -> None:
+    unloaded = 0
+    for seed in range(12):
+        system = random_system(seed, 6, 0.4)
+        loop = [[-0.7, 0.0], [1.0, 0.0], [1.0, 0.5], [-0.7, 0.0]]
+        history = table(system, [[0.0, 0.0], *loop[1:]], loop, 30)
+        record = evolve(system, replace(history, until_steady=True))
+        if record.turning_points.P[-1].any():
+            continue
+        # nothing is remembered where nothing touches
+        unloaded += 1
+        assert record.steady.reached and record.steady.cycle <= 3, seed
+        D = record.cycles.dissipation
+        assert D[-1] == pytest.approx(D[-2], rel=1e-9)
+    assert unloaded >= 3
 
 
 # -- the block ------------------------------------------------------------------------------------

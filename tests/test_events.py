@@ -574,3 +574,13 @@ def test_where_a_path_leads_on_nothing_jumps() -> None:
         ready = evolve(system, history, SolverOptions(on_jump="static"))
         assert ready.jumps == 0 and ready.released == 0.0
         assert np.array_equal(plain.turning_points.v, ready.turning_points.v)
+
+
+def test_a_free_body_rests_at_a_point_repeated() -> None:
+    once = evolve(SMALL, table(SMALL, [0.0, 1.0, 0.5]))
+    twice = evolve(SMALL, table(SMALL, [0.0, 1.0, 1.0, 0.5, 0.5]))
+    for field in ("P", "Q", "v", "w"):
+        a, b = getattr(once.turning_points, field), getattr(twice.turning_points, field)
+        for stood in ([0, 2], [1, 3]):
+            assert np.abs(a - b[stood]).max() <= 1e-12 * np.abs(a).max(), field
+    assert twice.dissipation_first_loading == near(once.dissipation_first_loading)

@@ -21,6 +21,10 @@ SHAKEDOWN = "shakedown"
 SHAKEDOWN_TOLERANCE = 1e-6
 """Dissipation of a cycle over that of cycle 1 below which the contact has shaken down."""
 
+NO_FORCE = 1e-3
+"""Largest force at the end of a cycle, over the largest so far, below which the latter is the scale
+of its change: what is left of an unloaded contact's forces is round-off."""
+
 NO_SLIP = 1e-12
 """Slip over the elastic displacement F / K_ii of a node under the largest nodal force F, and
 dissipation over its energy F^2 / K_ii, below which they are round-off: no node slips."""
@@ -91,7 +95,8 @@ class SteadyWatch:
     """Compares the ends of successive cycles and says when, and how, the response repeats itself.
 
     A_n = max |r(end of cycle n) - r(end of n - T)| / max |r| for T = 1 and 2 cycles. The state is
-    steady at the first n with A_n below the tolerance for two periods running.
+    steady at the first n with A_n below the tolerance for two periods running. Where a cycle ends
+    without force, max |r| is taken over the whole history, times ``NO_FORCE``.
     """
 
     def __init__(self, tolerance: float, rigid: Array, stiffness: float = np.inf) -> None:
@@ -114,7 +119,15 @@ class SteadyWatch:
         """Remember the start of cycle 1."""
         self.ends = [(r.copy(), v.copy())]
 
-    def add(self, r: Array, v: Array, slip_range: float, dissipation: float, first: float) -> bool:
+    def add(
+        self,
+        r: Array,
+        v: Array,
+        slip_range: float,
+        dissipation: float,
+        first: float,
+        force: float = 0.0,
+    ) -> bool:
         """Take the end of the next cycle; return True once a steady state has been found.
 
         Args:
@@ -123,8 +136,9 @@ class SteadyWatch:
             slip_range: largest range of v of any node within the cycle.
             dissipation: dissipation of this cycle.
             first: dissipation of cycle 1.
+            force: largest nodal force of the history so far.
         """
-        scale = float(np.abs(r).max())
+        scale = max(float(np.abs(r).max()), NO_FORCE * force)
         self.change.append(_relative(r, self.ends[-1][0], scale))
         self.change_2.append(
             _relative(r, self.ends[-2][0], scale) if len(self.ends) > 1 else np.inf
@@ -135,8 +149,9 @@ class SteadyWatch:
                 if len(change) >= needed and max(change[-needed:]) < self.tolerance:
                     self.cycle, self.period = len(self.change), period
                     gain = self._gain(v - self.ends[-1 - period][1])
-                    give = NO_SLIP * scale / self.stiffness
-                    least = max(first, give * scale / SHAKEDOWN_TOLERANCE)
+                    largest = max(scale, force)
+                    give = NO_SLIP * largest / self.stiffness
+                    least = max(first, give * largest / SHAKEDOWN_TOLERANCE)
                     slips = slip_range > give
                     self.kind = _kind(gain, slip_range, dissipation, least) if slips else SHAKEDOWN
                     break

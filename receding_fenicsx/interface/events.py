@@ -275,6 +275,8 @@ class EventPath:
         """Return the s inside the leg at which all loads vanish together, or None."""
         if not self._is_unloaded(np.zeros_like(a)) or not self.segments.lifts_freely:
             return None
+        if np.array_equal(a, b):
+            return None
         s = float(a @ (a - b)) / float((a - b) @ (a - b))
         at_s = (1.0 - s) * a + s * b
         return s if 0.0 < s < 1.0 and np.abs(at_s).max() <= APEX * np.abs(a).max() else None

@@ -106,7 +106,8 @@ def watch(watcher: SteadyWatch, passed: list[Passed], row: int) -> None:
         watcher.start(end.state.r, end.v)
     else:
         first, last = (float(p.dissipation.sum()) for p in (passed[1], cycle))
-        watcher.add(end.state.r, end.v, cycle.slip_range, last, first)
+        force = cycle.totals.force_scale
+        watcher.add(end.state.r, end.v, cycle.slip_range, last, first, force)
 
 
 def record_of(
