@@ -128,6 +128,10 @@ def test_files_are_not_overwritten_unless_asked(record: Record, tmp_path: Path) 
 def test_failed_writing_leaves_what_was_there(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_text("old")
+    error = "unable to open file: errno = 28, error message = 'No space left', flags = 13"
+    with pytest.raises(InputError, match=r"cannot be written \(No space left\); choose"):
+        with new_file(path, overwrite=True):
+            raise OSError(error)
     with pytest.raises(RuntimeError), new_file(path, overwrite=True) as beside:
         beside.write_text("half of the new")
         raise RuntimeError

@@ -17,6 +17,7 @@ from receding_fenicsx.history import History
 from receding_fenicsx.output import figures
 from receding_fenicsx.output.report import report_html, write_report
 from receding_fenicsx.output.summary import read_summary, summarise, write_summary
+from receding_fenicsx.output.table import extremes_of
 from receding_fenicsx.scene import Load, Scene
 from receding_fenicsx.scene_file import to_toml
 
@@ -103,6 +104,12 @@ def test_report_refers_to_nothing_outside_and_holds_every_picture(tmp_path: Path
         "The body",
         "Cycles",
     ]
+
+
+def test_round_off_is_no_traction() -> None:
+    point = {"p_max": 2.0e7, "q_min": -1.3e-8, "q_max": 3.0}
+    assert extremes_of(point) == [2.0e7, 0.0, 3.0]
+    assert extremes_of({"p_max": 0.0, "q_min": 0.0, "q_max": 0.0}) == [0.0, 0.0, 0.0]
 
 
 def test_numbers_of_the_report_are_those_of_the_summary(tmp_path: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -33,9 +34,10 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
         os.replace(beside, path)
         sync(path.parent)
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be written ({error.strerror or error}); choose another place"
-        ) from None
+        # HDF5 says why in the middle of a long text
+        inner = re.search(r"error message = '([^']+)'", str(error))
+        reason = inner[1] if inner else error.strerror or error
+        raise InputError(f"{path}: cannot be written ({reason}); choose another place") from None
     finally:
         beside.unlink(missing_ok=True)
 

@@ -14,7 +14,13 @@ from PIL import Image
 
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.summary import read_summary
-from receding_fenicsx.output.table import fitted, length_format, zones_header, zones_shown
+from receding_fenicsx.output.table import (
+    extremes_of,
+    fitted,
+    length_format,
+    zones_header,
+    zones_shown,
+)
 
 WIDEST = 1200
 """Dots that an embedded picture of the body is wide at most."""
@@ -207,8 +213,7 @@ def _turning_points(summary: Mapping[str, Any]) -> str:
         below = [fitted(p.get(f"{k}_half_width_estimate"), form) for k in ("contact", "stick")]
         widths = [part for pair in zip(half, below, strict=True) for part in pair]
         edge = [p["edge"]] if "edge" in p else []
-        extremes = [p["p_max"], p["q_min"], p["q_max"]]
-        rows.append([*edge, p["cycle"], load, *widths, *extremes, zones_shown(p, summary)])
+        rows.append([*edge, p["cycle"], load, *widths, *extremes_of(p), zones_shown(p, summary)])
     head = ["cycle", "load", "contact half width", "fitted", "stick half width", "fitted"]
     head = ["edge", *head] if any("edge" in p for p in points) else head
     return _table([*head, "p max", "q min", "q max", zones_header(summary)], rows)

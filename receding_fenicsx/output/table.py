@@ -8,6 +8,8 @@ from typing import Any
 
 EXTREMES = ("p_max", "q_min", "q_max")
 """Extreme tractions of a turning point."""
+ROUND_OFF = 1e-12
+"""Part of the largest traction that is none."""
 
 
 def run_table(summary: Mapping[str, Any]) -> str:
@@ -45,8 +47,8 @@ def run_table(summary: Mapping[str, Any]) -> str:
             fitted(p.get("contact_half_width_estimate"), length),
             f"{p['stick_half_width']:{length}}",
             fitted(p.get("stick_half_width_estimate"), length),
-            f"{p['p_max']:{traction}}",
-            f"{max(abs(p['q_min']), abs(p['q_max'])):{traction}}",
+            f"{extremes_of(p)[0]:{traction}}",
+            f"{max(map(abs, extremes_of(p)[1:])):{traction}}",
             zones_shown(p, summary),
         ]
         for p in points
@@ -134,6 +136,13 @@ def fitted(estimate: Mapping[str, Any] | None, form: str = ".4f") -> str:
         return "-"
     low, high = estimate["interval"]
     return f"{estimate['value']:{form}} ({low:{form}} to {high:{form}})"
+
+
+def extremes_of(point: Mapping[str, Any]) -> list[float]:
+    """Largest p, smallest and largest q of a turning point; round-off of the largest is zero."""
+    values = [point[key] for key in EXTREMES]
+    largest = max(map(abs, values))
+    return [value if abs(value) > ROUND_OFF * largest else 0.0 for value in values]
 
 
 def length_format(summary: Mapping[str, Any]) -> str:
