@@ -273,6 +273,28 @@ def test_loads_that_are_symbols_are_written_as_such() -> None:
     assert load_symbol("p0") == "p_{0}"
     assert load_symbol("Q") == "Q"
     assert load_symbol("bolt_force") == r"\mathrm{bolt\_force}"
+    assert load_symbol("tightening_torque") == r"\mathrm{tight…rque}"
+
+
+@pytest.mark.parametrize("name", ["pressure", "normal pressure on the upper edge"])
+def test_labels_stay_on_the_page_whatever_the_load_is_called(name: str) -> None:
+    scene = replace(PAPER, loads=(replace(PAPER.loads[0], name=name),))
+    found = replace(record(), load_names=(name,), scene_toml=to_toml(scene))
+    for figure in (
+        figures.tractions(found, found.at(1)),
+        figures.slip_per_cycle(found),
+        figures.hysteresis(found),
+        figures.trajectories(found, [45, 60, 75]),
+    ):
+        figure.canvas.draw()
+        labels = [text for legend in figure.legends for text in legend.get_texts()]
+        for axes in figure.axes:
+            labels += [axes.xaxis.label, axes.yaxis.label, axes.title]
+        for text in filter(Text.get_text, labels):
+            box, page = text.get_window_extent(), figure.bbox
+            slack = 0.01 * page.width
+            assert page.x0 - slack <= box.x0 and box.x1 <= page.x1 + slack, text
+            assert page.y0 - slack <= box.y0 and box.y1 <= page.y1 + slack, text
 
 
 def test_tractions_are_drawn_over_the_load_that_acts() -> None:

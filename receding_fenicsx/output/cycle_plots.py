@@ -52,7 +52,9 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
                 lw=0.9,
             )
         axes.set_xlabel("cycle $N$")
-        axes.set_ylabel(rf"slip gained in a cycle, $|\Delta v_i|{behind}$")
+        # a word for the pressure asks for a line of its own
+        between = "\n" if scales.pressure_symbol.startswith(r"\mathrm") else " "
+        axes.set_ylabel(rf"slip gained in a cycle,{between}$|\Delta v_i|{behind}$")
         figure.legend(
             loc="outside lower center",
             ncols=2,

@@ -16,6 +16,8 @@ from receding_fenicsx.paper import is_papers_block
 from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_file import from_toml
 
+LONGEST_NAME = 10
+"""Letters of a load's name that labels have room for."""
 SYMMETRY_TOLERANCE = 1e-9
 """Distance of a node from its mirror image, over the contact's length."""
 
@@ -76,7 +78,7 @@ class Scales:
     def load_label(self, name: str) -> str:
         """Label of a load over its largest value."""
         symbol = load_symbol(name)
-        return f"{name} / largest" if is_word(name) else f"${symbol}/{peak(symbol)}$"
+        return f"{shown_name(name)} / largest" if is_word(name) else f"${symbol}/{peak(symbol)}$"
 
     def normalised(self) -> bool:
         """Whether displacements and energies can be given without units."""
@@ -162,12 +164,17 @@ def is_word(name: str) -> bool:
     return load_symbol(name).startswith(r"\mathrm")
 
 
+def shown_name(name: str) -> str:
+    """A load's name as pictures have room for: the middle of a long one is left out."""
+    return name if len(name) <= LONGEST_NAME else f"{name[:5]}…{name[-4:]}"
+
+
 def load_symbol(name: str) -> str:
     """Write a load's name as mathematics: "p0" as a letter with an index, a word as a word."""
     found = re.fullmatch(r"([A-Za-z])_?([A-Za-z0-9]*)", name)
     if found and (len(found[2]) == 0 or found[2].isdigit()):
         return found[1] + (f"_{{{found[2]}}}" if found[2] else "")
-    escaped = re.sub(r"([_%#$&{}\\^ ])", r"\\\1", name)
+    escaped = re.sub(r"([_%#$&{}\\^ ])", r"\\\1", shown_name(name))
     return rf"\mathrm{{{escaped}}}"
 
 
@@ -189,7 +196,7 @@ def describe_factors(names: tuple[str, ...], parts: Array) -> str:
     """Say which part of its largest value each load has."""
     symbols = [load_symbol(name) for name in names]
     return ", ".join(
-        f"{name} at ${part:.3g}$ of its largest"
+        f"{shown_name(name)} at ${part:.3g}$ of its largest"
         if is_word(name)
         else f"${symbol} = {number(float(part))}{peak(symbol) if part else ''}$"
         for name, symbol, part in zip(names, symbols, parts, strict=True)
@@ -203,7 +210,7 @@ def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
         return text
     begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
     moves = [
-        f"{name if is_word(name) else f'${load_symbol(name)}$'} ${a:.3g}$ to ${b:.3g}$"
+        f"{shown_name(name) if is_word(name) else f'${load_symbol(name)}$'} ${a:.3g}$ to ${b:.3g}$"
         for name, a, b in zip(record.load_names, begin, end, strict=True)
         if a != b
     ]

@@ -21,6 +21,8 @@ from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import Scales, describe_load, scales_of
 
 STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
+LONGEST_LABEL = 28
+"""Letters of the friction cone's label, as mathematics, with which three labels fit in a row."""
 NUMBERED = 0.03
 """Part of the contact edge that a zone must cover to have its number in the band."""
 
@@ -71,7 +73,9 @@ def tractions(
                 Line2D([], [], color=style.SHEAR_COLOUR, label=q),
                 Patch(label=f"friction cone, {cone}", **style.CONE),
             ]
-            figure.legend(handles=curves, loc="outside upper center", ncols=3)
+            # beside each other, unless what they are divided by has a long name
+            ncols = 3 if len(cone) < LONGEST_LABEL else 2
+            figure.legend(handles=curves, loc="outside upper center", ncols=ncols)
         states = np.unique([moment.state for moment in moments])
         patches = style.state_patches(states, friction)
         figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
