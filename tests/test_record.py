@@ -303,6 +303,37 @@ def test_a_single_wrong_byte_in_a_system_is_refused(name: str, tmp_path: Path) -
         read_system(path)
 
 
+def change_stiffness(file: h5py.File) -> None:
+    file["K"][1, 2] *= 1.0 + 1e-15
+
+
+def swap_nodes(file: h5py.File) -> None:
+    file["x"][...] = file["x"][()][::-1]
+
+
+def lose_an_option(file: h5py.File) -> None:
+    file.move("edge", "egde")
+
+
+def change_a_number(file: h5py.File) -> None:
+    file.attrs["half"] = not file.attrs["half"]
+
+
+@pytest.mark.parametrize("change", [change_stiffness, swap_nodes, lose_an_option, change_a_number])
+def test_a_system_that_was_changed_behind_hdf5_s_checksums_is_refused(
+    tmp_path: Path, change: Callable[[h5py.File], None]
+) -> None:
+    path, scene = tmp_path / "system.h5", from_toml(BLOCK)
+    system = system_of(to_toml(scene))
+    write_system(path, dataclasses.replace(system, edge=np.zeros(system.n, dtype=np.int64)))
+    read_system(path, scene)
+    with h5py.File(path, "r+") as file:
+        change(file)
+    for asked in (None, scene):
+        with pytest.raises(InputError, match=r"system\.h5: is damaged; make it again"):
+            read_system(path, asked)
+
+
 # -- summary.json --------------------------------------------------------------------------------
 
 
