@@ -567,6 +567,16 @@ def test_a_jump_is_stepped_over_where_that_is_asked_for() -> None:
     assert jumped > 5
 
 
+def test_jumps_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    # a leg that jumps twice stands for one that jumps without end
+    system, history = random_case(53, 5.0, largest=6)
+    assert evolve(system, history, SolverOptions(on_jump="static")).jumps >= 2
+    monkeypatch.setattr("receding_fenicsx.interface.events.JUMPS", 1)
+    said = r"^cycle 2, leg 0: .*jumps again at load factors \[0\.4425\d*, 0\.0816\d*\]"
+    with pytest.raises(NoQuasiStaticContinuation, match=said):
+        evolve(system, history, SolverOptions(on_jump="static"))
+
+
 def test_where_a_path_leads_on_nothing_jumps() -> None:
     for seed in range(20):
         system, history = random_case(seed, 0.49)

@@ -40,6 +40,9 @@ state before is still an equilibrium."""
 FAINT = 1e-5
 """Friction below which a path that ends may have been lost in round-off: f P is too small."""
 
+JUMPS = 100
+"""Jumps on one leg after which it is given up: they follow each other without end."""
+
 REDUCTIONS = 3
 """Choices of the nodes left out that are tried on a leg."""
 
@@ -63,7 +66,7 @@ class EventPath:
         rubbing = np.flatnonzero(self.segments.frictional)
         least = int(rubbing[np.argmin(system.f[rubbing])]) if len(rubbing) else 0
         self.faint = least if len(rubbing) and system.f[least] < FAINT else None
-        self.legs_since_correction = 0
+        self.legs_since_correction = self.jumps = 0
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
         self.reduction: Reduction | None = None
         self.limits: dict[tuple[bytes, bytes], Limit | None] = {}
@@ -183,12 +186,17 @@ class EventPath:
         together and is kept apart from the dissipation.
         """
         a, b, system = walk.a, walk.b, self.system
+        factors = ", ".join(f"{value:.9g}" for value in walk.load(walk.s))
+        if self.jumps >= JUMPS:
+            raise NoQuasiStaticContinuation(
+                f"the contact has jumped {JUMPS} times on one leg and jumps again at load factors "
+                f"[{factors}]; reduce the friction or the load range"
+            )
         before = walk.stop_here()
         s = walk.s + JUMP_STEP
         load = walk.load(s)
         end = solve_static(self.segments, before.end, load) if s < 1.0 else None
         if end is None:
-            factors = ", ".join(f"{value:.9g}" for value in walk.load(walk.s))
             raise NoQuasiStaticContinuation(
                 f"no quasi-static continuation at load factors [{factors}], and no state was found "
                 "to jump to; reduce the friction or the load range"
@@ -197,7 +205,11 @@ class EventPath:
         stored = 0.5 * float(change @ system.K @ (end.u + before.end.u))
         work = float(load @ system.r_star @ change)
         released = -stored - work
-        rest = self.trace_leg(end, (load, b), before.force_scale, samples)
+        self.jumps += 1
+        try:
+            rest = self.trace_leg(end, (load, b), before.force_scale, samples)
+        finally:
+            self.jumps -= 1
         leg = joined(before, rest, s)
         leg.work += work
         old, new = before.end.state, end.state
