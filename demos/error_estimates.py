@@ -146,7 +146,7 @@ def draw(rows: list[dict[str, Any]], folder: Path) -> None:
         axes.set(xlabel="true relative error", ylabel="estimated relative error")
         axes.set(xlim=(1e-6, 1.0), ylim=(1e-6, 1.0))
         axes.legend(fontsize=7, loc="upper left", handletextpad=0.2)
-        axes.text(3e-4, 6e-5, "true = 2 × estimate", rotation=45, fontsize=7, color=GUIDE_COLOUR)
+        axes.text(4e-5, 8e-6, "true = 2 × estimate", rotation=45, fontsize=7, color=GUIDE_COLOUR)
         for suffix in ("png", "pdf"):
             figure.savefig(folder / f"error_estimates.{suffix}")
 
