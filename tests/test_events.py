@@ -594,3 +594,20 @@ def test_a_free_body_rests_at_a_point_repeated() -> None:
         for stood in ([0, 2], [1, 3]):
             assert np.abs(a - b[stood]).max() <= 1e-12 * np.abs(a).max(), field
     assert twice.dissipation_first_loading == near(once.dissipation_first_loading)
+
+
+def test_a_body_that_has_slid_rests_without_load() -> None:
+    whole = block_system(24, 6, half=False)
+    push = np.concatenate([-whole.weight / whole.weight.sum(), np.zeros(whole.n)])
+    pushed = replace(
+        whole,
+        r_star=np.vstack([whole.r_star, push]),
+        load_names=("p0", "push"),
+        load_compliance=np.zeros((0, 0)),
+    )
+    there, rest = [1.0, 0.63], [0.0, 0.0]
+    once = evolve(pushed, table(pushed, [rest, there, rest, [1.0, 0.0]]))
+    twice = evolve(pushed, table(pushed, [rest, rest, there, rest, rest, [1.0, 0.0]]))
+    assert np.array_equal(once.turning_points.P, twice.turning_points.P[[1, 2, 4]])
+    assert np.array_equal(once.turning_points.v, twice.turning_points.v[[1, 2, 4]])
+    assert twice.dissipation_first_loading == once.dissipation_first_loading

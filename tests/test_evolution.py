@@ -338,3 +338,11 @@ def test_nothing_happens_before_the_first_load(method: str, gap: float) -> None:
     assert not ends.P[:2].any() and not ends.v[:2].any() and not ends.w[:2].any()
     assert np.array_equal(ends.P[-1], plain.turning_points.P[-1])
     assert late.dissipation_first_loading == plain.dissipation_first_loading
+
+
+def test_a_load_that_bears_on_nothing_moves_nothing() -> None:
+    system = laid_down(0.3)
+    system = replace(system, r_star=0.0 * system.r_star)
+    record = evolve(system, table(system, [0.0, 1.0, 0.5]), output=OutputOptions(samples_per_leg=3))
+    assert not record.turning_points.P.any() and not record.turning_points.v.any()
+    assert len(record.samples.s) == 6

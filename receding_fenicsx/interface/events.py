@@ -92,6 +92,8 @@ class EventPath:
         """
         a, b = ends
         if not np.any(a) and not np.any(start.r):
+            if not np.any(b):
+                return self._still(start, force_scale, samples)
             if self._is_unloaded(a):
                 return self._from_rest(start, b, force_scale, samples)
             laid = self._laid(start, ends)
@@ -102,6 +104,12 @@ class EventPath:
         if crossing is not None:
             return self._through_zero(start, ends, crossing, force_scale, samples)
         return self._held_leg(start, ends, force_scale, samples)
+
+    def _still(self, start: ContactState, force_scale: float, samples: int) -> Leg:
+        """Return a leg on which an unloaded contact stays unloaded."""
+        kept = [(j / samples, start) for j in range(1, samples + 1)]
+        nothing = np.zeros(self.system.n)
+        return Leg(end=start, dissipation=nothing, force_scale=force_scale, samples=kept)
 
     def _laid(self, start: ContactState, ends: tuple[Array, Array]) -> ContactState:
         """Let an unloaded body with a gap roll to where it rests under the load of a leg."""
@@ -119,9 +127,8 @@ class EventPath:
         """Follow one leg that begins where the contact holds the body; say where it ends to."""
         a, b = ends
         force_scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
-        if force_scale == 0.0:  # nothing is loaded yet
-            still = [(j / samples, start) for j in range(1, samples + 1)]
-            return Leg(end=start, dissipation=np.zeros(self.system.n), samples=still)
+        if force_scale == 0.0:  # loads that bear on nothing
+            return self._still(start, force_scale, samples)
         try:
             leg = self._trace(start, ends, force_scale, samples)
         except NoEquilibrium:
