@@ -119,7 +119,8 @@ def _checked(bulk: Bulk, condensed: Condensed) -> Reduced:
         error = np.abs(K @ u - force).max() / (scale * np.abs(u).max())
         if not error <= PROBE_TOLERANCE:
             raise SolveError(
-                f'the condensed stiffness is off by {error:.1e} from a solve; use route "solve"'
+                f"the condensed stiffness is off by {error:.1e} from a solve (at most "
+                f"{PROBE_TOLERANCE:g}): is Poisson's ratio too near its limit, or a cell degenerate?"
             )
     error = np.abs(K @ contact.null).max(initial=0.0) / scale
     if not error <= RIGID_TOLERANCE:
