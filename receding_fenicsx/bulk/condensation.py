@@ -120,7 +120,7 @@ def _checked(bulk: Bulk, condensed: Condensed) -> Reduced:
         if not error <= PROBE_TOLERANCE:
             raise SolveError(
                 f"the condensed stiffness is off by {error:.1e} from a solve (at most "
-                f"{PROBE_TOLERANCE:g}): take Poisson's ratio further from its limit, or mend the mesh"
+                f"{PROBE_TOLERANCE:g}): move Poisson's ratio off its limit, or mend the mesh"
             )
     error = np.abs(K @ contact.null).max(initial=0.0) / scale
     if not error <= RIGID_TOLERANCE:
