@@ -61,9 +61,7 @@ def snapshot(
     timer = Timer(progress if comm.rank == 0 else None)
 
     def find() -> tuple[str, Instant]:
-        record = files.read_record(folder / "record.h5")
-        scene = from_toml(record.scene_toml)
-        system = files.read_system(folder / "system.h5", scene)
+        scene, system, record = _finished(folder)
         return record.scene_toml, instant_of(scene, system, record, cycle, leg, at)
 
     text, instant = comm.bcast(errors.on_root(comm, find))
@@ -103,9 +101,7 @@ def animate(
     quantity = snapshots.quantity_of(stress)
 
     def find() -> tuple[str, Any]:
-        record = files.read_record(folder / "record.h5")
-        scene = from_toml(record.scene_toml)
-        system = files.read_system(folder / "system.h5", scene)
+        scene, system, record = _finished(folder)
         legs, at, time = history.spread(history.from_scene(scene), cycle, frames)
         instants = [
             instant_of(scene, system, record, cycle, str(leg), float(s))
@@ -123,6 +119,13 @@ def animate(
             return made
     finally:
         bulk.destroy()
+
+
+def _finished(folder: Path) -> tuple[Scene, ContactSystem, Record]:
+    """Read a finished run."""
+    record = files.read_record(folder / "record.h5")
+    scene = from_toml(record.scene_toml)
+    return scene, files.read_system(folder / "system.h5", scene), record
 
 
 def draw(

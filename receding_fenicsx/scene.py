@@ -84,6 +84,11 @@ class Material:
     kinematics: str = "plane strain"
     name: str = ""
 
+    @property
+    def poisson_limit(self) -> float:
+        """Poisson's ratio at which the material is incompressible in its kinematics."""
+        return 1.0 if self.kinematics == "plane stress" else 0.5
+
 
 @dataclass(frozen=True)
 class MeshOptions:

@@ -81,10 +81,10 @@ def _check_material(material: Material) -> None:
     check_positive(material.young, f"{where} young")
     choices = ("plane strain", "plane stress", "axisymmetric")
     check_choice(material.kinematics, choices, f"{where} kinematics")
-    limit, text = (1.0, "below 1") if material.kinematics == "plane stress" else (0.5, "below 0.5")
-    if not -1.0 < material.poisson < limit:
+    if not -1.0 < material.poisson < material.poisson_limit:
         raise InputError(
-            f"{where} poisson: must lie above -1 and {text} in {material.kinematics}, "
+            f"{where} poisson: must lie above -1 and below {material.poisson_limit:g} in "
+            f"{material.kinematics}, "
             f"not {material.poisson:g}"
         )
 

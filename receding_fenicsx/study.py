@@ -85,8 +85,9 @@ def run(
         failure = comm.bcast(failure)
         if failure is not None:
             extra["failure"] = str(failure)
-        if system is not None:
-            extra["friction_margin"] = friction_margin(system)
+        extra["friction_margin"] = errors.on_root(
+            comm, lambda: friction_margin(errors.given(system))
+        )
         if error and failure is None:
             with timer("errors"):
                 extra |= estimate.errors_of_run(scene, record, comm)

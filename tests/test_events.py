@@ -250,16 +250,21 @@ def test_a_free_body_slides_exactly_at_the_friction_of_its_weight(weight: float)
     assert "\n" not in str(caught.value)
 
 
-def test_a_free_block_slides_exactly_at_the_friction_of_its_load() -> None:
+def pushed_block() -> ContactSystem:
+    """Return the whole block, its contact pushed to the right by a load of its own."""
     whole = block_system(24, 6, half=False)
     push = np.concatenate([-whole.weight / whole.weight.sum(), np.zeros(whole.n)])
-    pushed = replace(
+    return replace(
         whole,
         r_star=np.vstack([whole.r_star, push]),
         load_names=("p0", "push"),
         load_compliance=np.zeros((0, 0)),
     )
-    down = whole.r_star[0, whole.n :].sum()
+
+
+def test_a_free_block_slides_exactly_at_the_friction_of_its_load() -> None:
+    pushed = pushed_block()
+    down = pushed.r_star[0, pushed.n :].sum()
     slides = 0.35 * down
     held = evolve(pushed, table(pushed, [[0, 0], [1, 0], [1, 0.99 * slides]]))
     assert np.any(held.turning_points.state[-1] == STICK)
@@ -597,14 +602,7 @@ def test_a_free_body_rests_at_a_point_repeated() -> None:
 
 
 def test_a_body_that_has_slid_rests_without_load() -> None:
-    whole = block_system(24, 6, half=False)
-    push = np.concatenate([-whole.weight / whole.weight.sum(), np.zeros(whole.n)])
-    pushed = replace(
-        whole,
-        r_star=np.vstack([whole.r_star, push]),
-        load_names=("p0", "push"),
-        load_compliance=np.zeros((0, 0)),
-    )
+    pushed = pushed_block()
     there, rest = [1.0, 0.63], [0.0, 0.0]
     once = evolve(pushed, table(pushed, [rest, there, rest, [1.0, 0.0]]))
     twice = evolve(pushed, table(pushed, [rest, rest, there, rest, rest, [1.0, 0.0]]))

@@ -18,9 +18,10 @@ def lame_constants(material: Material) -> tuple[float, float]:
     nu = material.poisson
     if not material.young > 0.0:
         raise InputError(f"material.young = {material.young:g} must be positive")
-    limit = 1.0 if material.kinematics == "plane stress" else 0.5
-    if not -1.0 < nu < limit:
-        raise InputError(f"material.poisson = {nu:g} must lie between -1 and {limit:g}")
+    if not -1.0 < nu < material.poisson_limit:
+        raise InputError(
+            f"material.poisson = {nu:g} must lie between -1 and {material.poisson_limit:g}"
+        )
     mu = 0.5 / (1.0 + nu)
     if material.kinematics in ("plane strain", "axisymmetric"):
         return nu / ((1.0 + nu) * (1.0 - 2.0 * nu)), mu

@@ -20,6 +20,8 @@ from receding_fenicsx.interface.rates import (
     FORWARD,
     SEPARATION,
     STICK,
+    A,
+    B,
     SingularExchange,
     Tableau,
     limit_distances,
@@ -208,7 +210,7 @@ class Segments:
         As outputs of the tableau they carry round-off of the size of P, which is theirs over f.
         """
         n, system = self.system.n, self.system
-        for slipping, kind in ((FORWARD, 3), (BACKWARD, 2)):
+        for slipping, kind in ((FORWARD, B), (BACKWARD, A)):
             i = self._counted[state[self._counted] == slipping]
             P = direction @ system.r_star[:, n + i] + system.K[n + i] @ q[: 2 * n]
             q[kind * n + i] = 2.0 * system.f[i] * P

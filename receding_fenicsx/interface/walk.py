@@ -19,9 +19,7 @@ from receding_fenicsx.interface.rates import (
     SingularExchange,
     V,
 )
-from receding_fenicsx.interface.residual import (
-    residual_at_rest,
-)
+from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.segments import Segment, Segments, States
 from receding_fenicsx.interface.sums import EVENT_RESIDUAL, Sums, Watch
 
