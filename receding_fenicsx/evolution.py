@@ -130,7 +130,7 @@ class _Run:
         self.passed = passed
         self.model = frictional_form(system)
         self.multiplicity = np.bincount(mirror_of(system).index)
-        self.watch = SteadyWatch(solver.steady_tolerance, system.rigid, typical_stiffness(system))
+        self.watch = SteadyWatch(solver.steady_tolerance, typical_stiffness(system))
         self.corners: list[Instant] = []
         for row in range(len(passed)):
             watch(self.watch, passed, row)
@@ -194,13 +194,15 @@ class _Run:
             dissipation += leg.dissipation
             self.now, self.load = leg.end, b
             self.corners.append(self._instant(number, k, 1.0, b, leg.end))
-        v = np.array([start.v, *(corner.v for corner in self.corners)])
         corners, self.corners = self.corners, []
+        v = np.array([start.v, *(corner.v for corner in corners)])
+        states = np.array([corner.state.state for corner in (start, *corners)])
+        touches = np.any(states != State.SEPARATION, axis=0)
         return Passed(
             corners=corners,
             dissipation=dissipation,
             slip=v[-1] - v[0],
-            slip_range=float(np.ptp(v, axis=0).max()),
+            slip_range=float(np.ptp(v[:, touches], axis=0).max(initial=0.0)),
             totals=self.totals,
             refined=isinstance(self.tracer, EventPath) and self.tracer.segments.refined,
             kept=kept,

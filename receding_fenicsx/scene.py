@@ -217,7 +217,7 @@ class SolverOptions:
         residual_tolerance: residual of the contact law over the largest nodal force.
         max_sweeps: sweeps a step; one that needs more is an error.
         steady_tolerance: change of the nodal forces over a cycle, over the largest, below which
-            the state is steady.
+            they repeat; slips repeat below 100 times as much of a cycle's largest slip.
         on_jump: "stop" or "static", where no quasi-static path leads on.
     """
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from law import random_system
 from small import cyclic, table
-from test_events import SMALL
+from test_events import SMALL, walker
 
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.interface.cycles import (
@@ -13,6 +13,7 @@ from receding_fenicsx.interface.cycles import (
     limit_of_decay,
     slip_exponents,
 )
+from receding_fenicsx.scene import SolverOptions
 
 
 def test_an_exact_power_law_is_found() -> None:
@@ -76,13 +77,12 @@ def test_a_sequence_that_stands_is_its_own_limit() -> None:
 
 R = np.array([3.0, -1.0, 2.0, 5.0])
 V = np.array([0.4, -0.2])
-SLIDE = np.array([[1.0], [1.0], [0.0], [0.0]])
 
 
 def watch(
     ends: list[tuple[np.ndarray, np.ndarray]], slip_range: float = 0.1, D: float = 1.0
 ) -> SteadyWatch:
-    watching = SteadyWatch(1e-8, SLIDE)
+    watching = SteadyWatch(1e-8)
     watching.start(*ends[0])
     for r, v in ends[1:]:
         watching.add(r, v, slip_range, D, 1.0)
@@ -115,6 +115,46 @@ def test_displacements_that_are_no_sliding_are_not_ratchetting() -> None:
     assert watch(ends, slip_range=1e-9, D=1e-9).kind == "shakedown"
 
 
+def test_a_drift_that_decays_is_not_steady_before_it_is_small() -> None:
+    # cycle n gains 0.1 * 0.9^(n-1) under constant forces: below 1e-6 of the range 0.1 from n = 133
+    ends = [(R, V - 0.9**n) for n in range(140)]
+    found = watch(ends)
+    assert (found.cycle, found.kind) == (134, "cyclic slip")
+    assert watch(ends[:134]).kind == "not reached"
+
+
+def test_slips_that_die_with_the_forces_delay_no_steady_state() -> None:
+    N = np.arange(1.0, 1500.0)
+    decay = np.cumsum(N**-3.0)
+    # forces change by 0.001 N^-3 of the largest, below 1e-8 from N = 47, which is cycle 46; slips by
+    # 0.045 N^-3 of their range
+    ends = [(R * (1.0 + 1e-3 * a), V + 1.5e-3 * R[:2] * a) for a in decay]
+    found = watch(ends, slip_range=0.1)
+    assert (found.cycle, found.kind) == (47, "cyclic slip")
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_a_walk_on_a_faint_ground_spring_is_ratchetting_and_on_a_strong_one_not_steady(
+    method: str,
+) -> None:
+    """Two feet gain 0.4/k a cycle, as in test_events; a spring to the ground hardly slows them."""
+    body, solver = walker(k=2.0), SolverOptions(method=method, steps_per_leg=8)
+    path = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, 0.5, 0.9]]
+    loop = [[1, 0.5, 0.9], [1, 0.5, -0.9], [1, 0.5, 0.9]]
+    kinds = {}
+    for spring in (0.0, 1e-10, 1e-9, 1e-8, 1e-6, 1e-3, 1e-1):
+        held = body.K + np.diag([2.0 * spring, 2.0 * spring, 0.0, 0.0])
+        rigid = body.rigid if spring == 0.0 else body.rigid[:, :0]
+        on_spring = replace(body, K=held, rigid=rigid)
+        record = evolve(on_spring, table(on_spring, path, loop, 30), solver)
+        kinds[spring] = record.steady.kind
+        if spring <= 1e-8:
+            assert record.cycles.slip_increment[1:] == pytest.approx(0.2, rel=1e-6)
+            assert record.steady.cycle == 2
+    walks, stops = "ratchetting", "not reached"
+    assert list(kinds.values()) == [walks] * 4 + [stops] * 3
+
+
 def test_strong_friction_shakes_down_though_its_last_slips_go_one_way() -> None:
     record = evolve(replace(SMALL, f=np.full(SMALL.n, 1.0)), cyclic(100))
     D = record.cycles.dissipation
@@ -142,13 +182,13 @@ def test_a_response_that_keeps_changing_is_not_reached() -> None:
 @pytest.mark.parametrize("left", [0.0, 1e-17, 1e-13])
 def test_cycles_that_end_without_force_are_told_by_the_force_within(left: float) -> None:
     rng = np.random.default_rng(1)
-    watching = SteadyWatch(1e-8, SLIDE, stiffness=2.0)
+    watching = SteadyWatch(1e-8, stiffness=2.0)
     watching.start(left * rng.standard_normal(4), V)
     for _ in range(4):
         watching.add(left * rng.standard_normal(4), V, 0.1, 0.3, 0.3, force=5.0)
     assert (watching.cycle, watching.kind) == (2, "cyclic slip")
     # what such a cycle dissipates is round-off
-    still = SteadyWatch(1e-8, SLIDE, stiffness=2.0)
+    still = SteadyWatch(1e-8, stiffness=2.0)
     still.start(np.zeros(4), V)
     for _ in range(2):
         still.add(np.zeros(4), V, 1e-15, 1e-15, 1e-15, force=5.0)

@@ -9,15 +9,13 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import Array
 
-RATCHET_TOLERANCE = 1e-6
-"""Rigid sliding gained per period over the largest slip range of a cycle that counts as
-ratchetting."""
+SLIP_TOLERANCE = 100.0
+"""Change of the slips per period over the largest slip range of a cycle, and change of a drift per
+period over that drift, each over the tolerance of the forces, below which they repeat. Where slips
+decay they change by a few times as much as the forces."""
 
-RIGID_PART = 0.1
-"""What a displacement gained per period may lack of a rigid sliding, over that sliding: slips that
-die away gain displacements too, however small a cycle's slip has become."""
-
-SHAKEDOWN = "shakedown"
+SHAKEDOWN, CYCLIC_SLIP, RATCHETTING = "shakedown", "cyclic slip", "ratchetting"
+NOT_REACHED = "not reached"
 SHAKEDOWN_TOLERANCE = 1e-6
 """Dissipation of a cycle over that of cycle 1 below which the contact has shaken down."""
 
@@ -94,26 +92,32 @@ def limit_of_decay(values: Array) -> tuple[str, float, float]:
 class SteadyWatch:
     """Compares the ends of successive cycles and says when, and how, the response repeats itself.
 
-    A_n = max |r(end of cycle n) - r(end of n - T)| / max |r| for T = 1 and 2 cycles. The state is
-    steady at the first n with A_n below the tolerance for two periods running. Where a cycle ends
-    without force, max |r| is taken over the whole history, times ``NO_FORCE``.
+    With A_n = max |r_n - r_(n-T)| / max |r| and the gain d_n = v_n - v_(n-T) at the ends of cycles
+    n, for periods T = 1 and 2, the forces repeat where A_n is below the tolerance for two periods
+    running. Where a cycle ends without force, max |r| is taken over the whole history, times
+    ``NO_FORCE``. The state is steady at the first n at which the forces repeat and, for two periods
+    running,
+
+    * the slips repeat, max |d_n| <= c max (range of v in a cycle): shakedown or cyclic slip; or
+    * the gains repeat, max |d_n - d_(n-T)| <= c max |d_n|: ratchetting. As the forces do not
+      change, this is a motion that the body does not resist, or hardly; or
+    * no cycle dissipates anything: shakedown,
+
+    with c = ``SLIP_TOLERANCE`` times the tolerance. A drift that decays is not steady yet.
     """
 
-    def __init__(self, tolerance: float, rigid: Array, stiffness: float = np.inf) -> None:
+    def __init__(self, tolerance: float, stiffness: float = np.inf) -> None:
         """Start with no cycles seen.
 
         Args:
             tolerance: bound of A_n.
-            rigid: (2N, n) rigid motions that supports and symmetry leave.
             stiffness: local stiffness of a contact node, to tell slip from round-off.
         """
         self.tolerance, self.stiffness = tolerance, stiffness
-        v = rigid[: len(rigid) // 2]
-        self.slides = v[:, np.any(v != 0.0, axis=0)]
         self.ends: list[tuple[Array, Array]] = []
         self.change: list[float] = []
         self.change_2: list[float] = []
-        self.cycle, self.period, self.kind = -1, 1, "not reached"
+        self.cycle, self.period, self.kind = -1, 1, NOT_REACHED
 
     def start(self, r: Array, v: Array) -> None:
         """Remember the start of cycle 1."""
@@ -133,7 +137,7 @@ class SteadyWatch:
         Args:
             r: reactions at the end of the cycle.
             v: (N,) tangential displacements there.
-            slip_range: largest range of v of any node within the cycle.
+            slip_range: largest range of v within the cycle of a node that touches in it.
             dissipation: dissipation of this cycle.
             first: dissipation of cycle 1.
             force: largest nodal force of the history so far.
@@ -143,40 +147,38 @@ class SteadyWatch:
         self.change_2.append(
             _relative(r, self.ends[-2][0], scale) if len(self.ends) > 1 else np.inf
         )
-        self.ends = [*self.ends[-2:], (r.copy(), v.copy())]
-        if self.cycle < 0:
-            for period, needed, change in ((1, 2, self.change), (2, 4, self.change_2)):
-                if len(change) >= needed and max(change[-needed:]) < self.tolerance:
+        self.ends = [*self.ends[-4:], (r.copy(), v.copy())]
+        largest = max(scale, force)
+        give = NO_SLIP * largest / self.stiffness
+        least = max(first, give * largest / SHAKEDOWN_TOLERANCE)
+        slips = slip_range > give and dissipation > SHAKEDOWN_TOLERANCE * least
+        for period, change in ((1, self.change), (2, self.change_2)):
+            repeats = len(change) >= 2 * period and max(change[-2 * period :]) < self.tolerance
+            if self.cycle < 0 and repeats:
+                self.kind = self._kind(period, slip_range, give, slips)
+                if self.kind != NOT_REACHED:
                     self.cycle, self.period = len(self.change), period
-                    gain = self._gain(v - self.ends[-1 - period][1])
-                    largest = max(scale, force)
-                    give = NO_SLIP * largest / self.stiffness
-                    least = max(first, give * largest / SHAKEDOWN_TOLERANCE)
-                    slips = slip_range > give
-                    self.kind = _kind(gain, slip_range, dissipation, least) if slips else SHAKEDOWN
-                    break
         return self.cycle >= 0
 
-    def _gain(self, change: Array) -> float:
-        """Return the rigid sliding in a change of v; 0 where the change is no sliding."""
-        if self.slides.shape[1] == 0:
-            return 0.0
-        slide = self.slides @ np.linalg.lstsq(self.slides, change, rcond=None)[0]
-        gain = float(np.abs(slide).max())
-        return gain if np.abs(change - slide).max() <= RIGID_PART * gain else 0.0
+    def _kind(self, period: int, slip_range: float, give: float, slips: bool) -> str:
+        """Name the state of a contact whose forces repeat (section 1.2 of the paper)."""
+        bound = SLIP_TOLERANCE * self.tolerance
+        now, before, first = (v for _, v in self.ends[-1::-period][:3])
+        gain, change = now - before, now - 2.0 * before + first
+        drift = max(_largest(gain), _largest(gain - change))
+        if drift <= max(bound * slip_range, give):
+            return CYCLIC_SLIP if slips else SHAKEDOWN
+        if _largest(change) <= bound * drift:
+            return RATCHETTING
+        return NOT_REACHED if slips else SHAKEDOWN
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max(initial=0.0))
 
 
 def _relative(a: Array, b: Array, scale: float) -> float:
     return float(np.abs(a - b).max()) / scale if scale > 0.0 else 0.0
-
-
-def _kind(gain: float, slip_range: float, dissipation: float, first: float) -> str:
-    """Name the steady state (section 1.2 of the paper)."""
-    if slip_range > 0.0 and gain > RATCHET_TOLERANCE * slip_range:
-        return "ratchetting"
-    if slip_range == 0.0 or dissipation <= SHAKEDOWN_TOLERANCE * first:
-        return SHAKEDOWN
-    return "cyclic slip"
 
 
 def slip_exponents(

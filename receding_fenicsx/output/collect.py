@@ -84,7 +84,7 @@ class Passed:
         corners: the ends of its legs.
         dissipation: (N,) frictional dissipation of the modelled nodes.
         slip: (N,) v at its end less v at its start.
-        slip_range: largest range of v of any node over its corners.
+        slip_range: largest range of v over its corners of a node that touches at one of them.
         totals: over the history up to its end.
         refined: the rates of the legs to come are refined.
         kept: its samples and events, where they were asked for.
@@ -133,7 +133,7 @@ def record_of(
     slip = np.array([p.slip for p in passed[1:]]).reshape(-1, system.n)
     flip = np.where(mirror.left, -1.0, 1.0)
     kept = [p.kept for p in passed if p.kept is not None] + ([last] if last else [])
-    watcher = SteadyWatch(solver.steady_tolerance, system.rigid, typical_stiffness(system))
+    watcher = SteadyWatch(solver.steady_tolerance, typical_stiffness(system))
     for row in range(len(passed)):
         watch(watcher, passed, row)
     corners = [i for p in passed for i in p.corners] + unfinished[0]

@@ -97,9 +97,10 @@ class Steady:
     """Whether a steady state was reached, and of which kind; see ``interface/cycles.py``.
 
     Attributes:
-        reached: True when two successive periods repeat within the tolerance.
+        reached: True when two successive periods repeat, in forces and in slips.
         cycle: first cycle at which that held; -1 when not reached.
-        kind: "shakedown", "cyclic slip", "ratchetting" or "not reached".
+        kind: "shakedown", "cyclic slip", "ratchetting" (every period gains the same displacement
+            under the same forces) or "not reached".
         period: 1 or 2 cycles.
         change: (n_cycles,) A_n over one cycle: largest change of a nodal reaction over the largest.
     """
