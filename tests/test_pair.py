@@ -15,7 +15,7 @@ from msh import rectangle, turned, write_msh
 
 from receding_fenicsx import evolve, history_from_scene, read_scene
 from receding_fenicsx.bulk.condensation import condense
-from receding_fenicsx.bulk.elasticity import back_substitute
+from receding_fenicsx.bulk.elasticity import back_substitute, reactions
 from receding_fenicsx.bulk.meshing import make_meshes
 from receding_fenicsx.bulk.pair import Pair, build_all, displacements
 from receding_fenicsx.errors import InputError, SolveError, on_root
@@ -328,6 +328,42 @@ def test_condensed_pair_is_that_of_an_independent_assembly(young: float, sides: 
     compliance = force[inner].T @ solved[:, m:]
     assert system.load_compliance == pytest.approx(compliance, rel=1e-10, abs=1e-12)
     assert not system.held.any() and system.rigid.shape[1] == 3
+
+
+@pytest.mark.parametrize("sides", [False, True])
+@pytest.mark.parametrize("young", [0.02, 3.0, 500.0])
+def test_fields_of_both_bodies_carry_the_reactions_of_the_pair(young: float, sides: bool) -> None:
+    """E A u of each body's own field, less its loads, is the force of the other: Newton's third.
+
+    Either body may be the stiffer one, whose displacements are eliminated.
+    """
+    supports = [Support("xy", edge="lower.bottom")]
+    lower = Body("lower", width=8.0, height=2.0)
+    if sides:
+        # the ends of the interface are held on the lower body only
+        lower = replace(lower, width=4.0)
+        supports += [Support("x", edge="lower.left"), Support("x", edge="lower.right")]
+    scene = pair_scene("quadrilateral", 1, young, 0.2, supports=tuple(supports), others=(lower,))
+    loads = (scene.loads[0], Load("s", "upper.right", traction=(0.3, "y")))
+    if not sides:
+        loads = (*loads, Load("p0", "lower.right", pressure="y"))
+    pair = built(replace(scene, loads=loads))
+    system = condense(pair)
+    load, u, expected = np.array([0.7, -1.1]), None, None
+    if system is not None:
+        u = np.cos(1.0 + np.arange(2 * system.n) ** 2)
+        expected = load @ system.r_star + system.K @ u
+    for sign, (part, field) in zip((1.0, -1.0), displacements(pair, load, u), strict=True):
+        own = load[[pair.load_names.index(name) for name in part.load_names]]
+        found = reactions(part, own, field)
+        if expected is not None and found is not None:
+            free = np.ones(len(found), dtype=bool)
+            if sides and sign < 0.0:
+                # there the field's reaction has the support's in it
+                free[[0, system.n - 1]] = False  # type: ignore[union-attr]
+            error = np.abs(sign * found - expected)[free].max()
+            assert error < 1e-10 * np.abs(expected).max(), (part.scene.body.name, error)
+    pair.destroy()
 
 
 # -- histories -----------------------------------------------------------------------------------
