@@ -160,6 +160,23 @@ def test_nodal_forces_have_the_resultant_of_the_traction(
     bulk.destroy()
 
 
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_pressure_of_degree_12_on_one_element_is_integrated_exactly(cell: str, degree: int) -> None:
+    # nodal shape functions make up 1, x and, at degree 2, x^2: x^14 in all
+    scene = block(cell, degree, 4, load=Load("a", "top", (0.0, 2.0), pressure="x**12"))
+    bulk = built(scene)
+    places = bulk.space.tabulate_dof_coordinates()
+    x = places[: bulk.space.dofmap.index_map.size_local, 0]
+    down = -bulk.loads[0].getArray(readonly=True)[1::2]
+    for power in range(degree + 1):
+        moment = bulk.comm.allreduce(float(down @ x**power))
+        assert moment == pytest.approx(2.0 ** (13 + power) / (13 + power), rel=1e-13), power
+    loaded = bulk.comm.allreduce(int(np.count_nonzero(down)))
+    assert loaded <= 2 * degree + 1, "the span has more elements than these moments are to test"
+    bulk.destroy()
+
+
 def test_loads_of_one_name_are_one_load() -> None:
     squeeze = tuple(Load("squeeze", edge, pressure=1.0) for edge in ("left", "right"))
     push = Load("push", "top", pressure=1.0)

@@ -9,14 +9,15 @@ import pytest
 
 from receding_fenicsx import study
 from receding_fenicsx.condensing import is_small
-from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import from_scene
 from receding_fenicsx.output.files import read_record, read_system
+from receding_fenicsx.output.run_folder import is_finished
 from receding_fenicsx.output.summary import read_summary
 from receding_fenicsx.pictures import default_instants
 from receding_fenicsx.replay import instant_of
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene import HistoryOptions, Scene
 from receding_fenicsx.scene_file import read_scene
 
 DEMOS = Path(__file__).parents[1] / "demos"
@@ -183,3 +184,33 @@ def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() ->
     comm.Barrier()
     assert is_small(small("mesh.contact_elements=1280"))
     assert not is_small(small("mesh.contact_elements=640", "mesh.growth=1"))
+
+
+def test_run_that_fails_on_the_way_keeps_what_it_found_and_says_why(shared_tmp_path: Path) -> None:
+    out = shared_tmp_path / "run"
+    table = HistoryOptions(
+        "table", columns=("p0",), rows=((1.0,),), cycle_rows=((0.5,), (-1.0,), (1.0,)), cycles=3
+    )
+    scene = dataclasses.replace(small(), history=table)
+    with pytest.raises(NoEquilibrium, match=r"^cycle 1, leg 1: lift-off") as caught:
+        study.run(scene, out, comm)
+    comm.Barrier()
+    if comm.rank == 0:
+        assert os.listdir(shared_tmp_path) == ["run"]
+        assert caught.value.record is None
+        assert read_summary(out / "summary.json")["failure"] == str(caught.value)
+        assert f"The run ended early: {caught.value}" in (out / "report.html").read_text()
+        assert not (out / "figures").exists() and not (out / "snapshots").exists()
+        # up to the end of the last leg that has an answer, as in a run that goes no further
+        rows = dataclasses.replace(table, rows=((1.0,), (0.5,)), cycle_rows=(), cycles=0)
+        part = evolve(
+            read_system(out / "system.h5", scene),
+            from_scene(dataclasses.replace(scene, history=rows)),
+        )
+        ends = read_record(out / "record.h5").turning_points
+        assert list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True)) == [(0, 0), (1, 0)]
+        assert np.array_equal(ends.state, part.turning_points.state)
+        assert ends.P == pytest.approx(part.turning_points.P, abs=1e-12)
+        with pytest.raises(InputError, match=r"that run has failed \(cycle 1, leg 1"):
+            is_finished(out, scene)
+    comm.Barrier()
