@@ -20,6 +20,7 @@ FREE_WHEN_FINISHED = frozenset({"history.cycles", "history.until"})
 """Keys whose change alone leaves nothing to do on a run that has gone as far as is asked."""
 
 TABLE_OF = {attribute: name for name, (_, attribute) in ARRAYS.items()}
+TABLE_OF |= {"others": "body", "materials": "material"}
 """Names in a scene file of what occurs several times in a scene."""
 
 

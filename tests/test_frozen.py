@@ -11,7 +11,8 @@ from models import block_system
 from receding_fenicsx.interface import events, frozen
 from receding_fenicsx.interface.contact import ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.events import EventPath
-from receding_fenicsx.interface.frozen import widen
+from receding_fenicsx.interface.frozen import reduce, widen
+from receding_fenicsx.interface.segments import Segments
 
 
 def play(path: EventPath, loads: list[list[float]]) -> list[Leg]:
@@ -104,6 +105,52 @@ def test_without_the_watch_the_answer_would_be_wrong(monkeypatch: pytest.MonkeyP
     leg = path.trace_leg(start.end, ends, start.force_scale)
     expected = whole(system).trace_leg(start.end, ends, start.force_scale)
     assert np.abs(leg.end.r - expected.end.r).max() > 1e-3 * start.force_scale
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_each_limit_of_a_left_out_node_is_watched(seed: int) -> None:
+    """The watch against the law at every left-out node, for many displacements of the others."""
+    n, left_out = 14, np.arange(4, 14)
+    system = random_system(seed, n, 0.4)
+    f = np.where(np.arange(n) % 4 == 3, 0.0, system.f * (0.5 + np.arange(n) / n))
+    stuck, smooth = np.arange(n) % 4 < 2, np.arange(n) % 4 == 3
+    system = replace(system, f=f, g0=np.where(stuck, 0.0, 0.1 + 0.05 * np.arange(n)))
+    held = np.zeros(2 * n, dtype=bool)
+    held[11] = True  # tangentially: P alone is limited there
+    smooth[11] = True
+    system = replace(system, g0=np.where(smooth, 0.0, system.g0), held=held)
+    rng = np.random.default_rng(seed)
+    state = np.where(stuck | smooth, 1, 2).astype(np.int8)
+    # the last smooth node is open
+    state[11 if seed % 2 else 7] = 2
+    u = np.where(np.tile(state == 2, 2), 0.01, 0.0) * rng.standard_normal(2 * n)
+    u[n:] -= np.where(state == 2, 0.0, system.g0)
+    start = ContactState(u, np.zeros(2 * n), state)
+    reduction = reduce(Segments(system), start, np.arange(n) < 4)
+    assert reduction is not None
+    seen: set[str] = set()
+    for _ in range(400):
+        load = np.array([rng.uniform(0.0, 8.0), rng.uniform(-2.0, 2.0)])
+        moved = ContactState(0.5 * rng.standard_normal(8), np.zeros(8), state[:4])
+        whole = reduction.expand(moved, load)
+        Q, P, gap = whole.Q, whole.P, whole.w + system.g0
+        open_ = state == 2
+        # what is open bears nothing, what sticks stays where it was
+        assert np.abs(P[left_out][open_[left_out]]).max() < 1e-12
+        assert np.array_equal(whole.u[reduction.constant], u[reduction.constant])
+        limits = {
+            "P > 0": np.where(smooth & ~open_, P, 1.0),
+            "Q > -f P": np.where(smooth | open_, 1.0, f * P + Q),
+            "Q < f P": np.where(smooth | open_, 1.0, f * P - Q),
+            "gap > 0": np.where(open_, gap, 1.0),
+        }
+        beyond = {(name, int(i)) for name, d in limits.items() for i in left_out if d[i] <= 0.0}
+        found = reduction.leaving(moved.u[None], np.append(load, 1.0)[None], 1e-3)
+        assert set(found.tolist()) == {i for _, i in beyond}
+        nodes = [i for _, i in beyond]
+        seen |= {name for name, i in beyond if nodes.count(i) == 1}
+    # each limit was at least once the only one that a node had passed
+    assert seen == {"P > 0", "Q > -f P", "Q < f P", "gap > 0"}
 
 
 def test_random_systems_with_two_loads_lose_nothing(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -3,12 +3,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from models import block_system
-from small import cyclic
+from small import cyclic, small_system, table
 
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.interface.contact import State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.scene import OutputOptions
+from receding_fenicsx.output.summary import summarise
+from receding_fenicsx.scene import OutputOptions, SolverOptions
 
 HALF = block_system(20, 10)
 STICK, OPEN, FORWARD, BACKWARD = (
@@ -61,8 +62,8 @@ def pair() -> tuple:
 
 def test_half_and_whole_records_agree_in_every_field(pair: tuple) -> None:
     half, whole = pair
-    for table in ("turning_points", "samples"):
-        a, b = getattr(half, table), getattr(whole, table)
+    for name in ("turning_points", "samples"):
+        a, b = getattr(half, name), getattr(whole, name)
         assert np.array_equal(a.state, b.state)
         fields = "cycle leg s load P Q p q v w load_displacement"
         for field in fields.split():
@@ -101,3 +102,21 @@ def test_half_and_whole_pass_the_same_events(pair: tuple) -> None:
     a, b = rows(half), rows(whole)
     assert a.shape == b.shape and len(a) > 100
     assert np.array_equal(a, b)
+
+
+def test_half_of_a_contact_that_jumps_releases_half_of_the_energy() -> None:
+    """One node without a continuation on the second leg, and the same beside its mirror image."""
+    K = [[2.0, 1.5], [1.5, 2.0]]
+    node = small_system(K, {"a": [1.0, 1.0], "b": [0.0, -1.0]}, 2.0)
+    node = replace(node, x=np.array([1.0]), points=np.array([[1.0, 0.0]]))
+    path = table(node, [[0.0, 0.0], [1.0, 0.0], [0.25, 1.0]])
+    alone, both = (
+        evolve(replace(node, half=half), path, SolverOptions(on_jump="static"))
+        for half in (False, True)
+    )
+    assert alone.jumps == both.jumps == 1
+    assert alone.released > 0.1
+    for record in (alone, both):
+        assert record.energy_error_max < 1e-10
+    assert both.released == pytest.approx(2.0 * alone.released, rel=1e-12)
+    assert summarise(both)["jumps"] == {"count": 1, "energy_released": both.released}

@@ -10,6 +10,7 @@ import h5py
 import numpy as np
 import pytest
 from models import block_system
+from small import small_system, table
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import evolve
@@ -379,6 +380,17 @@ def test_summary_of_half_and_whole_models_agree() -> None:
         assert [name for name, *_ in a["zones"]] == [name for name, *_ in b["zones"]]
         for key in ("contact_half_width", "stick_half_width", "p_max", "q_min", "q_max"):
             np.testing.assert_allclose(a[key], b[key], rtol=1e-9)
+
+
+def test_extremes_of_tractions_are_those_of_an_unsymmetric_contact() -> None:
+    """Nodes that know nothing of each other and stick: P and Q are the held reactions."""
+    weight, Q, P = np.array([0.5, 2.0, 4.0]), [0.1, -0.3, 0.2], [1.0, 2.0, 3.0]
+    system = small_system(np.eye(6), {"a": [*Q, *P]}, 0.9)
+    system = dataclasses.replace(system, weight=weight)
+    (point,) = summarise(evolve(system, table(system, [0.0, 2.0])))["turning_points"]
+    assert point["p_max"] == pytest.approx(2.0 * 1.0 / 0.5)
+    assert point["q_max"] == pytest.approx(2.0 * 0.1 / 0.5)
+    assert point["q_min"] == pytest.approx(2.0 * -0.3 / 2.0)
 
 
 def test_slip_of_open_nodes_does_not_count(record: Record) -> None:
