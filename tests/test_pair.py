@@ -344,10 +344,10 @@ def test_fields_of_both_bodies_carry_the_reactions_of_the_pair(young: float, sid
         lower = replace(lower, width=4.0)
         supports += [Support("x", edge="lower.left"), Support("x", edge="lower.right")]
     scene = pair_scene("quadrilateral", 1, young, 0.2, supports=tuple(supports), others=(lower,))
-    loads = (scene.loads[0], Load("s", "upper.right", traction=(0.3, "y")))
+    loads = [scene.loads[0], Load("s", "upper.right", traction=(0.3, "y"))]
     if not sides:
-        loads = (*loads, Load("p0", "lower.right", pressure="y"))
-    pair = built(replace(scene, loads=loads))
+        loads.append(Load("p0", "lower.right", pressure="y"))
+    pair = built(replace(scene, loads=tuple(loads)))
     system = condense(pair)
     load, u, expected = np.array([0.7, -1.1]), None, None
     if system is not None:
