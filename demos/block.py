@@ -18,12 +18,12 @@ from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import evolve, history, study
+from receding_fenicsx import evolve, study
 from receding_fenicsx.errors import on_root
 from receding_fenicsx.output import figures, files, report
 from receding_fenicsx.output.summary import read_summary
 from receding_fenicsx.output.table import run_table
-from receding_fenicsx.scene import OutputOptions, Scene, SolverOptions
+from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_file import read_scene
 
 HERE = Path(__file__).parent
@@ -54,17 +54,11 @@ def compare(scene: Scene, folder: Path) -> None:
     record = files.read_record(folder / "record.h5")
 
     # section 3.1 of the paper: complete unloading, on the same condensed system
-    unloading = evolve(
-        system,
-        history.from_scene(read_scene(HERE / "unloading.toml")),
-        SolverOptions(),
-        OutputOptions(samples_per_leg=99, cycles="all"),
-    )
+    unloading = evolve(system, read_scene(HERE / "unloading.toml"))
     # the paper's own method, step by step
-    cycles = replace(history.from_scene(scene), cycles=GAUSS_SEIDEL_CYCLES, until_steady=False)
-    stepped = evolve(
-        system, cycles, SolverOptions(method="gauss-seidel", steps_per_leg=STEPS_PER_LEG)
-    )
+    cycles = replace(scene.history, cycles=GAUSS_SEIDEL_CYCLES, until=None)
+    steps_of_load = replace(scene.solver, method="gauss-seidel", steps_per_leg=STEPS_PER_LEG)
+    stepped = evolve(system, replace(scene, history=cycles, solver=steps_of_load))
     drawn = figures.plot_all(record, folder / "figures", unloading=unloading, stepped=stepped)
     page = report.write_report(folder, record.scene_toml)
 

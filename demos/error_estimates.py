@@ -24,7 +24,7 @@ from petsc4py import PETSc  # noqa: F401 - starts on all ranks together
 import matplotlib as mpl
 import numpy as np
 
-from receding_fenicsx import history, reference, study
+from receding_fenicsx import reference, study
 from receding_fenicsx.errors import on_root
 from receding_fenicsx.estimate import headline, space_errors
 from receding_fenicsx.evolution import evolve
@@ -82,9 +82,7 @@ def solve(scene: Scene) -> Record:
     """Go from a scene to its record."""
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
-    record = evolve(system, history.from_scene(scene), scene.solver, OutputOptions(1, ()))
-    assert record is not None
-    return record
+    return evolve(system, replace(scene, output=OutputOptions(1, ())))
 
 
 def meshed(scene: Scene, mesh: tuple[str, int, float, int]) -> Scene:

@@ -26,7 +26,7 @@ import resource
 import statistics
 import time
 from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -45,7 +45,7 @@ from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.output.record import Record
-from receding_fenicsx.scene import OutputOptions, SolverOptions
+from receding_fenicsx.scene import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene_file import read_scene
 
 Row = dict[str, Any]
@@ -73,16 +73,26 @@ class Mesh:
     nodes: int
     whole: bool = False
 
-    def condense(self, mark: Callable[[str], None] | None = None) -> ContactSystem:
-        """Go from the scene to the condensed system."""
+    def scene(self, cycles: int = CYCLES, solver: SolverOptions | None = None) -> Scene:
+        """The block on this mesh."""
         overrides = [
             f'mesh.cell="{self.cell}"',
             f"mesh.degree={self.degree}",
             f"mesh.growth={self.growth}",
             f"mesh.contact_elements={(self.nodes - 1) // self.degree}",
-            f'solver.symmetry="{"none" if self.whole else "auto"}"',
+            f"history.cycles={cycles}",
         ]
-        system = study.condense(read_scene(BLOCK, overrides), MPI.COMM_SELF, mark)
+        scene = read_scene(BLOCK, overrides)
+        return replace(
+            scene,
+            history=replace(scene.history, until=None),
+            solver=replace(solver or scene.solver, symmetry="none" if self.whole else "auto"),
+            output=BARE,
+        )
+
+    def condense(self, mark: Callable[[str], None] | None = None) -> ContactSystem:
+        """Go from the scene to the condensed system."""
+        system = study.condense(self.scene(), MPI.COMM_SELF, mark)
         assert system is not None
         return system
 
@@ -143,7 +153,7 @@ def whole_way(mesh: Mesh, cycles: int, repeat: int, solver: SolverOptions | None
         begin = time.perf_counter()
         system = mesh.condense(mark)
         mark("evolve")
-        record = evolve(system, cyclic(cycles), solver, BARE)
+        record = evolve(system, mesh.scene(cycles, solver))
         mark("end")
         walls.append(time.perf_counter() - begin)
         runs.append({f"{a[0]}_s": b[1] - a[1] for a, b in pairwise(marks)})

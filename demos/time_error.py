@@ -7,6 +7,7 @@ figure. The demo shows how to evolve one condensed system by both methods.
 
 import argparse
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,10 @@ from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import ContactSystem, Record, evolve, history_from_scene, read_scene
+from receding_fenicsx import ContactSystem, Record, evolve, read_scene
 from receding_fenicsx.errors import on_root
 from receding_fenicsx.output.style import COLUMN, GUIDE_COLOUR, RC, SERIES_COLOURS
-from receding_fenicsx.scene import SolverOptions
+from receding_fenicsx.scene import Scene, SolverOptions
 from receding_fenicsx.study import condense
 
 HERE = Path(__file__).parent
@@ -35,19 +36,19 @@ def main() -> None:
     folder = Path(parser.parse_args().out)
     scene = read_scene(HERE / "block.toml", ["history.cycles=1"])
     system = condense(scene)
-    on_root(MPI.COMM_WORLD, lambda: compare(system, history_from_scene(scene), folder))
+    on_root(MPI.COMM_WORLD, lambda: compare(system, scene, folder))
 
 
-def compare(system: ContactSystem | None, history: Any, folder: Path) -> None:
+def compare(system: ContactSystem | None, scene: Scene, folder: Path) -> None:
     """Evolve by events, then by Gauss-Seidel with more and more steps."""
     assert system is not None
-    exact, seconds = timed(system, history, SolverOptions())
+    exact, seconds = timed(system, scene)
     print(f"exact path: {seconds:.2f} s, residual {exact.residual_max:.0e}")
     print("steps a leg  seconds  error of D_1  error of forces")
     errors, forces = [], []
     for steps in STEPS:
-        options = SolverOptions(method="gauss-seidel", steps_per_leg=steps)
-        stepped, seconds = timed(system, history, options)
+        solver = SolverOptions(method="gauss-seidel", steps_per_leg=steps)
+        stepped, seconds = timed(system, replace(scene, solver=solver))
         errors.append(abs(stepped.cycles.dissipation[0] / exact.cycles.dissipation[0] - 1.0))
         a, b = stepped.turning_points, exact.turning_points
         difference = max(np.abs(a.P - b.P).max(), np.abs(a.Q - b.Q).max())
@@ -61,10 +62,10 @@ def compare(system: ContactSystem | None, history: Any, folder: Path) -> None:
     assert forces[STEPS.index(320)] < LARGEST_FORCE_ERROR
 
 
-def timed(system: ContactSystem, history: Any, options: SolverOptions) -> tuple[Record, float]:
+def timed(system: ContactSystem, scene: Scene) -> tuple[Record, float]:
     """Return the record and the seconds that it took."""
     begin = time.perf_counter()
-    record = evolve(system, history, options)
+    record = evolve(system, scene)
     return record, time.perf_counter() - begin
 
 

@@ -18,7 +18,7 @@ from mpi4py import MPI
 
 from scipy.optimize import brentq
 
-from receding_fenicsx import ContactSystem, evolve, history_from_scene, read_scene
+from receding_fenicsx import ContactSystem, evolve, read_scene
 from receding_fenicsx.errors import on_root
 from receding_fenicsx.interface.tractions import traction_at
 from receding_fenicsx.layer_contact import contact_half_width
@@ -51,7 +51,7 @@ def zero_of_unseparated(system: ContactSystem) -> float:
 
 def both(system: ContactSystem, scene: Scene) -> tuple[float, float]:
     """Zero of the unseparated pair, and half width of the contact with lift-off."""
-    record = evolve(system, history_from_scene(scene))
+    record = evolve(system, scene)
     return zero_of_unseparated(system), estimates(record, -1)["contact_half_width_estimate"][
         "value"
     ]

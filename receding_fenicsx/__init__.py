@@ -6,10 +6,10 @@ The way from a scene to what happens on it::
     record = run(scene)                                      # the whole way, in memory
     record = run(scene, "results/mine")                      # the same, written and drawn
 
-or step by step, to play other histories on the same body::
+or step by step, to play other histories, frictions and gaps on the same body::
 
-    system = condense(scene)                          # K, r_star on the contact nodes (eq. 11)
-    record = evolve(system, history_from_scene(scene))
+    system = condense(scene, whole=True)              # K, r_star on the contact nodes (eq. 11)
+    record = evolve(system, scene)                    # or another scene of the same body
 
 What a :class:`Record` holds is asked for by names, and drawn::
 

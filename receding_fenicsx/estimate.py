@@ -19,13 +19,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receding_fenicsx.errors import InputError, RecedingError, on_root
+from receding_fenicsx.errors import InputError, RecedingError, given, on_root
 from receding_fenicsx.evolution import evolve
-from receding_fenicsx.history import from_scene
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.widths import contact_betas, estimates
-from receding_fenicsx.scene import OutputOptions, Scene, evaluate
+from receding_fenicsx.scene import OutputOptions, Scene
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -169,15 +168,8 @@ def errors_of_run(scene: Scene, record: Record | None, comm: MPI.Comm) -> dict[s
 
 
 def _evolve(scene: Scene, system: ContactSystem | None) -> Record:
-    assert system is not None
-    slip = scene.history.initial_slip
-    return evolve(
-        system,
-        from_scene(scene),
-        scene.solver,
-        OutputOptions(samples_per_leg=1, cycles=()),
-        None if slip is None else evaluate(slip, system.x),
-    )
+    bare = replace(scene, output=OutputOptions(samples_per_leg=1, cycles=()))
+    return evolve(given(system), bare)
 
 
 def estimate(value: float, coarse: Sequence[tuple[float, float]]) -> float:

@@ -10,7 +10,7 @@ from itertools import pairwise
 import numpy as np
 
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.history import History, check_history
+from receding_fenicsx.history import History, check_history, from_scene
 from receding_fenicsx.interface.contact import (
     STATE_NAMES,
     Array,
@@ -38,7 +38,11 @@ from receding_fenicsx.output.collect import (
 )
 from receding_fenicsx.output.journal import Journal
 from receding_fenicsx.output.record import Record
-from receding_fenicsx.scene import OutputOptions, SolverOptions
+from receding_fenicsx.reuse import system_for
+from receding_fenicsx.scene import OutputOptions, Scene, SolverOptions, evaluate
+from receding_fenicsx.scene_checks import validate
+from receding_fenicsx.scene_difference import body_difference
+from receding_fenicsx.scene_file import from_toml
 
 log = logging.getLogger(__name__)
 
@@ -55,22 +59,28 @@ itself."""
 
 def evolve(
     system: ContactSystem,
-    history: History,
+    history: Scene | History,
     solver: SolverOptions | None = None,
     output: OutputOptions | None = None,
     initial_slip: Array | None = None,
     progress: Progress | None = None,
     journal: Journal | None = None,
 ) -> Record:
-    """Evolve the contact from rest along the history (eqs. 4 to 15 of Ahn & Barber 2008).
+    """Evolve the contact from rest along a history (eqs. 4 to 15 of Ahn & Barber 2008).
+
+    ``evolve(system, scene)`` plays all of a scene on the body that the system was condensed from:
+    friction, gap, history, initial slip, solver and output are the scene's, and the record is that
+    of :func:`~receding_fenicsx.study.run`, bit by bit. ``evolve(system, History(...))`` plays a path of load factors on the system as it is;
+    no scene tells what was played, and the record's ``scene_toml`` is empty.
 
     Args:
         system: the condensed body.
-        history: path from rest, then cycles.
-        solver: method and tolerances.
-        output: which cycles get samples and events, and how many samples a leg.
+        history: a scene; or a path from rest, then cycles.
+        solver: method and tolerances; not with a scene.
+        output: which cycles get samples and events, and how many samples a leg; not with a scene.
         initial_slip: (N,) tangential displacement at rest from which the first slip is counted; the
-            first leg is then one static problem. At nodes that are open it counts for nothing.
+            first leg is then one static problem. At nodes that are open it counts for nothing. Not
+            with a scene.
         progress: called after every cycle.
         journal: finished cycles to go on from, and where further ones go. At each of its
             checkpoints all that is remembered of the way (factor, rates) is made anew, so that
@@ -80,10 +90,24 @@ def evolve(
         The record of the whole contact.
 
     Raises:
-        InputError: the history's loads are not the system's, an array has a wrong length or values
-            without meaning, or an open node lands where the first leg is one static problem.
+        InputError: the scene's body is not the system's, the history's loads are not, an array has
+            a wrong length or values without meaning, or an open node lands where the first leg is
+            one static problem.
         SolveError: a solver found no answer that satisfies the contact law.
     """
+    if isinstance(history, Scene):
+        if solver is not None or output is not None or initial_slip is not None:
+            raise InputError(
+                "evolve: a scene brings its own solver, output and initial slip; change the scene "
+                "by dataclasses.replace"
+            )
+        scene, system = history, _system_of(history, system)
+        history, solver, output = from_scene(scene), scene.solver, scene.output
+        slip = scene.history.initial_slip
+        initial_slip = None if slip is None else evaluate(slip, system.x)
+        journal = journal or Journal(scene.output.checkpoint_cycles)
+    else:
+        system = replace(system, scene_toml="")
     check_system(system)
     check_history(history, system.load_names)
     journal = journal or Journal()
@@ -108,6 +132,23 @@ def evolve(
         error.record = record_of(system, run.solver, passed, (run.corners, run.totals))
         raise
     return record_of(system, run.solver, passed, last=run.sample_last())
+
+
+def _system_of(scene: Scene, system: ContactSystem) -> ContactSystem:
+    """Return the system with the scene's friction and gap; refuse another body's."""
+    validate(scene)
+    if not system.scene_toml:
+        raise InputError(
+            "evolve: the system was made by hand, for no scene; give a History, or condense the "
+            "scene"
+        )
+    other = body_difference(from_toml(system.scene_toml), scene)
+    if other is not None:
+        raise InputError(
+            f"evolve: the system was condensed from a scene with another {other}; condense this "
+            "scene"
+        )
+    return system_for(scene, system)
 
 
 SMALLEST_RANGE = 1e-7

@@ -41,6 +41,8 @@ def check_history(history: History, load_names: tuple[str, ...]) -> None:
         InputError: it drives other loads, its arrays have another shape or entries that are not
             finite, it does not begin at rest, or its cycle does not join on and close.
     """
+    if not isinstance(history, History):
+        raise InputError(f"evolve: plays a Scene or a History, not a {type(history).__name__}")
     if history.load_names != load_names:
         raise InputError(
             f"the history drives loads {list(history.load_names)}, the system has "

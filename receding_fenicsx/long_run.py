@@ -16,7 +16,7 @@ from receding_fenicsx.output import files, summary
 from receding_fenicsx.output.collect import record_of
 from receding_fenicsx.output.journal import JOURNAL, Journal, JournalFile
 from receding_fenicsx.output.record import Record
-from receding_fenicsx.scene import Scene, evaluate
+from receding_fenicsx.scene import Scene
 
 if TYPE_CHECKING:
     from receding_fenicsx.interface.contact import ContactSystem
@@ -50,23 +50,14 @@ def run_history(
         Interrupted: a signal asked to end. The folder holds the record of the finished cycles.
         SolveError: the history failed in its very first leg.
     """
-    path, every = history.from_scene(scene), scene.output.checkpoint_cycles
-    slip = scene.history.initial_slip
+    every = scene.output.checkpoint_cycles
     journal: Journal = Journal(every)
     if folder is not None:
         journal = JournalFile(folder / JOURNAL, system, every)
         if journal.passed:
             log.info("goes on from the checkpoint after cycle %d", len(journal.passed) - 1)
     try:
-        record = evolve(
-            system,
-            path,
-            scene.solver,
-            scene.output,
-            None if slip is None else evaluate(slip, system.x),
-            _Pace(say),
-            journal,
-        )
+        record = evolve(system, scene, progress=_Pace(say), journal=journal)
     except SolveError as error:
         # nothing of a history that fails at its very first load is worth keeping
         if not isinstance(error.record, Record) or not len(error.record.turning_points.s):
@@ -78,7 +69,7 @@ def run_history(
         if folder is None or done < 0:
             raise
         code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
-        text = f"interrupted after cycle {done} of {path.cycles}"
+        text = f"interrupted after cycle {done} of {history.from_scene(scene).cycles}"
         journal.write()
         record = record_of(system, scene.solver, journal.passed)
         files.write_record(folder / "record.h5", record, overwrite=True)

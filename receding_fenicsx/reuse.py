@@ -37,7 +37,7 @@ def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
         system = eliminate_tangential(system)
     if system.kind == "normal" and np.any(system.f):
         raise InputError(
-            "was saved without tangential displacements, for a contact without friction; "
+            "the system has no tangential displacements, being one of a contact without friction; "
             "condense the scene again"
         )
     laid_out: dict[str, Any] = {}

@@ -77,6 +77,20 @@ def condensed_part(scene: Scene) -> Scene:
     )
 
 
+def body_difference(a: Scene, b: Scene) -> str | None:
+    """Return the first thing by which the condensed bodies of two scenes differ, or None.
+
+    Mesh files of the same path are taken for the same.
+    """
+    found = difference(condensed_part(a), condensed_part(b))
+    if found is None and is_half_meshed(a) != is_half_meshed(b):
+        found = "symmetry"
+    meshes = [[body.mesh for body in scene.bodies] for scene in (a, b)]
+    if found is None and meshes[0] != meshes[1] and digest(a) != digest(b):
+        found = "mesh file"
+    return found
+
+
 def digest(scene: Scene) -> str:
     """SHA-256 of all of a scene that its condensed system depends on, mesh files included."""
     whole = scene if scene.others else part_of(scene, scene.body)

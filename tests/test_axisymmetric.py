@@ -55,7 +55,7 @@ def cylinder(cell: str = "triangle", degree: int = 1, **parts: object) -> Scene:
 
 def evolved(scene: Scene) -> Record | None:
     system = condense_scene(scene)
-    return None if system is None else evolve(system, from_scene(scene))
+    return None if system is None else evolve(system, scene)
 
 
 @pytest.mark.parametrize("cell", CELLS)
@@ -294,8 +294,7 @@ def test_cyclic_dissipation_by_loop_area_and_by_load_steps() -> None:
     system = condense_scene(scene)
     if system is None:
         return
-    output = OutputOptions(samples_per_leg=200)
-    exact = evolve(system, from_scene(scene), scene.solver, output)
+    exact = evolve(system, replace(scene, output=OutputOptions(samples_per_leg=200)))
     D = exact.cycles.dissipation
     loop = loop_of(exact, len(D))
     assert exact.energy_error_max < 1e-10

@@ -12,7 +12,7 @@ import pytest
 from bodies import CELLS, block, built
 from msh import turned, write_msh
 
-from receding_fenicsx import evolve, history_from_scene
+from receding_fenicsx import evolve
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.errors import InputError, on_root
 from receding_fenicsx.interface.contact import ContactSystem, State
@@ -38,7 +38,7 @@ def record_of(scene: Scene) -> Record | None:
     system = condense_scene(scene, comm)
     if system is None:
         return on_root(comm, lambda: None)
-    return on_root(comm, lambda: evolve(system, history_from_scene(scene), scene.solver))
+    return on_root(comm, lambda: evolve(system, scene))
 
 
 WALLS = (Contact(span=(-1.5, 1.5)), Contact("left"), Contact("right", friction=0.1))

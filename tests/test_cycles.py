@@ -126,7 +126,7 @@ def test_a_drift_that_decays_is_not_steady_before_it_is_small() -> None:
 def test_slips_that_die_with_the_forces_delay_no_steady_state() -> None:
     N = np.arange(1.0, 1500.0)
     decay = np.cumsum(N**-3.0)
-    # forces change by 0.001 N^-3 of the largest, below 1e-8 from N = 47, which is cycle 46; slips by
+    # forces change by 0.001 N^-3 of the largest, below 1e-8 from N = 47 (cycle 46) on; slips by
     # 0.045 N^-3 of their range
     ends = [(R * (1.0 + 1e-3 * a), V + 1.5e-3 * R[:2] * a) for a in decay]
     found = watch(ends, slip_range=0.1)

@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from receding_fenicsx import estimate, history, study
+from receding_fenicsx import estimate, study
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.output.record import Record
@@ -30,7 +30,7 @@ def scene_of(elements: int = 64, *overrides: str) -> Scene:
 def solve(scene: Scene) -> Record:
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
-    return evolve(system, history.from_scene(scene), output=OutputOptions(1, ()))
+    return evolve(system, replace(scene, output=OutputOptions(1, ())))
 
 
 # -- the formula ----------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from bodies import CELLS
 from models import q1_stiffness
 from msh import rectangle, turned, write_msh
 
-from receding_fenicsx import evolve, history_from_scene, read_scene
+from receding_fenicsx import evolve, read_scene
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.elasticity import back_substitute, reactions
 from receding_fenicsx.bulk.meshing import make_meshes
@@ -82,7 +82,7 @@ def record_of(scene: Scene) -> Record | None:
     system = condense_scene(scene, comm)
     if system is None:
         return on_root(comm, lambda: None)
-    return on_root(comm, lambda: evolve(system, history_from_scene(scene), scene.solver))
+    return on_root(comm, lambda: evolve(system, scene))
 
 
 # -- against one body ----------------------------------------------------------------------------

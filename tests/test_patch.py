@@ -53,7 +53,7 @@ def test_uniform_pressure_on_a_free_sliding_block_gives_uniform_stress(
     system = condense(scene)
     u = None
     if system is not None:
-        record = evolve(system, from_scene(scene), scene.solver)
+        record = evolve(system, scene)
         table = record.turning_points
         assert table.p[-1] == pytest.approx(p, rel=1e-11)
         assert np.abs(table.q[-1]).max() == 0.0
@@ -116,7 +116,7 @@ def test_block_sticks_at_99_percent_of_friction_and_slides_at_100(
     system = condense(scene)
     if system is None:
         return
-    record = evolve(system, from_scene(scene), scene.solver)
+    record = evolve(system, scene)
     state, Q = record.turning_points.state[-1], record.turning_points.Q[-1]
     assert Q.sum() == pytest.approx(-0.99 * FRICTION * 4.0, rel=1e-12)
     assert np.any(state == State.STICK)

@@ -93,9 +93,9 @@ def test_programs_in_the_readme_run(beside_demos: Path, capsys: pytest.CaptureFi
         assert (beside_demos / name).read_bytes().startswith(b"%PDF")
     exec(compile(second, "README.md", "exec"), {})
     dissipation = [float(line.split()[1]) for line in capsys.readouterr().out.splitlines()]
-    # the further the load falls, the more slips
-    assert dissipation == sorted(dissipation, reverse=True)
+    # the stronger the friction, the less slips: none of the three is that of another
     assert len(dissipation) == 3
+    assert dissipation[0] > 1.5 * dissipation[1] > 1.5**2 * dissipation[2]
 
 
 def test_programs_in_the_guide_run() -> None:

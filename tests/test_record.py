@@ -46,7 +46,7 @@ def system_of(text: str, half: bool = True, elements: int = 80) -> ContactSystem
 def evolved(*overrides: str, half: bool = True, elements: int = 80) -> tuple[ContactSystem, Record]:
     scene = from_toml(BLOCK, [*SHORT, *overrides])
     system = system_of(to_toml(scene), half, elements)
-    return system, evolve(system, from_scene(scene), scene.solver, scene.output)
+    return system, evolve(system, scene)
 
 
 @pytest.fixture(scope="module")
@@ -252,7 +252,7 @@ def test_system_takes_the_scene_s_own_friction_and_gap(tmp_path: Path) -> None:
     assert smooth.kind == "normal" and smooth.K.shape == (41, 41)
     # and what has lost its tangential displacements cannot serve friction
     write_system(path, smooth, overwrite=True)
-    with pytest.raises(InputError, match=r"system.h5: was saved without tangential"):
+    with pytest.raises(InputError, match=r"system.h5: the system has no tangential"):
         read_system(path, from_toml(BLOCK))
 
 

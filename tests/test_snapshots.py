@@ -11,7 +11,7 @@ import pytest
 from matplotlib.colors import to_rgb
 from PIL import Image
 
-from receding_fenicsx import history_from_scene, read_scene, study
+from receding_fenicsx import read_scene, study
 from receding_fenicsx.bulk import elasticity, meshing
 from receding_fenicsx.errors import RecedingError, on_root
 from receding_fenicsx.evolution import evolve
@@ -43,7 +43,7 @@ def instant(scene: Scene) -> Instant | None:
 
     def make() -> Instant:
         assert system is not None
-        record = evolve(system, history_from_scene(scene))
+        record = evolve(system, scene)
         state = turning_point(record, system, 1)
         return Instant(1, 0, 1.0, record.turning_points.load[1], state.v, state)
 

@@ -11,7 +11,6 @@ from receding_fenicsx import study
 from receding_fenicsx.condensing import is_small
 from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
 from receding_fenicsx.evolution import evolve
-from receding_fenicsx.history import from_scene
 from receding_fenicsx.output.files import read_record, read_system
 from receding_fenicsx.output.run_folder import is_finished
 from receding_fenicsx.output.summary import read_summary
@@ -65,7 +64,7 @@ def test_saved_system_gives_the_same_record_without_meshing(shared_tmp_path: Pat
     record = study.run(scene, shared_tmp_path / "run", comm, pictures=False)
     if record is not None:
         system = read_system(shared_tmp_path / "run" / "system.h5", scene)
-        again = evolve(system, from_scene(scene), scene.solver, scene.output)
+        again = evolve(system, scene)
         for name in ("v", "w", "P", "Q", "state"):
             np.testing.assert_array_equal(
                 getattr(again.turning_points, name), getattr(record.turning_points, name)
@@ -205,7 +204,7 @@ def test_run_that_fails_on_the_way_keeps_what_it_found_and_says_why(shared_tmp_p
         rows = dataclasses.replace(table, rows=((1.0,), (0.5,)), cycle_rows=(), cycles=0)
         part = evolve(
             read_system(out / "system.h5", scene),
-            from_scene(dataclasses.replace(scene, history=rows)),
+            dataclasses.replace(scene, history=rows),
         )
         ends = read_record(out / "record.h5").turning_points
         assert list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True)) == [(0, 0), (1, 0)]

@@ -19,7 +19,7 @@ from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.record import Cycles, Events, Record, States, Steady
 from receding_fenicsx.reuse import system_for
 from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_difference import condensed_part, difference, digest
+from receding_fenicsx.scene_difference import body_difference, digest
 from receding_fenicsx.scene_file import from_toml
 
 FORMAT_VERSION = 1
@@ -173,12 +173,10 @@ def _check_scene(path: Path, stored: str, scene_toml: str, scene: Scene) -> None
         return
     found = None
     with suppress(InputError):  # its mesh file may be gone
-        found = difference(condensed_part(from_toml(scene_toml)), condensed_part(scene))
-    found = found or (
-        "symmetry" if not any(b.mesh for b in scene.bodies) else "mesh file or symmetry"
-    )
+        found = body_difference(from_toml(scene_toml), scene)
     raise InputError(
-        f"{path}: was condensed from a scene with another {found}; condense this scene again"
+        f"{path}: was condensed from a scene with another {found or 'mesh file'}; condense this "
+        "scene again"
     )
 
 
