@@ -70,8 +70,10 @@ def evolve(
 
     ``evolve(system, scene)`` plays all of a scene on the body that the system was condensed from:
     friction, gap, history, initial slip, solver and output are the scene's, and the record is that
-    of :func:`~receding_fenicsx.study.run`, bit by bit. ``evolve(system, History(...))`` plays a path of load factors on the system as it is;
-    no scene tells what was played, and the record's ``scene_toml`` is empty.
+    of :func:`~receding_fenicsx.study.run`, bit by bit.
+
+    ``evolve(system, History(...))`` plays a path of load factors on the system as it is. No scene
+    tells what was played, and the record's ``scene_toml`` is empty.
 
     Args:
         system: the condensed body.
