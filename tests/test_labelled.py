@@ -1,5 +1,6 @@
 """A record asked by names, and as labelled tables."""
 
+from dataclasses import replace
 from functools import cache
 
 import models
@@ -10,7 +11,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
 from receding_fenicsx.output import labelled
-from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.record import Record, States
 
 LOOP = np.array([[1.0], [0.25], [1.0]])
 
@@ -86,10 +87,59 @@ def test_columns_of_a_table_stand_beside_their_node_and_instant() -> None:
     k = row * n + node
     assert table["x"][k] == found.x[node]
     assert table["s"][k] == found.samples.s[row]
-    assert table["p0"][k] == found.samples.load[row, 0]
-    assert table["p0 load_displacement"][k] == found.samples.load_displacement[row, 0]
+    assert table["load.p0"][k] == found.samples.load[row, 0]
+    assert table["load_displacement.p0"][k] == found.samples.load_displacement[row, 0]
     assert table["q"][k] == found.samples.q[row, node]
     assert table["state"][k] == found.samples.state[row, node]
+
+
+CLASHING = ("P", "x", "cycle", "load", "node", "s")
+
+
+def loaded_by(names: tuple[str, ...]) -> Record:
+    """The block's record, its load driven together with others that do nothing."""
+    found = record()
+    n = len(names)
+
+    def widened(table: States) -> States:
+        factors = table.load * np.arange(1.0, n + 1.0)
+        return replace(table, load=factors, load_displacement=-factors)
+
+    events = replace(found.events, load=found.events.load * np.arange(1.0, n + 1.0))
+    return replace(
+        found,
+        load_names=names,
+        turning_points=widened(found.turning_points),
+        samples=widened(found.samples),
+        events=events,
+    )
+
+
+@pytest.mark.parametrize("which", ["turning_points", "samples", "events"])
+def test_no_load_hides_a_column_of_its_name_or_is_hidden(which: str) -> None:
+    found = loaded_by(CLASHING)
+    table, plain = found.to_table(which), record().to_table(which)
+    for name, column in plain.items():
+        if "." not in name:
+            assert np.array_equal(table[name], column), name
+    rows = len(plain["s"])
+    for k, name in enumerate(CLASHING):
+        factors = getattr(found, which).load[:, k]
+        assert np.array_equal(table[f"load.{name}"], np.repeat(factors, rows // len(factors)))
+
+
+def test_no_load_hides_a_variable_of_a_data_set() -> None:
+    pytest.importorskip("xarray")
+    found = loaded_by(CLASHING)
+    data = found.to_xarray()
+    assert np.array_equal(data.P.values, found.turning_points.P)
+    assert np.array_equal(data.x.values, found.x)
+    for k, name in enumerate(CLASHING):
+        assert np.array_equal(data[f"load.{name}"].values, found.turning_points.load[:, k])
+        assert np.array_equal(data.load_factor.sel(load=name), found.turning_points.load[:, k])
+        assert np.array_equal(
+            data[f"load_displacement.{name}"], found.turning_points.load_displacement[:, k]
+        )
 
 
 def test_table_of_cycles_sums_to_the_dissipation() -> None:
@@ -128,7 +178,7 @@ def test_frame_answers_as_the_record_does() -> None:
     pytest.importorskip("pandas")
     found = record()
     frame = found.to_pandas()
-    low = frame[(frame.cycle == 2) & (frame.p0 == 0.25)].sort_values("x")
+    low = frame[(frame.cycle == 2) & (frame["load.p0"] == 0.25)].sort_values("x")
     assert np.array_equal(low.p.to_numpy(), found.at(2, "minimum").p)
 
 

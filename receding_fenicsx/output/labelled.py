@@ -26,10 +26,7 @@ TABLES = ("turning_points", "samples", "cycles", "events")
 def columns(record: Record, which: str) -> Columns:
     """Return a table as columns of equal length; see :meth:`Record.to_table`."""
     per_row, per_node, per_load = _parts(record, which)
-    for name, values in per_load.items():
-        behind = "" if name == "load" else f" {name}"
-        for k, load in enumerate(record.load_names):
-            per_row[f"{load}{behind}"] = values[:, k]
+    per_row |= _by_name(record, per_load)
     if which == "events":
         return per_row
     rows, n = len(next(iter(per_row.values()))), len(record.x)
@@ -50,7 +47,8 @@ def dataset(record: Record, which: str) -> xarray.Dataset:
         raise InputError("events: are a plain table; use to_table or to_pandas")
     per_row, per_node, per_load = _parts(record, which)
     row = "cycle" if which == "cycles" else "instant"
-    variables: dict[str, Any] = {name: (row, a) for name, a in per_row.items() if name != row}
+    singles = per_row | _by_name(record, per_load)
+    variables: dict[str, Any] = {name: (row, a) for name, a in singles.items() if name != row}
     variables |= {name: ((row, "node"), a) for name, a in per_node.items()}
     # "load" names the dimension, so the factors need another name
     renamed = {"load": "load_factor"}
@@ -64,6 +62,15 @@ def dataset(record: Record, which: str) -> xarray.Dataset:
     if row == "cycle":
         coordinates["cycle"] = per_row["cycle"]
     return _optional("xarray").Dataset(variables, coordinates)
+
+
+def _by_name(record: Record, per_load: Columns) -> Columns:
+    """Return a column for each load, "load.NAME": no other column has a dot in its name."""
+    return {
+        f"{quantity}.{name}": values[:, k]
+        for quantity, values in per_load.items()
+        for k, name in enumerate(record.load_names)
+    }
 
 
 def _parts(record: Record, which: str) -> tuple[Columns, Columns, Columns]:

@@ -208,7 +208,8 @@ class Record:
     def to_table(self, which: str = "turning_points") -> dict[str, NDArray[Any]]:
         """Return "turning_points", "samples", "events" or "cycles" as columns of equal length.
 
-        Turning points, samples and cycles have a row for each instant (or cycle) and node.
+        Turning points, samples and cycles have a row for each instant (or cycle) and node. The
+        columns of a load are "load.NAME", its factor, and "load_displacement.NAME".
         """
         return labelled.columns(self, which)
 
@@ -219,7 +220,8 @@ class Record:
     def to_xarray(self, which: str = "turning_points") -> xarray.Dataset:
         """Return "turning_points", "samples" or "cycles" as a Dataset over named dimensions.
 
-        Dimensions are "instant" (or "cycle"), "node" and "load"; needs xarray.
+        Dimensions are "instant" (or "cycle"), "node" and "load"; needs xarray. Loads stand there
+        twice: as "load_factor" and "load_displacement" along "load", and by the names of columns.
         """
         return labelled.dataset(self, which)
 
