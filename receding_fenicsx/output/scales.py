@@ -94,12 +94,15 @@ class Scales:
     def load_displacement(self) -> tuple[float, str]:
         """What a load's displacement is divided by, and what is written behind its symbol.
 
-        With a scale it becomes the displacement conjugate to the pressure, not to the factor.
+        With a scale it becomes the displacement conjugate to the pressure, not to the factor: an
+        area per unit thickness, a volume of the full circle.
         """
         if not self.normalised():
             return 1.0, ""
         unit, _ = self.slip()
-        return self.pressure * self.length * unit, rf"\,E/({self._peak()}\,{self.length_symbol}^2)"
+        power = 3 if self.axisymmetric else 2
+        behind = rf"\,E/({self._peak()}\,{self.length_symbol}^{power})"
+        return self.pressure * self.length ** (power - 1) * unit, behind
 
     def dissipation_density(self) -> tuple[float, str]:
         """What an energy per contact area is divided by, and what is written behind its symbol."""
