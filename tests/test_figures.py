@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
-from matplotlib.colors import to_rgb
+from matplotlib.colors import to_hex, to_rgb, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
@@ -308,6 +308,77 @@ def test_tractions_are_drawn_over_the_load_that_acts() -> None:
     assert np.array_equal(p.get_xdata(), found.x)
     assert np.allclose(p.get_ydata(), 3.0 * found.turning_points.p[row], rtol=1e-14)
     assert np.allclose(q.get_ydata(), 3.0 * found.turning_points.q[row], rtol=1e-14)
+
+
+def names_of_colours(figure: Figure) -> dict[str, str]:
+    """Name of each state by the colour that the legend of a figure gives it."""
+    patches = [patch for legend in figure.legends for patch in legend.get_patches()]
+    labels = {to_hex(patch.get_facecolor()): str(patch.get_label()) for patch in patches}
+    return {colour: label[3:] for colour, label in labels.items() if label[0].isdigit()}
+
+
+def moves_of(found: Record, s: float) -> dict[str, np.ndarray]:
+    """Nodes by what they do halfway between two samples of cycle 1's unloading, from v, w, p."""
+    table = found.samples
+    rows = np.flatnonzero((table.cycle == 1) & (table.leg == 0))
+    row = rows[np.searchsorted(table.s[rows], s)]
+    before, after = (np.stack([table.v[k], table.w[k]]) for k in (row - 1, row))
+    (dv, _), open_ = after - before, (before[1] > 0.0) & (after[1] > 0.0)
+    moving = 1e-6 * np.abs(dv[~open_]).max()
+    pressed = (table.p[row - 1] > 0.0) & (table.p[row] > 0.0)
+    return {
+        "separation": open_,
+        "stick": pressed & (dv == 0.0),
+        "forward slip": pressed & (dv > moving),
+        "backward slip": pressed & (dv < -moving),
+    }
+
+
+def amid(nodes: np.ndarray) -> np.ndarray:
+    """Nodes both of whose neighbours are among them too."""
+    return nodes & np.append(nodes[1:], False) & np.append(False, nodes[:-1])
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_colours_of_zones_are_those_of_the_legend(half: bool) -> None:
+    """What the nodes do is taken from how they move, not from the states."""
+    found = record(half=half)
+    figure = figures.zone_maps(found, [(1, 0)])
+    named = names_of_colours(figure)
+    (drawn,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
+    colours = [to_hex(colour) for colour in to_rgba_array(drawn.get_facecolor())]
+    seen = set()
+    for s in (0.3, 0.6, 0.9):
+        load = 1.0 - (s - 0.0125) * 2.0 / 3.0  # samples are 0.025 apart
+        for name, nodes in moves_of(found, s).items():
+            # the figure shows the right half; a zone's end may lie between the two samples
+            for x in found.x[amid(nodes) & (found.x > 0.1)] + 0.25 * np.diff(found.x).min():
+                over = [k for k, p in enumerate(drawn.get_paths()) if p.contains_point((x, load))]
+                assert named[colours[over[-1]]] == name, (s, x)
+                seen.add(name)
+    assert len(seen) == 4
+
+
+def test_colours_and_numbers_of_the_band_are_those_of_the_legend() -> None:
+    found = record()
+    figure = figures.tractions(found, found.at(1, "minimum"))
+    named, band = names_of_colours(figure), figure.axes[0]
+    spans = [
+        (p.get_transform().transform_path(p.get_path()).get_extents(), to_hex(p.get_facecolor()))
+        for p in band.patches
+    ]
+
+    def name_at(x: float) -> str:
+        dots = float(band.transData.transform((x, 0.0))[0])
+        (colour,) = [colour for box, colour in spans if box.x0 <= dots < box.x1]
+        return named[colour]
+
+    for name, nodes in moves_of(found, 1.0).items():
+        assert {name_at(x) for x in found.x[amid(nodes)]} == {name}
+    # the number in the band is that of the legend's text
+    labels = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+    for text in band.texts:
+        assert f"{text.get_text()}  {name_at(text.get_position()[0])}" in labels
 
 
 def test_zone_map_shows_half_of_a_symmetric_contact_against_the_load() -> None:

@@ -14,6 +14,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
@@ -214,8 +215,8 @@ def test_zone_maps_run_from_load_to_load_over_the_largest(kinematics: str) -> No
     events = record.events
     here = (events.cycle == 1) & (events.leg == 0) & (record.x[events.node] > 0.0)
     here &= (events.s > 1e-6) & (events.s < 1.0 - 1e-6)
-    (lines,) = [c for c in unloading.collections if len(c.get_paths()[0].vertices) == 2]
-    ends = np.vstack([path.vertices for path in lines.get_paths()])
+    (lines,) = [c for c in unloading.collections if isinstance(c, LineCollection)]
+    ends = np.vstack([np.asarray(path.vertices) for path in lines.get_paths()])
     assert np.count_nonzero(here) > 5
     for k in np.flatnonzero(here):
         place = [record.x[events.node[k]] / HEIGHT, events.load[k, 0] / LARGEST]
