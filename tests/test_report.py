@@ -4,6 +4,7 @@ import base64
 import io
 import re
 from functools import cache
+from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -14,7 +15,6 @@ from PIL import Image
 
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
-from receding_fenicsx.output import figures
 from receding_fenicsx.output.report import report_html, write_report
 from receding_fenicsx.output.summary import read_summary, summarise, write_summary
 from receding_fenicsx.output.table import extremes_of
@@ -80,23 +80,57 @@ def run(cycles: int = 22) -> tuple:
     return record, summarise(record, COSTS)
 
 
-def test_report_refers_to_nothing_outside_and_holds_every_picture(tmp_path: Path) -> None:
+PICTURES = {
+    "figures/fig04_tractions_first_loading": "Tractions, friction cone and states",
+    "figures/fig05_zones_first_unloading": "Zones",
+    "figures/fig07_zones_cycle_9": "Zones along the ninth cycle",
+    "figures/fig08_slip_per_cycle": "power of N",
+    "figures/fig10_dissipation_per_cycle": "Dissipation",
+    "figures/zones_by_cycle": "all cycles that were sampled",
+    "figures/dissipation_density": "Where along the contact edge",
+    "figures/hysteresis": "work-conjugate displacement",
+    "figures/trajectories": "What single nodes go through",
+    "figures/tractions_last_cycle": "the last cycle's turning points",
+    "snapshots/cycle0022_leg1_s1.000_max_shear": "Cycle 22, leg 1, s = 1. Isochromatic fringes",
+    "snapshots/cycle0022_leg1_s0.250_von_mises": "Cycle 22, leg 1, s = 0.25. Equivalent stress",
+}
+"""Pictures in the order of the page, and words that stand below each."""
+
+
+def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
+    tmp_path: Path,
+) -> None:
     record, summary = run()
-    made = figures.plot_all(record, tmp_path / "figures", formats=["png"])
-    (tmp_path / "snapshots").mkdir()
-    noise = np.random.default_rng(1).integers(0, 255, (300, 2244, 3)).astype(np.uint8)
-    Image.fromarray(noise).save(tmp_path / "snapshots" / "cycle0022_leg1_s1.000_max_shear.png")
+    shades = {}
+    for k, name in enumerate(PICTURES):
+        path = tmp_path / f"{name}.png"
+        path.parent.mkdir(exist_ok=True)
+        # each of a grey of its own; two are as wide as the page
+        shades[path.stem] = 20 * k
+        size = (2244, 30) if "snapshots" in name or "hysteresis" in name else (1060, 40)
+        Image.new("RGB", size, (20 * k,) * 3).save(path)
     write_summary(tmp_path / "summary.json", summary)
     text = write_report(tmp_path, record.scene_toml).read_text(encoding="utf-8")
     page = Page(text)
-    assert len(page.references) == len(made) + 1
-    for reference in page.references:
-        kind, data = re.fullmatch(r"data:image/(png|jpeg);base64,(.*)", reference).groups()  # type: ignore[union-attr]
+    assert len(page.references) == len(PICTURES)
+    shown = re.findall(
+        r'<figure( class="page")?><img alt="(.*?)" src="data:image/(png|jpeg);base64,(.*?)">'
+        r"<figcaption>(.*?)</figcaption>",
+        text,
+    )
+    assert [alt for _, alt, *_ in shown[:-2]] == [Path(name).name for name in PICTURES][:-2]
+    words = {Path(name).name: said for name, said in PICTURES.items()}
+    for wide, name, kind, data, caption in shown:
         with Image.open(io.BytesIO(base64.b64decode(data))) as image:
-            image.load()
+            pixels = np.asarray(image.convert("L"))
             assert image.format == kind.upper()
+        assert np.abs(pixels.astype(int) - shades[name]).max() <= 2, name
+        assert words[name] in unescape(caption), name
+        assert bool(wide) == (kind == "jpeg" or name == "hysteresis"), name
+        if name.startswith("fig") and name[3:5] != "zo":
+            assert caption.endswith(f"The paper&#x27;s Fig. {int(name[3:5])}."), name
+    assert {kind for _, name, kind, *_ in shown if name.startswith("cycle0022")} == {"jpeg"}
     assert not re.search(r"https?://|@import|url\(|<script|<link", text)
-    assert "Cycle 22, leg 1, s = 1." in page.text
     assert page.headings[:5] == [
         "Against the paper",
         "Turning points",

@@ -15,7 +15,6 @@ from receding_fenicsx import read_scene, study
 from receding_fenicsx.bulk import elasticity, meshing
 from receding_fenicsx.errors import RecedingError, on_root
 from receding_fenicsx.evolution import evolve
-from receding_fenicsx.interface.contact import State
 from receding_fenicsx.output import style
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.fields import Fields, fields_at
@@ -23,7 +22,6 @@ from receding_fenicsx.output.render import Picture, Renderer, renderer
 from receding_fenicsx.output.snapshot_view import view_of
 from receding_fenicsx.output.snapshots import QUANTITIES, colours_of, fringe_value, snapshot
 from receding_fenicsx.pictures import picture_body
-from receding_fenicsx.pictures import snapshot as snapshot_of_run
 from receding_fenicsx.replay import turning_point
 from receding_fenicsx.scene import Load, Material, Scene
 
@@ -87,11 +85,12 @@ def test_fields_of_the_half_body_mirrored_are_those_of_the_whole_body() -> None:
 
 
 def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Path) -> None:
+    chosen = tuple(q for q in QUANTITIES if q.name in ("syy", "max_shear"))
     scene = small_block("auto")
     now = instant(scene)
     bulk = picture_body(scene, COMM)
     try:
-        made = snapshot(bulk, now, shared_tmp_path / "snapshots")
+        made = snapshot(bulk, now, shared_tmp_path / "snapshots", chosen)
     finally:
         bulk.destroy()
     if COMM.rank != 0:
@@ -99,7 +98,9 @@ def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Pa
         return
     assert made is not None
     pictures = [path for path in made if path.suffix == ".png"]
-    assert len(pictures) == len(QUANTITIES)
+    assert [path.name for path in pictures] == [
+        f"cycle0001_leg0_s1.000_{quantity.name}.png" for quantity in chosen
+    ]
     for path in pictures:
         image = Image.open(path).convert("RGB")
         assert image.size[0] == round(style.PAGE * style.DPI)
@@ -283,21 +284,3 @@ def test_half_of_the_area_lies_below_the_middle_colour_however_fine_the_mesh_is(
     plain, _ = colours_of(x, von_mises, "")
     assert weighted.limits[1] == pytest.approx(0.995, abs=1e-3)
     assert plain.limits[1] == pytest.approx(0.9995, abs=1e-3)
-
-
-def test_small_contact_is_shown_from_near_by(shared_tmp_path: Path) -> None:
-    scene = read_scene(BLOCK.with_name("punch.toml"), ["mesh.contact_elements=16"])
-    study.run(scene, shared_tmp_path / "run", COMM, pictures=False)
-    made = snapshot_of_run(shared_tmp_path / "run", 0, "0", comm=COMM)
-    if COMM.rank != 0:
-        return
-    assert made is not None
-    pixels = np.asarray(Image.open(made[0]).convert("RGB"))
-    ends = []
-    for state in (State.FORWARD_SLIP, State.BACKWARD_SLIP):
-        wanted = np.round(255.0 * np.array(to_rgb(style.STATE_COLOURS[state])))
-        # above the tractions and the legend
-        rows, columns = np.nonzero(np.all(pixels == wanted, axis=2))
-        ends += columns[rows < 0.7 * pixels.shape[0]].tolist()
-    # the band of states is a third of the axes wide, not a twentieth
-    assert max(ends) - min(ends) > 0.2 * pixels.shape[1]
