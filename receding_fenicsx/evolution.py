@@ -197,9 +197,6 @@ class _Run:
 
     def _go_on_after(self, number: int) -> None:
         self.tracer = make_tracer(self.model, self.solver)
-        if number >= 0 and self.passed[number].refined:
-            assert isinstance(self.tracer, EventPath)
-            self.tracer.segments.refine()
         self._stand_after(number)
 
     def check_range(self) -> None:
@@ -247,7 +244,6 @@ class _Run:
             slip=v[-1] - v[0],
             slip_range=float(np.ptp(v[:, touches], axis=0).max(initial=0.0)),
             totals=self.totals,
-            refined=isinstance(self.tracer, EventPath) and self.tracer.segments.refined,
             kept=kept,
         )
 

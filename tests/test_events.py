@@ -1,4 +1,5 @@
 import re
+from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
 from typing import Any
@@ -17,6 +18,7 @@ from receding_fenicsx.interface.contact import ContactState, ContactSystem, Stat
 from receding_fenicsx.interface.events import EventPath
 from receding_fenicsx.interface.rates import Tableau
 from receding_fenicsx.interface.resting import at_rest
+from receding_fenicsx.interface.segments import Segments
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions, SolverOptions
 
@@ -453,16 +455,40 @@ def test_a_crowned_body_pushed_over_its_end_is_refused() -> None:
         evolve(pushed, cyclic(1))
 
 
+Rates = Callable[[Any, np.ndarray], np.ndarray]
+
+
+def spoil(rates: Rates, node: int) -> Rates:
+    """Return rates that are wrong in A of one node."""
+
+    def spoiled(self: Tableau, direction: np.ndarray) -> np.ndarray:
+        q = rates(self, direction)
+        q[2 * self.system.n + node] *= 1.0001
+        return q
+
+    return spoiled
+
+
+@pytest.mark.parametrize("node", [20, 25])
+def test_rates_spoilt_by_round_off_are_refined(node: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    exact = evolve(SMALL, cyclic(2))
+    monkeypatch.setattr(Tableau, "rates", spoil(Tableau.rates, node))
+    healed = evolve(SMALL, cyclic(2))
+    assert np.array_equal(healed.turning_points.state, exact.turning_points.state)
+    assert np.abs(healed.turning_points.Q - exact.turning_points.Q).max() <= 1e-12
+    assert healed.residual_max <= 1e-11
+
+
 @pytest.mark.parametrize("node", [20, 25])
 def test_a_wrong_rate_does_not_pass_unnoticed(node: int, monkeypatch: pytest.MonkeyPatch) -> None:
-    rates = Tableau.rates
+    rates = Segments._rates
 
-    def spoiled(self: Tableau, direction: np.ndarray, refined: bool = False) -> np.ndarray:
-        q = rates(self, direction, refined)
+    def spoiled(self: Segments, state: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        q = rates(self, state, direction)
         q[2 * self.system.n + node] *= 1.0001  # of A
         return q
 
-    monkeypatch.setattr(Tableau, "rates", spoiled)
+    monkeypatch.setattr(Segments, "_rates", spoiled)
     with pytest.raises(SolveError, match="lost accuracy"):
         evolve(SMALL, cyclic(1))
 

@@ -26,13 +26,6 @@ from receding_fenicsx.interface.walk import Walk
 APEX = 1e-9
 """Load left, as a part of the leg's first load, at which a leg to complete unloading is closed."""
 
-REFINED_ABOVE = 3e-12
-"""Residual of a leg above which it is traced anew, and all later ones traced, with refined rates:
-stiff, nearly incompressible bodies."""
-
-CORRECTED_LEGS = 10
-"""Legs between two corrections of round-off once all sets of states on the way are known."""
-
 JUMP_STEP = 1e-7
 """Part of the leg beyond a jump at which the state to jump to is looked for: at the jump itself the
 state before is still an equilibrium."""
@@ -66,7 +59,7 @@ class EventPath:
         rubbing = np.flatnonzero(self.segments.frictional)
         least = int(rubbing[np.argmin(system.f[rubbing])]) if len(rubbing) else 0
         self.faint = least if len(rubbing) and system.f[least] < FAINT else None
-        self.legs_since_correction = self.jumps = 0
+        self.jumps = 0
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
         self.reduction: Reduction | None = None
         self.limits: dict[tuple[bytes, bytes], Limit | None] = {}
@@ -118,7 +111,7 @@ class EventPath:
             with suppress(SingularExchange):
                 # K R is zero up to the round-off of the condensation only
                 r = reactions(self.system, ends[0], laid.u)
-                laid.u += self.segments.tableau(laid.state).correction(r)
+                laid.u += self.segments.tableau(laid.state).correction(r)[: 2 * self.system.n]
         return laid
 
     def _held_leg(
@@ -130,22 +123,21 @@ class EventPath:
         if force_scale == 0.0:  # loads that bear on nothing
             return self._still(start, force_scale, samples)
         try:
-            leg = self._trace(start, ends, force_scale, samples)
-        except NoEquilibrium:
-            raise
+            return self._trace(start, ends, force_scale, samples)
         except SolveError as error:
             limit = self._limit(a, b)
+            if isinstance(error, NoEquilibrium) and (limit is not None or self.faint is None):
+                raise
             if limit is not None:
                 raise NoEquilibrium(limit.text) from error
-            if self.faint is not None:
-                f = float(self.system.f[self.faint])
-                raise SolveError(
-                    f"the exact path is lost on the way to load factors {b.tolist()}: the friction "
-                    f"f = {f:.2g} of node {self.faint} is so small that its limit cannot be told "
-                    f"from round-off; make it 0, or {FAINT:.0e} at least"
-                ) from error
-            raise
-        return leg
+            if self.faint is None:
+                raise
+            f = float(self.system.f[self.faint])
+            raise SolveError(
+                f"the exact path is lost on the way to load factors {b.tolist()}: the friction "
+                f"f = {f:.2g} of node {self.faint} is so small that its limit cannot be told "
+                f"from round-off; make it 0, or {FAINT:.0e} at least"
+            ) from error
 
     def _trace(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int
@@ -155,15 +147,6 @@ class EventPath:
             reduced = self._walk_reduced(start, ends, force_scale, samples)
             if reduced is not None:
                 return reduced
-        try:
-            leg = self._walk(start, ends, force_scale, samples)
-            if self.segments.refined or leg.residual <= REFINED_ABOVE:
-                return leg
-        except SolveError:
-            if self.segments.refined:
-                raise
-        # round-off may also have hidden the way on
-        self.segments.refine()
         return self._walk(start, ends, force_scale, samples)
 
     def _walk(
@@ -178,10 +161,10 @@ class EventPath:
         try:
             walk.run(1.0 - APEX if apex else 1.0)
         except NoQuasiStaticContinuation:
-            if self.on_jump != "static" or not self.segments.refined or self.faint is not None:
+            if self.on_jump != "static" or self.faint is not None:
                 raise
             return self._jump(walk, samples)
-        leg = walk.finish(apex, self._correction_due())
+        leg = walk.finish(apex)
         self._remember(ends[1] - ends[0], leg)
         return leg
 
@@ -226,14 +209,6 @@ class EventPath:
         self._remember(b - a, leg)
         return leg
 
-    def _correction_due(self) -> bool:
-        """Count one more leg; return whether its end is to be corrected in any case."""
-        self.legs_since_correction += 1
-        due = self.legs_since_correction >= CORRECTED_LEGS or self.segments.refined
-        if due:
-            self.legs_since_correction = 0
-        return due
-
     def _remember(self, direction: Array, leg: Leg) -> None:
         """Remember which nodes changed state on a leg in this direction."""
         changed = self.changed.setdefault(direction.tobytes(), np.zeros(self.system.n, dtype=bool))
@@ -247,7 +222,7 @@ class EventPath:
         Returns:
             The leg; None where there is nothing to leave out, or where that has failed.
         """
-        if self.segments.refined or (ends[1] - ends[0]).tobytes() not in self.changed:
+        if (ends[1] - ends[0]).tobytes() not in self.changed:
             return None
         for _ in range(REDUCTIONS):
             if self.reduction is None or not self.reduction.fits(start):
@@ -269,14 +244,14 @@ class EventPath:
             )
             try:
                 walk.run(1.0)
-                leg = walk.finish(False, self._correction_due())
+                leg = walk.finish(False)
             except SolveError:
                 # found again, and said of the whole contact, by the way without reduction
                 return None
             finished = reduction.finish(walk, leg, ends)
             if isinstance(finished, Leg):
                 self._remember(ends[1] - ends[0], finished)
-                return finished if finished.residual <= REFINED_ABOVE else None
+                return finished
             for changed in self.changed.values():
                 changed[finished] = True
             self.reduction = None

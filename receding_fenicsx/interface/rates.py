@@ -64,33 +64,37 @@ to where the last one in the same direction led."""
 RENEWED = 10
 """Exchanges, in multiples of the tableau's size, after which it is made from scratch: round-off."""
 
-REFINEMENTS = 2
-"""Steps of iterative refinement where rates are refined."""
-
 SINGULAR = 1e-11
 """Pivot, over a typical stiffness or compliance, below which an exchange is singular."""
 
 
 def limit_distances(
-    f: Array, smooth: NDArray[np.bool_], state: NDArray[np.int8], r: Array
+    f: Array,
+    nodes: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    state: NDArray[np.int8],
+    r: Array,
 ) -> tuple[Array, Array]:
-    """Return A = Q + f P and B = f P - Q of nodes in contact, or their rates.
+    """Return A = Q + f P and B = f P - Q of all nodes, or their rates.
 
     At a slipping node one of them is zero and the other 2 f P: as a difference of Q and f P it
-    would carry the round-off of Q, which a small f P does not bear.
+    would carry the round-off of Q, which a small f P does not bear. Both are zero at an open node,
+    and at one that a support holds normally, which has no limit.
 
     Args:
         f: (N,) coefficients of friction.
-        smooth: (N,) nodes at which P stands in place of A.
+        nodes: (N,) nodes with friction, and smooth ones, at which P stands in place of A.
         state: (N,) states.
         r: (2N,) reactions [Q; P], or their rates.
     """
+    frictional, smooth = nodes
     Q, P = r[: len(f)], r[len(f) :]
     sliding = 2.0 * f * P
     distance_A = np.where(state == BACKWARD, sliding, Q + f * P)
     distance_B = np.where(state == FORWARD, sliding, f * P - Q)
     distance_A[state == FORWARD] = distance_B[state == BACKWARD] = 0.0
-    return np.where(smooth, P, distance_A), distance_B
+    contact = state != SEPARATION
+    distance_A = np.where(smooth, P, np.where(frictional, distance_A, 0.0))
+    return np.where(contact, distance_A, 0.0), np.where(contact & frictional, distance_B, 0.0)
 
 
 class SingularExchange(Exception):
@@ -160,6 +164,12 @@ class Tableau:
         self._U, self._V = np.zeros((m, PENDING), order="F"), np.zeros((PENDING, m))
         self.pivots = self.rebuilds = 0
         self._kept: deque[_Kept] = deque(maxlen=KEPT)
+        # with all nodes stuck the tableau is the stiffness itself, free of round-off
+        self._all_stuck = None
+        if not len(Z):
+            still = np.full(n, STICK, dtype=np.int8)
+            labels = self._stuck_rows, self._stuck_columns
+            self._all_stuck = _Kept(still, self._stuck, self._stuck_loads, *labels, age=0)
         self.build(state)
 
     def build(self, state: NDArray[np.int8]) -> None:
@@ -222,13 +232,17 @@ class Tableau:
         )
         self._kept.append(copy)
 
+    def _apart(self, one: NDArray[np.int8], other: NDArray[np.int8]) -> NDArray[np.intp]:
+        """Return the nodes that are in different states, those without any limit left out."""
+        return np.flatnonzero((one != other) & (self.frictional | self.smooth))
+
     def _start_nearer(self, state: NDArray[np.int8], way: int) -> bool:
         """Go on from a kept tableau if it has fewer than ``way`` nodes in other states."""
-        nearest = min(
-            self._kept, key=lambda kept: np.count_nonzero(kept.state != state), default=None
-        )
-        if nearest is None or np.count_nonzero(nearest.state != state) >= way:
+        candidates = [*self._kept, self._all_stuck] if self._all_stuck else self._kept
+        ways = [len(self._apart(state, kept.state)) for kept in candidates]
+        if min(ways, default=way) >= way:
             return False
+        nearest = candidates[ways.index(min(ways))]
         np.copyto(self._T, nearest.T)
         self.load_rates = nearest.load_rates.copy(order="F")
         self.row_label = nearest.row_label.copy()
@@ -274,11 +288,11 @@ class Tableau:
         outputs: list[int] = []
         inputs: list[int] = []
         n = len(state)
-        changing = (state != self.state).nonzero()[0].tolist()
+        changing = self._apart(state, self.state)
         way = len(changing)
         if way > FEW and self._start_nearer(state, way):
-            changing = (state != self.state).nonzero()[0].tolist()
-        for i in changing:
+            changing = self._apart(state, self.state)
+        for i in changing.tolist():
             table = EXCHANGES if self.frictional[i] else SMOOTH_EXCHANGES
             for out, into in table[int(self.state[i]), int(state[i])]:
                 outputs.append(out * n + i)
@@ -363,12 +377,11 @@ class Tableau:
             dgemm(1.0, V_t, U, beta=1.0, c=self._T.T, trans_b=1, overwrite_c=1)
             self._held_back = 0
 
-    def rates(self, direction: Array, refined: bool = False) -> Array:
+    def rates(self, direction: Array) -> Array:
         """Return the rates of v, gap, A and B along a leg.
 
         Args:
             direction: (n_loads,) change of the load factors.
-            refined: refine them iteratively.
 
         Returns:
             (4N,) rates by label; zero for the inputs.
@@ -377,10 +390,27 @@ class Tableau:
         rates = np.zeros(4 * n)
         rates[self.row_label] = self.load_rates.dot(direction)
         rates[: 2 * n] *= 1.0 / self._unit  # a power of two
-        return self._refined(rates, direction) if refined else rates
+        return rates
+
+    def refined(self, rates: Array, direction: Array) -> Array:
+        """Return rates after one step of iterative refinement, reactions evaluated afresh."""
+        n, system = self.system.n, self.system
+        dr = direction @ system.r_star + system.K @ rates[: 2 * n]
+        change = self.correction(dr)[: 4 * n].reshape(4, n)
+        forward, backward = limit_distances(
+            system.f, (self.frictional, self.smooth), self.state, dr
+        )
+        # at a slipping node the sum of both is what changes 2 f P
+        sliding = change[A] + change[B]
+        open_ = self.state == SEPARATION
+        forward += np.where(self.state == BACKWARD, sliding, change[A])
+        backward += np.where(self.state == FORWARD, sliding, change[B])
+        forward[open_ | (self.state == FORWARD)] = 0.0
+        backward[open_ | (self.state == BACKWARD)] = 0.0
+        return np.concatenate([rates[: 2 * n] + change[:A].ravel(), forward, backward])
 
     def response(self, labels: NDArray[np.intp], change: Array) -> Array:
-        """Return the change of every output when forces among the inputs change by a finite amount.
+        """Return the change of every quantity when forces among the inputs change.
 
         Args:
             labels: labels of the changed inputs, not V or W.
@@ -389,22 +419,23 @@ class Tableau:
         Returns:
             (5N,) changes by label.
         """
-        self._flush()
         out = np.zeros(5 * self.system.n)
         x = np.zeros(self._T.shape[1])
         x[self._column_of[labels]] = change
-        out[self.row_label] = self._T @ x
+        k = self._held_back
+        out[self.row_label] = self._T @ x + self._U[:, :k] @ (self._V[:k] @ x)
         out[: 2 * self.system.n] /= self._unit
+        out[labels] = change
         return out
 
     def correction(self, r: Array) -> Array:
-        """Return the change of displacement that brings every input back to zero.
+        """Return the change of every quantity that brings every input back to zero.
 
         Args:
             r: (2N,) reactions, or rates of reaction, in the present states.
 
         Returns:
-            (2N,) change of displacement.
+            (5N,) changes by label; the first 2N are those of the displacements.
         """
         n, state, f = self.system.n, self.state, self.system.f
         Q, P = r[:n], r[n:]
@@ -418,18 +449,4 @@ class Tableau:
         quantities = (Q + f * P, f * P - Q, P, Q)
         labels = [kind * n + i for kind, i in zip((A, B, A, REACTION), nodes, strict=True)]
         change = [-quantity[i] for quantity, i in zip(quantities, nodes, strict=True)]
-        return self.response(np.concatenate(labels), np.concatenate(change))[: 2 * n]
-
-    def _refined(self, rates: Array, direction: Array) -> Array:
-        """Return rates after steps of iterative refinement."""
-        n, system, state = self.system.n, self.system, self.state
-        held = direction @ system.r_star
-        du = rates[: 2 * n]
-        for _ in range(REFINEMENTS):
-            du += self.correction(held + system.K @ du)
-        dr = held + system.K @ du
-        contact = state != SEPARATION
-        forward, backward = limit_distances(system.f, self.smooth, state, dr)
-        rates[A * n : B * n] = np.where(contact, forward, 0.0)
-        rates[B * n :] = np.where(contact & self.frictional, backward, 0.0)
-        return rates
+        return self.response(np.concatenate(labels), np.concatenate(change))

@@ -36,6 +36,19 @@ LIMIT_TOLERANCE = 1e-12
 RATE_TOLERANCE = 1e-11
 """Rate over the Euclidean norm of all rates (as forces) below which it is taken for zero."""
 
+RATE_IMBALANCE = 3e-13
+"""Imbalance of rates, over the norm of those of forces alone, above which they are refined."""
+
+UNIT_ROUND_OFFS = 16.0
+"""What no refinement betters: such round-offs of the norm of all rates."""
+
+REFINEMENTS = 3
+"""Steps of iterative refinement at most."""
+
+RENEWAL = 0.05
+"""Refinements, in multiples of the number of contact freedoms, that take as long as a new
+tableau."""
+
 SLIGHT = 0.1
 """Friction below which the distances A and B from its limits are measured by f P, not by P: they
 are small because f is, and a node on both limits at once has to be one without pressure."""
@@ -86,7 +99,6 @@ class Segments:
         smooth: (N,) nodes without friction, or held tangentially.
         weight: (4N,) brings every entry of y to the size of a nodal force.
         limit: (4N,) distance from a limit, per unit of force scale, up to which a node sits on it.
-        refined: every set of rates is refined once.
         trials: sets of states whose rates were worked out.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
@@ -110,8 +122,7 @@ class Segments:
         self._counted = np.flatnonzero(self.frictional & (system.f < COUNTED))
         self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
         self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
-        self.refined = False
-        self.trials = 0
+        self.trials = self.refinements = 0
         self._tableau: Tableau | None = None
         self._probes: tuple[Array, Array, Array] | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
@@ -171,11 +182,6 @@ class Segments:
         held = np.abs(direction @ self.system.r_star).max(initial=0.0)
         return bool(np.abs(lean).max() > RIGID_TOLERANCE * held)
 
-    def refine(self) -> None:
-        """Forget all rates; from now on refine every set of them once."""
-        self.refined, self._tableau = True, None
-        self._known.clear()
-
     def at(self, state: States, direction: Array) -> Segment:
         """Return the rates in the given states along a leg whose loads change by ``direction``."""
         key = state.tobytes(), direction.tobytes()
@@ -191,7 +197,7 @@ class Segments:
 
     def _make(self, state: States, direction: Array) -> Segment:
         n = len(state)
-        q = self.tableau(state).rates(direction, self.refined)
+        q = self._rates(state, direction)
         if self._works_on_pins(state, q, direction):
             raise SingularExchange
         forces = q * self.weight
@@ -203,6 +209,35 @@ class Segments:
         falling += n
         wrong = (SIGN[state] * forces[:n] < threshold).nonzero()[0]
         return Segment(q, falling, -1.0 / q[falling], wrong)
+
+    def _rates(self, state: States, direction: Array) -> Array:
+        """Return the rates in the given states, refined where they do not balance.
+
+        The round-off of a tableau stays in it: where refining has taken as long as a new one would,
+        it is renewed.
+        """
+        tableau, motions = self.tableau(state), slice(2 * self.system.n)
+        if self.refinements > RENEWAL * 2 * self.system.n:
+            tableau.build(state)
+            self.refinements = 0
+        q = tableau.rates(direction)
+        imbalance = self.imbalance(q, q[motions], direction)
+        all_ = q * self.weight
+        forces = all_[motions.stop :]
+        accepted = max(
+            RATE_IMBALANCE * sqrt(forces.dot(forces)),
+            UNIT_ROUND_OFFS * np.finfo(float).eps * sqrt(all_.dot(all_)),
+        )
+        for _ in range(REFINEMENTS):
+            if imbalance <= accepted:
+                break
+            self.refinements += 1
+            better = tableau.refined(q, direction)
+            left = self.imbalance(better, better[motions], direction)
+            if left >= imbalance:
+                break
+            q, imbalance = better, left
+        return q
 
     def _count_pressure(self, state: States, q: Array, direction: Array, forces: Array) -> None:
         """Set the rates 2 f P of slipping nodes with little friction by their pressure itself.
@@ -216,13 +251,16 @@ class Segments:
             q[kind * n + i] = 2.0 * system.f[i] * P
             forces[kind * n + i] = q[kind * n + i] / self._slack[i]
 
-    def probe(self, y: Array, u: Array, load: Array) -> Array:
-        """Return (k, PROBES) random sums over the nodes of the errors of Q and P.
+    def imbalance(self, y: Array, u: Array, load: Array) -> float:
+        """Return the largest of a few random sums over the nodes of the errors of Q and P.
+
+        With independent errors it is some sqrt(N) times theirs, and never much below the largest.
+        Its cost does not grow with N^2.
 
         Args:
-            y: (k, 4N) quantities at k instants.
-            u: (k, 2N) displacements.
-            load: (k, n_loads) load factors.
+            y: (4N,) quantities, or (k, 4N) of k instants.
+            u: (2N,) or (k, 2N) displacements.
+            load: (n_loads,) or (k, n_loads) load factors.
         """
         n, system = self.system.n, self.system
         if self._probes is None:
@@ -236,16 +274,15 @@ class Segments:
             on_r = np.vstack([on_Q, on_P])
             self._probes = system.K @ on_r, system.r_star @ on_r, np.vstack([on_A, on_B])
         on_u, on_load, on_forces = self._probes
-        return u @ on_u + load @ on_load - y[:, 2 * n :] @ on_forces
+        errors = u @ on_u + load @ on_load - y[..., 2 * n :] @ on_forces
+        return float(np.abs(errors).max())
 
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""
-        f = self.system.f
-        forward, backward = limit_distances(f, self.smooth, state.state, state.r)
+        nodes = self.frictional, self.smooth
+        forward, backward = limit_distances(self.system.f, nodes, state.state, state.r)
         contact = state.state != SEPARATION
         gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
-        forward = np.where(contact, forward, 0.0)
-        backward = np.where(contact & self.frictional, backward, 0.0)
         # a gap keeps its round-off: times the stiffness it would be a force out of balance
         return np.concatenate([state.v, gap, np.maximum(forward, 0.0), np.maximum(backward, 0.0)])
 

@@ -133,6 +133,6 @@ def _pivot(segments: Segments, start: ContactState, load: Array) -> ContactState
         return None
     u = u0.copy()
     for _ in range(3):
-        u = u + tableau.correction(reactions(system, load, u))
+        u = u + tableau.correction(reactions(system, load, u))[: 2 * n]
     end = ContactState(u, reactions(system, load, u), state)
     return _accepted(segments, start, load, end)

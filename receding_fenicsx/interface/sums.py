@@ -7,7 +7,6 @@ Stops are collected and summed up many at once, to save time.
 from __future__ import annotations
 
 from collections.abc import Callable
-from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,9 +18,6 @@ from receding_fenicsx.interface.segments import Segments, States
 
 EVENT_RESIDUAL = 1e-11
 """Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
-
-DOUBT = 0.25
-"""Random sums of N errors, over sqrt(N) times the tolerance, from which every one is looked at."""
 
 STOPS = 512
 """Stops after which they are summed up."""
@@ -106,7 +102,7 @@ class Sums:
         if self.watch is not None:
             found = self.watch(u[1:], load[1:], self.force_scale)
             self.found = np.union1d(self.found, found)
-        if self.check_all or self._doubt(y, u, load) > EVENT_RESIDUAL * max(1.0, DOUBT * sqrt(n)):
+        if self.check_all or self._doubt(y, u, load) > EVENT_RESIDUAL:
             states = np.array([stop[2] for stop in self._stops[1:]])
             self._check(u[1:], load[1:], slip, states)
         self._stops = self._stops[-1:]
@@ -123,13 +119,11 @@ class Sums:
     def _doubt(self, y: Array, u: Array, load: Array) -> float:
         """Return by how much, over all stops, a limit is passed, or Q and P do not belong to u.
 
-        The latter by a few random sums over the nodes, at a cost that does not grow with N^2; both
-        relative to the force scale.
+        Both relative to the force scale.
         """
         n = self.system.n
         passed = -float((y[1:, n:].min(axis=0) * self.segments.weight[n:]).min())
-        apart = float(np.abs(self.segments.probe(y, u, load)).max())
-        return max(passed, apart) / self.force_scale
+        return max(passed, self.segments.imbalance(y, u, load)) / self.force_scale
 
     def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:
         """Evaluate the residual afresh at several stops, slip being that of the piece before."""

@@ -37,11 +37,15 @@ there."""
 ALL_AT_ONCE = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
 
-CLEARED_EVENTS = 128
-"""Events with newly worked-out rates after which the round-off of the walk is cleared."""
+MEASURED_EVENTS = 16
+"""Events between two looks at the round-off that the walk has gathered, fewer while it grows
+fast."""
 
-CLEARED_REFINED = 2
-"""Events after which that is done where rates have to be refined."""
+IMBALANCE = 1e-12
+"""Error of the forces, over the force scale, above which it is cleared."""
+
+CLEARED_GAIN = 2.0
+"""How many times what clearing has left it must be as well."""
 
 
 class Walk:
@@ -79,7 +83,7 @@ class Walk:
         self.direction = b - a
         self.s, self.trials_before = 0.0, segments.trials
         self.progress_at, self.standing = 0.0, 0
-        self.cleared_at, self.uncleared = segments.trials, 0
+        self.unmeasured, self.measured_after, self.cleared_to = 0, MEASURED_EVENTS, 0.0
         self.equilibrium_ends = np.inf
         self.state = start.state.copy()
         self.y = segments.values(start)
@@ -135,8 +139,7 @@ class Walk:
         if known is not None:
             self.state, following, change = known
             self.leg.events.append((self.s, *change))
-            if self.segments.refined:
-                self._clear_if_due()
+            self._clear_if_due()
             return following, False
         before = self.state
         self.state = before.copy()
@@ -159,16 +162,19 @@ class Walk:
         return following, True
 
     def _clear_if_due(self) -> None:
-        """Clear round-off after enough events.
+        """Clear the round-off of the walk where it has grown.
 
         Only in the new states: in the old ones the round-off of all nodes at their limit would be
         laid upon the one that has just reached it.
         """
-        self.uncleared += 1
-        if self.segments.refined:
-            due = self.uncleared >= CLEARED_REFINED
-        else:
-            due = self.segments.trials - self.cleared_at >= CLEARED_EVENTS
+        self.unmeasured += 1
+        if self.unmeasured < self.measured_after:
+            return
+        self.unmeasured = 0
+        accepted = max(IMBALANCE * self.sums.force_scale, CLEARED_GAIN * self.cleared_to)
+        due = self._imbalance() > accepted
+        self.measured_after = self.measured_after // 2 if due else 2 * self.measured_after
+        self.measured_after = min(max(self.measured_after, 1), MEASURED_EVENTS)
         if due:
             # what is cleared is no slip
             self.sums.add_up()
@@ -179,11 +185,17 @@ class Walk:
         """Clear the round-off of the walk by one step of iterative refinement; return the state."""
         n, system, load = self.system.n, self.system, self.load(self.s)
         u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
-        u += self.segments.tableau(self.state).correction(reactions(system, load, u))
+        u += self.segments.tableau(self.state).correction(reactions(system, load, u))[: 2 * n]
         now = ContactState(u, reactions(system, load, u), self.state.copy())
         self.y[:] = self.segments.values(now)
-        self.cleared_at, self.uncleared = self.segments.trials, 0
+        self.cleared_to = self._imbalance()
         return now
+
+    def _imbalance(self) -> float:
+        """Return by how much forces and displacements do not belong together."""
+        n = self.system.n
+        u = np.concatenate([self.y[:n], self.y[n : 2 * n] - self.system.g0])
+        return self.segments.imbalance(self.y, u, self.load(self.s))
 
     def _watch_progress(self) -> None:
         """Raise when events follow each other without end at one place of the leg."""
@@ -312,20 +324,21 @@ class Walk:
             self.segments, before, self.y, place, self.sums.force_scale, nodes, exhausted
         )
 
-    def finish(self, apex: bool, correct: bool) -> Leg:
+    def finish(self, apex: bool) -> Leg:
         """Return the leg: fresh reactions, residual checked.
+
+        The round-off of the walk is cleared after a leg with new sets of states, and where it has
+        grown.
 
         Args:
             apex: the leg ends at complete unloading.
-            correct: clear the round-off of the walk, as is always done after a leg with new sets of
-                states.
 
         Raises:
             SolveError: the residual is above its tolerance.
         """
         leg, n, system, sums = self.leg, self.system.n, self.system, self.sums
         sums.add_up()
-        if self._is_new() or correct:
+        if self._is_new() or self._imbalance() > IMBALANCE * sums.force_scale:
             end = self._clear()
         else:
             u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
@@ -353,7 +366,7 @@ class Walk:
             SolveError: the residual is above its tolerance.
         """
         self.state = self.sums.state.copy()
-        return self.finish(False, True)
+        return self.finish(False)
 
     def _rest(self, end: ContactState) -> Array:
         """Return the displacements of the unloaded body, the rigid sliding reached."""

@@ -86,7 +86,6 @@ class Passed:
         slip: (N,) v at its end less v at its start.
         slip_range: largest range of v over its corners of a node that touches at one of them.
         totals: over the history up to its end.
-        refined: the rates of the legs to come are refined.
         kept: its samples and events, where they were asked for.
     """
 
@@ -95,7 +94,6 @@ class Passed:
     slip: Array
     slip_range: float
     totals: Totals
-    refined: bool = False
     kept: Kept | None = None
 
 

@@ -195,7 +195,7 @@ class _Layout:
                 ("slip", "<f8", (n,)),
                 ("slip_range", "<f8"),
                 ("totals", TOTALS),
-                ("refined", "i1"),
+                ("unused", "i1"),  # so that older checkpoints can be read
                 ("kept", "i1"),
                 ("corners", "<i4"),
                 ("samples", "<i4"),
@@ -227,7 +227,7 @@ class _Layout:
             changes += kept.changes
             row["dissipation"], row["slip"], row["slip_range"] = p.dissipation, p.slip, p.slip_range
             row["totals"] = tuple(p.totals)
-            row["refined"], row["kept"] = p.refined, p.kept is not None
+            row["kept"] = p.kept is not None
             row["corners"], row["samples"] = len(p.corners), len(kept.instants)
             row["changes"] = len(kept.changes)
         points = np.zeros(len(instants), self.instant)
@@ -304,7 +304,6 @@ class _Layout:
                     row["slip"].copy(),
                     float(row["slip_range"]),
                     Totals(**{key: row["totals"][key].item() for key in Totals._fields}),
-                    bool(row["refined"]),
                     kept if row["kept"] else None,
                 )
             )
