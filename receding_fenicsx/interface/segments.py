@@ -36,8 +36,10 @@ LIMIT_TOLERANCE = 1e-12
 RATE_TOLERANCE = 1e-11
 """Rate over the Euclidean norm of all rates (as forces) below which it is taken for zero."""
 
-RATE_IMBALANCE = 3e-13
+RATE_IMBALANCE = 1e-12
 """Imbalance of rates, over the norm of those of forces alone, above which they are refined."""
+
+EPSILON = float(np.finfo(float).eps)
 
 UNIT_ROUND_OFFS = 16.0
 """What no refinement betters: such round-offs of the norm of all rates."""
@@ -216,24 +218,24 @@ class Segments:
         The round-off of a tableau stays in it: where refining has taken as long as a new one would,
         it is renewed.
         """
-        tableau, motions = self.tableau(state), slice(2 * self.system.n)
-        if self.refinements > RENEWAL * 2 * self.system.n:
+        tableau, n = self.tableau(state), self.system.n
+        if self.refinements > RENEWAL * 2 * n:
             tableau.build(state)
             self.refinements = 0
         q = tableau.rates(direction)
-        imbalance = self.imbalance(q, q[motions], direction)
+        imbalance = self.imbalance(q, direction, of_rates=True)
         all_ = q * self.weight
-        forces = all_[motions.stop :]
+        forces = all_[2 * n :]
         accepted = max(
             RATE_IMBALANCE * sqrt(forces.dot(forces)),
-            UNIT_ROUND_OFFS * np.finfo(float).eps * sqrt(all_.dot(all_)),
+            UNIT_ROUND_OFFS * EPSILON * sqrt(all_.dot(all_)),
         )
         for _ in range(REFINEMENTS):
             if imbalance <= accepted:
                 break
             self.refinements += 1
             better = tableau.refined(q, direction)
-            left = self.imbalance(better, better[motions], direction)
+            left = self.imbalance(better, direction, of_rates=True)
             if left >= imbalance:
                 break
             q, imbalance = better, left
@@ -251,7 +253,7 @@ class Segments:
             q[kind * n + i] = 2.0 * system.f[i] * P
             forces[kind * n + i] = q[kind * n + i] / self._slack[i]
 
-    def imbalance(self, y: Array, u: Array, load: Array) -> float:
+    def imbalance(self, y: Array, load: Array, of_rates: bool = False) -> float:
         """Return the largest of a few random sums over the nodes of the errors of Q and P.
 
         With independent errors it is some sqrt(N) times theirs, and never much below the largest.
@@ -259,23 +261,28 @@ class Segments:
 
         Args:
             y: (4N,) quantities, or (k, 4N) of k instants.
-            u: (2N,) or (k, 2N) displacements.
             load: (n_loads,) or (k, n_loads) load factors.
+            of_rates: y are rates, load is that of the load factors.
         """
-        n, system = self.system.n, self.system
         if self._probes is None:
-            # Q and P, not the limits: where friction is small these hide what is wrong with P
-            on_Q, on_P = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, PROBES))
-            on_Q *= self.frictional[:, None]
-            on_P *= (self.frictional | self.smooth)[:, None]
-            twice_f = np.where(self.frictional, 2.0 * system.f, 1.0)[:, None]
-            on_A, on_B = 0.5 * on_Q + on_P / twice_f, on_P / twice_f - 0.5 * on_Q
-            on_B[~self.frictional] = 0.0
-            on_r = np.vstack([on_Q, on_P])
-            self._probes = system.K @ on_r, system.r_star @ on_r, np.vstack([on_A, on_B])
-        on_u, on_load, on_forces = self._probes
-        errors = u @ on_u + load @ on_load - y[..., 2 * n :] @ on_forces
-        return float(np.abs(errors).max())
+            self._probes = self._make_probes()
+        on_y, on_load, gaps = self._probes
+        errors = y @ on_y + load @ on_load
+        return float(np.abs(errors if of_rates else errors - gaps).max())
+
+    def _make_probes(self) -> tuple[Array, Array, Array]:
+        """Return (4N, PROBES) and (n_loads, PROBES) weights of the sums, and what gaps add."""
+        n, system = self.system.n, self.system
+        # Q and P, not the limits: where friction is small these hide what is wrong with P
+        on_Q, on_P = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, PROBES))
+        on_Q *= self.frictional[:, None]
+        on_P *= (self.frictional | self.smooth)[:, None]
+        twice_f = np.where(self.frictional, 2.0 * system.f, 1.0)[:, None]
+        on_A, on_B = 0.5 * on_Q + on_P / twice_f, on_P / twice_f - 0.5 * on_Q
+        on_B[~self.frictional] = 0.0
+        on_r = np.vstack([on_Q, on_P])
+        on_u = system.K @ on_r
+        return np.vstack([on_u, -on_A, -on_B]), system.r_star @ on_r, system.g0 @ on_u[n:]
 
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""

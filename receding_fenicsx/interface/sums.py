@@ -102,7 +102,7 @@ class Sums:
         if self.watch is not None:
             found = self.watch(u[1:], load[1:], self.force_scale)
             self.found = np.union1d(self.found, found)
-        if self.check_all or self._doubt(y, u, load) > EVENT_RESIDUAL:
+        if self.check_all or self._doubt(y, load) > EVENT_RESIDUAL:
             states = np.array([stop[2] for stop in self._stops[1:]])
             self._check(u[1:], load[1:], slip, states)
         self._stops = self._stops[-1:]
@@ -116,14 +116,14 @@ class Sums:
         excused = (reachable(self.system, at, self.force_scale) for at in (self.start, u))
         return max(EVENT_RESIDUAL, *excused)
 
-    def _doubt(self, y: Array, u: Array, load: Array) -> float:
+    def _doubt(self, y: Array, load: Array) -> float:
         """Return by how much, over all stops, a limit is passed, or Q and P do not belong to u.
 
         Both relative to the force scale.
         """
         n = self.system.n
         passed = -float((y[1:, n:].min(axis=0) * self.segments.weight[n:]).min())
-        return max(passed, self.segments.imbalance(y, u, load)) / self.force_scale
+        return max(passed, self.segments.imbalance(y, load)) / self.force_scale
 
     def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:
         """Evaluate the residual afresh at several stops, slip being that of the piece before."""

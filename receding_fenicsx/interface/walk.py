@@ -193,9 +193,7 @@ class Walk:
 
     def _imbalance(self) -> float:
         """Return by how much forces and displacements do not belong together."""
-        n = self.system.n
-        u = np.concatenate([self.y[:n], self.y[n : 2 * n] - self.system.g0])
-        return self.segments.imbalance(self.y, u, self.load(self.s))
+        return self.segments.imbalance(self.y, self.load(self.s))
 
     def _watch_progress(self) -> None:
         """Raise when events follow each other without end at one place of the leg."""
