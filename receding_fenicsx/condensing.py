@@ -9,7 +9,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from receding_fenicsx import errors
+from receding_fenicsx.errors import given, on_root
+from receding_fenicsx.reuse import with_profiles
 from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_symmetry import is_half_meshed
 from receding_fenicsx.stages import Timer
@@ -62,12 +63,13 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
     if comm.size > 1 and is_small(scene):
         from mpi4py import MPI
 
-        alone = errors.on_root(comm, lambda: condensed(scene, MPI.COMM_SELF, timer))
+        alone = on_root(comm, lambda: condensed(scene, MPI.COMM_SELF, timer))
         return alone or (None, 0)
     bulk = bulk_of(scene, comm, timer)
     try:
         with timer("condense"):
-            return condensation.condense(bulk), bulk.dofs
+            system = condensation.condense(bulk)
+            return on_root(comm, lambda: with_profiles(scene, given(system))), bulk.dofs
     finally:
         bulk.destroy()
 

@@ -13,22 +13,22 @@ import pytest
 from bodies import CELLS, block, built
 from msh import Array, Ints, rectangle, turned, write_msh
 
-from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx import study
 from receding_fenicsx.bulk.meshing import make_mesh
 from receding_fenicsx.cli import main
+from receding_fenicsx.condensing import condensed
 from receding_fenicsx.errors import InputError, on_root
 from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.scene import Body, Contact, Load, Scene, Support
+from receding_fenicsx.output.files import write_system
+from receding_fenicsx.scene import Body, Contact, HistoryOptions, Load, Scene, Support
 from receding_fenicsx.scene_file import to_toml
+from receding_fenicsx.stages import Timer
 
 comm = MPI.COMM_WORLD
 
 
 def system_of(scene: Scene) -> ContactSystem | None:
-    bulk = built(scene)
-    system = condense(bulk)
-    bulk.destroy()
-    return system
+    return condensed(scene, comm, Timer())[0]
 
 
 def file_of(
@@ -295,6 +295,34 @@ def test_negative_friction_on_a_users_edge_is_refused(shared_tmp_path: Path) -> 
     bad = replace(scene, contacts=(Contact("foot", friction="0.1*x"),))
     with pytest.raises(InputError, match=r"\[contact\] friction: is -0.2 at x = -2 along 'foot'"):
         system_of(bad)
+
+
+def test_a_saved_system_touches_where_a_fresh_one_does(shared_tmp_path: Path) -> None:
+    """A node at x = 1e-17 touches where the gap is x^2, whichever way friction and gap came in."""
+    history = HistoryOptions(cycles=1)
+
+    def nudged(points: Array) -> Array:
+        return np.where(np.abs(points) == 0.0, [1e-17, 0.0], points)
+
+    flat = file_of(block(degree=2, history=history), shared_tmp_path / "block.msh", nudged)
+    round_ = replace(flat, contacts=(Contact(friction=0.3, initial_gap="0.01*x**2"),))
+    saved = shared_tmp_path / "system.h5"
+    system, fresh = study.condense(flat, comm, whole=True), study.run(round_)
+
+    def write() -> None:
+        assert system is not None
+        assert np.sort(np.abs(system.x))[0] == 1e-17
+        write_system(saved, system)
+
+    on_root(comm, write)
+    reused = study.run(round_, system_file=saved)
+    if fresh is not None and reused is not None:
+        assert fresh.g0.min() == reused.g0.min() == 0.0 < np.sort(fresh.g0)[1]
+        for name in ("g0", "f", "x"):
+            assert getattr(fresh, name).tobytes() == getattr(reused, name).tobytes(), name
+        for name in ("state", "P", "Q", "v", "w"):
+            a, b = getattr(fresh.turning_points, name), getattr(reused.turning_points, name)
+            assert a.tobytes() == b.tobytes(), name
 
 
 def test_unknown_parameters_surfaces_and_files_are_refused(shared_tmp_path: Path) -> None:

@@ -36,7 +36,7 @@ from receding_fenicsx.bulk.pair import Pair, join_pair
 from receding_fenicsx.bulk.symmetric import norm, symmetrise, turn
 from receding_fenicsx.errors import InputError, SolveError, on_root
 from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.scene import Scene, evaluate
+from receding_fenicsx.scene import Scene
 from receding_fenicsx.scene_file import to_toml
 
 Array = NDArray[np.float64]
@@ -47,8 +47,6 @@ RIGID_TOLERANCE = 1e-12
 """Largest force of a rigid motion over the largest row sum of |K|."""
 PROBE_TOLERANCE = 1e-10
 """Largest error of K times a probe, found by a solve, over the largest row sum of |K|."""
-PROFILE_ROUND_OFF = 1e-10
-"""Gap or friction, over the largest one along the edge, that is zero but for round-off."""
 BLOCK = 64
 """Right-hand sides solved for together."""
 
@@ -61,7 +59,8 @@ def condense(bulk: Bulk | Pair, route: str = "schur") -> ContactSystem | None:
         route: "schur" or "solve".
 
     Returns:
-        The condensed system on rank 0, None on the others.
+        The condensed system on rank 0, None on the others. Its friction and gap are NaN, as they
+        are no matter of the body: :func:`receding_fenicsx.reuse.with_profiles` sets them.
 
     Raises:
         SolveError: the factorisation failed, or K does not keep the rigid motions or does not agree
@@ -150,7 +149,7 @@ def _system(bulk: Bulk, reduced: Reduced | None) -> ContactSystem:
         rigid=bulk.contact.rigid,
         load_compliance=reduced.compliance,
         load_sign=reduced.sign,
-        **_contact_data(bulk, bulk.scene, bulk.contact.held),
+        **_contact_data(bulk, bulk.scene),
     )
 
 
@@ -166,22 +165,20 @@ def _pair_system(pair: Pair) -> ContactSystem:
         rigid=joined.rigid,
         load_compliance=joined.compliance,
         load_sign=joined.sign,
-        **_contact_data(pair.bulks[0], pair.scene, joined.held),
+        **_contact_data(pair.bulks[0], pair.scene),
     )
 
 
-def _contact_data(bulk: Bulk, scene: Scene, held: NDArray[np.bool_]) -> dict[str, Any]:
+def _contact_data(bulk: Bulk, scene: Scene) -> dict[str, Any]:
     """Return what a contact system has from the contact nodes of its first body."""
     contact = bulk.contact
-    f = _along_edges(bulk, "friction")
-    # what a support carries normal to the plane is no pressure of the contact: no friction there
-    f[held[len(f) :]] = 0.0
+    unknown = np.full(len(contact.x), np.nan)
     return {
         "x": contact.x,
         "points": contact.points,
         "weight": contact.weight,
-        "f": f,
-        "g0": _along_edges(bulk, "initial_gap"),
+        "f": unknown,
+        "g0": unknown.copy(),
         "half": bulk.body.half and not scene.axisymmetric,
         "axisymmetric": scene.axisymmetric,
         "edge": contact.edge,
@@ -202,25 +199,6 @@ def _edge_names(scene: Scene) -> tuple[str, ...]:
 def _load_sign(bulk: Bulk) -> Array:
     """Return -1 for forces, +1 for prescribed displacements."""
     return np.array([1.0 if name in bulk.prescribed else -1.0 for name in bulk.load_names])
-
-
-def _along_edges(bulk: Bulk, key: str) -> Array:
-    """Return the values (N,) at the nodes of a profile of the contacts, none of them negative."""
-    contact, values = bulk.contact, np.empty(len(bulk.contact.x))
-    for k, described in enumerate(bulk.scene.contacts):
-        on = contact.edge == k
-        profile = evaluate(getattr(described, key), contact.x[on])
-        # a node that gmsh put beside x = 0 touches where the gap is x^2
-        profile[np.abs(profile) <= PROFILE_ROUND_OFF * np.abs(profile).max(initial=0.0)] = 0.0
-        values[on] = profile
-    if np.any(values < 0.0):
-        i = int(np.argmin(values))
-        edge = bulk.scene.contacts[contact.edge[i]].edge
-        raise InputError(
-            f"[contact] {key}: is {values[i]:g} at x = {contact.x[i]:g} along '{edge}'; it must "
-            "not be negative"
-        )
-    return values
 
 
 def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:
