@@ -47,8 +47,9 @@ class Body:
     Attributes:
         name: names the body in "NAME.edge"; needed when there are two.
         shape: "rectangle".
-        width, height: its sides; axisymmetric, the width is the diameter.
-        position: middle of the rectangle's bottom edge.
+        width, height: its sides; of a cylinder (axisymmetric, at x = 0) the width is the diameter.
+        position: middle of the rectangle's bottom edge. Axisymmetric, a rectangle at x = r > 0 is
+            a ring between the radii r - width / 2 and r + width / 2.
         mesh: a .geo or .msh file, in place of the rectangle; in a scene file its path is relative
             to that file.
         surface: physical surface of the mesh file that is the body; all of it when left out.
@@ -355,22 +356,32 @@ def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Arra
     return np.full(points.shape, float(profile))
 
 
+def is_cylinder(scene: Scene, body: Body) -> bool:
+    """Whether a rectangle's middle is the axis of revolution, so that x >= 0 is all of it."""
+    return scene.axisymmetric and body.position[0] == 0.0
+
+
 def edge_range(scene: Scene, edge: str) -> tuple[float, float]:
-    """Ends of a rectangle's edge, measured along it from its middle, as a ``span`` is."""
+    """Ends of a rectangle's edge as a ``span`` counts them: from its middle, or radii."""
     body, name = scene.find_edge(edge)
     if name not in EDGES:
         raise InputError(f"'{edge}' is no edge of a rectangle; use one of {', '.join(EDGES)}")
     half = 0.5 * (body.width if name in HORIZONTAL else body.height)
-    return 0.0 if scene.axisymmetric and name in HORIZONTAL else -half, half
+    if scene.axisymmetric and name in HORIZONTAL:
+        middle = body.position[0]
+        return 0.0 if is_cylinder(scene, body) else middle - half, middle + half
+    return -half, half
 
 
 def edge_points(scene: Scene, edge: str, along: ArrayLike) -> tuple[Array, Array]:
-    """Coordinates (x, y) of the points of a rectangle's edge at positions from its middle."""
+    """Coordinates (x, y) of the points of a rectangle's edge at positions along it."""
     body, name = scene.find_edge(edge)
     t = np.asarray(along, dtype=float)
     x, y = body.position
     if name in HORIZONTAL:
-        return t + x, np.full(t.shape, y + (0.0 if name == "bottom" else body.height))
+        if not scene.axisymmetric:  # there positions are radii
+            t = t + x
+        return t, np.full(t.shape, y + (0.0 if name == "bottom" else body.height))
     side = -0.5 if name == "left" else 0.5
     return np.full(t.shape, x + side * body.width), t + (y + 0.5 * body.height)
 

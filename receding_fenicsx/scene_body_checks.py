@@ -6,13 +6,15 @@ Every message is one line: the table and key, what is wrong, what to do.
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene import OF_RECTANGLES, Body, Material, Scene
+from receding_fenicsx.scene import OF_RECTANGLES, Body, Material, Scene, is_cylinder
 from receding_fenicsx.scene_values import unknown_name
 
 LEAST_CONTACT_ELEMENTS = 4
 """Fewer elements on the contact edge cannot show stick, slip and separation side by side."""
 MOST_CONTACT_ELEMENTS = 20000
 """The condensed stiffness of more would fill tens of gigabytes."""
+LEAST_HOLE = 1e-6
+"""Radius of a ring's hole, over its width, up to which the ring reaches the axis."""
 
 
 def check_positive(value: float, where: str) -> None:
@@ -59,6 +61,9 @@ def check_bodies(scene: Scene) -> None:
         raise InputError(
             "[material] kinematics: differs from body to body; use the same for all of them"
         )
+    for body in scene.bodies:
+        if scene.axisymmetric and body.mesh is None:
+            _check_radii(scene, body, f"body '{body.name}'" if scene.others else "[body]")
 
 
 def _check_body(body: Body, label: str) -> None:
@@ -74,6 +79,17 @@ def _check_body(body: Body, label: str) -> None:
     check_choice(body.shape, ("rectangle",), f"{label} shape")
     check_positive(body.width, f"{label} width")
     check_positive(body.height, f"{label} height")
+
+
+def _check_radii(scene: Scene, body: Body, label: str) -> None:
+    """Refuse a ring that reaches the axis."""
+    x = body.position[0]
+    if not is_cylinder(scene, body) and not x - 0.5 * body.width > LEAST_HOLE * body.width:
+        raise InputError(
+            f"{label} position: x = {x:g} and width {body.width:g} make a ring from "
+            f"r = {x - 0.5 * body.width:g} to {x + 0.5 * body.width:g}; keep it off the axis "
+            "r = 0, or put a cylinder (its width is the diameter) at x = 0"
+        )
 
 
 def _check_material(material: Material) -> None:

@@ -23,6 +23,7 @@ from receding_fenicsx.scene import (
     edge_points,
     edge_range,
     evaluate,
+    is_cylinder,
 )
 from receding_fenicsx.scene_body_checks import (
     check_bodies,
@@ -169,7 +170,7 @@ def _check_edge(scene: Scene, edge: str, where: str) -> None:
     if body.mesh is not None:
         return
     check_choice(name, EDGES, where)
-    if scene.axisymmetric and name == "left":
+    if is_cylinder(scene, body) and name == "left":
         raise InputError(
             f'{where}: "{edge}" is the axis r = 0 of the axisymmetric body, which is held by '
             "itself; use another edge"
@@ -307,7 +308,7 @@ def _check_support(scene: Scene, support: Support) -> None:
     x, y = support.point
     left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
     low, high = (body.position[1] + part for part in (0.0, body.height))
-    if scene.axisymmetric:
+    if is_cylinder(scene, body):
         left = 0.0
     slack = LENGTH_TOLERANCE * max(body.width, body.height)
     if not (left - slack <= x <= right + slack and low - slack <= y <= high + slack):

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene import Body, Contact, Scene, edge_range
+from receding_fenicsx.scene import HORIZONTAL, Body, Contact, Scene
 
 COUNT_TOLERANCE = 1e-9
 """Distance of a number of elements from a whole one that is round-off."""
@@ -88,6 +88,7 @@ def contact_elements(scene: Scene, body: Body) -> int:
 
 
 def _length(scene: Scene, contact: Contact) -> tuple[float, float]:
-    """Return the lengths of the edges of both bodies."""
-    ranges = [edge_range(scene, edge) for edge in (contact.edge, contact.against or contact.edge)]
-    return ranges[0][1] - ranges[0][0], ranges[1][1] - ranges[1][0]
+    """Return the lengths of the edges of both bodies, those of cylinders being diameters."""
+    ends = [scene.find_edge(edge) for edge in (contact.edge, contact.against or contact.edge)]
+    first, second = (body.width if name in HORIZONTAL else body.height for body, name in ends)
+    return first, second

@@ -32,7 +32,7 @@ from receding_fenicsx.bulk.rectangle import (
 )
 from receding_fenicsx.bulk.user_mesh import read_user_mesh
 from receding_fenicsx.errors import InputError, SolveError, on_root
-from receding_fenicsx.scene import EDGES, Body, Scene, edge_points
+from receding_fenicsx.scene import EDGES, Body, Scene, edge_points, is_cylinder
 from receding_fenicsx.scene_parts import part_of
 
 Array = NDArray[np.float64]
@@ -160,6 +160,7 @@ def _raw(scene: Scene, half: bool) -> RawMesh:
     if scene.body.mesh is not None:
         given = read_user_mesh(scene.body, scene.mesh)
         return from_axis(given) if scene.axisymmetric else given
+    half = half and (not scene.axisymmetric or is_cylinder(scene, scene.body))
     frame = make_frame(scene, half)
     marks = find_marks(scene, frame)
     mesh = _gmsh_half(scene, frame, marks)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.scene import EDGES, Scene, edge_points, edge_range
+from receding_fenicsx.scene import EDGES, Scene, edge_points, edge_range, is_cylinder
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -178,7 +178,7 @@ def _find_ends(scene: Scene, frame: Frame) -> Array:
         for x, y in zip(*edge_points(scene, edge, along), strict=True):
             s, d = frame.from_body(float(x) - left, float(y) - bottom)
             # nothing ends on the axis of a body of revolution
-            if d > near and not (scene.axisymmetric and s <= near):
+            if d > near and not (is_cylinder(scene, scene.body) and s <= near):
                 ends[round(abs(s) / near), round(d / near)] = abs(s), d
     return np.array(sorted(ends.values())).reshape(-1, 2)
 

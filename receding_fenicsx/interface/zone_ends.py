@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.axis import begins_on_axis
 from receding_fenicsx.interface.contact import Array, State
 from receding_fenicsx.interface.tractions import cell_means, midside_nodes
 from receding_fenicsx.interface.zones import stick_zone
@@ -160,7 +161,7 @@ def _turned(end: ZoneEnd) -> ZoneEnd:
 
 def _half_width(at: Tractions, first: int, last: int) -> ZoneEnd:
     right = zone_end(at, last, 1)
-    if at.axisymmetric or (at.half and at.x[first] == -at.x[last]):
+    if (at.axisymmetric and begins_on_axis(at.x)) or (at.half and at.x[first] == -at.x[last]):
         return right
     left = zone_end(at, first, -1)
     return ZoneEnd(

@@ -1,7 +1,8 @@
 """Zones of stick, slip and separation along the contact edge, and their widths.
 
 A zone's end lies midway between its last node and the next one; the outermost zones end at the
-outermost nodes. Axisymmetric, x is the radius and the first zone begins on the axis.
+outermost nodes. Axisymmetric, x is the radius and the first zone begins on the axis, unless the
+contact edge does not reach it.
 """
 
 from __future__ import annotations
@@ -11,6 +12,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.axis import begins_on_axis
 from receding_fenicsx.interface.contact import STATE_NAMES, Array, State
 
 TOUCHING = "contact"
@@ -34,7 +36,7 @@ def zones(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> l
     if len(x) == 0:
         return []
     starts = np.flatnonzero(np.diff(state)) + 1
-    begin = [0.0] if axisymmetric else x[:1]
+    begin = [0.0] if axisymmetric and begins_on_axis(x) else x[:1]
     ends = np.concatenate([begin, 0.5 * (x[starts - 1] + x[starts]), x[-1:]])
     first = np.concatenate([[0], starts])
     return [
@@ -59,10 +61,10 @@ def contact_zones(
 def contact_half_width(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> float:
     """Half the distance between the ends of the outermost zones in contact; 0 without contact.
 
-    Axisymmetric it is the radius of the outer end.
+    Axisymmetric it is the radius of the outer end, on an edge that begins on the axis.
     """
     touching = [z for z in zones(x, state, axisymmetric) if z[0] != STATE_NAMES[State.SEPARATION]]
-    if axisymmetric:
+    if axisymmetric and begins_on_axis(x):
         return touching[-1][2] if touching else 0.0
     return 0.5 * (touching[-1][2] - touching[0][1]) if touching else 0.0
 
@@ -85,7 +87,7 @@ def stick_half_width(
     if found is None:
         return 0.0
     left, right = _midway(x, *found)
-    return right if axisymmetric else 0.5 * (right - left)
+    return right if axisymmetric and begins_on_axis(x) else 0.5 * (right - left)
 
 
 def stick_zone(
@@ -102,6 +104,7 @@ def stick_zone(
         sticks &= np.asarray(f) > 0.0
     ends = np.append(np.flatnonzero(np.diff(sticks)), len(x) - 1)
     centre = 0.5 * (x[0] + x[-1])
+    axisymmetric = axisymmetric and begins_on_axis(x)
     first = 0
     for last in ends:
         low, high = _midway(x, first, last)

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from receding_fenicsx.interface.axis import begins_on_axis
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.interface.mirror import SWAPPED
 from receding_fenicsx.output.moment import Moment
@@ -55,7 +56,7 @@ class Scales:
 
     def ends(self, x: Array) -> tuple[float, float]:
         """Range of positions x that figures show, over the length scale."""
-        first = 0.0 if self.axisymmetric else float(x[0])
+        first = 0.0 if self.axisymmetric and begins_on_axis(x) else float(x[0])
         return first / self.length, float(x[-1]) / self.length
 
     def traction_unit(self, moment: Moment) -> float:

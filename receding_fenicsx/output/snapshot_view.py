@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx import history
+from receding_fenicsx.interface.axis import begins_on_axis
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.interface.mirror import mirror_nodes
 from receding_fenicsx.output.collect import Instant
@@ -175,7 +176,9 @@ def view_of(
     unit = length or 1.0
     shown = units or units_of(bulk, [fields], instant.load)
     now, factor = shown.traction, shown.factor
-    mirror = mirror_nodes(contact.x, bulk.body.half, contact.edge)
+    # the image of a contact that does not reach the axis of revolution is left out
+    whole = bulk.body.half and (not scene.axisymmetric or begins_on_axis(contact.x))
+    mirror = mirror_nodes(contact.x, whole, contact.edge)
     edge = contact.edge[mirror.index]
     # of several contact edges the tractions of the first are shown
     on = edge == 0
@@ -185,11 +188,13 @@ def view_of(
     size, near = _size(bulk, fields)
     place = contact.points[mirror.index] * np.stack([flip, np.ones_like(flip)], axis=1)
     x = flip * contact.x[mirror.index]
+    # profiles know the radius
+    along = np.abs(x) if scene.axisymmetric else x
     state = mirror.states(instant.state.state)
     strips = []
     for k, described in enumerate(scene.contacts):
         nodes = edge == k
-        gap = factor * evaluate(described.initial_gap, x[nodes])
+        gap = factor * evaluate(described.initial_gap, along[nodes])
         normal = contact.normal[mirror.index][nodes][0]
         moved = place[nodes] + factor * _shift(fields, place[nodes], normal)
         strips.append(
@@ -216,7 +221,7 @@ def view_of(
         rigid=scene.contacts[0].against is None,
         p=(mirror.total(instant.state.P) * per_length)[on],
         q=(mirror.odd(instant.state.Q) * per_length)[on],
-        f=evaluate(scene.contacts[0].friction, x[on]),
+        f=evaluate(scene.contacts[0].friction, along[on]),
         arrows=_arrows(scene, fields, bulk.load_names, instant.load, (factor, unit, size)),
         length_symbol="h" if length else "",
         pressure_symbol=shown.symbol,

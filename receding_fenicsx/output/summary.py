@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.axis import on_axis
+from receding_fenicsx.interface.axis import begins_on_axis, on_axis
 from receding_fenicsx.interface.contact import State
 from receding_fenicsx.interface.cycles import limit_of_decay
 from receding_fenicsx.interface.zones import contact_half_width, contact_zones, stick_half_width
@@ -167,7 +167,7 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
         "leg": int(table.leg[i]),
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
         "zones": [list(zone) for zone in found],
-        **({"p_axis": float(on_axis(x, table.p[i]))} if record.axisymmetric else {}),
+        **({"p_axis": float(on_axis(x, table.p[i]))} if _has_axis(record) else {}),
         "contact_half_width": contact_half_width(x, state, record.axisymmetric),
         "stick_half_width": stick_half_width(x, state, record.f, record.axisymmetric),
         "p_max": float(table.p[i].max()),
@@ -175,6 +175,11 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
         "q_max": float(table.q[i].max()),
         **(_below_spacing(record, i, betas) if _is_fitted(record, i) else {}),
     }
+
+
+def _has_axis(record: Record) -> bool:
+    """Return whether a contact edge of a body of revolution begins on the axis."""
+    return record.axisymmetric and begins_on_axis(record.x)
 
 
 def _is_fitted(record: Record, i: int) -> bool:

@@ -111,7 +111,8 @@ def run_table(summary: Mapping[str, Any]) -> str:
 
 def zones_header(summary: Mapping[str, Any]) -> str:
     """What stands above the zones: only half of them where the contact is its own mirror image."""
-    if any("edge" in p for p in summary["turning_points"]):
+    points = summary["turning_points"]
+    if any("edge" in p or _begins_at_hole(p, summary) for p in points):
         return "zones"
     return {
         "mirror": "zones (x > 0, from the centre)",
@@ -123,11 +124,17 @@ def zones_shown(point: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
     """The zones of a turning point, from the centre of a symmetric contact or all of them."""
     zones, symmetry = point["zones"], summary["symmetry"]
     form = length_format(summary)
-    if symmetry not in ("mirror", "axisymmetric") or "edge" in point:
+    mirrored = symmetry in ("mirror", "axisymmetric")
+    if not mirrored or "edge" in point or _begins_at_hole(point, summary):
         first = f"{zones[0][1]:{form}} " if zones else ""
         return first + " | ".join(f"{name} to {end:{form}}" for name, _, end in zones)
     centre = 0.0 if symmetry == "axisymmetric" else 0.5 * (zones[0][1] + zones[-1][2])
     return " | ".join(f"{name} to {end:{form}}" for name, _, end in zones if end > centre)
+
+
+def _begins_at_hole(point: Mapping[str, Any], summary: Mapping[str, Any]) -> bool:
+    """Whether the contact of a body of revolution does not reach the axis."""
+    return summary["symmetry"] == "axisymmetric" and "p_axis" not in point
 
 
 def fitted(estimate: Mapping[str, Any] | None, form: str = ".4f") -> str:

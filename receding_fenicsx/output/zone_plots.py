@@ -152,7 +152,8 @@ def _draw_map(
     low, high = drawn.x[0], drawn.x[-1]
     if scales.symmetric and low < 0.0:
         low = 0.0
-    axes.set_xlim(0.0 if scales.axisymmetric else low / scales.length, high / scales.length)
+    left = scales.ends(drawn.x)[0] if scales.axisymmetric else low / scales.length
+    axes.set_xlim(left, high / scales.length)
     axes.set_ylim(min(ends), max(ends))
     style.ticks(axes.xaxis, 5)
     axes.set_axisbelow(False)
