@@ -15,7 +15,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from receding_fenicsx import __version__
-from receding_fenicsx.errors import POLL_SECONDS, InputError, Interrupted, RecedingError
+from receding_fenicsx.errors import NO_ROOM, POLL_SECONDS, InputError, Interrupted, RecedingError
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -45,7 +45,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         options = _parser(comm).parse_args(argv)
         _log_to_terminal(comm, options.verbose)
-        return int(options.work(options, comm) or 0)
+        code = int(options.work(options, comm) or 0)
+        print(end="", flush=True)
+        return code
     except RecedingError as error:
         return _fail(comm, f"error: {error}".replace("\n", " "), error.exit_code)
     except Interrupted as error:
@@ -56,7 +58,14 @@ def main(argv: Sequence[str] | None = None) -> int:
         # whoever read the output has enough of it
         sys.stdout = None
         return 0
+    except MemoryError:
+        return _fail(comm, "error: out of memory; use fewer contact_elements or samples", 1)
     except Exception as error:
+        if isinstance(error, OSError) and error.errno in NO_ROOM:
+            # what is still to be printed has no room either
+            sys.stdout = None
+            where = error.filename or "what is printed"
+            return _fail(comm, f"error: {where}: cannot be written ({error.strerror})", 1)
         traceback.print_exc()
         text = f"internal error: {type(error).__name__}: {error}; please report the lines above"
         return _fail(comm, text, 1)
@@ -392,6 +401,7 @@ def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
 
 def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx.errors import on_root
     from receding_fenicsx.history import from_scene
     from receding_fenicsx.scene_file import read_scene
     from receding_fenicsx.scene_symmetry import is_mirror_symmetric
@@ -399,7 +409,8 @@ def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
     scene = read_scene(options.scene, options.overrides)
     half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
-    nodes = _contact_nodes(scene)
+    # commands of a .geo file shall run once
+    nodes = _contact_nodes(scene) if comm is None else on_root(comm, lambda: _contact_nodes(scene))
     loads = ", ".join(scene.load_names)
     if _is_root(comm):
         print(

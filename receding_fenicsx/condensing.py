@@ -9,9 +9,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from receding_fenicsx.errors import given, on_root
+from receding_fenicsx.errors import InputError, given, on_root
 from receding_fenicsx.reuse import with_profiles
 from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene_body_checks import count_cells
 from receding_fenicsx.scene_symmetry import is_half_meshed
 from receding_fenicsx.stages import Timer
 
@@ -41,17 +42,12 @@ def is_small(scene: Scene) -> bool:
     For small bodies that is quicker than together, and it gives the same bits at every start and
     on any number of ranks: several ranks number and add up in the order in which messages come.
     """
-    n, growth = scene.mesh.contact_elements, scene.mesh.growth
     for body in scene.bodies:
         if body.mesh is not None:
             if Path(body.mesh).stat().st_size > SMALL_FILE:
                 return False
             continue
-        # a layer of size dx growth^k has n / growth^k elements side by side
-        layers = n * body.height / body.width
-        if growth > 1.0:
-            layers = min(layers, growth / (growth - 1.0))
-        if 2.0 * n * layers > SMALL_CELLS:
+        if count_cells(scene.mesh, body.height / body.width) > SMALL_CELLS:
             return False
     return True
 
@@ -69,9 +65,20 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
     try:
         with timer("condense"):
             system = condensation.condense(bulk)
+            on_root(comm, lambda: _check_felt(given(system)))
             return on_root(comm, lambda: with_profiles(scene, given(system))), bulk.dofs
     finally:
         bulk.destroy()
+
+
+def _check_felt(system: ContactSystem) -> None:
+    """Refuse a load of which nothing reaches the contact."""
+    for name, reactions in zip(system.load_names, system.r_star, strict=True):
+        if not reactions.any():
+            raise InputError(
+                f"load '{name}': acts on nothing but nodes that supports hold, so nothing of it "
+                "reaches the contact; load or hold another edge"
+            )
 
 
 def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk | Pair:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import time
 from collections.abc import Callable
 from typing import TYPE_CHECKING, TypeVar
@@ -15,6 +16,8 @@ POLL_SECONDS = 0.005
 """Longest pause between two looks of a waiting rank: long beside a busy core."""
 POLL_SHARE = 0.1
 """Pause over the time waited so far: no stage gets longer by a larger part than that."""
+NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
+"""What the system says where a disk is full or fails, which no other input would mend."""
 SAVING_SECONDS = 10.0
 """How long a rank that is told to end waits for rank 0 to save its work."""
 

@@ -20,7 +20,7 @@ from receding_fenicsx.interface.contact import (
     State,
     typical_stiffness,
 )
-from receding_fenicsx.interface.contact_checks import check_system
+from receding_fenicsx.interface.contact_checks import check_range, check_system
 from receding_fenicsx.interface.cycles import SteadyWatch
 from receding_fenicsx.interface.events import EventPath
 from receding_fenicsx.interface.forms import frictional_form
@@ -112,6 +112,7 @@ def evolve(
         system = replace(system, scene_toml="")
     check_system(system)
     check_history(history, system.load_names)
+    check_range(system, np.vstack([history.path, history.loop]))
     journal = journal or Journal()
     passed = journal.passed
     run = _Run(system, history, solver or SolverOptions(), output or OutputOptions(), passed)

@@ -12,6 +12,8 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import Scene
 
 KINDS = ("monotonic", "cyclic", "table")
+MOST_CYCLES = 1_000_000_000
+"""What the numbers of cycles in a run's files have room for."""
 
 
 @dataclass(frozen=True)
@@ -274,6 +276,8 @@ def _check_cycles(cycles: int) -> None:
         raise InputError(
             f'[history] cycles: must be at least 1, not {cycles}; or use kind = "monotonic"'
         )
+    if cycles > MOST_CYCLES:
+        raise InputError(f"[history] cycles: must be at most {MOST_CYCLES}, not {cycles}")
 
 
 def _check_driven(driven: tuple[str, ...], names: tuple[str, ...], key: str) -> None:

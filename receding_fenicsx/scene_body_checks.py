@@ -6,7 +6,15 @@ Every message is one line: the table and key, what is wrong, what to do.
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene import OF_RECTANGLES, Body, Material, Scene, is_cylinder
+from receding_fenicsx.scene import (
+    HORIZONTAL,
+    OF_RECTANGLES,
+    Body,
+    Material,
+    MeshOptions,
+    Scene,
+    is_cylinder,
+)
 from receding_fenicsx.scene_values import unknown_name
 
 LEAST_CONTACT_ELEMENTS = 4
@@ -15,12 +23,37 @@ MOST_CONTACT_ELEMENTS = 20000
 """The condensed stiffness of more would fill tens of gigabytes."""
 LEAST_HOLE = 1e-6
 """Radius of a ring's hole, over its width, up to which the ring reaches the axis."""
+MOST_CELLS = 1e8
+"""Cells of a rectangle, about, that no machine meshes and factors."""
+THINNEST = 0.01
+"""Smallest depth of a rectangle below its contact edge, over the size of an element there."""
+LARGEST, SMALLEST = 1e50, 1e-50
+"""Sizes of numbers whose products and quotients, of up to six of them, are still numbers."""
+
+
+def check_size(value: float, where: str) -> None:
+    """Raise InputError for a number that arithmetic would make infinite."""
+    if not abs(value) <= LARGEST:
+        raise InputError(
+            f"{where}: {value:g} is beyond {LARGEST:g}; choose units in which it is nearer to 1"
+        )
 
 
 def check_positive(value: float, where: str) -> None:
     """Raise InputError for a value that is not positive."""
     if not value > 0.0:
         raise InputError(f"{where}: must be positive, not {value:g}")
+    if value < SMALLEST:
+        raise InputError(
+            f"{where}: {value:g} is below {SMALLEST:g}; choose units in which it is nearer to 1"
+        )
+
+
+def check_count(value: int, most: int, where: str) -> None:
+    """Raise InputError for a number of things that is not positive, or more than ``most``."""
+    check_positive(value, where)
+    if value > most:
+        raise InputError(f"{where}: must be at most {most}, not {value}")
 
 
 def check_choice(value: object, choices: tuple[str, ...], where: str) -> None:
@@ -126,4 +159,37 @@ def check_mesh(scene: Scene) -> None:
     if not 1.0 <= mesh.growth <= 3.0:
         raise InputError(
             f"[mesh] growth: {mesh.growth:g} is no size ratio of layers; use 1 (uniform) to 3"
+        )
+
+
+def count_cells(mesh: MeshOptions, slenderness: float) -> float:
+    """Return about how many triangles fill a rectangle.
+
+    Args:
+        mesh: how it is meshed.
+        slenderness: its depth below the contact edge over the length of that edge.
+    """
+    layers = mesh.contact_elements * slenderness
+    if mesh.growth > 1.0:
+        # a layer of size dx growth^k has n / growth^k elements side by side
+        layers = min(layers, mesh.growth / (mesh.growth - 1.0))
+    return 2.0 * mesh.contact_elements * layers
+
+
+def check_elements(mesh: MeshOptions, body: Body, edge: str) -> None:
+    """Refuse a rectangle that elements of its contact edge's size cannot fill well."""
+    flat = edge in HORIZONTAL
+    depth, length = (body.height, body.width) if flat else (body.width, body.height)
+    size = length / mesh.contact_elements
+    if depth < THINNEST * size:
+        key = "height" if flat else "width"
+        raise InputError(
+            f"[body] {key}: {depth:g} is less than {THINNEST:g} of an element of the contact edge "
+            f"({size:.3g}); enlarge it, or mesh.contact_elements"
+        )
+    cells = count_cells(mesh, depth / length)
+    if cells > MOST_CELLS:
+        raise InputError(
+            f"[mesh] growth: {mesh.growth:g} would fill the body with about {cells:.0e} cells; "
+            "enlarge it, or use fewer contact_elements"
         )

@@ -6,6 +6,7 @@ Every message is one line: the table and key, what is wrong, what to do.
 from __future__ import annotations
 
 import math
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,18 +27,36 @@ from receding_fenicsx.scene import (
     is_cylinder,
 )
 from receding_fenicsx.scene_body_checks import (
+    SMALLEST,
     check_bodies,
     check_choice,
+    check_count,
+    check_elements,
     check_mesh,
     check_positive,
+    check_size,
 )
+
+if TYPE_CHECKING:
+    from receding_fenicsx.history import History
 
 Array = NDArray[np.float64]
 
 LENGTH_TOLERANCE = 1e-9
 """Positions closer than this, over the edge's length, are the same."""
+MOST_STEPS = 1_000_000
+"""Load steps or samples of a leg at most."""
+MOST_BYTES = 1e12
+"""Size of the largest record."""
+BYTES_OF_A_NODE = 50
+"""Bytes of one node at one instant of a record: v, w, P, Q, p, q and the state."""
+DEFAULT_CYCLES = 5
+"""Cycles that are sampled when the scene names none."""
 LOAD_SAMPLES = 401
 """Points along an edge at which load profiles are looked at (odd: one lies at the centre)."""
+
+TABLE = {"others": "body", "materials": "material", "contacts": "contact", "supports": "support"}
+"""The table of a scene file that a scene's attribute of another name holds."""
 
 
 def validate(scene: Scene) -> None:
@@ -62,17 +81,19 @@ def validate(scene: Scene) -> None:
     _check_load_names(scene)
     for support in scene.supports:
         _check_support(scene, support)
+    for load in scene.loads:
+        _check_carried(scene, load)
     _check_solver(scene)
     # the history's own checks are those of making it
     from receding_fenicsx.history import from_scene
 
-    from_scene(scene)
+    history = from_scene(scene)
     if scene.history.initial_slip is not None:
         for contact in scene.contacts:
             if not _is_meshed(scene, contact.edge):
                 x = contact_samples(scene, contact)
                 _values(scene.history.initial_slip, x, None, "[history] initial_slip")
-    _check_output(scene)
+    _check_output(scene, history)
 
 
 def contact_samples(scene: Scene, contact: Contact) -> Array:
@@ -99,9 +120,11 @@ def _is_meshed(scene: Scene, edge: str) -> bool:
 
 
 def _check_finite(value: object, where: str) -> None:
-    """Refuse NaN and infinity, also in scenes made in Python."""
-    if isinstance(value, float) and not math.isfinite(value):
-        raise InputError(f"{where}: must be a finite number, not {value}")
+    """Refuse NaN and infinity, also in scenes made in Python, and numbers beyond all use."""
+    if isinstance(value, float):
+        if not math.isfinite(value):
+            raise InputError(f"{where}: must be a finite number, not {value}")
+        check_size(value, where)
     if isinstance(value, dict):
         for key, item in value.items():
             _check_finite(item, f"{where}.{key}")
@@ -109,8 +132,11 @@ def _check_finite(value: object, where: str) -> None:
         for item in value:
             _check_finite(item, where)
     elif hasattr(value, "__dataclass_fields__"):
+        label = (
+            f"load '{value.name}'" if isinstance(value, Load) else f"[{TABLE.get(where, where)}]"
+        )
         for key in value.__dataclass_fields__:
-            _check_finite(getattr(value, key), key if where == "scene" else f"[{where}] {key}")
+            _check_finite(getattr(value, key), key if where == "scene" else f"{label} {key}")
 
 
 def _check_contacts(scene: Scene) -> None:
@@ -152,6 +178,7 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
     _check_span(scene, contact.edge, contact.span, f"{where} span")
     if meshed:
         return
+    check_elements(scene.mesh, *scene.find_edge(contact.edge))
     x = contact_samples(scene, contact)
     for profile, key in ((contact.friction, "friction"), (contact.initial_gap, "initial_gap")):
         values = _values(profile, x, None, f"{where} {key}")
@@ -205,9 +232,11 @@ def _values(profile: Profile, x: Array, y: Array | None, where: str) -> Array:
         if np.any(np.diff(table[0]) <= 0.0):
             raise InputError(f"{where}: x of the table must increase from value to value; sort it")
     try:
-        return evaluate(profile, x, y)
+        values = evaluate(profile, x, y)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
+    check_size(float(np.abs(values).max(initial=0.0)), where)
+    return values
 
 
 def _check_load(scene: Scene, load: Load) -> None:
@@ -235,9 +264,28 @@ def _check_load(scene: Scene, load: Load) -> None:
         if part != FREE:
             # a table runs along the edge, an expression knows x and y
             values = _values(part, along if isinstance(part, dict) else x, y, key)
-            zero = zero and not np.any(values)
+            zero = zero and bool(np.all(np.abs(values) < SMALLEST))
     if zero:
         raise InputError(f"{key}: is zero everywhere; give it a value or leave the load out")
+
+
+def _check_carried(scene: Scene, load: Load) -> None:
+    """Refuse a force on an edge that supports hold in its direction: nothing of it is felt."""
+    kind = _load_kind(scene, load, f"load '{load.name}'")
+    edge, value = scene.find_edge(load.edge), getattr(load, kind)
+    on_edge = [s for s in scene.supports if s.edge and scene.find_edge(s.edge) == edge]
+    held = {axis for support in on_edge for axis in support.fix}
+    if kind == "pressure":
+        # which way an edge of the user's own mesh faces is not known here
+        normal = "y" if is_horizontal(scene, load.edge) else "x"
+        acts = {"x", "y"} if edge[0].mesh is not None else {normal}
+    else:
+        acts = {axis for axis, part in zip("xy", value, strict=True) if part != 0.0}
+    if kind != "displacement" and acts and acts <= held:
+        raise InputError(
+            f"load '{load.name}' edge: a support holds \"{load.edge}\" in the direction of the "
+            f"{kind}, so nothing of it reaches the body; load or hold another edge"
+        )
 
 
 def _load_kind(scene: Scene, load: Load, where: str) -> str:
@@ -270,6 +318,10 @@ def _check_load_names(scene: Scene) -> None:
     for name, body in names:
         if not name.strip():
             raise InputError("[[load]] name: is empty; give the load a name")
+        if not name.isprintable():
+            raise InputError(
+                f"[[load]] name: {name!r} holds a character that cannot be printed; leave it out"
+            )
         count = names.count((name, body))
         if count > 1:
             raise InputError(
@@ -323,8 +375,8 @@ def _check_solver(scene: Scene) -> None:
     check_choice(solver.method, ("gauss-seidel", "events"), "[solver] method")
     check_choice(solver.symmetry, ("auto", "none"), "[solver] symmetry")
     check_choice(solver.on_jump, ("stop", "static"), "[solver] on_jump")
+    check_count(solver.steps_per_leg, MOST_STEPS, "[solver] steps_per_leg")
     for key in (
-        "steps_per_leg",
         "max_sweeps",
         "change_tolerance",
         "residual_tolerance",
@@ -341,15 +393,37 @@ def _check_solver(scene: Scene) -> None:
         )
 
 
-def _check_output(scene: Scene) -> None:
+def _check_output(scene: Scene, history: History) -> None:
     output = scene.output
-    check_positive(output.samples_per_leg, "[output] samples_per_leg")
+    check_count(output.samples_per_leg, MOST_STEPS, "[output] samples_per_leg")
     check_positive(output.checkpoint_cycles, "[output] checkpoint_cycles")
     if isinstance(output.cycles, tuple):
-        cycles = 0 if scene.history.kind == "monotonic" else scene.history.cycles
         for number in output.cycles:
-            if not 0 <= number <= cycles:
+            if not 0 <= number <= history.cycles:
                 raise InputError(
                     f"[output] cycles: cycle {number} does not occur; the history has cycles 0 to "
-                    f"{cycles}"
+                    f"{history.cycles}"
                 )
+    _check_record_size(scene, history)
+
+
+def _check_record_size(scene: Scene, history: History) -> None:
+    """Refuse a record that no machine holds."""
+    output, legs = scene.output, max(len(history.loop) - 1, 1)
+    # a run until it is steady ends long before
+    cycles = 0 if history.until_steady else history.cycles
+    kept = min(DEFAULT_CYCLES, cycles + 1)
+    if output.cycles is not None:
+        kept = len(output.cycles) if isinstance(output.cycles, tuple) else cycles + 1
+    nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
+    each = legs * nodes * BYTES_OF_A_NODE
+    for key, count, advice in (
+        ("[history] cycles", cycles, "use fewer"),
+        (
+            "[output] samples_per_leg",
+            kept * output.samples_per_leg,
+            "use fewer, or sample fewer cycles by output.cycles",
+        ),
+    ):
+        if count * each > MOST_BYTES:
+            raise InputError(f"{key}: asks for a record of {count * each / 1e9:.0f} GB; {advice}")

@@ -61,7 +61,7 @@ def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
         InputError: the file cannot be read, or the scene cannot be modelled; one line.
     """
     try:
-        text = Path(path).read_bytes().decode("utf-8")
+        text = Path(path).read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path}: no such scene file; check the path") from None
     except UnicodeDecodeError:

@@ -7,6 +7,9 @@ from typing import Any
 
 from receding_fenicsx.errors import InputError
 
+PROFILES = ("friction", "initial_gap", "pressure", "traction", "displacement", "initial_slip")
+"""Keys whose values may be read from files."""
+
 
 def inline_files(raw: Any, folder: Path, where: str = "") -> Any:
     """Return a parsed scene in which every ``{file = "..."}`` is the table that the file holds.
@@ -23,7 +26,13 @@ def inline_files(raw: Any, folder: Path, where: str = "") -> Any:
     """
     if isinstance(raw, dict):
         if set(raw) == {"file"}:
-            return _read(raw["file"], folder, where)
+            if where.split()[-1] in PROFILES:
+                return _read(raw["file"], folder, where)
+            if isinstance(raw["file"], str):
+                raise InputError(
+                    f"{where.strip()}: cannot be read from a file, only {', '.join(PROFILES)} can; "
+                    "write its values into the scene"
+                )
         return {key: inline_files(value, folder, f"{where} {key}") for key, value in raw.items()}
     if isinstance(raw, list):
         return [inline_files(item, folder, where) for item in raw]
@@ -36,7 +45,7 @@ def _read(name: object, folder: Path, where: str) -> dict[str, list[float]]:
     if not isinstance(name, str):
         raise InputError(f"{label}: must be a path in quotes")
     try:
-        text = (folder / name).read_text(encoding="utf-8").replace(",", " ")
+        text = (folder / name).read_text(encoding="utf-8-sig").replace(",", " ")
         cells = [line.partition("#")[0].split() for line in text.splitlines()]
         rows = [[float(cell) for cell in row] for row in cells if row]
     except FileNotFoundError:

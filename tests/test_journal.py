@@ -11,7 +11,7 @@ import pytest
 from models import block_system
 from small import cyclic, small_system
 
-from receding_fenicsx.errors import InputError, NoEquilibrium
+from receding_fenicsx.errors import InputError, NoEquilibrium, RecedingError
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactSystem
@@ -211,8 +211,9 @@ def test_full_disk_is_said_and_leaves_the_last_checkpoint(
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
-    with pytest.raises(InputError, match="No space left"):
+    with pytest.raises(RecedingError, match="No space left") as caught:
         evolve(BLOCK, cyclic(30), journal=journal)
+    assert caught.value.exit_code == 1
     assert path.stat().st_size == size
     journal.close()
     monkeypatch.undo()

@@ -1,5 +1,6 @@
 import copy
 import dataclasses
+import errno
 import json
 import os
 from collections.abc import Callable
@@ -12,7 +13,7 @@ import pytest
 from models import block_system
 from small import small_system, table
 
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import from_scene
 from receding_fenicsx.interface.contact import ContactSystem
@@ -129,10 +130,12 @@ def test_files_are_not_overwritten_unless_asked(record: Record, tmp_path: Path) 
 def test_failed_writing_leaves_what_was_there(tmp_path: Path) -> None:
     path = tmp_path / "file"
     path.write_text("old")
-    error = "unable to open file: errno = 28, error message = 'No space left', flags = 13"
-    with pytest.raises(InputError, match=r"cannot be written \(No space left\); choose"):
+    with pytest.raises(
+        RecedingError, match=r"cannot be written \(No space left\); make room"
+    ) as full:
         with new_file(path, overwrite=True):
-            raise OSError(error)
+            raise OSError(errno.ENOSPC, "No space left")
+    assert full.value.exit_code == 1
     with pytest.raises(RuntimeError), new_file(path, overwrite=True) as beside:
         beside.write_text("half of the new")
         raise RuntimeError

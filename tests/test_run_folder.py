@@ -187,9 +187,10 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
     assert child.stdout is not None
     try:
         assert child.stdout.readline() == b"locked\n"
-        for resume in (True, False):
+        ways: tuple[dict[str, bool], ...] = ({"resume": True}, {"overwrite": True}, {})
+        for how in ways:
             with pytest.raises(InputError, match="another run is working there"):
-                interrupt(out, resume=resume, overwrite=not resume)
+                interrupt(out, BLOCK, **how)
     finally:
         child.kill()
         child.communicate()

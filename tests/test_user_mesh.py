@@ -119,6 +119,11 @@ Transfinite Curve{1, 3} = contact_elements + 1; Transfinite Curve{2, 4} = 5;
 Transfinite Surface{1};
 Physical Curve("foot") = {1}; Physical Curve("head") = {3}; Physical Curve(7) = {2};
 """
+LINES = """
+Point(1) = {0, 0, 0}; Point(2) = {2, 0, 0}; Point(3) = {1, 0, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 1};
+Curve Loop(1) = {1 : 3}; Plane Surface(1) = {1}; Physical Curve("foot") = {1};
+"""
 
 
 def write_text(path: Path, text: str) -> str:
@@ -210,6 +215,8 @@ def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> Non
     inside = {**EDGES, "head": np.array([[1, 4]])}
     corner = {**EDGES, "foot": np.array([[0, 1], [1, 2], [2, 5]])}
     shared = {**EDGES, "head": np.array([[3, 4], [1, 2]])}
+    nowhere, film = POINTS.copy(), POINTS * [1.0, 1e-9]
+    nowhere[4] = np.nan, 1.0
     cases: list[tuple[dict, str]] = [
         ({"edges": {"foot": EDGES["foot"], "haed": EDGES["head"]}}, "'head'; did you mean 'haed'?"),
         ({"edges": {"head": EDGES["head"]}}, "[contact] edge: the mesh has no group of curves"),
@@ -220,6 +227,16 @@ def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> Non
         ({"cells": [SQUARES[:1], TRIANGLES[2:]]}, "mixes triangles and quadrilaterals"),
         ({"points": folded}, "flat or folded"),
         ({"points": apart, "cells": [TRIANGLES, np.array([[6, 7, 8]])]}, "falls into 2 parts"),
+        (
+            {
+                "points": np.vstack([POINTS, POINTS[5] + [[1, 0], [1, 1], [0, 1]]]),
+                "cells": [np.vstack([SQUARES, [5, 6, 7, 8]])],
+            },
+            "2 parts that meet in single nodes only, one at (2, 1)",
+        ),
+        ({"points": nowhere}, "node 5 is at [nan, 1.0, 0.0], which is no place"),
+        ({"points": POINTS * 1e200}, "which is no place"),
+        ({"points": film}, "2 of its cells are flat"),
         ({"points": solid}, "not plane"),
         ({"cells": [np.empty((0, 3), dtype=int)]}, "has no cells"),
         ({"supports": (Support("x", edge="foot"),)}, "lies on the contact edge"),
@@ -264,6 +281,11 @@ def test_edge_in_pieces_is_refused(shared_tmp_path: Path) -> None:
     [
         ("Point(1) = {0, 0, 0};\nLine(1) = {1, };", "gmsh cannot use it"),
         ("SetFactory(", "gmsh cannot use it"),
+        ("// nothing\n", "gmsh finds nothing in it"),
+        (LINES, "has no cells; is the outline of its surface closed, and does it enclose an area?"),
+        (GEO + "Exit;", "ends gmsh before the mesh is made (Exit); change"),
+        (GEO + 'Error("too thin"); Exit;', "gmsh cannot use it: too thin; mend"),
+        (GEO + 'SystemCall "kill -SEGV $PPID";', "gmsh crashed while reading it (SIGSEGV)"),
         (GEO.replace("Physical Curve", "//"), "it has none, declare Physical Curve"),
         (GEO + "Extrude {0, 0, 1} { Surface{1}; Layers{1}; }", "not plane"),
         (GEO + "Mesh.ElementOrder = 2;", ""),

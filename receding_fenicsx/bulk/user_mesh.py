@@ -1,8 +1,17 @@
-"""Meshes of the user's own: a .geo file that gmsh meshes, or a mesh that gmsh can read."""
+"""Meshes of the user's own: a .geo file that gmsh meshes, or a mesh that gmsh can read.
+
+gmsh reads the file in a process of its own: commands of a .geo file (``Exit``) can end the process
+that they run in, and a damaged mesh can crash it.
+"""
 
 from __future__ import annotations
 
+import os
+import pickle
 import re
+import signal
+import subprocess
+import sys
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +21,8 @@ from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
 from receding_fenicsx.bulk.gmsh_model import gmsh_model
-from receding_fenicsx.bulk.raw_mesh import RawMesh
+from receding_fenicsx.bulk.raw_mesh import RawMesh, sides
+from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import Body, MeshOptions, nearest
 
@@ -21,10 +31,14 @@ Ints = NDArray[np.int64]
 
 FLAT_TOLERANCE = 1e-9
 """Largest distance from the plane, over the mesh's size, of a mesh that is plane."""
-THIN_TOLERANCE = 1e-12
+THIN_TOLERANCE = 1e-6
 """Twice the area at a corner of a cell, over its longest side squared, below which it is flat."""
+FARTHEST = 1e50
+"""Coordinates beyond it overflow in what is made of them."""
 CELLS = {2: 3, 3: 4}
 """Corners of the cells that can be used, by gmsh's number of the kind."""
+CHILD = "from receding_fenicsx.bulk.user_mesh import answer; answer()"
+"""Program of the process that gmsh runs in."""
 LINE = 1
 """gmsh's number of a facet with two nodes."""
 HIGHER = (
@@ -51,11 +65,57 @@ def read_user_mesh(body: Body, options: MeshOptions) -> RawMesh:
     """
     assert body.mesh is not None
     path = Path(body.mesh)
-    where = f'[body] mesh "{path.name}"'
+    where = _label(path)
     if not path.is_file():
         raise InputError(f'[body] mesh: "{path}": no such file; check the path')
-    is_geo = path.suffix == ".geo"
-    _check_parameters(body, path, where, is_geo)
+    _check_parameters(body, path, where, path.suffix == ".geo")
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD],
+        input=pickle.dumps((body, options)),
+        capture_output=True,
+        env=_environment(),
+    )
+    if not done.stdout:
+        raise InputError(f"{where}: {_ending(done.returncode)}")
+    found: RawMesh | Exception = pickle.loads(done.stdout)
+    if isinstance(found, Exception):
+        raise found
+    return found
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment of the child process, which finds the package where this one does."""
+    inherited = child_environment()
+    paths = [str(Path(__file__).parents[2]), inherited.get("PYTHONPATH", "")]
+    return inherited | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+
+
+def _ending(code: int) -> str:
+    """Return why gmsh's process ended without an answer."""
+    if code < 0:
+        return f"gmsh crashed while reading it ({signal.Signals(-code).name}); mend the file"
+    return "ends gmsh before the mesh is made (Exit); change the file or its parameters"
+
+
+def answer() -> None:
+    """Mesh the body that standard input holds; write the mesh, or the error, to standard output."""
+    out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    # what commands of a .geo file print must not mix with the answer
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    found: RawMesh | Exception
+    try:
+        found = _mesh(*pickle.load(sys.stdin.buffer))
+    except Exception as error:
+        found = error
+    pickle.dump(found, out)
+    out.close()
+
+
+def _mesh(body: Body, options: MeshOptions) -> RawMesh:
+    """Mesh or read the body's file in this process; see :func:`read_user_mesh`."""
+    assert body.mesh is not None
+    path = Path(body.mesh)
+    where, is_geo = _label(path), path.suffix == ".geo"
     with gmsh_model() as gmsh:
         numbers = {
             "contact_elements": float(options.contact_elements),
@@ -78,6 +138,10 @@ def read_user_mesh(body: Body, options: MeshOptions) -> RawMesh:
         mesh = _collect(gmsh, body, where, scale)
     _check_cells(mesh, where)
     return mesh
+
+
+def _label(path: Path) -> str:
+    return f'[body] mesh "{path.name}"'
 
 
 def _check_parameters(body: Body, path: Path, where: str, is_geo: bool) -> None:
@@ -108,6 +172,10 @@ def _collect(gmsh: Any, body: Body, where: str, scale: float) -> RawMesh:
     # nodes that no cell uses are left out
     used = np.isin(tags, around)
     points = scale * coordinates[used]
+    wrong = ~np.all(np.abs(points) < FARTHEST, axis=1)
+    if np.any(wrong):
+        number, place = tags[used][wrong][0], points[wrong][0].tolist()
+        raise InputError(f"{where}: node {number} is at {place}, which is no place; mesh it again")
     number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
     number[tags[used].astype(np.int64)] = np.arange(len(points))
     size = np.ptp(points[:, :2], axis=0).max()
@@ -151,9 +219,12 @@ def _cells(gmsh: Any, body: Body, where: str) -> Ints:
         for kind, _, nodes in zip(*model.mesh.getElements(2, surface), strict=True):
             found.setdefault(int(kind), []).append(nodes)
     if not found:
-        raise InputError(
-            f"{where}: has no cells; mesh the surface and put it in a Physical Surface"
-        )
+        advice = "mesh the surface and put it in a Physical Surface"
+        if surfaces:
+            advice = "is the outline of its surface closed, and does it enclose an area?"
+        elif not model.getEntities():
+            advice = "gmsh finds nothing in it; give a .geo or .msh file"
+        raise InputError(f"{where}: has no cells; {advice}")
     if set(found) == set(CELLS):
         raise InputError(
             f"{where}: mixes triangles and quadrilaterals; use one kind, for quadrilaterals "
@@ -182,11 +253,28 @@ def _check_cells(mesh: RawMesh, where: str) -> None:
             "mesh the body better"
         )
     n, width = len(mesh.points), mesh.cells.shape[1]
-    rows, columns = np.repeat(mesh.cells[:, 0], width), mesh.cells.ravel()
-    links = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
-    parts, _ = connected_components(links, directed=False)
+    cell = np.arange(len(mesh.cells))
+    parts, _ = _parts(np.repeat(mesh.cells[:, 0], width), mesh.cells.ravel(), n)
     if parts > 1:
         raise InputError(
             f"{where}: falls into {parts} parts that share no nodes; join them (Coherence), or "
             "name the part that is the body by body.surface"
         )
+    pairs, owner = sides(mesh.cells)
+    _, side = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
+    parts, part = _parts(owner, len(cell) + side.ravel(), len(cell) + int(side.max()) + 1)
+    if parts > 1:
+        first = part[np.repeat(cell, width)] == part[0]
+        corner = mesh.cells.ravel()
+        x, y = mesh.points[np.intersect1d(corner[first], corner[~first])[0]]
+        raise InputError(
+            f"{where}: falls into {parts} parts that meet in single nodes only, one at "
+            f"({x:g}, {y:g}), about which they turn freely; join them along a curve"
+        )
+
+
+def _parts(rows: Ints, columns: Ints, n: int) -> tuple[int, Ints]:
+    """Return the number of parts of a graph with n nodes and these links, and that of each node."""
+    links = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
+    count, part = connected_components(links, directed=False)
+    return int(count), part

@@ -14,6 +14,9 @@ of the condensation."""
 NOT_RIGID = 1e-8
 """Force that a rigid motion may cause, over the largest entry of K times that of the motion."""
 
+LARGEST, SMALLEST = 1e200, 1e-200
+"""Range of forces, stiffnesses and energies that can be multiplied with each other's ratios."""
+
 
 def check_system(system: ContactSystem) -> None:
     """Raise where an array of the system has the wrong shape or values without meaning.
@@ -59,6 +62,30 @@ def check_system(system: ContactSystem) -> None:
             raise InputError(
                 "rigid of the contact system holds a motion that its K resists: K @ rigid has to "
                 "vanish"
+            )
+
+
+def check_range(system: ContactSystem, factors: Array) -> None:
+    """Raise where forces, displacements or energies would leave the range of the numbers.
+
+    Args:
+        system: the condensed body.
+        factors: (n, n_loads) load factors that it is to bear.
+
+    Raises:
+        InputError: they would.
+    """
+    force = float((np.abs(factors) @ np.abs(system.r_star)).max(initial=0.0))
+    stiffness = float(np.abs(system.K).max(initial=0.0))
+    if not force or not stiffness:
+        return
+    energy = force * (force / stiffness)
+    sizes = {"forces": force, "stiffnesses": stiffness, "energies": energy}
+    for name, size in sizes.items():
+        if not SMALLEST < size < LARGEST:
+            raise InputError(
+                f"the contact system has {name} of about {size:.0e}, beyond the range of the "
+                "computer's numbers; choose units in which they are nearer to 1"
             )
 
 

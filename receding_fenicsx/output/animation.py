@@ -22,7 +22,7 @@ from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import RecedingError, on_root
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.output import style
-from receding_fenicsx.output.atomic import new_file
+from receding_fenicsx.output.atomic import make_folder, new_file
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.fields import Fields, fields_at
 from receding_fenicsx.output.render import Picture, find_renderer, renderer
@@ -97,7 +97,7 @@ def animate(
 
     def write() -> list[Path]:
         frames = draw_frames(bulk, film, fields, quantity)
-        path.parent.mkdir(parents=True, exist_ok=True)
+        make_folder(path.parent)
         made = [path.with_name(f"{path.name}{ending}") for ending in (".mp4", ".gif")]
         write_mp4(made[0], frames)
         write_gif(made[1], frames)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import io
 import os
-import re
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from receding_fenicsx.errors import InputError
+import h5py
+
+from receding_fenicsx.errors import NO_ROOM, InputError, RecedingError
 
 
 @contextmanager
@@ -24,6 +27,7 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
 
     Raises:
         InputError: the file is there already, or its folder cannot be written to.
+        RecedingError: the disk is full.
     """
     path = Path(path)
     check_file(path, overwrite)
@@ -34,12 +38,58 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
         os.replace(beside, path)
         sync(path.parent)
     except OSError as error:
-        # HDF5 says why in the middle of a long text
-        inner = re.search(r"error message = '([^']+)'", str(error))
-        reason = inner[1] if inner else error.strerror or error
-        raise InputError(f"{path}: cannot be written ({reason}); choose another place") from None
+        raise unwritable(path, error) from None
     finally:
         beside.unlink(missing_ok=True)
+
+
+@contextmanager
+def new_hdf5(path: Path, overwrite: bool = False) -> Iterator[h5py.File]:
+    """Give an HDF5 file to fill; on leaving it is written as :func:`new_file` does.
+
+    It is filled in memory: HDF5 crashes the interpreter at its end where a disk is full.
+
+    Args:
+        path: where the finished file shall be.
+        overwrite: replace a file that is there already.
+
+    Yields:
+        The open file.
+    """
+    with new_file(path, overwrite) as beside:
+        memory = io.BytesIO()
+        # attributes above 64 kB (a scene with long tables) need the layout of HDF5 1.8
+        with h5py.File(memory, "w", libver=("v108", "v110")) as file:
+            yield file
+        beside.write_bytes(memory.getbuffer())
+
+
+def make_folder(path: Path) -> None:
+    """Make a folder, and those that it is in, unless it is there."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritable(path, error) from None
+
+
+def check_room(path: Path, size: int) -> None:
+    """Raise unless a file of so many bytes can be written at ``path`` now.
+
+    For files that other libraries write, which crash where a disk is full.
+    """
+    try:
+        with tempfile.TemporaryFile(dir=path.parent) as file:
+            file.write(bytes(size))
+    except OSError as error:
+        raise unwritable(path, error) from None
+
+
+def unwritable(path: Path, error: OSError) -> RecedingError:
+    """Return the error to be raised where a file cannot be written."""
+    text = f"{path}: cannot be written ({error.strerror or error})"
+    if error.errno in NO_ROOM:
+        return RecedingError(f"{text}; make room or choose another disk")
+    return InputError(f"{text}; choose another place")
 
 
 def check_file(path: Path, overwrite: bool = False) -> None:

@@ -14,7 +14,7 @@ import numpy as np
 
 from receding_fenicsx.interface.compliance import StepProblem, StepSolution
 from receding_fenicsx.interface.contact import Array
-from receding_fenicsx.output.atomic import new_file
+from receding_fenicsx.output.atomic import new_hdf5
 
 COMPRESSED_ROWS = -2
 """What FCLIB's ``nz`` is for a matrix in compressed rows."""
@@ -42,7 +42,7 @@ def write_fclib(
         InputError: the file is there already or cannot be written.
     """
     free = problem.V.shape[1]
-    with new_file(path, overwrite) as beside, h5py.File(beside, "w") as file:
+    with new_hdf5(path, overwrite) as file:
         local = file.create_group("fclib_local")
         local["spacedim"] = np.array([2], dtype=np.intc)
         _matrix(local.create_group("W"), problem.W)

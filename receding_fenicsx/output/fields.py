@@ -13,10 +13,15 @@ from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense_pair
 from receding_fenicsx.bulk.pair import Pair, displacements
+from receding_fenicsx.errors import on_root
 from receding_fenicsx.interface.contact import Array
+from receding_fenicsx.output.atomic import check_room
 
 if TYPE_CHECKING:
     from dolfinx import fem
+
+XDMF_OVERHEAD = 100_000
+"""Bytes of an XDMF file and its HDF5 file, at most, that are no numbers."""
 
 
 @dataclass(frozen=True)
@@ -99,6 +104,9 @@ def _at_vertices(bulk: Bulk, displacement: fem.Function) -> fem.Function:
 def _write_xdmf(bulk: Bulk, file: Path, functions: list[fem.Function]) -> None:
     from dolfinx import io
 
+    counts = [bulk.body.mesh.topology.index_map(dim).size_global for dim in (0, 2)]
+    numbers = 4 * counts[1] + sum(3 * max(counts) for _ in ("geometry", *functions))
+    on_root(bulk.comm, lambda: check_room(file, 8 * numbers + XDMF_OVERHEAD))
     with io.XDMFFile(bulk.comm, str(file), "w") as xdmf:
         xdmf.write_mesh(bulk.body.mesh)
         for function in functions:

@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.output import style
-from receding_fenicsx.output.atomic import new_file
+from receding_fenicsx.output.atomic import make_folder, new_file
 from receding_fenicsx.output.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
@@ -104,12 +104,7 @@ def plot_all(
         for name, figure in draw_all(part, unloading, stepped):
             whole = alone or name in OF_THE_WHOLE
             place = folder if whole else folder / edge.replace("/", "_")
-            try:
-                place.mkdir(parents=True, exist_ok=True)
-            except OSError as error:
-                raise InputError(
-                    f"{place}: cannot be made ({error.strerror}); choose another folder"
-                ) from None
+            make_folder(place)
             files = [place / f"{name}.{ending}" for ending in formats]
             if set(files) <= set(made):
                 continue

@@ -15,7 +15,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.output.atomic import new_file
+from receding_fenicsx.output.atomic import new_hdf5
 from receding_fenicsx.output.record import Cycles, Events, Record, States, Steady
 from receding_fenicsx.reuse import system_for
 from receding_fenicsx.scene import Scene
@@ -182,11 +182,7 @@ def _check_scene(path: Path, stored: str, scene_toml: str, scene: Scene) -> None
 
 @contextmanager
 def _create(path: Path, kind: str, overwrite: bool) -> Iterator[h5py.File]:
-    # attributes above 64 kB (a scene with long tables) need the layout of HDF5 1.8
-    with (
-        new_file(path, overwrite) as beside,
-        h5py.File(beside, "w", libver=("v108", "v110")) as file,
-    ):
+    with new_hdf5(path, overwrite) as file:
         file.attrs["format"] = kind
         file.attrs["format_version"] = FORMAT_VERSION
         yield file

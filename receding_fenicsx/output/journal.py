@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.contact import ContactState, ContactSystem
+from receding_fenicsx.output.atomic import unwritable
 from receding_fenicsx.output.collect import Change, Instant, Kept, Passed, Totals
 
 MAGIC = b"recedingjournal1"
@@ -98,7 +99,7 @@ class JournalFile(Journal):
             if not whole:
                 self._append(title)
         except OSError as error:
-            raise _unwritable(path, error) from None
+            raise unwritable(path, error) from None
 
     def checkpoint(self) -> None:
         """Write what is new, unless the last writing is too fresh for its cost."""
@@ -110,7 +111,7 @@ class JournalFile(Journal):
         """Write all cycles up to the last checkpoint.
 
         Raises:
-            InputError: the disk is full, or the file cannot be written any more.
+            RecedingError: the disk is full, or the file cannot be written any more.
         """
         if self._ready == self._written:
             return
@@ -119,7 +120,7 @@ class JournalFile(Journal):
         try:
             self._append(block)
         except OSError as error:
-            raise _unwritable(self.path, error) from None
+            raise unwritable(self.path, error) from None
         self._written = self._ready
         self._last = time.monotonic()
         self._cost = self._last - begin
@@ -175,12 +176,6 @@ def is_checkpoint(cycle: int, every: int) -> bool:
 def has_checkpoint(path: Path) -> bool:
     """Return whether a journal may hold a checkpoint."""
     return path.is_file() and path.stat().st_size > len(MAGIC) + 16 + HEAD.itemsize
-
-
-def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(
-        f"{path}: cannot be written ({error.strerror or error}); make room or choose another place"
-    )
 
 
 class _Layout:

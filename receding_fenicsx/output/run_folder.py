@@ -14,7 +14,7 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from receding_fenicsx.errors import InputError, RecedingError
-from receding_fenicsx.output.atomic import check_folder, new_file, sync
+from receding_fenicsx.output.atomic import check_folder, new_file, sync, unwritable
 from receding_fenicsx.output.journal import JOURNAL, has_checkpoint
 from receding_fenicsx.output.summary import read_summary
 from receding_fenicsx.scene import Scene
@@ -30,8 +30,15 @@ SYSTEM, SCENE = "system.h5", "scene.toml"
 
 
 def part_of(path: Path) -> Path:
-    """Return where a run lives until it is finished."""
-    return path.absolute().with_name(f"{path.absolute().name}.part")
+    """Return where a run lives until it is finished.
+
+    Raises:
+        InputError: ``path`` is the root of a file system, beside which nothing can be made.
+    """
+    place = Path(os.path.abspath(path))
+    if not place.name:
+        raise InputError(f"{path}: is no place for a run; give a folder that is not there yet")
+    return place.with_name(f"{place.name}.part")
 
 
 @contextmanager
@@ -52,13 +59,15 @@ def run_folder(
     Raises:
         InputError: the folder is there already or cannot be made, another run is working in it, or
             the run to be resumed is that of another scene.
+        RecedingError: the disk is full.
     """
-    path = Path(path)
+    path = Path(os.path.abspath(path))
     part = part_of(path)
     earlier = _earlier(path) if resume else None
     if earlier is None:
         check_folder(path, overwrite)
         if not overwrite and not resume and part.exists():
+            os.close(_lock(part))
             raise InputError(
                 f"{part}: holds an interrupted run; go on with it by --resume, or start anew by "
                 "--overwrite"
@@ -77,12 +86,13 @@ def run_folder(
         with new_file(part / SCENE, overwrite=True) as beside:
             beside.write_text(to_toml(scene), encoding="utf-8")
     except OSError as error:
-        raise InputError(
-            f"{path}: cannot be made ({error.strerror}); choose another folder"
-        ) from None
+        raise unwritable(path, error) from None
     try:
         yield part
-        _publish(part, path, overwrite or earlier is not None)
+        try:
+            _publish(part, path, overwrite or earlier is not None)
+        except OSError as error:
+            raise unwritable(path, error) from None
     except BaseException as error:
         if not has_checkpoint(part / JOURNAL) and (
             isinstance(error, RecedingError) or not (part / SYSTEM).exists()

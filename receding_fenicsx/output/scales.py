@@ -19,6 +19,16 @@ from receding_fenicsx.scene_file import from_toml
 
 LONGEST_NAME = 10
 """Letters of a load's name that labels have room for."""
+IN_MATHEMATICS = {
+    **{letter: f"\\{letter}" for letter in "_%${} "},
+    "\\": r"\backslash ",
+    "^": r"\wedge ",
+    "~": r"\sim ",
+    "#": r"\sharp ",
+    '"': "''",
+    "`": "'",
+}
+"""What stands in mathematics for letters of a name that Matplotlib would take for commands."""
 SYMMETRY_TOLERANCE = 1e-9
 """Distance of a node from its mirror image, over the contact's length."""
 
@@ -169,7 +179,11 @@ def is_word(name: str) -> bool:
 
 
 def shown_name(name: str) -> str:
-    """A load's name as pictures have room for: the middle of a long one is left out."""
+    """A load's name as text that pictures have room for: the middle of a long one is left out."""
+    return _shortened(name).replace("$", r"\$")
+
+
+def _shortened(name: str) -> str:
     return name if len(name) <= LONGEST_NAME else f"{name[:5]}…{name[-4:]}"
 
 
@@ -178,8 +192,8 @@ def load_symbol(name: str) -> str:
     found = re.fullmatch(r"([A-Za-z])_?([A-Za-z0-9]*)", name)
     if found and (len(found[2]) == 0 or found[2].isdigit()):
         return found[1] + (f"_{{{found[2]}}}" if found[2] else "")
-    escaped = re.sub(r"([_%#$&{}\\^ ])", r"\\\1", shown_name(name))
-    return rf"\mathrm{{{escaped}}}"
+    word = "".join(IN_MATHEMATICS.get(letter, letter) for letter in _shortened(name))
+    return rf"\mathrm{{{word}}}"
 
 
 def peak(symbol: str) -> str:

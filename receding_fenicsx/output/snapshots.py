@@ -18,6 +18,7 @@ from receding_fenicsx.errors import InputError, on_root
 from receding_fenicsx.history import from_scene
 from receding_fenicsx.interface.contact import Array
 from receding_fenicsx.output import paraview, style
+from receding_fenicsx.output.atomic import make_folder
 from receding_fenicsx.output.collect import Instant
 from receding_fenicsx.output.fields import field_files, fields_at
 from receding_fenicsx.output.figures import save
@@ -112,7 +113,7 @@ def snapshot(
     def prepare() -> None:
         find_renderer()
         for place in (folder, beside):
-            place.mkdir(parents=True, exist_ok=True)
+            make_folder(place)
 
     on_root(comm, prepare)
     now: Instant = comm.bcast(instant)

@@ -1,0 +1,329 @@
+"""How runs end that cannot go on: one line, the right code, nothing half-written."""
+
+from __future__ import annotations
+
+import itertools
+import json
+import os
+import string
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from html.parser import HTMLParser
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import block, built
+from matplotlib.mathtext import MathTextParser
+from models import block_system
+from small import cyclic
+
+from receding_fenicsx import study
+from receding_fenicsx.cli import main
+from receding_fenicsx.environment import child_environment
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.output import fields
+from receding_fenicsx.output.files import read_record
+from receding_fenicsx.output.report import write_report
+from receding_fenicsx.output.scales import load_symbol, peak, shown_name
+from receding_fenicsx.scene import Load, Scene, Support
+from receding_fenicsx.scene_file import read_scene, to_toml
+
+comm = MPI.COMM_WORLD
+alone = pytest.mark.skipif(comm.size > 1, reason="one process is enough")
+Run = Callable[..., "subprocess.CompletedProcess[str]"]
+
+SCENE = """
+[mesh]
+contact_elements = 20
+[[load]]
+name = "p"
+edge = "top"
+span = [-1.0, 1.0]
+pressure = 1.0
+[history]
+cycles = 12
+[output]
+checkpoint_cycles = 4
+"""
+
+
+def write(path: Path, text: str | bytes) -> Path:
+    """Write a file on rank 0 and let all ranks wait for it."""
+    if comm.rank == 0:
+        path.write_bytes(text.encode() if isinstance(text, str) else text)
+    comm.barrier()
+    return path
+
+
+def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
+    """Run the program on bad input; return its one line."""
+    assert main([str(argument) for argument in arguments]) == 2
+    err = capsys.readouterr().err
+    assert err.count("\n") == (comm.rank == 0)
+    return comm.bcast(err)
+
+
+# -- numbers, names, places ----------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("override", "words"),
+    [
+        ("load.p.pressure=1e308", "load 'p' pressure: 1e+308 is beyond 1e+50"),
+        ("load.p.pressure=exp(300*x)", "load 'p' pressure: 1.94243e+130 is beyond 1e+50"),
+        ("load.p.pressure=1e-300", "load 'p' pressure: is zero everywhere"),
+        ("material.young=1e-300", "[material] young: 1e-300 is below 1e-50"),
+        ("material.young=1e300", "[material] young: 1e+300 is beyond 1e+50"),
+        ("history.maximum=1e60", "[history] maximum: 1e+60 is beyond 1e+50"),
+        ("body.position=[1e60, 0]", "[body] position: 1e+60 is beyond 1e+50"),
+        ("body.height=1e-9", "[body] height: 1e-09 is less than 0.01 of an element"),
+        ("mesh.growth=1 ; body.height=1e9", "[mesh] growth: 1 would fill the body with about"),
+        ("output.samples_per_leg=2000000000", "samples_per_leg: must be at most 1000000, not 2000"),
+        ("solver.steps_per_leg=2000000000", "[solver] steps_per_leg: must be at most 1000000"),
+        ("history.cycles=1000000000000", "[history] cycles: must be at most 1000000000, not 1000"),
+        ("history.cycles=1000000000", "[history] cycles: asks for a record of 4100 GB"),
+        (
+            'output.samples_per_leg=1000000 ; output.cycles="all" ; history.cycles=300',
+            "[output] samples_per_leg: asks for a record of 1234 GB",
+        ),
+        ('load.p.name="a\\nb"', "[[load]] name: 'a\\nb' holds a character that cannot be printed"),
+    ],
+)
+def test_numbers_and_names_beyond_use_are_refused(
+    override: str, words: str, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = [part for text in override.split(" ; ") for part in ("--set", text)]
+    path = write(shared_tmp_path / "scene.toml", SCENE)
+    assert words in refused(capsys, "check", path, *settings)
+
+
+def test_history_until_steady_may_name_any_number_of_cycles(shared_tmp_path: Path) -> None:
+    path = write(shared_tmp_path / "scene.toml", SCENE)
+    long = ["history.cycles=1000000000", "history.until=steady"]
+    assert read_scene(path, long).history.cycles == 1_000_000_000
+
+
+@pytest.mark.parametrize("factor", [1e-160, 1e160])
+def test_system_whose_energies_leave_the_range_of_the_numbers_is_refused(factor: float) -> None:
+    system = block_system(8, 2)
+    with pytest.raises(InputError, match=r"energies of about .* beyond the range"):
+        evolve(replace(system, r_star=factor * system.r_star), cyclic(1))
+
+
+@pytest.mark.parametrize(
+    ("load", "fix", "felt"),
+    [
+        ({"pressure": 1.0}, "xy", False),
+        ({"pressure": 1.0}, "y", False),
+        ({"pressure": 1.0}, "x", True),
+        ({"traction": (1.0, 0.0)}, "x", False),
+        ({"traction": (1.0, -1.0)}, "x", True),
+        ({"platen": True, "force": (0.0, -1.0)}, "y", False),
+    ],
+)
+def test_force_on_an_edge_that_is_held_against_it_is_refused(
+    load: dict, fix: str, felt: bool
+) -> None:
+    scene = block(load=Load("p", "top", **load), supports=(Support(fix, edge="top"),))
+    if felt:
+        scene.validate()
+        return
+    with pytest.raises(
+        InputError, match=r"load 'p' edge: a support holds \"top\" in the direction"
+    ):
+        scene.validate()
+
+
+def test_force_on_held_nodes_only_is_refused_when_it_is_condensed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = block(load=Load("p", "top", pressure=1.0), supports=(Support("xy", edge="top"),))
+    monkeypatch.setattr("receding_fenicsx.scene_checks._check_carried", lambda *_: None)
+    with pytest.raises(InputError, match="load 'p': acts on nothing but nodes that supports hold"):
+        study.condense(scene)
+
+
+def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: Path) -> None:
+    mark = b"\xef\xbb\xbf"
+    text = SCENE + '[[contact]]\ninitial_gap = {file = "gap.csv"}\n'
+    write(shared_tmp_path / "gap.csv", mark + b"-2, 0.5\n2, 0.25\n")
+    found = read_scene(write(shared_tmp_path / "marked.toml", mark + text.encode()))
+    assert found == read_scene(write(shared_tmp_path / "plain.toml", text))
+    assert found.contacts[0].initial_gap == {"x": [-2.0, 2.0], "value": [0.5, 0.25]}
+
+
+def test_rows_of_a_history_cannot_be_read_from_a_file(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    table = 'kind = "table"\ncolumns = ["p"]\nrows = {file = "rows.csv"}\n'
+    path = write(shared_tmp_path / "scene.toml", SCENE.replace("[history]", f"[history]\n{table}"))
+    write(shared_tmp_path / "rows.csv", "0\n1\n")
+    text = refused(capsys, "check", path)
+    assert "history rows: cannot be read from a file, only friction, initial_gap" in text
+
+
+def test_run_cannot_take_the_place_of_a_root(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = write(shared_tmp_path / "scene.toml", SCENE)
+    assert "/: is no place for a run" in refused(capsys, "run", path, "--out", "/")
+    assert "is there already" in refused(capsys, "run", path, "--out", shared_tmp_path / "a/..")
+    assert "is a folder" in refused(capsys, "condense", path, "--out", "/")
+
+
+# -- a .geo file that ends the program -----------------------------------------------------------
+
+
+def test_exit_in_a_geo_file_ends_every_rank_with_code_2(mpirun: Run, tmp_path: Path) -> None:
+    (tmp_path / "exit.geo").write_text("Point(1) = {0, 0, 0}; Exit;\n")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(SCENE.replace("[mesh]", '[body]\nmesh = "exit.geo"\n[mesh]'))
+    done = mpirun(2, "-m", "receding_fenicsx", "run", scene, "--out", tmp_path / "run")
+    assert done.returncode == 2
+    lines = [line for line in done.stderr.splitlines() if line.startswith("receding-fenicsx:")]
+    assert len(lines) == 1 and '[body] mesh "exit.geo": ends gmsh' in lines[0]
+    assert sorted(os.listdir(tmp_path)) == ["exit.geo", "scene.toml"]
+
+
+# -- a full disk ---------------------------------------------------------------------------------
+
+FULL_DISK = """
+import json, os, resource, sys
+from mpi4py import MPI
+from receding_fenicsx.cli import main
+folder, limits, command = sys.argv[1], json.loads(sys.argv[2]), sys.argv[3:]
+for limit in limits:
+    # what a full disk does to a writer, on any machine and file system
+    resource.setrlimit(resource.RLIMIT_FSIZE, (limit, resource.RLIM_INFINITY))
+    code = main([*command, "--out", f"{folder}/{limit}"])
+    left = [f for _, _, files in os.walk(f"{folder}/{limit}.part") for f in files]
+    print(json.dumps([limit, code, left]), flush=True)
+"""
+
+
+@alone
+def test_full_disk_ends_in_one_line_and_the_run_can_be_gone_on_with(tmp_path: Path) -> None:
+    scene, system = tmp_path / "scene.toml", tmp_path / "system.h5"
+    scene.write_text(SCENE)
+    assert main(["condense", str(scene), "--out", str(system)]) == 0
+    # nothing is condensed, compiled or drawn in what follows
+    command = ["run", str(scene), "--system", str(system), "--pictures", "none"]
+    assert main([*command, "--out", str(tmp_path / "whole")]) == 0
+    sizes = {path.name: path.stat().st_size for path in (tmp_path / "whole").iterdir()}
+    assert sizes["system.h5"] < sizes["journal.bin"] < sizes["record.h5"]
+    limits = [*range(1000, sizes["record.h5"], sizes["record.h5"] // 12), sizes["record.h5"] - 1]
+    done = subprocess.run(
+        [sys.executable, "-c", FULL_DISK, str(tmp_path), json.dumps(limits), *command],
+        capture_output=True,
+        text=True,
+        env=child_environment(),
+    )
+    # HDF5's own clean-up at the interpreter's end used to crash
+    assert done.returncode == 0, done.stderr
+    outcomes = [json.loads(line) for line in done.stdout.splitlines()]
+    assert [code for _, code, _ in outcomes] == [1] * len(limits)
+    lines = done.stderr.splitlines()
+    assert len(lines) == len(limits)
+    assert all("cannot be written (File too large); make room" in line for line in lines)
+    for name in ("system.h5", "journal.bin", "record.h5"):
+        assert any(f"/{name}: cannot" in line for line in lines)
+    for limit, _, left in outcomes:
+        assert not (tmp_path / str(limit)).exists()
+        assert set(left) <= {"system.h5", "journal.bin", "scene.toml", "record.h5"}
+    assert not outcomes[0][2] and "journal.bin" in outcomes[-1][2]
+    again = [*command[:2], *command[4:], "--resume", "--out"]
+    assert main([*again, str(tmp_path / str(limits[-1]))]) == 0
+    one, two = (read_record(tmp_path / out / "record.h5") for out in ("whole", str(limits[-1])))
+    for key in ("v", "w", "P", "Q", "state"):
+        assert np.array_equal(getattr(one.turning_points, key), getattr(two.turning_points, key))
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("elements", [8, 40])
+def test_room_is_reserved_for_the_whole_of_the_fields_that_dolfinx_writes(
+    cell: str, elements: int, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    reserved: list[int] = []
+    monkeypatch.setattr(fields, "check_room", lambda _, size: reserved.append(size))
+    bulk = built(block(cell, 2, elements=elements, load=Load("p", "top", pressure=1.0)))
+    n = len(bulk.contact.x)
+    fields.fields_at(bulk, np.ones(1), np.zeros(2 * n), shared_tmp_path / "fields.xdmf")
+    bulk.destroy()
+    comm.barrier()
+    if comm.rank == 0:
+        written = sum(path.stat().st_size for path in shared_tmp_path.iterdir())
+        assert written <= reserved[0] <= 3 * written + fields.XDMF_OVERHEAD
+    comm.barrier()
+
+
+@alone
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no full device")
+def test_output_into_a_full_file_is_an_error(tmp_path: Path) -> None:
+    scene = write(tmp_path / "scene.toml", SCENE)
+    with open("/dev/full", "w") as full:
+        command = [sys.executable, "-m", "receding_fenicsx", "check", str(scene)]
+        done = subprocess.run(
+            command, stdout=full, stderr=subprocess.PIPE, text=True, env=child_environment()
+        )
+    assert done.returncode == 1
+    assert done.stderr.count("\n") == 1
+    assert "what is printed: cannot be written (No space left on device)" in done.stderr
+
+
+# -- names of loads in pictures and pages --------------------------------------------------------
+
+COMMANDS = "\\$&{}_^#~\"`%'a"
+
+
+def test_every_name_of_a_load_can_be_drawn() -> None:
+    parser = MathTextParser("agg")
+    names = [a for a in string.printable if a.isprintable() and a != " "]
+    names += ["".join(pair) for pair in itertools.product(COMMANDS, repeat=2)]
+    names += ["\\mathrm{x}", "$a$", "p & q", "shear \\ bend", "a very long name of $"]
+    for name in names:
+        parser.parse(f"$p/{peak(load_symbol(name))}$")
+        # as text beside mathematics it stays text
+        text = f"{shown_name(name)} at $0.3$ of its largest"
+        assert parser.parse(text) is not None
+        assert text.count("$") - text.count("\\$") == 2
+
+
+class Page(HTMLParser):
+    """Text and tags of a page."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.text, self.tags = "", set[str]()
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.add(tag)
+
+    def handle_data(self, data: str) -> None:
+        self.text += data
+
+
+@alone
+def test_figures_and_report_bear_commands_in_names_of_loads(tmp_path: Path) -> None:
+    from receding_fenicsx.output import figures
+
+    names = ("a&b<b>", "c\\d$e$")
+    loads = tuple(Load(name, "top", pressure=1.0) for name in names)
+    scene: Scene = block(elements=8, loads=loads)
+    rows = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    table = replace(
+        scene.history, kind="table", columns=names, rows=rows, cycle_rows=rows[1:], cycles=1
+    )
+    scene = replace(scene, history=table, title="<i>&\\$x")
+    record = study.run(scene, tmp_path / "run", pictures=False)
+    assert record is not None
+    assert figures.plot_all(record, tmp_path / "run" / "figures", formats="png")
+    page = Page()
+    page.feed(write_report(tmp_path / "run", to_toml(scene)).read_text())
+    assert not page.tags & {"b", "i"}
+    assert scene.title in page.text and all(name in page.text for name in names)
