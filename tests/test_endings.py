@@ -31,7 +31,7 @@ from receding_fenicsx.output import fields
 from receding_fenicsx.output.files import read_record
 from receding_fenicsx.output.report import write_report
 from receding_fenicsx.output.scales import load_symbol, peak, shown_name
-from receding_fenicsx.scene import Load, Scene, Support
+from receding_fenicsx.scene import Load, Support
 from receding_fenicsx.scene_file import read_scene, to_toml
 
 comm = MPI.COMM_WORLD
@@ -312,18 +312,13 @@ class Page(HTMLParser):
 def test_figures_and_report_bear_commands_in_names_of_loads(tmp_path: Path) -> None:
     from receding_fenicsx.output import figures
 
-    names = ("a&b<b>", "c\\d$e$")
-    loads = tuple(Load(name, "top", pressure=1.0) for name in names)
-    scene: Scene = block(elements=8, loads=loads)
-    rows = ((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
-    table = replace(
-        scene.history, kind="table", columns=names, rows=rows, cycle_rows=rows[1:], cycles=1
-    )
-    scene = replace(scene, history=table, title="<i>&\\$x")
+    name = "&\\$<b>"
+    scene = block(elements=8, load=Load(name, "top", (-1.0, 1.0), pressure=1.0))
+    scene = replace(scene, history=replace(scene.history, cycles=1), title="<i>&\\$x")
     record = study.run(scene, tmp_path / "run", pictures=False)
     assert record is not None
     assert figures.plot_all(record, tmp_path / "run" / "figures", formats="png")
     page = Page()
     page.feed(write_report(tmp_path / "run", to_toml(scene)).read_text())
     assert not page.tags & {"b", "i"}
-    assert scene.title in page.text and all(name in page.text for name in names)
+    assert scene.title in page.text and name in page.text
