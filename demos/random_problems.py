@@ -1,0 +1,55 @@
+"""Random contact problems, each judged by code that shares nothing with the solvers.
+
+You will see how many of 5000 small problems were accepted, refused for which reason, and wrong:
+nodes held and free, exact ties, near-singular stiffness, gaps, friction from 0 to 3, free bodies,
+one to three loads, cycles, complete unloading, by the exact path and in load steps.
+
+A record says in which states (stick, separation, forward or backward slip) the nodes are between
+any two events. In given states the law is a linear system,
+
+    Q_i + sign_i f_i P_i = 0  or  v_i = v_i(old),    w_i = -g0_i  or  P_i = Q_i = 0,
+    [Q; P] = sum_k lambda_k r*_k + K [v; w],
+
+which ``tests/replay.py`` solves anew. All inequalities, slip directions, events, jumps, energies
+have to hold there, and the record has to agree. Where a path is refused, ``tests/ways.py`` tries
+all states of all nodes on limits: a refusal is true where none leads on.
+
+    python demos/random_problems.py --count 5000 --seed 0
+"""
+
+import argparse
+import sys
+from pathlib import Path
+
+from mpi4py import MPI
+
+sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
+
+from problems import FALSE, WRONG, judge, problem, table_of
+
+from receding_fenicsx.errors import on_all
+
+comm = MPI.COMM_WORLD
+
+
+def main() -> None:
+    """Judge the problems, each rank its share; print counts, and what is wrong."""
+    parser = argparse.ArgumentParser(description="Random problems, accepted, refused and wrong.")
+    parser.add_argument("--count", type=int, default=5000)
+    parser.add_argument("--seed", type=int, default=0, help="number of the first problem")
+    options = parser.parse_args()
+    own = range(options.seed + comm.rank, options.seed + options.count, comm.size)
+    # a problem follows from its number alone: any one can be played again
+    judged = on_all(comm, lambda: {number: judge(problem(number)) for number in own})
+    found = {number: o for part in comm.allgather(judged) for number, o in part.items()}
+    bad = {number: o for number, o in sorted(found.items()) if o.verdict in (WRONG, FALSE)}
+    if comm.rank == 0:
+        print(table_of(found.values()))
+        for number, outcome in bad.items():
+            print(f"problem {number}: {outcome.verdict}: {outcome.said}")
+        print(f"{len(found)} problems, {len(bad)} wrong or falsely refused")
+    assert not bad, f"wrong or falsely refused: {list(bad)}"
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,119 @@
+"""The contact law in given states as a linear system, in extended precision.
+
+Eqs. (4) to (12) of Ahn & Barber (2008), written once more: nothing of the package is used. All rows
+are forces, so that one tolerance serves; solutions are refined with residuals in extended
+precision, so that they are right to double precision in near-singular systems too.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray
+
+STICK, OPEN, FORWARD, BACKWARD = 1, 2, 3, 4
+EPS = float(np.finfo(float).eps)
+
+ROUNDINGS = 64.0
+"""Round-offs eps |K| |u| that are let pass beside a law's tolerance."""
+SINGULAR = 1e-13
+"""Singular value, over the largest stiffness, below which the states leave a motion free."""
+REFINEMENTS = 6
+"""Steps of iterative refinement."""
+
+
+class Body:
+    """A condensed contact in extended precision.
+
+    Attributes:
+        k: (2N,) diagonal of K; a displacement times k is compared with forces.
+    """
+
+    def __init__(self, system: Any) -> None:
+        """Copy what the laws need; K, r*, f, g0, held."""
+        self.n = n = len(system.f)
+        self.K = np.array(system.K, dtype=np.longdouble)
+        self.r_star = np.array(system.r_star, dtype=np.longdouble)
+        self.f, self.g0 = np.array(system.f, float), np.array(system.g0, float)
+        self.held = np.array(system.held, bool)
+        k = np.diagonal(system.K).astype(float)
+        largest = k.max(initial=0.0) or 1.0
+        self.k = np.where(k > SINGULAR * largest, k, largest)
+        self.carried = self.held[n:]
+        """(N,) nodes whose normal displacement a support holds: no contact law."""
+        self.rubs = (self.f > 0.0) & ~self.held[:n] & ~self.carried
+        self._inverses: dict[bytes, States] = {}
+
+    def reactions(self, load: Array, u: Array) -> Array:
+        """Return r = sum lambda r* + K u (eq. 11)."""
+        return load @ self.r_star + self.K @ u
+
+    def round_off(self, load: Array, u: Array) -> Array:
+        """Return (2N,) eps (|lambda| |r*| + |K| |u|), what rounding is worth in each reaction."""
+        size = np.abs(load) @ np.abs(self.r_star) + np.abs(self.K) @ np.abs(u)
+        return (ROUNDINGS * EPS * size).astype(float)
+
+    def states(self, state: Array) -> States:
+        """Return the equations of a set of states."""
+        key = np.asarray(state, np.int8).tobytes()
+        if key not in self._inverses:
+            self._inverses[key] = States(self, np.asarray(state))
+        return self._inverses[key]
+
+
+class States:
+    """The linear equations M u = rhs of a set of states, every row a force."""
+
+    def __init__(self, body: Body, state: Array) -> None:
+        """Choose the rows of eqs. (4), (6), (8), (10)."""
+        self.body, n = body, body.n
+        touches = (state != OPEN) & ~body.carried
+        slip = np.where(state == FORWARD, 1.0, 0.0) - np.where(state == BACKWARD, 1.0, 0.0)
+        self.sign = np.where(body.rubs & touches, slip, 0.0)
+        self.touches = touches
+        # displacements given: held, stuck; closed gaps
+        stuck = body.rubs & (state == STICK)
+        self.given = np.concatenate([body.held[:n] | stuck, body.carried | touches])
+        self.stuck = stuck & ~body.held[:n]
+        # reactions given: those of the others, Q + sign f P
+        mix = np.eye(2 * n)
+        mix[np.arange(n), n + np.arange(n)] = self.sign * body.f
+        self.mix = np.where(self.given[:, None], 0.0, mix).astype(np.longdouble)
+        self.M = self.mix @ body.K + np.diag(np.where(self.given, body.k, 0.0))
+        left, size, right = np.linalg.svd(self.M.astype(float))
+        kept = size > SINGULAR * body.k.max()
+        self.inverse = (right[kept].T / size[kept]) @ left[:, kept].T
+        self.free = right[~kept]
+        """(m, 2N) motions that the states leave free."""
+        self.condition = float(size[0] / size[kept].min(initial=np.inf)) if kept.any() else 1.0
+
+    def solve(self, load: Array, v_ref: Array, near: Array) -> Array:
+        """Return u at the load, stuck nodes at v_ref; where motions are free, nearest to a u."""
+        body, n = self.body, self.body.n
+        place = np.concatenate(
+            [np.where(self.stuck, v_ref, 0.0), np.where(self.touches, -body.g0, 0.0)]
+        )
+        rhs = np.where(self.given, body.k * place, 0.0) - self.mix @ (load @ body.r_star)
+        return self._refine(rhs, near if len(self.free) else np.zeros(2 * n, np.longdouble))
+
+    def rates(self, way: Array) -> Array:
+        """Return the change of u when the loads change by ``way``."""
+        rhs = -self.mix @ (way @ self.body.r_star)
+        return self._refine(rhs, np.zeros(2 * self.body.n, np.longdouble))
+
+    def _refine(self, rhs: Array, u: Array) -> Array:
+        for _ in range(REFINEMENTS):
+            u = u + self.inverse @ (rhs - self.M @ u).astype(float)
+        return u
+
+    def reach(self, force: Array) -> Array:
+        """Return (2N,) largest displacement that errors of the equations' rows may cause."""
+        return np.abs(self.inverse) @ force
+
+    def row_errors(self, error: Array) -> Array:
+        """Return (2N,) errors of the rows that errors of the reactions are worth."""
+        n = self.body.n
+        both = np.abs(self.sign) * self.body.f * error[n:]
+        return error + np.concatenate([both, np.zeros(n)])

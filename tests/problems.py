@@ -1,0 +1,386 @@
+"""Random contact problems, what became of each, and whether that was right.
+
+A problem follows from its number alone. Accepted records are replayed by ``replay.py``; of a
+refusal ``ways.py`` says whether any way on exists where the path is said to end.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+from equations import OPEN, STICK
+from replay import HELD_SHARE, Replay, replay
+from small import small_system, table
+from ways import TooMany, follow
+
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.evolution import evolve
+from receding_fenicsx.history import History
+from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.output.record import Record
+from receding_fenicsx.scene import OutputOptions, SolverOptions
+
+STEPS = 40
+"""Load steps a leg of the problems that are played in load steps."""
+SAMPLES = 12
+"""Samples a leg of the others."""
+SAME = 1e-6
+"""Part of a leg within which the place of a refusal is that where a branch ends."""
+SUSPECT = 0.03
+"""Energy lost in a load step, over force times motion, above which it may have jumped."""
+APART = 0.5
+"""Distance from every continuous way, over the step's motion, above which a step has jumped."""
+
+ACCEPTED, REFUSED = "accepted", "refused"
+"""Right: the record keeps all laws; no way leads on where the path is said to end."""
+WRONG, FALSE = "WRONG", "FALSELY REFUSED"
+"""The record contradicts a law, or the program has crashed; a way on exists."""
+MISNAMED = "refused, misnamed"
+"""The path ends, but what is said is that a solver has given up."""
+UNJUDGED = "refused, not judged"
+"""There are too many sets of states to try, or of several branches some go on."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One random problem; ``tags`` name its features."""
+
+    number: int
+    system: ContactSystem
+    history: History
+    solver: SolverOptions
+    tags: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a problem: the judgement, what it is about, and the words of the program."""
+
+    verdict: str
+    reason: str
+    said: str = ""
+
+
+# -- problems -------------------------------------------------------------------------------------
+
+
+def problem(number: int) -> Problem:
+    """Return the problem of a number."""
+    rng = np.random.default_rng([number, 20080])
+    tags: list[str] = []
+    n = int(
+        rng.choice(
+            [1, 2, 3, 4, 5, 6, 7, 8, 12], p=[0.2, 0.2, 0.16, 0.14, 0.1, 0.08, 0.05, 0.05, 0.02]
+        )
+    )
+    kind = str(rng.choice(["plain", "coupled", "near-singular", "integer", "mirror", "equal"]))
+    tags.append(kind)
+    K: np.ndarray = _stiffness(rng, kind, n)
+    loads = 1 + int(rng.integers(3))
+    ties = kind in ("integer", "mirror", "equal")
+    held = _held(rng, n, rng.random() < 0.35)
+    rigid = np.zeros((2 * n, 0))
+    if rng.random() < 0.3:
+        rigid = _rigid(rng, n, held)
+    if rigid.shape[1]:
+        tags.append("free body")
+        basis = np.linalg.qr(rigid)[0]
+        free = np.eye(2 * n) - basis @ basis.T
+        K = free @ K @ free
+        K = 0.5 * (K + K.T)
+    if held.any():
+        tags.append("held")
+    f = np.where(held[n:], 0.0, _friction(rng, n, kind))
+    if kind == "coupled":
+        f *= 2.0 / max(1.0, f.max() / 1.5)
+    g0 = _gaps(rng, n, ties)
+    if g0.any():
+        tags.append("gaps")
+    r_star = _loads(rng, n, loads, kind)
+    names = {f"L{k}": r_star[k] for k in range(loads)}
+    system = replace(small_system(K, names, f, g0, rigid.T), held=held)
+    if rng.random() < 0.3:
+        method, tags = "gauss-seidel", [*tags, "gauss-seidel"]
+    else:
+        method = "events"
+    on_jump = str(rng.choice(["stop", "static"]))
+    solver = SolverOptions(method=method, steps_per_leg=STEPS, on_jump=on_jump)
+    return Problem(number, system, _history(rng, system, ties), solver, (*tags, on_jump))
+
+
+def _stiffness(rng: np.random.Generator, kind: str, n: int) -> np.ndarray:
+    m = 2 * n
+    G = rng.standard_normal((m, 3 * m // 2 + 1))
+    K: np.ndarray = G @ G.T / len(G[0])
+    if kind == "plain":
+        K += 0.2 * np.eye(m)
+    if kind == "coupled":  # f |K_tn| above K_tt: paths jump
+        couple = rng.uniform(0.6, 0.95, n) * rng.choice([-1.0, 1.0], n)
+        K = 0.1 * K + np.kron(np.eye(2), np.eye(n)) + np.kron([[0, 1], [1, 0]], np.diag(couple))
+    if kind == "near-singular":
+        vectors = np.linalg.qr(rng.standard_normal((m, m)))[0]
+        size = 10.0 ** -(rng.uniform(2.0, 8.0) * rng.random(m))
+        size[0], size[-1] = 1.0, 10.0 ** -rng.uniform(2.0, 8.0)
+        K = (vectors * size) @ vectors.T
+    if kind == "integer":
+        A = rng.integers(-2, 3, (m, m)).astype(float)
+        K = A @ A.T + np.eye(m)
+    if kind == "equal":
+        one = rng.choice([[2.0, 1.5, 2.0], [2.0, -1.0, 2.0], [1.0, 0.0, 1.0], [3.0, 1.0, 2.0]])
+        K = np.kron([[one[0], one[1]], [one[1], one[2]]], np.eye(n))
+        if n > 1 and rng.random() < 0.5:
+            K += np.kron(np.eye(2), np.full((n, n), 0.25))
+    if kind == "mirror":
+        S = _mirror(n)
+        K = K + 0.1 * np.eye(m)
+        K = 0.5 * (K + S @ K @ S)
+    return 0.5 * (K + K.T)
+
+
+def _mirror(n: int) -> np.ndarray:
+    """Return the reflection: v odd, w even."""
+    J = np.eye(n)[::-1]
+    return np.kron([[-1.0, 0.0], [0.0, 1.0]], J)
+
+
+def _held(rng: np.random.Generator, n: int, some: bool) -> np.ndarray:
+    """Hold some nodes tangentially, normally or both."""
+    held = np.zeros(2 * n, dtype=bool)
+    if not some:
+        return held
+    for i in rng.choice(n, size=1 + int(rng.integers(max(1, n // 2))), replace=False):
+        held[i], held[n + i] = [(True, False), (False, True), (True, True)][int(rng.integers(3))]
+    return held
+
+
+def _rigid(rng: np.random.Generator, n: int, held: np.ndarray) -> np.ndarray:
+    """Return rigid motions that leave held freedoms where they are."""
+    zero, one, x = np.zeros(n), np.ones(n), np.arange(n) - 0.5 * (n - 1)
+    motions = [np.concatenate([zero, one]), np.concatenate([one, zero])]
+    if n > 1:
+        motions.append(np.concatenate([zero, x / np.abs(x).max()]))
+    count = 1 + int(rng.integers(len(motions)))
+    kept = [motion for motion in motions[:count] if not np.any(motion[held])]
+    return np.array(kept).reshape(-1, 2 * n).T
+
+
+def _friction(rng: np.random.Generator, n: int, kind: str) -> np.ndarray:
+    choice = rng.integers(5)
+    if choice == 0:
+        f = rng.uniform(0.0, 3.0, n)
+    elif choice == 1:
+        f = np.full(n, float(rng.choice([0.25, 0.5, 1.0, 2.0])))
+    elif choice == 2:
+        f = np.where(rng.random(n) < 0.4, 0.0, rng.uniform(0.1, 1.5, n))
+    elif choice == 3:
+        f = np.full(n, float(rng.uniform(0.05, 0.8)))
+    else:
+        f = np.zeros(n) if rng.random() < 0.3 else np.full(n, float(rng.uniform(0.8, 3.0)))
+    return 0.5 * (f + f[::-1]) if kind == "mirror" else f
+
+
+def _gaps(rng: np.random.Generator, n: int, ties: bool) -> np.ndarray:
+    if rng.random() < 0.6:
+        return np.zeros(n)
+    size = float(rng.choice([0.0625, 0.25])) if ties else float(rng.uniform(0.01, 0.4))
+    if ties:
+        return np.where(np.arange(n) % 2 == int(rng.integers(2)), size, 0.0)
+    g0 = np.where(rng.random(n) < 0.5, size * rng.random(n), 0.0)
+    return g0 - g0.min() if rng.random() < 0.7 else g0
+
+
+def _loads(rng: np.random.Generator, n: int, loads: int, kind: str) -> np.ndarray:
+    r_star = rng.standard_normal((loads, 2 * n))
+    if kind == "integer":
+        r_star = rng.integers(-2, 3, (loads, 2 * n)).astype(float)
+    if kind == "equal":
+        r_star = np.repeat(rng.choice([-1.0, -0.5, 0.0, 0.5, 1.0], (loads, 2)), n, axis=1)
+    if rng.random() < 0.85:
+        r_star[0, n:] = np.abs(r_star[0, n:]) + (1.0 if kind in ("integer", "equal") else 0.3)
+    if kind == "mirror":
+        r_star = 0.5 * (r_star + r_star @ _mirror(n))
+    return r_star
+
+
+def _history(rng: np.random.Generator, system: ContactSystem, ties: bool) -> History:
+    """Return a table: a first load, random corners, closed cycles, at times all unloaded."""
+    loads = len(system.load_names)
+
+    def corner() -> np.ndarray:
+        if rng.random() < 0.12:
+            return np.zeros(loads)
+        quarters = rng.integers(-2, 6, loads) / 4.0
+        row = quarters if ties else rng.uniform(-0.5, 1.3, loads)
+        if rng.random() < 0.5:
+            row[0] = abs(row[0]) + (0.5 if ties else rng.uniform(0.2, 1.0))
+        return row
+
+    def corners(count: int, last: np.ndarray) -> list[np.ndarray]:
+        rows: list[np.ndarray] = []
+        while len(rows) < count:
+            row = corner()
+            if np.any(row != (rows[-1] if rows else last)):
+                rows.append(row)
+        return rows
+
+    zero = np.zeros(loads)
+    first = np.eye(loads)[0] if rng.random() < 0.6 else corners(1, zero)[0]
+    path: list[np.ndarray] = [zero, first, *corners(int(rng.integers(3)), first)]
+    if rng.random() < 0.3:
+        return table(system, path)
+    while True:
+        loop = [path[-1], *corners(1 + int(rng.integers(3)), path[-1]), path[-1]]
+        if np.any(loop[-2] != loop[-1]):
+            return table(system, path, loop, 1 + int(rng.integers(3)))
+
+
+# -- what became of them --------------------------------------------------------------------------
+
+
+def play(p: Problem) -> Record:
+    """Evolve a problem, every cycle kept."""
+    samples = STEPS if p.solver.method == "gauss-seidel" else SAMPLES
+    return evolve(p.system, p.history, p.solver, OutputOptions(samples, "all"))
+
+
+def judge(p: Problem) -> Outcome:
+    """Play a problem; say what became of it and whether that was right."""
+    try:
+        record = play(p)
+    except InputError as error:
+        return Outcome(REFUSED, "InputError", str(error))
+    except SolveError as error:
+        reason = _reason(error)
+        return Outcome(*_refusal(p, error, reason), str(error))
+    except Exception as error:
+        return Outcome(WRONG, "crashed", f"{type(error).__name__}: {error}")
+    return verdict(p, record)
+
+
+def table_of(outcomes: Iterable[Outcome]) -> str:
+    """Return how many problems came out how, a line each."""
+    counts = Counter((o.verdict, o.reason) for o in outcomes)
+    rows = [
+        f"{count:6d}  {verdict}: {reason}" for (verdict, reason), count in sorted(counts.items())
+    ]
+    return "\n".join(rows)
+
+
+def verdict(p: Problem, record: Record) -> Outcome:
+    """Hold an accepted record against the laws."""
+    run = replay(p.system, p.history, record)
+    found = run.found or _silent_jumps(p, run) or _needless_jumps(p, run)
+    if found:
+        return Outcome(WRONG, found[0].split(": ", 1)[-1].split(" by ")[0], "; ".join(found[:3]))
+    return Outcome(ACCEPTED, "with jumps" if record.jumps else "no jump")
+
+
+def _reason(error: SolveError) -> str:
+    """Return the kind of a refusal."""
+    text = str(error)
+    words = (
+        "lost accuracy",
+        "lift-off",
+        "gross sliding",
+        "overturning",
+        "not held",
+        "jumped",
+        "no equilibrium was found",
+        "no state was found",
+        "round-off",
+        "frictionless",
+    )
+    word = next((word for word in words if word in text), "")
+    return f"{type(error).__name__}{': ' + word if word else ''}"
+
+
+def _silent_jumps(p: Problem, run: Replay) -> list[str]:
+    """Return the load steps that have jumped, where more have than are counted."""
+    found = []
+    for step in run.steps:
+        u_a, u_b = (u.astype(float) for u in step.u)
+        k, force = run.body.k, step.leg.force
+        way, energy = float(np.abs(k * (u_b - u_a)).max()), force * float(np.abs(u_b - u_a).max())
+        if way <= SAME * force or step.lost <= SUSPECT * energy:
+            continue
+        try:
+            ends = follow(p.system, *step.load, u_a, step.state[0], force)
+        except TooMany:
+            continue
+        whole = [float(np.abs(k * (end.u - u_b)).max()) for end in ends if end.s == 1.0]
+        if min(whole, default=np.inf) > APART * way:
+            load = step.load[1].astype(float).tolist()
+            found.append(f"{step.leg.place(0.0)}: a load step jumps silently, to {load}")
+    return found if len(found) > run.record.jumps else []
+
+
+def _needless_jumps(p: Problem, run: Replay) -> list[str]:
+    """Return the counted jumps of an exact path where a way on exists."""
+    found = []
+    for jump in run.jumps:
+        leg, rest = jump.leg, max(1.0 - jump.s, SAME)
+        here = leg.load(jump.s).astype(float)
+        try:
+            ends = follow(p.system, here, leg.ends[1], jump.u, jump.state, leg.force)
+        except TooMany:
+            continue
+        if not any(end.s <= SAME / rest for end in ends):
+            found.append(f"{leg.place(jump.s)}: it jumps though a way on exists")
+    return found
+
+
+def _is_idle(p: Problem, record: Record) -> bool:
+    """Return whether the cycles change the forces by less than 1e-7 of the largest."""
+    loop = p.history.loop
+    change = np.abs((loop - loop[0]) @ p.system.r_star).max()
+    held = np.abs(p.history.path @ p.system.r_star).max()
+    ends = record.turning_points
+    return bool(change < 1e-7 * max(HELD_SHARE * held, np.abs(ends.P).max(), np.abs(ends.Q).max()))
+
+
+def _ends(history: History, cycle: int, leg: int) -> tuple[np.ndarray, np.ndarray]:
+    line = history.path if cycle == 0 else history.loop
+    return line[leg], line[leg + 1]
+
+
+def _legs(history: History) -> list[tuple[int, int]]:
+    legs = [(0, k) for k in range(len(history.path) - 1)]
+    return legs + [
+        (c, k) for c in range(1, history.cycles + 1) for k in range(len(history.loop) - 1)
+    ]
+
+
+def _refusal(p: Problem, error: SolveError, reason: str) -> tuple[str, str]:
+    """Return whether a way on exists where a path is said to end."""
+    record = error.record
+    if not isinstance(record, Record):
+        return UNJUDGED, reason
+    if "enlarge the load range" in str(error):
+        return (REFUSED if _is_idle(p, record) else FALSE), reason
+    n, ends = p.system.n, record.turning_points
+    done = len(ends.s)
+    cycle, leg = _legs(p.history)[done]
+    a, b = _ends(p.history, cycle, leg)
+    if done:
+        u, state = np.concatenate([ends.v[-1], ends.w[-1]]), ends.state[-1].astype(int)
+        force = max(np.abs(ends.P).max(), np.abs(ends.Q).max())
+    else:
+        u, state, force = np.zeros(2 * n), np.where(p.system.g0 > 0.0, OPEN, STICK), 0.0
+    try:
+        branches = follow(p.system, a, b, u, state, float(force))
+    except TooMany:
+        return UNJUDGED, reason
+    dead = [end.s for end in branches if end.s < 1.0]
+    if not dead:
+        return FALSE, reason
+    if "lost accuracy" in reason or "NotConverged" in reason:
+        return MISNAMED, reason
+    said = re.findall(r"\(s = (\S+) of the leg\)", str(error))
+    if said and p.solver.method == "events":
+        there = any(abs(float(said[-1]) - s) <= SAME for s in dead)
+        return (REFUSED, reason) if there else (FALSE, reason + " (elsewhere)")
+    return (REFUSED if len(dead) == len(branches) else UNJUDGED), reason

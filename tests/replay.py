@@ -1,0 +1,302 @@
+"""Replay a record from K, r*, f and g0 alone; list what contradicts the contact law.
+
+An exact record is replayed leg by leg from its turning points (``replay_exact.py``): its events say
+in which states the contact is, the states make the law a linear system (``equations.py``), and what
+is linear between two events keeps a law all along where it keeps it at both ends. All kept
+instants, the order and the places of the events, slip directions, jumps, dissipation and energy
+have to agree with that. A record in load steps is checked step by step (``replay_steps.py``).
+
+Nothing of the package is used, its solvers least of all. Tolerances are forces over the history's
+largest so far, and what the rounding of displacements to double precision is worth: eps |K| |u|,
+and eps times the condition of the states' equations.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any, NamedTuple
+
+import numpy as np
+from equations import BACKWARD, EPS, FORWARD, OPEN, ROUNDINGS, STICK, Array, Body
+
+LAW = 1e-11
+"""Violation of a law, over the largest force, that is let pass."""
+HELD_SHARE = 0.01
+"""Part of the held reactions sum lambda r* that counts as force where nothing presses."""
+ENERGY = 1e-10
+"""Error of an energy, over the energies that are moved, that is let pass."""
+RELEASED = 1e-6
+"""Error of the energy that a jump releases, over it: its place is known as well as that only."""
+
+
+class Leg(NamedTuple):
+    """One leg of a record, and where it starts from.
+
+    Attributes:
+        cycle: cycle.
+        number: leg within the cycle.
+        ends: load factors at its start and end.
+        u: (2N,) displacements at its start.
+        state: (N,) states at its start.
+        row: row of its end in the turning points.
+        rows: rows of its samples.
+        force: largest nodal force up to its end.
+        noise: (2N,) what rounding is worth in the reactions, anywhere on the leg.
+    """
+
+    cycle: int
+    number: int
+    ends: tuple[Array, Array]
+    u: Array
+    state: Array
+    row: int
+    rows: Array
+    force: float
+    noise: Array
+
+    def load(self, s: float) -> Array:
+        """Return the load factors at s."""
+        a, b = (np.array(end, np.longdouble) for end in self.ends)
+        return (1 - np.longdouble(s)) * a + np.longdouble(s) * b
+
+    def place(self, s: float) -> str:
+        """Return a place on the leg in words."""
+        return f"cycle {self.cycle}, leg {self.number}, s = {s:.9g}"
+
+
+@dataclass
+class Totals:
+    """What the replay sums up over a cycle.
+
+    Attributes:
+        dissipation: (N,) by node.
+        work: integral of sum lambda r* . du.
+        moved: the sizes of all energies.
+        released: energy lost in jumps.
+        jumps: jumps.
+        condition: largest condition of the states' equations.
+        known: False where a jump could not be followed.
+    """
+
+    dissipation: Array
+    work: float = 0.0
+    moved: float = 0.0
+    released: float = 0.0
+    jumps: int = 0
+    condition: float = 1.0
+    known: bool = True
+
+
+class Jump(NamedTuple):
+    """A jump of an exact record: its leg and place, displacements and states before it."""
+
+    leg: Leg
+    s: float
+    u: Array
+    state: Array
+
+
+class Step(NamedTuple):
+    """A load step: its leg, loads, displacements and states at both ends, the energy it lost."""
+
+    leg: Leg
+    load: tuple[Array, Array]
+    u: tuple[Array, Array]
+    state: tuple[Array, Array]
+    lost: float
+
+
+@dataclass
+class Replay:
+    """A record held against the laws.
+
+    Attributes:
+        system: anything with the arrays K, r_star, f, g0, held, weight of a condensed body.
+        history: anything with path, loop, cycles, until_steady.
+        record: of the whole contact, all nodes modelled.
+        found: what contradicts the laws.
+        jumps: jumps met on the way (exact records).
+        steps: load steps (the others).
+    """
+
+    system: Any
+    history: Any
+    record: Any
+    found: list[str] = field(default_factory=list)
+    jumps: list[Jump] = field(default_factory=list)
+    steps: list[Step] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        """Prepare the body."""
+        self.body = Body(self.system)
+
+    def object(self, place: str, what: str, size: float = 0.0, allowed: float = 0.0) -> None:
+        """Note a contradiction."""
+        self.found.append(f"{place}: {what}" + (f" by {size:.1e} > {allowed:.1e}" if size else ""))
+
+    def check(self, place: str, what: str, over: tuple[Array, Any, Any]) -> None:
+        """Object where a quantity is above what is allowed, or NaN, at some of the nodes."""
+        size, allowed = np.asarray(over[0], float), np.broadcast_to(over[1], over[0].shape)
+        wrong = over[2] & ~(size <= allowed)
+        if np.any(wrong):
+            i = int(np.argmax(np.where(wrong, np.nan_to_num(size - allowed, nan=np.inf), -np.inf)))
+            node = i % self.body.n
+            self.object(place, f"{what} (node {node})", float(size[i]), float(allowed[i]))
+
+
+def objections(system: Any, history: Any, record: Any) -> list[str]:
+    """Return what contradicts the laws in a record; nothing where it is right."""
+    return replay(system, history, record).found
+
+
+def replay(system: Any, history: Any, record: Any) -> Replay:
+    """Hold a record against the laws; cycles without samples at their turning points only."""
+    from replay_exact import follow
+    from replay_steps import step
+
+    run, ends = Replay(system, history, record), record.turning_points
+    body, n = run.body, run.body.n
+    if ends.P.shape[1] != n:
+        run.object("record", f"it has {ends.P.shape[1]} nodes, the system {n}")
+        return run
+    _check_places(run)
+    u, state, force = np.zeros(2 * n, np.longdouble), np.where(body.g0 > 0.0, OPEN, STICK), 0.0
+    kept, all_totals = set(record.samples.cycle.tolist()), []
+    legs = list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True))
+    for row, (cycle, number) in enumerate(legs):
+        if number == 0:
+            totals, u_start = Totals(np.zeros(n)), u
+        leg = _leg(run, (cycle, number), u, state, row, force)
+        force = leg.force
+        _check_instants(run, leg, ends, np.array([row]))
+        if cycle in kept:
+            _check_instants(run, leg, record.samples, leg.rows)
+            (follow if record.method == "events" else step)(run, leg, totals)
+        u = np.concatenate([ends.v[row], ends.w[row]]).astype(np.longdouble)
+        state = ends.state[row].astype(int)
+        if cycle in kept and (row + 1 == len(legs) or legs[row + 1][1] == 0):
+            _check_energy(run, leg, totals, u_start, u)
+            all_totals.append(totals)
+    if len(all_totals) == len(set(ends.cycle.tolist())):
+        _check_sums(run, all_totals)
+    return run
+
+
+def _leg(run: Replay, at: tuple[int, int], u: Array, state: Array, row: int, so_far: float) -> Leg:
+    """Return a leg with its scales: the largest force so far, the round-off of its largest u."""
+    ends, samples, body = run.record.turning_points, run.record.samples, run.body
+    line = run.history.path if at[0] == 0 else run.history.loop
+    corners = line[at[1]], line[at[1] + 1]
+    rows = np.flatnonzero((samples.cycle == at[0]) & (samples.leg == at[1]))
+    force = max(so_far, HELD_SHARE * float(np.abs(np.array(corners) @ run.system.r_star).max()))
+    noise = body.round_off(np.array(corners[0]), u)
+    for table, kept in ((ends, [row]), (samples, rows)):
+        force = max(force, *(float(np.abs(r[kept]).max(initial=0.0)) for r in (table.P, table.Q)))
+        for j in kept:
+            at_j = np.concatenate([table.v[j], table.w[j]])
+            noise = np.maximum(noise, body.round_off(table.load[j], at_j))
+    return Leg(*at, corners, u, state, row, rows, force, noise)
+
+
+def _check_places(run: Replay) -> None:
+    """Check that all loads are the history's, and that the turning points are its corners."""
+    record, history = run.record, run.history
+    for name in ("turning_points", "samples", "events"):
+        table = getattr(record, name)
+        for cycle, leg, s, load in zip(table.cycle, table.leg, table.s, table.load, strict=True):
+            line = history.path if cycle == 0 else history.loop
+            apart = np.abs(load - ((1.0 - s) * line[leg] + s * line[leg + 1])).max()
+            if not 0.0 <= s <= 1.0 or not apart <= 8 * EPS * np.abs(line).max():
+                place = f"cycle {cycle}, leg {leg}, s = {s}"
+                run.object(place, f"a load of the {name} is not the history's")
+    legs = [(0, leg) for leg in range(len(history.path) - 1)]
+    loop = range(len(history.loop) - 1)
+    legs += [(cycle, leg) for cycle in range(1, history.cycles + 1) for leg in loop]
+    ends = record.turning_points
+    found = list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True))
+    cut = len(found) < len(legs) and not history.until_steady
+    if found != legs[: len(found)] or cut or np.any(ends.s != 1.0):
+        run.object("record", "its turning points are not the ends of the history's legs")
+
+
+def _check_instants(run: Replay, leg: Leg, table: Any, rows: Array) -> None:
+    """Check equilibrium, Signorini's and Coulomb's law at kept instants of a leg."""
+    body, n = run.body, run.body.n
+    k, weight = body.k[n:], run.system.weight
+    error = LAW * leg.force + leg.noise
+    e_t, e_n = error[:n], error[n:]
+    cone, e_gap = e_t + body.f * e_n, e_n + ROUNDINGS * EPS * k * body.g0
+    law, loose = ~body.carried, ~body.held[:n]
+    for j in rows:
+        u = np.concatenate([table.v[j], table.w[j]]).astype(np.longdouble)
+        Q, P, state = table.Q[j], table.P[j], table.state[j]
+        r = body.reactions(table.load[j].astype(np.longdouble), u)
+        gap = (body.g0 + u[n:]) * k
+        out = law & (state == OPEN)
+        touches = law & (state != OPEN)
+        slip = np.where(state == FORWARD, 1.0, 0.0) - np.where(state == BACKWARD, 1.0, 0.0)
+        one = np.ones(n)
+        for what, over in {
+            "equilibrium fails": (np.abs(r - np.concatenate([Q, P])), error, True),
+            "a node is pulled": (-P, e_n, law),
+            "a node penetrates": (-gap, e_gap, law),
+            "an open node is pressed": (P, e_n, out),
+            "an open node is sheared": (np.abs(Q), e_t, out & loose),
+            "a touching node has a gap": (gap, e_gap, touches),
+            "friction's limit is passed": (np.abs(Q) - body.f * P, cone, touches & loose),
+            "a slipping node is off its limit": (
+                np.abs(Q + slip * body.f * P),
+                cone,
+                body.rubs & (slip != 0.0),
+            ),
+            "a free node is sheared": (np.abs(Q), e_t, body.carried & loose),
+            "a held freedom moves": (np.abs(u), np.zeros(2 * n), body.held),
+            "p is not P over weight": (np.abs(table.p[j] * weight - P), 4 * EPS * np.abs(P), law),
+            "q is not Q over weight": (np.abs(table.q[j] * weight - Q), 4 * EPS * np.abs(Q), law),
+            "a state is none of the four": (np.abs(state - 2.5), 1.5 * one, True),
+        }.items():
+            run.check(leg.place(table.s[j]), what, over)
+
+
+def _check_energy(run: Replay, leg: Leg, totals: Totals, u_start: Array, u: Array) -> None:
+    """Check the dissipation, the slip and the energy identity of a cycle that ends with a leg."""
+    record, body, cycle = run.record, run.body, leg.cycle
+    name, largest = f"cycle {cycle}", float(np.abs(np.array([u_start, u])).max())
+    if cycle > 0:
+        slip = (u - u_start)[: body.n].astype(float)
+        apart = np.abs(record.cycles.slip_increment[cycle - 1] - slip)
+        run.check(name, "a slip increment is not v's", (apart, 4 * EPS * largest, True))
+    if not totals.known:
+        return
+    stored = 0.5 * float((u - u_start) @ body.K @ (u + u_start))
+    allowed = (ENERGY + ROUNDINGS * EPS * totals.condition) * (totals.moved + abs(stored))
+    allowed += ROUNDINGS * EPS * leg.force * largest
+    first = record.dissipation_first_loading
+    D = record.cycles.dissipation[cycle - 1] if cycle else first
+    errors = {"dissipation is off": D - float(totals.dissipation.sum())}
+    if cycle > 0:
+        nodes = record.cycles.dissipation_density[cycle - 1] * run.system.weight
+        run.check(name, "dissipation is off", (np.abs(nodes - totals.dissipation), allowed, True))
+    if record.method == "events":
+        errors["the energy identity fails"] = D + stored + totals.work + totals.released
+    for what, error in errors.items():
+        if not abs(error) <= allowed + RELEASED * abs(totals.released):
+            run.object(name, what, abs(error), allowed)
+
+
+def _check_sums(run: Replay, cycles: list[Totals]) -> None:
+    """Check what a record says of the whole history; all its cycles have been replayed."""
+    record = run.record
+    if len(record.events.s) != record.n_events:
+        run.object("record", f"counts {record.n_events} events, lists {len(record.events.s)}")
+    if record.method != "events" or not all(cycle.known for cycle in cycles):
+        return
+    jumps, released = (sum(getattr(c, name) for c in cycles) for name in ("jumps", "released"))
+    if jumps != record.jumps:
+        run.object("record", f"counts {record.jumps} jumps, there are {jumps}")
+    error = abs(released - record.released)
+    allowed = RELEASED * sum(abs(c.released) for c in cycles) + ENERGY * sum(
+        c.moved for c in cycles
+    )
+    if not error <= allowed:
+        run.object("record", "released energy is off", error, allowed)

@@ -1,0 +1,245 @@
+"""Replay one leg of an exact record from event to event."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from equations import EPS, OPEN, ROUNDINGS, STICK, Array, States
+from replay import LAW, Jump, Leg, Replay, Totals
+
+SAME_PLACE = 1e-13
+"""Part of a leg within which events are one."""
+PLACE = 1e-11
+"""Error of an event's place, in parts of its leg, that is let pass."""
+JUMP_STEP = 3e-7
+"""Part of a leg within which the state that is jumped to may lie beyond the place of the jump."""
+JUMP_LAW = 1e-6
+"""Violation of friction's law by a jump, over the largest force: it lies that far off its place."""
+APEX = 1e-8
+"""Error, over the leg's forces, of a state that is set where complete unloading is reached."""
+
+
+def follow(run: Replay, leg: Leg, totals: Totals) -> None:
+    """Replay a leg from its start to its end; add up its energies."""
+    record, body, n = run.record, run.body, run.body.n
+    groups = _groups(run, leg)
+    if not np.array_equal(groups[-1][1], record.turning_points.state[leg.row]):
+        run.object(leg.place(1.0), "the events do not lead to the states at the leg's end")
+    kept: list[tuple[float, Any, int] | None] = [
+        (float(record.samples.s[j]), record.samples, int(j)) for j in leg.rows
+    ]
+    kept.append((1.0, record.turning_points, leg.row))
+    unloads = not np.any(leg.ends[1]) and not np.any(body.g0)
+    state, u, doubt = leg.state, leg.u, EPS * np.abs(leg.u).astype(float)
+    s_held = 0.0
+    for g, (s_a, now) in enumerate(groups):
+        s_b, following = groups[g + 1] if g + 1 < len(groups) else (1.0, None)
+        here = body.states(now)
+        u_a = here.solve(leg.load(s_a), u[:n], u)
+        doubt_a = _reach(leg, here, doubt)
+        apart = bool(np.any(np.abs(u_a - u) > doubt + doubt_a))
+        if s_held < s_a and not apart:
+            run.object(leg.place(s_a), "an event lies beyond its place", s_a - s_held, PLACE)
+        if apart and not _rolls(run, leg, s_a, u_a - u):
+            after = _jump(run, leg, (s_a, u, state), groups[g:], kept, totals)
+            if after is None:
+                totals.known = False
+                return
+            u_a = after
+        u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
+        doubt = _reach(leg, here, doubt)
+        if following is not None:
+            next_ = body.states(following)
+            u_next = next_.solve(leg.load(s_b), u_b[:n], u_b)
+            if np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)):
+                s_b = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
+                u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
+        s_held = s_b
+        for s, at in ((s_a, u_a), (s_b, u_b)):
+            _check_law(run, leg, (s, at), now, APEX * leg.force * (unloads and s == 1.0))
+        _add_up(run, leg, (s_a, s_b), here, (u_a, u_b), totals)
+        allowed = doubt + doubt_a
+        if unloads and s_b == 1.0:
+            allowed = allowed + here.reach(np.full(2 * n, APEX * leg.force))
+        u = u_b + _check_kept(run, leg, (s_a, s_b), now, (u_a, u_b), (kept, allowed))
+        state = now
+    for instant in kept:
+        if instant is not None:
+            run.object(leg.place(instant[0]), "the states are not those that the events lead to")
+
+
+def _groups(run: Replay, leg: Leg) -> list[tuple[float, Array]]:
+    """Return the states from each place of the leg on; events must follow from each other."""
+    events = run.record.events
+    groups = [(0.0, leg.state.copy())]
+    for j in np.flatnonzero((events.cycle == leg.cycle) & (events.leg == leg.number)):
+        s, i, now = float(events.s[j]), int(events.node[j]), groups[-1][1].copy()
+        if s < groups[-1][0] - SAME_PLACE:
+            run.object(leg.place(s), "an event stands after a later one")
+        if now[i] != events.old[j] or events.old[j] == events.new[j]:
+            what = f"an event begins in state {events.old[j]}, the node is in {now[i]} (node {i})"
+            run.object(leg.place(s), what)
+        now[i] = events.new[j]
+        if s - groups[-1][0] <= SAME_PLACE:
+            groups[-1] = groups[-1][0], now
+        else:
+            groups.append((s, now))
+    return groups
+
+
+def _reach(leg: Leg, states: States, doubt: Array) -> Array:
+    """Return (2N,) how far displacements may be off; ``doubt`` is that of the stuck nodes."""
+    body, n = states.body, states.body.n
+    rows = states.row_errors(LAW * leg.force + leg.noise)
+    rows[:n] += np.where(states.stuck, body.k[:n] * doubt[:n], 0.0)
+    return states.reach(rows) + LAW * leg.force / body.k
+
+
+def _rolls(run: Replay, leg: Leg, s: float, change: Array) -> bool:
+    """Return whether an unloaded body moves as a rigid one, which costs nothing."""
+    if s > 0.0 or np.any(leg.ends[0]):
+        return False
+    forces = np.abs([run.body.reactions(leg.load(0.0), leg.u), run.body.K @ change])
+    return bool(forces.max() <= LAW * leg.force)
+
+
+def _check_law(run: Replay, leg: Leg, at: tuple[float, Array], now: Array, slack: float) -> None:
+    """Check the inequalities of the states at one end of a piece."""
+    body, n, here = run.body, run.body.n, run.body.states(now)
+    s, u = at
+    r, k = body.reactions(leg.load(s), u), body.k
+    way = np.array(leg.ends[1] - leg.ends[0], np.longdouble)
+    rate = here.rates(way)
+    moved = np.abs(way @ body.r_star + body.K @ rate) + k * np.abs(rate)
+    error = LAW * leg.force + leg.noise + slack + PLACE * moved.astype(float)
+    e_t, e_n = error[:n], error[n:]
+    Q, P, gap = r[:n], r[n:], (body.g0 + u[n:]) * k[n:]
+    e_gap = e_n + k[n:] * here.reach(here.row_errors(leg.noise))[n:]
+    touches, law = now != OPEN, ~body.carried
+    stuck, place = body.rubs & (now == STICK), leg.place(s)
+    run.check(place, "a touching node is pulled", (-P, e_n, law & touches))
+    run.check(place, "an open node penetrates", (-gap, e_gap, law & ~touches))
+    over = (np.abs(Q) - body.f * P, e_t + body.f * e_n, stuck)
+    run.check(place, "a stuck node passes friction's limit", over)
+
+
+def _add_up(
+    run: Replay,
+    leg: Leg,
+    at: tuple[float, float],
+    here: States,
+    ends: tuple[Array, Array],
+    totals: Totals,
+) -> None:
+    """Check the slip of a piece, add up its dissipation -integral Q dv and work."""
+    body, n, loads = run.body, run.body.n, [leg.load(s) for s in at]
+    du = here.rates(loads[1] - loads[0])
+    ways = (body.k * np.abs(du)).astype(float)
+    allowed = LAW * leg.force + (LAW + ROUNDINGS * EPS * here.condition) * ways.max()
+    against = -here.sign * du[:n] * body.k[:n]
+    what = f"up to s = {at[1]:.9g} a node slips against its direction"
+    run.check(leg.place(at[0]), what, (against, allowed, True))
+    mean = 0.5 * (body.reactions(loads[0], ends[0]) + body.reactions(loads[1], ends[1]))
+    D = np.where(body.rubs & here.touches, -mean[:n] * du[:n], 0.0).astype(float)
+    work = (0.5 * (loads[0] + loads[1]) @ body.r_star) * du
+    totals.dissipation += D
+    totals.work += float(work.sum())
+    totals.moved += float(np.abs(D).sum() + np.abs(work).sum() + np.abs(mean @ du))
+    totals.condition = max(totals.condition, here.condition)
+
+
+def _check_kept(
+    run: Replay,
+    leg: Leg,
+    at: tuple[float, float],
+    now: Array,
+    ends: tuple[Array, Array],
+    kept: tuple[list[tuple[float, Any, int] | None], Array],
+) -> Array:
+    """Compare kept instants with the piece they are on, and cross them out.
+
+    Returns:
+        (2N,) shift along motions that the states leave free, in which the record is believed.
+    """
+    n, free = run.body.n, run.body.states(now).free
+    shift = np.zeros(2 * n)
+    for j, instant in enumerate(kept[0]):
+        if instant is None or not at[0] - SAME_PLACE <= instant[0] <= at[1] + SAME_PLACE:
+            continue
+        s, table, row = instant
+        if not np.array_equal(table.state[row], now):
+            continue
+        kept[0][j] = None
+        part = (s - at[0]) / (at[1] - at[0]) if at[1] > at[0] else 1.0
+        there = np.concatenate([table.v[row], table.w[row]])
+        apart = (there - (ends[0] + part * (ends[1] - ends[0]))).astype(float)
+        shift = (free @ apart) @ free
+        over = (np.abs(apart - shift), kept[1], True)
+        run.check(leg.place(s), "u is not what states and events lead to", over)
+    return shift
+
+
+def _jump_place(
+    run: Replay, leg: Leg, at: tuple[float, float], now: Array, ends: tuple[Array, Array]
+) -> float:
+    """Return the place on a piece that ends in a jump up to which its laws hold."""
+    body, n, here = run.body, run.body.n, run.body.states(now)
+    margins = [_margins(run, leg.load(s), now, u) for s, u in zip(at, ends, strict=True)]
+    crossed = (margins[1] < 0.0) & (margins[1] < margins[0])
+    parts = margins[0][crossed] / (margins[0] - margins[1])[crossed]
+    part = max(0.0, float(parts.min(initial=1.0)))
+    if np.any(-here.sign * (ends[1] - ends[0])[:n] * body.k[:n] > LAW * leg.force):
+        part = 0.0
+    s = at[0] + part * (at[1] - at[0])
+    return s if at[1] - s <= JUMP_STEP else at[1]
+
+
+def _margins(run: Replay, load: Array, now: Array, u: Array) -> Array:
+    """Return all forces and gaps that must not be negative in the states."""
+    body, n = run.body, run.body.n
+    r = body.reactions(load, u)
+    touches, law = now != OPEN, ~body.carried
+    stuck, most = body.rubs & (now == STICK), body.f * r[n:]
+    gap = (body.g0 + u[n:]) * body.k[n:]
+    cone = (most - r[:n])[stuck], (most + r[:n])[stuck]
+    return np.concatenate([r[n:][law & touches], gap[law & ~touches], *cone]).astype(float)
+
+
+def _jump(
+    run: Replay,
+    leg: Leg,
+    before: tuple[float, Array, Array],
+    later: list[tuple[float, Array]],
+    kept: list[tuple[float, Any, int] | None],
+    totals: Totals,
+) -> Array | None:
+    """Take a jump at one place (s, u, states); return u after it, None if that is not known.
+
+    Where a node landed, or slipped before it stuck, is known from the next kept instant only.
+    """
+    body, n = run.body, run.body.n
+    (s, u, old), here = before, run.body.states(later[0][1])
+    if run.record.jumps == 0:
+        run.object(leg.place(s), "displacements jump, no jump is counted")
+    v_ref = u[:n].copy()
+    for i in np.flatnonzero(here.stuck & (old != STICK)):
+        end = min((s_next for s_next, now in later if now[i] != STICK), default=1.0)
+        seen = [instant for instant in kept if instant is not None and s <= instant[0] <= end]
+        if not seen:
+            return None
+        v_ref[i] = seen[0][1].v[seen[0][2]][i]
+    load = leg.load(s)
+    after = here.solve(load, v_ref, u)
+    change, r = after - u, body.reactions(load, after)
+    dv = np.where(here.touches & (old != OPEN), change[:n], 0.0)
+    slid = body.rubs & (np.abs(dv) * body.k[:n] > JUMP_LAW * leg.force)
+    off = np.abs(r[:n] + np.sign(dv) * body.f * r[n:])
+    over = (off, np.full(n, JUMP_LAW * leg.force), slid)
+    run.check(leg.place(s), "a node slips against friction in a jump", over)
+    work = float(load @ body.r_star @ change)
+    totals.released -= 0.5 * float(change @ body.K @ (after + u)) + work
+    totals.work += work
+    totals.jumps += 1
+    run.jumps.append(Jump(leg, s, u.astype(float), old))
+    return after

@@ -1,0 +1,58 @@
+"""Check one leg of a record in load steps (section 2.2 of the paper), step by step."""
+
+from __future__ import annotations
+
+import numpy as np
+from equations import BACKWARD, FORWARD, OPEN, Array
+from replay import LAW, Leg, Replay, Step, Totals
+
+
+def step(run: Replay, leg: Leg, totals: Totals) -> None:
+    """Check the slip and the events of all steps of a leg, add up their dissipation.
+
+    Every step has to be kept. A node that lands slips from the point of first contact on.
+    """
+    table, body, n = run.record.samples, run.body, run.body.n
+    events, ends = run.record.events, run.record.turning_points
+    mine = (events.cycle == leg.cycle) & (events.leg == leg.number)
+    error = LAW * leg.force + leg.noise
+    load, u, state = leg.load(0.0), leg.u, leg.state
+    Q, listed = ends.Q[leg.row - 1] if leg.row else np.zeros(n), 0
+    for j in leg.rows:
+        place, k = leg.place(table.s[j]), body.k[:n]
+        load_b, now = table.load[j].astype(np.longdouble), table.state[j].astype(int)
+        u_b = np.concatenate([table.v[j], table.w[j]]).astype(np.longdouble)
+        v_ref, landed = u[:n].copy(), (state == OPEN) & (now != OPEN)
+        for i in np.flatnonzero(landed & body.rubs):
+            v_ref[i] = _touch_down(run, int(i), load_b, u, u_b)
+        slip = np.where(body.rubs & (now != OPEN), u_b[:n] - v_ref, 0.0)
+        against = np.where(now == FORWARD, -slip, np.where(now == BACKWARD, slip, np.abs(slip)))
+        # without pressure stick and slip are one
+        pressed = body.rubs & (table.P[j] > error[n:])
+        run.check(place, "a node slips against its state", (against * k, error[:n], pressed))
+        mean = 0.5 * (np.where(landed, 0.0, Q) + table.Q[j])
+        D = (-mean * slip).astype(float)
+        work = float(0.5 * (load + load_b) @ body.r_star @ (u_b - u))
+        lost = -(float(D.sum()) + 0.5 * float((u_b - u) @ body.K @ (u_b + u)) + work)
+        totals.dissipation += D
+        totals.moved += float(np.abs(D).sum()) + abs(work)
+        run.steps.append(Step(leg, (load, load_b), (u, u_b), (state, now), lost))
+        rows = np.flatnonzero(mine & (np.abs(events.s - table.s[j]) <= 1e-13))
+        changes = {(int(i), int(state[i]), int(now[i])) for i in np.flatnonzero(now != state)}
+        if changes != {(int(events.node[e]), int(events.old[e]), int(events.new[e])) for e in rows}:
+            run.object(place, "the events are not the changes of state of the step")
+        load, u, state, Q, listed = load_b, u_b, now, table.Q[j], listed + len(rows)
+    if listed != mine.sum():
+        run.object(leg.place(1.0), "an event stands between two steps")
+    if not np.array_equal(u[:n], ends.v[leg.row]) or not np.array_equal(state, ends.state[leg.row]):
+        run.object(leg.place(1.0), "the last step is not the leg's end")
+
+
+def _touch_down(run: Replay, i: int, load: Array, u: Array, u_b: Array) -> float:
+    """Return where node i first touched, on the straight way to where it would hang free."""
+    body, n = run.body, run.body.n
+    pair = np.array([i, n + i])
+    K = body.K[np.ix_(pair, pair)].astype(float)
+    v, w = u_b[pair] - np.linalg.solve(K, body.reactions(load, u_b)[pair].astype(float))
+    gap, trial = max(float(body.g0[i] + u[n + i]), 0.0), float(body.g0[i] + w)
+    return float(u[i] + (v - u[i]) * gap / (gap - trial)) if trial < 0.0 else float(u[i])

@@ -1,0 +1,228 @@
+"""Every way that a contact can go on along a leg, by trying all states of all nodes on limits.
+
+The judge of refusals: slow, for a few nodes, nothing of the package's solvers. In every set of
+states the rates follow from a linear system (``replay.States``); sets whose rates keep all
+inequalities lead on, to the next place where a limit is reached.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import product
+from typing import Any
+
+import numpy as np
+import scipy.optimize
+from equations import BACKWARD, EPS, FORWARD, OPEN, STICK, Array, Body
+from replay import HELD_SHARE
+
+NEAR = 1e-9
+"""Distance from a limit, over the largest force, that counts as being on it."""
+SLACK = 1e-9
+"""Violation of a rate inequality, over the largest rate, that is let pass."""
+SAME = 1e-7
+"""Difference of rates, over the largest, below which two sets of states mean the same."""
+STANDING = 50
+"""Changes of state at one place after which a branch counts as ended."""
+TRIED = 4**6
+"""Sets of states that are gone through at most at one place."""
+PIECES = 400
+"""Pieces that are followed at most, all branches together."""
+
+
+class TooMany(Exception):
+    """More sets of states, or pieces, than can be gone through."""
+
+
+@dataclass(frozen=True)
+class End:
+    """Where one branch ends.
+
+    Attributes:
+        s: place on the leg; 1 where it goes all the way.
+        u: displacements there.
+        state: states before.
+    """
+
+    s: float
+    u: Array
+    state: Array
+
+
+def choices(body: Body, r: Array, u: Array, state: Array, near: Array) -> list[tuple[int, ...]]:
+    """Return the states that each node may take next; ``near`` is (2N,), in forces."""
+    n = body.n
+    Q, P, gap = r[:n], r[n:], (body.g0 + u[n:]) * body.k[n:]
+    found: list[tuple[int, ...]] = []
+    for i in range(n):
+        if body.carried[i]:
+            found.append((STICK,))
+        elif state[i] == OPEN and gap[i] > near[n + i]:
+            found.append((OPEN,))
+        elif state[i] == OPEN or P[i] <= near[n + i]:
+            found.append((STICK, OPEN, FORWARD, BACKWARD) if body.rubs[i] else (STICK, OPEN))
+        elif not body.rubs[i]:
+            found.append((STICK,))
+        else:
+            limit = near[i] + body.f[i] * near[n + i]
+            may = [STICK]
+            if Q[i] + body.f[i] * P[i] <= limit:
+                may.append(FORWARD)
+            if body.f[i] * P[i] - Q[i] <= limit:
+                may.append(BACKWARD)
+            found.append(tuple(may))
+    return found
+
+
+def rates(body: Body, way: Array, may: list[tuple[int, ...]]) -> list[tuple[Array, Array, Array]]:
+    """Return (states, du, dr) of every different solution of the rate problem.
+
+    Raises:
+        TooMany: more sets of states than are gone through.
+    """
+    if np.prod([float(len(c)) for c in may]) > TRIED:
+        raise TooMany
+    found: list[tuple[Array, Array, Array]] = []
+    held = way @ body.r_star
+    for states in product(*may):
+        here = body.states(np.array(states))
+        du = here.rates(way)
+        if np.abs(here.M @ du + here.mix @ held).max() > SLACK * np.abs(held).max():
+            continue  # a motion that nothing resists is loaded
+        scale = max(float(np.abs(held + body.K @ du).max()), float(np.abs(body.k * du).max()))
+        slack = (SLACK + 64 * EPS * here.condition) * scale
+        rows, right = _inequalities(body, held, states, may)
+        if len(here.free) and np.any(rows @ du + right < -slack):
+            du = du + _along(here.free, rows.astype(float), rows @ du + right)
+        if np.any(rows @ du + right < -slack):
+            continue
+        if all(np.abs(body.k * (du - other[1])).max() > SAME * scale for other in found):
+            found.append((np.array(states), du, held + body.K @ du))
+    return found
+
+
+def _inequalities(
+    body: Body, held: Array, states: tuple[int, ...], may: list[tuple[int, ...]]
+) -> tuple[Array, Array]:
+    """Return A and b of what A du + b >= 0 has to hold in a set of states, as forces."""
+    n, eye = body.n, np.diag(body.k).astype(np.longdouble)
+    rows: list[tuple[Array, Any]] = [(np.zeros(2 * n, np.longdouble), 0.0)]
+    for i, (state, choice) in enumerate(zip(states, may, strict=True)):
+        t, m, f = i, n + i, body.f[i]
+        if len(choice) == 1:
+            continue
+        if state == OPEN:
+            rows.append((eye[m], 0.0))
+            continue
+        if OPEN in choice:
+            rows.append((body.K[m], held[m]))
+        if state == FORWARD:
+            rows.append((eye[t], 0.0))
+        if state == BACKWARD:
+            rows.append((-eye[t], 0.0))
+        if state == STICK and FORWARD in choice:
+            rows.append((body.K[t] + f * body.K[m], held[t] + f * held[m]))
+        if state == STICK and BACKWARD in choice:
+            rows.append((f * body.K[m] - body.K[t], f * held[m] - held[t]))
+    return np.array([row for row, _ in rows]), np.array([b for _, b in rows], np.longdouble)
+
+
+def _along(free: Array, A: Array, b: Array) -> Array:
+    """Return a motion among those left free that mends violated inequalities."""
+    m = len(free)
+    answer = scipy.optimize.linprog(
+        np.zeros(m), A_ub=-(A @ free.T), b_ub=b.astype(float), bounds=[(None, None)] * m
+    )
+    return answer.x @ free if answer.success else np.zeros(free.shape[1])
+
+
+def follow(system: Any, a: Array, b: Array, u: Array, state: Array, force: float) -> list[End]:
+    """Follow every branch along a leg.
+
+    Args:
+        system: condensed body of a few nodes.
+        a: (n_loads,) load factors at the start.
+        b: (n_loads,) load factors at the end.
+        u: (2N,) displacements at the start.
+        state: (N,) states at the start.
+        force: largest nodal force so far.
+
+    Returns:
+        The ends of all branches.
+
+    Raises:
+        TooMany: there is more to try than time allows.
+    """
+    body = Body(system)
+    a, b = np.array(a, np.longdouble), np.array(b, np.longdouble)
+    force = max(force, HELD_SHARE * float(np.abs(np.array([a, b]) @ body.r_star).max()))
+    u = np.array(u, np.longdouble)
+    if not np.any(a):
+        u = _laid(system, body, b - a, u)
+    ends: list[End] = []
+    waiting = [(0.0, u, np.array(state, int), 0)]
+    pieces = 0
+    while waiting:
+        s, u, state, still = waiting.pop()
+        load = (1 - s) * a + s * b
+        near = NEAR * force + body.round_off(load, u)
+        r = body.reactions(load, u)
+        found = rates(body, b - a, choices(body, r, u, state, near))
+        if not found or still > STANDING:
+            ends.append(End(s, u.astype(float), state))
+            continue
+        for now, du, dr in found:
+            pieces += 1
+            if pieces > PIECES:
+                raise TooMany
+            ds = _next(body, now, u, r, du, dr, near)
+            if s + ds >= 1.0 - 1e-13:
+                ends.append(End(1.0, (u + (1.0 - s) * du).astype(float), now))
+            else:
+                waiting.append((s + ds, u + ds * du, now, still + 1 if ds < 1e-11 else 0))
+    return ends
+
+
+def _next(body: Body, now: Array, u: Array, r: Array, du: Array, dr: Array, near: Array) -> float:
+    """Return how far the next limit is."""
+    n, f = body.n, body.f
+    touches, law = now != OPEN, ~body.carried
+    stuck = body.rubs & (now == STICK)
+    k = body.k[n:]
+    margins = [
+        (r[n:], dr[n:], law & touches, near[n:]),
+        ((body.g0 + u[n:]) * k, du[n:] * k, law & ~touches, near[n:]),
+        (f * r[n:] - r[:n], f * dr[n:] - dr[:n], stuck, near[:n]),
+        (f * r[n:] + r[:n], f * dr[n:] + dr[:n], stuck, near[:n]),
+    ]
+    scale = max(float(np.abs(dr).max()), float(np.abs(body.k * du).max()))
+    first = np.inf
+    for value, rate, where, close in margins:
+        # what lies on its limit has been decided by the rates
+        falls = where & (rate < -SLACK * scale) & (value > close)
+        if np.any(falls):
+            first = min(first, float((value[falls] / -rate[falls]).min()))
+    return first
+
+
+def _laid(system: Any, body: Body, way: Array, u: Array) -> Array:
+    """Roll an unloaded free body with gaps to where the first load lets it rest."""
+    n, R = body.n, np.asarray(system.rigid, float)
+    if R.shape[1] == 0 or not np.any(body.g0):
+        return u
+    loose = ~body.held[:n]
+    _, size, right = np.linalg.svd(R[:n][loose], full_matrices=True)
+    R = R @ right[np.count_nonzero(size > 1e-8) :].T
+    if R.shape[1] == 0:
+        return u
+    law = ~body.carried
+    cost = (way @ body.r_star).astype(float) @ R
+    gap = np.maximum((body.g0 + u[n:]).astype(float), 0.0)
+    if not np.any(gap[law] == 0.0):
+        return u
+    answer = scipy.optimize.linprog(
+        cost, A_ub=-R[n:][law], b_ub=gap[law], bounds=[(None, None)] * R.shape[1]
+    )
+    if not answer.success or answer.fun >= -1e-9 * np.abs(cost).max() * gap.max():
+        return u
+    return u + R @ answer.x
