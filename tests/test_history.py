@@ -135,6 +135,21 @@ def test_legs_have_names_and_numbers() -> None:
             leg_number(history, name, cycle)
 
 
+def test_legs_are_named_by_the_size_of_their_loads() -> None:
+    """A load may be negative: from 1 through -0.25 to -2 it falls, then grows."""
+    history = made(
+        'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\n'
+        "cycle_rows = [[-0.25], [-2.0], [1.0]]\ncycles = 1"
+    )
+    assert leg_number(history, "loading", cycle=1) == 1
+    history = made(
+        'kind = "table"\ncolumns = ["p0"]\nrows = [[-1.0]]\n'
+        "cycle_rows = [[-0.5], [-1.0]]\ncycles = 1"
+    )
+    assert leg_number(history, "unloading", cycle=1) == 0
+    assert leg_number(history, "loading", cycle=1) == 1
+
+
 def test_leg_name_must_mean_one_leg() -> None:
     history = made(
         'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\n'

@@ -9,6 +9,7 @@ import pytest
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.expressions import evaluate_expression
 from receding_fenicsx.scene import (
+    Body,
     Contact,
     Load,
     Material,
@@ -469,6 +470,24 @@ def test_traction_is_symmetric_when_its_x_part_is_odd(traction: str, symmetric: 
 
 
 @pytest.mark.parametrize(
+    ("part", "symmetric"),
+    [
+        ({"platen": True, "force": (0.0, -1.0)}, True),
+        ({"platen": True, "force": (0.3, -1.0)}, False),
+        ({"platen": True, "force": (0.3, 0.0)}, False),
+        ({"displacement": ("0.1*x", -0.2)}, True),
+        ({"displacement": (0.1, -0.2)}, False),
+        ({"displacement": ("free", "0.1*x")}, False),
+        ({"pressure": "1 + x"}, False),
+    ],
+)
+def test_load_is_symmetric_when_nothing_of_it_goes_to_a_side(part: dict, symmetric: bool) -> None:
+    scene = dataclasses.replace(block(), loads=(Load("p0", "top", **part),))
+    scene.validate()
+    assert is_mirror_symmetric(scene) == symmetric
+
+
+@pytest.mark.parametrize(
     ("supports", "symmetric"),
     [
         ((Support("x", edge="left"), Support("x", edge="right")), True),
@@ -506,3 +525,18 @@ def test_elements_that_lock_are_warned_of(
     found = warnings(scene)
     assert bool(found) == warned
     assert all("order 1 lock" in text and "degree = 2" in text for text in found)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_elements_of_either_body_that_lock_are_warned_of(first: bool) -> None:
+    plain, soft = Material(1.0, 0.3), Material(1.0, 0.49)
+    a, b = (soft, plain) if first else (plain, soft)
+    scene = Scene(
+        body=Body("a", position=(0.0, 1.0)),
+        others=(Body("b"),),
+        material=a,
+        materials=(dataclasses.replace(b, name="b"),),
+        mesh=MeshOptions(degree=1),
+    )
+    (text,) = warnings(scene)
+    assert "Poisson's ratio 0.49" in text
