@@ -13,6 +13,7 @@ from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions, SolverOptions
 
 BLOCK = block_system(40, 20)
+STEPS = SolverOptions(method="gauss-seidel", steps_per_leg=2)
 FIELDS = ("s", "load", "P", "Q", "p", "q", "v", "w", "load_displacement")
 
 
@@ -346,3 +347,13 @@ def test_a_load_that_bears_on_nothing_moves_nothing() -> None:
     record = evolve(system, table(system, [0.0, 1.0, 0.5]), output=OutputOptions(samples_per_leg=3))
     assert not record.turning_points.P.any() and not record.turning_points.v.any()
     assert len(record.samples.s) == 6
+
+
+@pytest.mark.parametrize("solver", [SolverOptions(), STEPS], ids=lambda s: s.method)
+def test_largest_errors_are_those_of_all_legs_so_far(solver: SolverOptions) -> None:
+    path = [0.0, 1.0, 0.3, 0.9, 0.2, 0.8, 0.5]
+    records = [evolve(BLOCK, table(BLOCK, path[:k]), solver) for k in range(2, len(path) + 1)]
+    for name in ("residual_max", "energy_error_max"):
+        largest = [getattr(record, name) for record in records]
+        assert largest == sorted(largest), name
+        assert largest[0] > 0.0 or largest[-1] > 0.0

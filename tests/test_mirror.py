@@ -104,6 +104,40 @@ def test_half_and_whole_pass_the_same_events(pair: tuple) -> None:
     assert np.array_equal(a, b)
 
 
+def test_record_of_a_circle_holds_the_forces_of_all_of_it() -> None:
+    """Nodes of one radian that know nothing of each other, under twice the unit load."""
+    Q, P = np.array([0.1, -0.9, 0.8]), np.array([1.0, 2.0, 1.0])
+    radian = small_system(np.eye(6), {"a": [*Q, *P]}, 0.3)
+    radian = replace(radian, x=radian.x + 1.0, weight=np.array([1.0, 2.0, 3.0]), axisymmetric=True)
+    table_ = evolve(radian, table(radian, [0.0, 2.0])).turning_points
+    assert table_.state[0].tolist() == [STICK, FORWARD, BACKWARD]
+    # those that slip are at their limits
+    held = np.array([0.1, -0.6, 0.3])
+    assert table_.P[0] == pytest.approx(2.0 * np.pi * 2.0 * P)
+    assert table_.Q[0] == pytest.approx(2.0 * np.pi * 2.0 * held)
+    # tractions are per area of the full circle too
+    assert table_.p[0] == pytest.approx(2.0 * P / radian.weight)
+    assert table_.q[0] == pytest.approx(2.0 * held / radian.weight)
+
+
+def test_half_of_two_edges_dissipates_half_of_the_energy() -> None:
+    """Two nodes on two edges, the one slipping; their mirror images do the same."""
+    system = small_system(np.eye(4), {"a": [0.9, 0.1, 1.0, 2.0]}, 0.3)
+    system = replace(
+        system, x=np.array([1.0, 2.0]), edge=np.array([0, 1]), edge_names=("lower", "upper")
+    )
+    path = table(system, [0.0, 1.0], [1.0, 0.5, 1.0], 1)
+    alone, both = (evolve(replace(system, half=half), path) for half in (False, True))
+    assert both.x.tolist() == [-1.0, 1.0, -2.0, 2.0]
+    # the one slips by 0.6 under 0.3, both growing from zero
+    assert alone.dissipation_first_loading == pytest.approx(0.09, rel=1e-12)
+    assert both.dissipation_first_loading == pytest.approx(0.18, rel=1e-12)
+    assert both.cycles.dissipation == pytest.approx(2.0 * alone.cycles.dissipation, rel=1e-12)
+    lower, upper = both.by_edge().values()
+    assert lower.turning_points.Q[0] == pytest.approx([-0.3, 0.3])
+    assert upper.turning_points.Q[0] == pytest.approx([-0.1, 0.1])
+
+
 def test_half_of_a_contact_that_jumps_releases_half_of_the_energy() -> None:
     """One node without a continuation on the second leg, and the same beside its mirror image."""
     K = [[2.0, 1.5], [1.5, 2.0]]

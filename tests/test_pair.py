@@ -21,7 +21,8 @@ from receding_fenicsx.bulk.pair import Pair, build_all, displacements
 from receding_fenicsx.errors import InputError, SolveError, on_root
 from receding_fenicsx.interface.contact import ContactSystem, State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.output.fields import field_files, fields_at
+from receding_fenicsx.output.fields import Fields, field_files, fields_at
+from receding_fenicsx.output.fields import _together as together
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.scales import pressure_of
 from receding_fenicsx.scene import (
@@ -254,6 +255,22 @@ def test_fields_hold_both_bodies_and_part_where_the_contact_opens(
     pair.destroy()
 
 
+def test_quadrilaterals_beside_triangles_are_split_and_keep_their_area() -> None:
+    corners = np.array([[0.0, 0.0], [2.0, 0.0], [3.0, 1.0], [0.0, 1.0]])
+    none, stress = np.zeros((4, 2)), {"sxx": np.arange(4.0)}
+    quad = Fields(corners, np.array([[0, 1, 2, 3]]), none, stress)
+    triangle = Fields(corners[:3] + 5.0, np.array([[0, 1, 2]]), none[:3], {"sxx": np.ones(3)})
+    for first, second in ((quad, triangle), (triangle, quad)):
+        both = together(first, second)
+        a, b, c = both.points[both.cells].transpose(1, 2, 0)
+        area = 0.5 * ((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0])
+        # counterclockwise all, those of the square and of the triangle
+        assert np.all(area > 0.0) and area.sum() == pytest.approx(2.5 + 1.0)
+        assert both.body is not None
+        assert np.array_equal(both.body, np.repeat([0, 1], [len(first.points), len(second.points)]))
+        assert np.all(both.points[both.body == 1] == second.points)
+
+
 # -- against an independent assembly -------------------------------------------------------------
 
 
@@ -283,7 +300,11 @@ def test_condensed_pair_is_that_of_an_independent_assembly(young: float, sides: 
         body=replace(scene.body, position=(0.0, 1.0)),
         others=(replace(scene.others[0], width=4.0, height=1.0),),
         mesh=MeshOptions(contact_elements=8, cell="quadrilateral", degree=1, growth=1.0),
-        loads=(scene.loads[0], Load("s", "upper.right", traction=(0.0, 1.0))),
+        loads=(
+            scene.loads[0],
+            Load("s", "upper.right", traction=(0.0, 1.0)),
+            Load("b", "lower.right", traction=(0.0, 0.5)),
+        ),
         history=HistoryOptions("monotonic", load="p0"),
     )
     pair = built(scene)
@@ -297,7 +318,7 @@ def test_condensed_pair_is_that_of_an_independent_assembly(young: float, sides: 
     na, nb = len(pa), len(pb)
     A = np.zeros((2 * (na + nb), 2 * (na + nb)))
     A[: 2 * na, : 2 * na], A[2 * na :, 2 * na :] = Aa, Ab
-    force = np.zeros((2 * (na + nb), 2))
+    force = np.zeros((2 * (na + nb), 3))
     for i in range(8):
         ends = np.flatnonzero(pa[:, 1] == 2.0)[i : i + 2]
         if abs(pa[ends, 0].mean()) < 1.0:
@@ -305,6 +326,8 @@ def test_condensed_pair_is_that_of_an_independent_assembly(young: float, sides: 
     for i in range(2):
         ends = np.flatnonzero(pa[:, 0] == 2.0)[i : i + 2]
         force[2 * ends + 1, 1] += 0.5 * h
+        ends = na + np.flatnonzero(pb[:, 0] == 2.0)[i : i + 2]
+        force[2 * ends + 1, 2] += 0.25 * h
     on_a = np.flatnonzero(pa[:, 1] == 1.0)
     on_b = na + np.flatnonzero(pb[:, 1] == 1.0)
     fixed = 2 * (na + np.flatnonzero(pb[:, 1] == 0.0))
@@ -327,6 +350,7 @@ def test_condensed_pair_is_that_of_an_independent_assembly(young: float, sides: 
     assert np.abs(system.r_star - r_star.T).max() < 1e-11 * np.abs(r_star).max()
     compliance = force[inner].T @ solved[:, m:]
     assert system.load_compliance == pytest.approx(compliance, rel=1e-10, abs=1e-12)
+    assert np.array_equal(system.load_sign, -np.ones(3))
     assert not system.held.any() and system.rigid.shape[1] == 3
 
 

@@ -50,6 +50,13 @@ def test_slip_against_its_force_is_a_residual_of_its_stiffness_times_the_slip() 
         assert found == pytest.approx([expected, 0.0], abs=1e-15)
 
 
+def test_pulled_node_has_no_friction_limit() -> None:
+    stiffness = np.array([K_T]), np.array([K_N])
+    pulled, u = np.array([0.1, -0.25]), np.array([0.0, -0.125])
+    found = law_residual(SYSTEM, pulled, u, np.zeros(1), stiffness)
+    assert found == pytest.approx([0.1, 0.25], abs=1e-15)
+
+
 def test_force_scale_of_an_open_contact_is_that_of_the_held_reactions() -> None:
     none = np.zeros(2)
     assert largest_force(SYSTEM, np.array([-3.0]), none, 0.0) == pytest.approx(0.03)
