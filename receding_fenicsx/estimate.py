@@ -77,8 +77,9 @@ def headline(record: Record) -> dict[str, Number]:
     widths = estimates(record, row, contact_betas(record))
     for name in WIDTHS:
         width = widths[f"{name}_estimate"]
-        low, high = width["interval"]
-        found[name] = Number(width["value"], 0.5 * (high - low))
+        if width is not None:
+            low, high = width["interval"]
+            found[name] = Number(width["value"], 0.5 * (high - low))
     D = record.cycles.dissipation
     if len(D) and D[0] > 0.0:
         found["dissipation_first_cycle"] = Number(float(D[0]))

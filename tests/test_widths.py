@@ -1,17 +1,22 @@
 """Half widths below node spacing of a record: the same body on either side of its edge."""
 
+from pathlib import Path
+
 import pytest
 from bodies import block
 from models import block_system
-from small import cyclic
+from small import cyclic, table
+from test_events import pushed_block
 
 from receding_fenicsx import reference, study
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.interface.zone_ends import dundurs_beta
 from receding_fenicsx.output.record import Record
-from receding_fenicsx.output.summary import FITTED_CYCLES, summarise
+from receding_fenicsx.output.report import report_html
+from receding_fenicsx.output.summary import FITTED_CYCLES, summarise, write_summary
+from receding_fenicsx.output.table import run_table
 from receding_fenicsx.output.widths import contact_betas, estimates
-from receding_fenicsx.scene import Contact, HistoryOptions, Load
+from receding_fenicsx.scene import Contact, HistoryOptions, Load, SolverOptions
 
 BETA = dundurs_beta((2.0, 0.3, "plane strain"))
 KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
@@ -88,6 +93,35 @@ def test_long_histories_have_fitted_ends_at_their_beginning_and_end() -> None:
     fitted = [point["cycle"] for point in points if "zone_ends" in point]
     assert sorted(set(fitted)) == [*range(FITTED_CYCLES + 1), FITTED_CYCLES + 5]
     assert all((KEYS[0] in point) == ("zone_ends" in point) for point in points)
+
+
+def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) -> None:
+    body = pushed_block()
+    summary = summarise(evolve(body, table(body, [[0, 0], [1, 0], [1, 0.45]])))
+    pressed, pushed = summary["turning_points"]
+    assert pressed["contact_half_width"] > pressed["stick_half_width"] > 0.0
+    assert all(pressed[key] is not None for key in KEYS)
+    stick = [zone for zone in pushed["zones"] if zone[0] == "stick"]
+    # what sticks lies on one side of the middle
+    assert len(stick) == 1 and stick[0][1] * stick[0][2] >= 0.0
+    for key in KEYS:
+        assert pushed[key] is pushed[key.removesuffix("_estimate")] is None
+    write_summary(tmp_path / "summary.json", summary)
+    assert '"stick_half_width": null' in (tmp_path / "summary.json").read_text()
+    shown = run_table(summary).splitlines()[3]
+    assert shown.split()[3:7] == ["-"] * 4
+    assert report_html(summary).count("<td>\u2013</td>") >= 2
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_a_contact_without_force_has_no_half_width(method: str) -> None:
+    solver = SolverOptions(method=method, steps_per_leg=10)
+    record = evolve(block_system(16, 4), cyclic(1, minimum=0.0), solver)
+    loaded, unloaded, again = summarise(record)["turning_points"]
+    for key in KEYS:
+        assert unloaded[key] is unloaded[key.removesuffix("_estimate")] is None
+        for point in (loaded, again):
+            assert point[key]["value"] > 0.0 and point[key.removesuffix("_estimate")] > 0.0
 
 
 def test_intervals_on_a_coarse_mesh_hold_the_widths_of_a_fine_one_under_friction() -> None:

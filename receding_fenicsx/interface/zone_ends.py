@@ -30,7 +30,13 @@ from numpy.typing import NDArray
 from receding_fenicsx.interface.axis import begins_on_axis
 from receding_fenicsx.interface.contact import Array, State
 from receding_fenicsx.interface.tractions import cell_means, midside_nodes
-from receding_fenicsx.interface.zones import stick_zone
+from receding_fenicsx.interface.zones import (
+    NOWHERE,
+    NodeRange,
+    contact_zone,
+    half_width,
+    stick_zone,
+)
 
 Window = tuple[int, int, int]
 """First and last cell of a fit, and its terms. Cell 0, the last whole one, may touch the last
@@ -124,19 +130,13 @@ def _shear_kappa(young: float, nu: float, kinematics: str) -> tuple[float, float
 
 
 def contact_half_width_estimate(at: Tractions) -> ZoneEnd:
-    """Estimate half the distance between the outermost ends of the contact, or its radius."""
-    touching = np.flatnonzero(at.state != State.SEPARATION)
-    if not len(touching):
-        return ZoneEnd(0.0, 0.0, 0.0, fitted=False)
-    return _half_width(at, int(touching[0]), int(touching[-1]))
+    """Estimate half the width of a contact around the middle, or its radius; NaN without one."""
+    return _half_width(at, contact_zone(at.x, at.state, at.axisymmetric))
 
 
 def stick_half_width_estimate(at: Tractions) -> ZoneEnd:
-    """Estimate half the width of the stick zone around the centre, or its radius."""
-    found = stick_zone(at.x, at.state, at.f, at.axisymmetric)
-    if found is None:
-        return ZoneEnd(0.0, 0.0, 0.0, fitted=False)
-    return _half_width(at, *found)
+    """Estimate half the width of the stick zone around the middle, or its radius."""
+    return _half_width(at, stick_zone(at.x, at.state, at.f, at.axisymmetric))
 
 
 def zone_ends(at: Tractions) -> list[ZoneEnd]:
@@ -159,7 +159,12 @@ def _turned(end: ZoneEnd) -> ZoneEnd:
     return ZoneEnd(-end.value, -end.high, -end.low, end.fitted)
 
 
-def _half_width(at: Tractions, first: int, last: int) -> ZoneEnd:
+def _half_width(at: Tractions, zone: NodeRange | None) -> ZoneEnd:
+    """Estimate what :func:`~receding_fenicsx.interface.zones.half_width` gives within a node."""
+    if zone is None or zone == NOWHERE:
+        width = half_width(at.x, zone)
+        return ZoneEnd(width, width, width, fitted=False)
+    first, last = zone
     right = zone_end(at, last, 1)
     if (at.axisymmetric and begins_on_axis(at.x)) or (at.half and at.x[first] == -at.x[last]):
         return right

@@ -59,59 +59,95 @@ def contact_zones(
 
 
 def contact_half_width(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> float:
-    """Half the distance between the ends of the outermost zones in contact; 0 without contact.
+    """Half the width of a contact around the middle of the edge, as :func:`half_width` has it.
 
-    Axisymmetric it is the radius of the outer end, on an edge that begins on the axis.
+    NaN also where it falls into several zones.
     """
-    touching = [z for z in zones(x, state, axisymmetric) if z[0] != STATE_NAMES[State.SEPARATION]]
-    if axisymmetric and begins_on_axis(x):
-        return touching[-1][2] if touching else 0.0
-    return 0.5 * (touching[-1][2] - touching[0][1]) if touching else 0.0
+    return half_width(x, contact_zone(x, state, axisymmetric), axisymmetric)
 
 
 def stick_half_width(
     x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
 ) -> float:
-    """Half the width of the stick zone around the centre of the contact edge; 0 when there is none.
+    """Half the width of the stick zone around the middle of the edge, as of :func:`half_width`.
 
     Args:
         x: (N,) positions, increasing.
         state: (N,) values of :class:`State`.
         f: (N,) coefficient of friction: nodes without friction do not stick.
-        axisymmetric: x is the radius, the centre x = 0.
-
-    Returns:
-        The half width, axisymmetric the radius.
+        axisymmetric: x is the radius, the middle x = 0.
     """
-    found = stick_zone(x, state, f, axisymmetric)
-    if found is None:
-        return 0.0
-    left, right = _midway(x, *found)
+    return half_width(x, stick_zone(x, state, f, axisymmetric), axisymmetric)
+
+
+NodeRange = tuple[int, int]
+"""First and last node of a zone; the last before the first where no node is of its kind."""
+NOWHERE: NodeRange = (0, -1)
+
+
+def half_width(x: Array, zone: NodeRange | None, axisymmetric: bool = False) -> float:
+    """Half the width of a zone around the middle, or its radius; 0 where no node is of its kind.
+
+    NaN where there are such nodes, but no zone of them that has a half width: see
+    :func:`central_zone`.
+    """
+    if zone is None or zone == NOWHERE:
+        return np.nan if zone is None else 0.0
+    left, right = _midway(x, *zone)
     return right if axisymmetric and begins_on_axis(x) else 0.5 * (right - left)
+
+
+def contact_zone(
+    x: Array, state: NDArray[np.integer], axisymmetric: bool = False
+) -> NodeRange | None:
+    """First and last node of a contact in one piece, as :func:`central_zone` gives them."""
+    touches = np.asarray(state) != State.SEPARATION
+    found = central_zone(x, touches, axisymmetric)
+    whole = found is not None and found[1] - found[0] + 1 == np.count_nonzero(touches)
+    return found if whole else None
 
 
 def stick_zone(
     x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
-) -> tuple[int, int] | None:
-    """First and last node of the stick zone around the centre of the contact edge, or None.
+) -> NodeRange | None:
+    """First and last node of the stick zone around the middle, as :func:`central_zone` gives them.
 
     The arguments are those of :func:`stick_half_width`.
     """
-    if len(x) == 0:
-        return None
     sticks = np.asarray(state) == State.STICK
     if f is not None:
         sticks &= np.asarray(f) > 0.0
-    ends = np.append(np.flatnonzero(np.diff(sticks)), len(x) - 1)
+    return central_zone(x, sticks, axisymmetric)
+
+
+def central_zone(
+    x: Array, inside: NDArray[np.bool_], axisymmetric: bool = False
+) -> NodeRange | None:
+    """Find the zone of marked nodes around the middle of the edge, symmetric within a node.
+
+    Axisymmetric it begins on the axis.
+
+    Returns:
+        Its first and last node; ``NOWHERE`` when no node is marked; None when some are, but none
+        of their zones lies around the middle, or that one is not symmetric.
+    """
+    if not np.any(inside):
+        return NOWHERE
     centre = 0.5 * (x[0] + x[-1])
     axisymmetric = axisymmetric and begins_on_axis(x)
     first = 0
-    for last in ends:
+    for last in np.append(np.flatnonzero(np.diff(inside)), len(x) - 1):
         low, high = _midway(x, first, last)
-        if sticks[first] and (first == 0 if axisymmetric else low <= centre <= high):
-            return int(first), int(last)
+        if inside[first] and (first == 0 if axisymmetric else low <= centre <= high):
+            node = max(x[last] - x[max(last - 1, 0)], x[min(first + 1, len(x) - 1)] - x[first])
+            even = axisymmetric or abs(low + high - 2.0 * centre) <= WITHIN_A_NODE * node
+            return (int(first), int(last)) if even else None
         first = last + 1
     return None
+
+
+WITHIN_A_NODE = 1.0 + 1e-9
+"""Difference of a zone's two halves, over the spacing of its nodes, up to which it is symmetric."""
 
 
 def _midway(x: Array, first: int, last: int) -> tuple[float, float]:

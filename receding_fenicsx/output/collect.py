@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -128,7 +129,7 @@ def record_of(
     n_loads = len(system.load_names)
     weight = mirror.total(system.weight)
     D = np.array([p.dissipation for p in passed[1:]]).reshape(-1, system.n)
-    slip = np.array([p.slip for p in passed[1:]]).reshape(-1, system.n)
+    slip = np.array([_slip(*pair) for pair in pairwise(passed)]).reshape(-1, system.n)
     flip = np.where(mirror.left, -1.0, 1.0)
     kept = [p.kept for p in passed if p.kept is not None] + ([last] if last else [])
     watcher = SteadyWatch(solver.steady_tolerance, typical_stiffness(system))
@@ -159,7 +160,7 @@ def record_of(
         cycles=Cycles(
             dissipation=mirror.factor * D.sum(axis=1),
             dissipation_density=mirror.total(D) / np.where(weight > 0.0, weight, np.inf),
-            slip_increment=mirror.odd(slip),
+            slip_increment=mirror.odd(slip) + 0.0,  # no -0.0
         ),
         dissipation_first_loading=mirror.factor * first_loading,
         steady=Steady(
@@ -176,6 +177,13 @@ def record_of(
         jumps=totals.jumps,
         released=mirror.factor * totals.released,
     )
+
+
+def _slip(before: Passed, cycle: Passed) -> Array:
+    """Return the slip (N,) of a cycle: what open nodes move between its ends is none."""
+    ends = [passed.corners[-1].state.state for passed in (before, cycle)]
+    touches = np.all(np.array(ends) != State.SEPARATION, axis=0)
+    return np.where(touches, cycle.slip, 0.0)
 
 
 def states_table(system: ContactSystem, mirror: Mirror, instants: list[Instant]) -> States:

@@ -84,7 +84,8 @@ class Cycles:
     Attributes:
         dissipation: (n,) frictional dissipation of the whole contact.
         dissipation_density: (n, N) dissipation per node divided by the node's weight.
-        slip_increment: (n, N) v at the end of the cycle less v at the end of the one before.
+        slip_increment: (n, N) v at the end of the cycle less v at the end of the one before, of
+            nodes that touch at both; 0 elsewhere, as what an open node moves is no slip.
     """
 
     dissipation: Array

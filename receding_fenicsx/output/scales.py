@@ -160,13 +160,12 @@ def length_of(scene: Scene | None) -> float:
 
 
 def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float, str]:
-    """Pressure of the only load at factor 1, and its symbol; 1 and "" when there is none."""
-    if len(load_names) != 1:
+    """Pressure of the only load at factor 1, and its symbol; 1 and "" when it is not known."""
+    if scene is None or len(load_names) != 1:
         return 1.0, ""
-    loads = scene.loads if scene is not None else ()
-    value = loads[0].pressure if loads else 1.0
+    value = scene.loads[0].pressure
     # parts of one load on two bodies
-    if any(load.pressure != value for load in loads):
+    if any(load.pressure != value for load in scene.loads):
         return 1.0, ""
     if not isinstance(value, float | int) or value <= 0.0:
         return 1.0, ""

@@ -12,13 +12,12 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.axis import begins_on_axis, on_axis
-from receding_fenicsx.interface.contact import State
 from receding_fenicsx.interface.cycles import limit_of_decay
-from receding_fenicsx.interface.zones import contact_half_width, contact_zones, stick_half_width
+from receding_fenicsx.interface.zones import contact_zones
 from receding_fenicsx.output.atomic import new_file
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.series import limit_without_slip
-from receding_fenicsx.output.widths import contact_betas, estimated_ends, estimates
+from receding_fenicsx.output.widths import contact_betas, estimated_ends, estimates, half_widths
 from receding_fenicsx.paper import paper_table
 from receding_fenicsx.scene_file import from_toml
 from receding_fenicsx.scene_warnings import warnings
@@ -124,14 +123,8 @@ def _limit_ranges(record: Record) -> list[list[Any]]:
 
 
 def slip_per_cycle_max(record: Record) -> list[float]:
-    """Largest change of v over each cycle among the nodes in contact at its end."""
-    table = record.turning_points
-    values = []
-    for row, slip in enumerate(record.cycles.slip_increment):
-        end = np.flatnonzero(table.cycle == row + 1)[-1]
-        touching = table.state[end] != State.SEPARATION
-        values.append(float(np.abs(slip[touching]).max(initial=0.0)))
-    return values
+    """Largest slip over each cycle of a node that touches at its start and at its end."""
+    return np.abs(record.cycles.slip_increment).max(axis=1, initial=0.0).tolist()
 
 
 def write_summary(path: Path, summary: Mapping[str, Any], overwrite: bool = False) -> None:
@@ -168,8 +161,7 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
         "zones": [list(zone) for zone in found],
         **({"p_axis": float(on_axis(x, table.p[i]))} if _has_axis(record) else {}),
-        "contact_half_width": contact_half_width(x, state, record.axisymmetric),
-        "stick_half_width": stick_half_width(x, state, record.f, record.axisymmetric),
+        **half_widths(record, i),
         "p_max": float(table.p[i].max()),
         "q_min": float(table.q[i].min()),
         "q_max": float(table.q[i].max()),

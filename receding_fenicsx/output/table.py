@@ -43,9 +43,9 @@ def run_table(summary: Mapping[str, Any]) -> str:
             *([p["edge"]] if edges else []),
             str(p["cycle"]),
             " ".join(f"{name}={value:.4g}" for name, value in p["load"].items()),
-            f"{p['contact_half_width']:{length}}",
+            shown(p["contact_half_width"], length),
             fitted(p.get("contact_half_width_estimate"), length),
-            f"{p['stick_half_width']:{length}}",
+            shown(p["stick_half_width"], length),
             fitted(p.get("stick_half_width_estimate"), length),
             f"{extremes_of(p)[0]:{traction}}",
             f"{max(map(abs, extremes_of(p)[1:])):{traction}}",
@@ -135,6 +135,11 @@ def zones_shown(point: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
 def _begins_at_hole(point: Mapping[str, Any], summary: Mapping[str, Any]) -> bool:
     """Whether the contact of a body of revolution does not reach the axis."""
     return summary["symmetry"] == "axisymmetric" and "p_axis" not in point
+
+
+def shown(value: float | None, form: str) -> str:
+    """A number, or a dash where there is none."""
+    return "-" if value is None else f"{value:{form}}"
 
 
 def fitted(estimate: Mapping[str, Any] | None, form: str = ".4f") -> str:

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import numpy as np
+
 from receding_fenicsx.interface.zone_ends import (
     Tractions,
     ZoneEnd,
@@ -13,6 +15,7 @@ from receding_fenicsx.interface.zone_ends import (
     stick_half_width_estimate,
     zone_ends,
 )
+from receding_fenicsx.interface.zones import contact_half_width, stick_half_width
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import Material
 from receding_fenicsx.scene_file import from_toml
@@ -32,13 +35,43 @@ def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[s
 
     Returns:
         ``contact_half_width_estimate`` and ``stick_half_width_estimate``, each with its value, an
-        interval around it, and whether it was fitted (else it is the nodes' bracket).
+        interval around it, and whether it was fitted (else it is the nodes' bracket); None where
+        there is no half width.
     """
     found = [tractions(record, row, beta) for beta in betas or (None,)]
-    return {
-        "contact_half_width_estimate": _shown([contact_half_width_estimate(at) for at in found]),
-        "stick_half_width_estimate": _shown([stick_half_width_estimate(at) for at in found]),
+    widths = {
+        "contact_half_width_estimate": [contact_half_width_estimate(at) for at in found],
+        "stick_half_width_estimate": [stick_half_width_estimate(at) for at in found],
     }
+    bears = _bears(record, row)
+    return {
+        key: _shown(ends) if bears and np.isfinite(ends[0].value) else None
+        for key, ends in widths.items()
+    }
+
+
+def half_widths(record: Record, row: int) -> dict[str, float | None]:
+    """Return the half widths at a turning point, to within a node spacing; None without one.
+
+    A contact without any force has none: its zones are the limit of those under a load.
+    """
+    x, state = record.x, record.turning_points.state[row]
+    widths = {
+        "contact_half_width": contact_half_width(x, state, record.axisymmetric),
+        "stick_half_width": stick_half_width(x, state, record.f, record.axisymmetric),
+    }
+    bears = _bears(record, row)
+    return {key: width if bears and np.isfinite(width) else None for key, width in widths.items()}
+
+
+NO_FORCE = 1e-12
+"""Largest nodal force at an instant, over the largest of the record, that is none."""
+
+
+def _bears(record: Record, row: int) -> bool:
+    """Return whether the contact bears a force at a turning point."""
+    P = np.abs(record.turning_points.P)
+    return bool(P[row].max(initial=0.0) > NO_FORCE * P.max(initial=0.0))
 
 
 def estimated_ends(record: Record, row: int, betas: tuple[float, ...] = ()) -> list[dict[str, Any]]:
