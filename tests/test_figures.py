@@ -16,7 +16,7 @@ from matplotlib.colors import to_hex, to_rgb, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
-from small import small_system
+from small import cyclic, small_system
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import evolve
@@ -184,6 +184,15 @@ def test_change_of_one_node_only_tapers_midway_to_its_neighbour() -> None:
     assert area(whole) == 1.0
     # a triangle with its base on the node and its tip halfway
     assert area(island) == pytest.approx(0.5 * 0.4 * 0.5)
+
+
+def test_tractions_are_divided_by_no_pressure_that_no_scene_tells() -> None:
+    # the load p0 may stand for any pressure; here it is one of 3
+    system = models.block_system(20, 10)
+    scales = scales_of(evolve(replace(system, r_star=3.0 * system.r_star), cyclic(1)))
+    assert scales.peak_traction() == (1.0, "")
+    assert scales.traction_labels()[:2] == ("$p$", "$q$")
+    assert not scales.normalised()
 
 
 def test_slip_lines_find_the_power_that_the_slip_follows() -> None:

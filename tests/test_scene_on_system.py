@@ -28,7 +28,7 @@ COARSE = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_le
 CHANGES = {
     "friction": ["contact.friction=0.2 + 0.1*abs(x)"],
     "no friction": ["contact.friction=0.0"],
-    "gap": ["contact.initial_gap=where(abs(x) < 0.5, 0, 0.003)"],
+    "gap": ["contact.initial_gap=0.01*x**2"],
     "history": ["history.minimum=0.7", "history.maximum=2.0"],
     "solver": ["solver.method=gauss-seidel", "solver.steps_per_leg=6"],
     "output": ["output.samples_per_leg=5", "output.cycles=[1]"],
@@ -71,6 +71,12 @@ def test_a_scene_on_a_condensed_body_is_the_whole_run_of_that_scene(change: str)
     plain = evolve(body(), block())
     ends = plain.turning_points.P.tobytes(), plain.samples.s.tobytes()
     assert ends != (again.turning_points.P.tobytes(), again.samples.s.tobytes())
+
+
+def test_a_scene_counts_whatever_stands_in_the_system() -> None:
+    other = replace(body(), f=np.full(body().n, 0.9), g0=np.full(body().n, 0.1))
+    record = evolve(other, block())
+    assert np.all(record.f == 0.35) and np.all(record.g0 == 0.0)
 
 
 def test_a_path_of_load_factors_claims_no_scene() -> None:
