@@ -16,7 +16,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex, to_rgba_array
 from matplotlib.figure import Figure
 
-from receding_fenicsx import evolve, history_from_scene, read_scene, study
+from receding_fenicsx import evolve, read_scene, study
 from receding_fenicsx.errors import on_root
 from receding_fenicsx.interface.contact import State
 from receding_fenicsx.interface.zones import zones
@@ -60,7 +60,7 @@ def seen(scene: Scene, row: int = 1) -> tuple[View, Fields, Record] | None:
 
     def make() -> tuple[Record, Instant]:
         assert system is not None
-        record = evolve(system, history_from_scene(scene))
+        record = evolve(system, scene)
         table, state = record.turning_points, turning_point(record, system, row)
         cycle, leg = int(table.cycle[row]), int(table.leg[row])
         return record, Instant(cycle, leg, 1.0, table.load[row], state.v, state)

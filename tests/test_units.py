@@ -18,7 +18,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from receding_fenicsx import history_from_scene, study
+from receding_fenicsx import study
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.output import figures
 from receding_fenicsx.output.loops import loop_of
@@ -57,7 +57,7 @@ def run(kinematics: str, *units: float) -> Record:
     scene = scene_of(kinematics, *(units or (1.0, 1.0, 1.0, 1.0)))
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
-    return evolve(system, history_from_scene(scene), scene.solver, scene.output)
+    return evolve(system, scene)
 
 
 def odd(kinematics: str) -> Record:
@@ -233,7 +233,7 @@ def test_what_cannot_be_made_free_of_units_is_in_those_of_the_scene() -> None:
     scene = replace(scene, loads=(*scene.loads, second), history=replace(table, cycles=CYCLES))
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
-    record = evolve(system, history_from_scene(scene), scene.solver, scene.output)
+    record = evolve(system, scene)
     moment = record.at(1, "minimum")
     axes = figures.tractions(record, moment).axes[1]
     assert axes.get_ylabel() == "$p$,  $q$"
