@@ -54,7 +54,7 @@ def test_parabolic_gap_without_friction_is_hertz(method: str, degree: int) -> No
     x, table, spacing = record.x, record.turning_points, 1.0 / (20.0 * degree)
     for row, part in enumerate((0.01, 1.0)):
         a = A * part ** (1.0 / 3.0)
-        assert table.P[row].sum() == pytest.approx(part * FORCE, rel=1e-3)
+        assert table.P[row].sum() == pytest.approx(part * FORCE, rel=1e-9)
         assert contact_half_width(x, table.state[row], True) == pytest.approx(a, abs=spacing)
     p0 = 1.5 * FORCE / (np.pi * A**2)
     assert on_axis(x, table.p[-1]) == pytest.approx(p0, rel=2e-3)

@@ -10,15 +10,13 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.arcs import GAUSS_POINTS, Arcs, gauss
 from receding_fenicsx.bulk.meshing import BodyMesh
 from receding_fenicsx.errors import InputError, on_all
 from receding_fenicsx.scene import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
-
-GAUSS_POINTS = 8
-"""Gauss points on a facet: at order 2, polynomial loads of degree 13 are integrated exactly."""
 
 
 @dataclass(frozen=True)
@@ -132,8 +130,7 @@ def integrate(facets: EdgeFacets, traction: Callable[[Array, Array], Array]) -> 
     Returns:
         (n, nodes, k) nodal forces.
     """
-    position, weight = np.polynomial.legendre.leggauss(GAUSS_POINTS)
-    s, weight = 0.5 * (1.0 + position), 0.5 * weight
+    s, weight = gauss()
     n, nodes = facets.nodes.shape
     if nodes == 2:
         shape = np.array([1.0 - s, s])
@@ -146,3 +143,28 @@ def integrate(facets: EdgeFacets, traction: Callable[[Array, Array], Array]) -> 
     values = values.reshape(n, GAUSS_POINTS, values.shape[-1])
     length = np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1])
     return length[:, None, None] * np.einsum("iq,q,nqk->nik", shape, weight, values)
+
+
+def integrate_arcs(
+    facets: EdgeFacets, arcs: Arcs, traction: Callable[[Array, Array], Array]
+) -> tuple[Ints, Array]:
+    """Integrate a traction over the true curves behind facets.
+
+    Args:
+        facets: the facets.
+        arcs: the curves of the body's curved edges.
+        traction: function of points (m, 2) and outward normals (m, 2) that returns (m, k) values.
+
+    Returns:
+        Numbers (n,) of the facets on curved edges, and the (n, k) integrals over their curves.
+    """
+    on, numbers = arcs.find(facets.points[:, 0], facets.points[:, 1])
+    slopes = arcs.slopes[numbers]
+    length = np.hypot(slopes[..., 0], slopes[..., 1])[..., None]
+    normals = np.stack([slopes[..., 1], -slopes[..., 0]], axis=-1)
+    normals /= np.where(length > 0.0, length, 1.0)
+    outward = facets.outward[on][:, None, :]
+    normals *= np.sign(np.sum(normals * outward, axis=-1, keepdims=True))
+    values = np.asarray(traction(arcs.points[numbers].reshape(-1, 2), normals.reshape(-1, 2)))
+    values = values.reshape(len(on), GAUSS_POINTS, values.shape[-1])
+    return on, np.einsum("q,nqk->nk", gauss()[1], values * length)

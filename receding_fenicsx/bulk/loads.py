@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.edges import along, edge_facets, edge_nodes, integrate, measure
+from receding_fenicsx.bulk.arcs import Arcs
+from receding_fenicsx.bulk.edges import (
+    EdgeFacets,
+    along,
+    edge_facets,
+    edge_nodes,
+    integrate,
+    integrate_arcs,
+    measure,
+)
 from receding_fenicsx.bulk.meshing import BodyMesh
 from receding_fenicsx.errors import InputError, on_all
 from receding_fenicsx.scene import Load, Profile, Scene, evaluate
@@ -38,11 +49,15 @@ def add_load(
         _add_force(vector, space, body, scene, load)
         return
 
+    def traction(points: Array, normals: Array) -> Array:
+        return measure(scene, points) * _traction(load, body, points, normals)
+
     def forces() -> tuple[Ints, Array]:
         facets = edge_facets(space, body, load.edge, load.span)
-        return facets.nodes, integrate(
-            facets, lambda *at: measure(scene, at[0]) * _traction(load, body, *at)
-        )
+        values = integrate(facets, traction)
+        if body.arcs is not None:
+            values += _beyond_chords(facets, body.arcs, scene, traction, values)
+        return facets.nodes, values
 
     nodes, values = on_all(comm, forces)
     left = load.edge == "left" or (
@@ -55,6 +70,29 @@ def add_load(
     rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
     vector.setValues(rows.ravel(), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
     vector.assemble()
+
+
+def _beyond_chords(
+    facets: EdgeFacets,
+    arcs: Arcs,
+    scene: Scene,
+    traction: Callable[[Array, Array], Array],
+    values: Array,
+) -> Array:
+    """Return what (n, nodes, 2) nodal forces lack of a load's resultant on the true curve.
+
+    The difference is spread evenly over each facet, so that forces which are right on chords, such
+    as those of a uniform pressure, stay as they are. Axisymmetric, only what acts along the axis
+    has a resultant; radially the chord belongs to the cells that it bounds.
+    """
+    missing = np.zeros_like(values)
+    on, whole = integrate_arcs(facets, arcs, traction)
+    lacking = whole - values[on].sum(axis=1)
+    if scene.axisymmetric:
+        lacking[:, 0] = 0.0
+    share = integrate(facets, lambda points, normals: measure(scene, points))[on]
+    missing[on] = share / share.sum(axis=1, keepdims=True) * lacking[:, None, :]
+    return missing
 
 
 def _add_force(

@@ -17,6 +17,7 @@ from dolfinx import mesh as dmesh
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.arcs import Arcs
 from receding_fenicsx.bulk.gmsh_model import geo_path, gmsh_model
 from receding_fenicsx.bulk.interfaces import Interface, find_interfaces
 from receding_fenicsx.bulk.raw_mesh import Line, RawMesh, from_axis, line_of
@@ -67,6 +68,7 @@ class BodyMesh:
         contacts: the scene's contact edges on this body, in their order.
         lines: the line of each straight edge.
         spots: (k, 2) coordinates of each named group of points.
+        arcs: the curves behind the facets of curved edges, where they are known.
         size: length that tolerances on positions are relative to, the same for all bodies.
         half: True when only x >= 0 is meshed.
         cell: "triangle" or "quadrilateral".
@@ -78,6 +80,7 @@ class BodyMesh:
     contacts: tuple[ContactFacets, ...]
     lines: dict[str, Line]
     spots: dict[str, Array]
+    arcs: Arcs | None
     size: float
     half: bool
     cell: str
@@ -206,6 +209,7 @@ def _tagged(
         "contacts": tuple(contacts),
         "lines": _lines(mesh, used),
         "spots": {name: mesh.points[nodes] for name, nodes in mesh.spots.items()},
+        "arcs": mesh.arcs,
         "size": size,
         "half": half,
     }

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.bulk.arcs import Arcs
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene import nearest
 
@@ -29,6 +30,7 @@ class RawMesh:
         middles: (2,) middle of each edge of the whole body, where it is known beforehand.
         upright: positions along edges grow rightwards or upwards, as for a rectangle; else with the
             body on the left, which a turn of the whole scene does not change.
+        arcs: the curves behind the facets of curved edges, where they are known.
     """
 
     points: Array
@@ -37,6 +39,7 @@ class RawMesh:
     spots: dict[str, Ints] = field(default_factory=dict)
     middles: dict[str, Array] = field(default_factory=dict)
     upright: bool = False
+    arcs: Arcs | None = None
 
     @property
     def cell(self) -> str:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from receding_fenicsx.bulk.arcs import arcs_of
 from receding_fenicsx.bulk.gmsh_model import gmsh_model
 from receding_fenicsx.bulk.raw_mesh import RawMesh, sides
 from receding_fenicsx.environment import child_environment
@@ -197,7 +198,7 @@ def _collect(gmsh: Any, body: Body, where: str, scale: float) -> RawMesh:
         else:
             facets = places.reshape(-1, 2)
             edges[name] = facets[np.all(facets >= 0, axis=1)]
-    return RawMesh(points[:, :2].copy(), number[around], edges, spots)
+    return RawMesh(points[:, :2].copy(), number[around], edges, spots, arcs=arcs_of(gmsh, scale))
 
 
 def _cells(gmsh: Any, body: Body, where: str) -> Ints:
