@@ -15,7 +15,7 @@ import numpy as np
 from equations import OPEN, STICK
 from replay import HELD_SHARE, Replay, replay
 from small import small_system, table
-from ways import TooMany, follow
+from ways import TooMany, balanced, follow
 
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution import evolve
@@ -381,6 +381,11 @@ def _refusal(p: Problem, error: SolveError, reason: str) -> tuple[str, str]:
         return MISNAMED, reason
     said = re.findall(r"\(s = (\S+) of the leg\)", str(error))
     if said and p.solver.method == "events":
-        there = any(abs(float(said[-1]) - s) <= SAME for s in dead)
-        return (REFUSED, reason) if there else (FALSE, reason + " (elsewhere)")
+        s = float(said[-1])
+        if any(abs(s - s_dead) <= SAME for s_dead in dead):
+            return REFUSED, reason
+        if p.solver.on_jump == "stop" or (s > 1.0 - SAME and not np.any(b)):
+            return FALSE, reason + " (elsewhere)"
+        # a jump has led on to where statics has to decide
+        return (UNJUDGED if balanced(p.system, a + (s + SAME) * (b - a)) else REFUSED), reason
     return (REFUSED if len(dead) == len(branches) else UNJUDGED), reason

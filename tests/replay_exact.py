@@ -32,7 +32,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
     kept.append((1.0, record.turning_points, leg.row))
     unloads = not np.any(leg.ends[1]) and not np.any(body.g0)
     state, u, doubt = leg.state, leg.u, EPS * np.abs(leg.u).astype(float)
-    s_held = 0.0
+    s_held, misplaced = 0.0, np.zeros(2 * n)
     for g, (s_a, now) in enumerate(groups):
         s_b, following = groups[g + 1] if g + 1 < len(groups) else (1.0, None)
         here = body.states(now)
@@ -56,8 +56,10 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
                 s_b = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
                 u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
         s_held = s_b
+        misplaced = misplaced + PLACE * _moved(leg, here)
         for s, at in ((s_a, u_a), (s_b, u_b)):
-            _check_law(run, leg, (s, at), now, APEX * leg.force * (unloads and s == 1.0))
+            slack = misplaced + APEX * leg.force * (unloads and s == 1.0)
+            _check_law(run, leg, (s, at), now, slack)
         _add_up(run, leg, (s_a, s_b), here, (u_a, u_b), totals)
         allowed = doubt + doubt_a
         if unloads and s_b == 1.0:
@@ -104,15 +106,19 @@ def _rolls(run: Replay, leg: Leg, s: float, change: Array) -> bool:
     return bool(forces.max() <= LAW * leg.force)
 
 
-def _check_law(run: Replay, leg: Leg, at: tuple[float, Array], now: Array, slack: float) -> None:
+def _moved(leg: Leg, here: States) -> Array:
+    """Return (2N,) by how much reactions and displacements, as forces, change along a leg."""
+    way = np.array(leg.ends[1] - leg.ends[0], np.longdouble)
+    rate, body = here.rates(way), here.body
+    return (np.abs(way @ body.r_star + body.K @ rate) + body.k * np.abs(rate)).astype(float)
+
+
+def _check_law(run: Replay, leg: Leg, at: tuple[float, Array], now: Array, slack: Array) -> None:
     """Check the inequalities of the states at one end of a piece."""
     body, n, here = run.body, run.body.n, run.body.states(now)
     s, u = at
     r, k = body.reactions(leg.load(s), u), body.k
-    way = np.array(leg.ends[1] - leg.ends[0], np.longdouble)
-    rate = here.rates(way)
-    moved = np.abs(way @ body.r_star + body.K @ rate) + k * np.abs(rate)
-    error = LAW * leg.force + leg.noise + slack + PLACE * moved.astype(float)
+    error = LAW * leg.force + leg.noise + slack
     e_t, e_n = error[:n], error[n:]
     Q, P, gap = r[:n], r[n:], (body.g0 + u[n:]) * k[n:]
     e_gap = e_n + k[n:] * here.reach(here.row_errors(leg.noise))[n:]

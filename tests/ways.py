@@ -226,3 +226,21 @@ def _laid(system: Any, body: Body, way: Array, u: Array) -> Array:
     if not answer.success or answer.fun >= -1e-9 * np.abs(cost).max() * gap.max():
         return u
     return u + R @ answer.x
+
+
+def balanced(system: Any, load: Array) -> bool:
+    """Return whether contact forces exist that balance the loads on the rigid motions: R^T r = 0.
+
+    r = sum lambda r* + K u and K R = 0, with P >= 0 and |Q| <= f P, is a linear program.
+    """
+    body, R = Body(system), np.asarray(system.rigid, float)
+    n, law = body.n, ~body.carried
+    rubs = np.flatnonzero(body.rubs)
+    # each friction cone is spanned by its edges; without friction P alone
+    smooth = np.flatnonzero(law & ~body.rubs)
+    f = body.f[rubs][:, None]
+    edges = np.vstack([R[n + smooth], R[n + rubs] - f * R[rubs], R[n + rubs] + f * R[rubs]])
+    answer = scipy.optimize.linprog(
+        np.zeros(len(edges)), A_eq=edges.T, b_eq=(load @ body.r_star).astype(float) @ R
+    )
+    return bool(answer.success) or R.shape[1] == 0
