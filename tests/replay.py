@@ -13,6 +13,7 @@ and eps times the condition of the states' equations.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, NamedTuple
 
@@ -134,14 +135,26 @@ class Replay:
         """Note a contradiction."""
         self.found.append(f"{place}: {what}" + (f" by {size:.1e} > {allowed:.1e}" if size else ""))
 
-    def check(self, place: str, what: str, over: tuple[Array, Any, Any]) -> None:
-        """Object where a quantity is above what is allowed, or NaN, at some of the nodes."""
-        size, allowed = np.asarray(over[0], float), np.broadcast_to(over[1], over[0].shape)
-        wrong = over[2] & ~(size <= allowed)
-        if np.any(wrong):
-            i = int(np.argmax(np.where(wrong, np.nan_to_num(size - allowed, nan=np.inf), -np.inf)))
-            node = i % self.body.n
-            self.object(place, f"{what} (node {node})", float(size[i]), float(allowed[i]))
+    def check(
+        self, place: str | Callable[[int], str], what: str, over: tuple[Array, Any, Any]
+    ) -> None:
+        """Object where a quantity is above what is allowed, or NaN.
+
+        Args:
+            place: where; for several instants, a function of their number.
+            what: what is wrong then.
+            over: the quantity by node, (n,), (2n,) or for several instants (k, n), what is allowed,
+                and the nodes concerned.
+        """
+        fine = over[0] <= over[1]
+        if np.all(fine | ~np.asarray(over[2])):
+            return
+        size = np.atleast_2d(np.asarray(over[0], float))
+        excess = np.where(over[2] & ~fine, np.nan_to_num(size - over[1], nan=np.inf), -np.inf)
+        j, i = np.unravel_index(int(np.argmax(excess)), size.shape)
+        node, allowed = int(i) % self.body.n, np.broadcast_to(over[1], size.shape)[j, i]
+        where = place if isinstance(place, str) else place(int(j))
+        self.object(where, f"{what} (node {node})", float(size[j, i]), float(allowed))
 
 
 def objections(system: Any, history: Any, record: Any) -> list[str]:
@@ -203,11 +216,13 @@ def _check_places(run: Replay) -> None:
     record, history = run.record, run.history
     for name in ("turning_points", "samples", "events"):
         table = getattr(record, name)
-        for cycle, leg, s, load in zip(table.cycle, table.leg, table.s, table.load, strict=True):
+        for cycle, leg in sorted(set(zip(table.cycle.tolist(), table.leg.tolist(), strict=True))):
             line = history.path if cycle == 0 else history.loop
-            apart = np.abs(load - ((1.0 - s) * line[leg] + s * line[leg + 1])).max()
-            if not 0.0 <= s <= 1.0 or not apart <= 8 * EPS * np.abs(line).max():
-                place = f"cycle {cycle}, leg {leg}, s = {s}"
+            here = (table.cycle == cycle) & (table.leg == leg)
+            s = table.s[here][:, None]
+            apart = np.abs(table.load[here] - ((1.0 - s) * line[leg] + s * line[leg + 1]))
+            if not np.all((apart <= 8 * EPS * np.abs(line).max()) & (s >= 0.0) & (s <= 1.0)):
+                place = f"cycle {cycle}, leg {leg}"
                 run.object(place, f"a load of the {name} is not the history's")
     legs = [(0, leg) for leg in range(len(history.path) - 1)]
     loop = range(len(history.loop) - 1)
@@ -227,35 +242,30 @@ def _check_instants(run: Replay, leg: Leg, table: Any, rows: Array) -> None:
     e_t, e_n = error[:n], error[n:]
     cone, e_gap = e_t + body.f * e_n, e_n + ROUNDINGS * EPS * k * body.g0
     law, loose = ~body.carried, ~body.held[:n]
-    for j in rows:
-        u = np.concatenate([table.v[j], table.w[j]]).astype(np.longdouble)
-        Q, P, state = table.Q[j], table.P[j], table.state[j]
-        r = body.reactions(table.load[j].astype(np.longdouble), u)
-        gap = (body.g0 + u[n:]) * k
-        out = law & (state == OPEN)
-        touches = law & (state != OPEN)
-        slip = np.where(state == FORWARD, 1.0, 0.0) - np.where(state == BACKWARD, 1.0, 0.0)
-        one = np.ones(n)
-        for what, over in {
-            "equilibrium fails": (np.abs(r - np.concatenate([Q, P])), error, True),
-            "a node is pulled": (-P, e_n, law),
-            "a node penetrates": (-gap, e_gap, law),
-            "an open node is pressed": (P, e_n, out),
-            "an open node is sheared": (np.abs(Q), e_t, out & loose),
-            "a touching node has a gap": (gap, e_gap, touches),
-            "friction's limit is passed": (np.abs(Q) - body.f * P, cone, touches & loose),
-            "a slipping node is off its limit": (
-                np.abs(Q + slip * body.f * P),
-                cone,
-                body.rubs & (slip != 0.0),
-            ),
-            "a free node is sheared": (np.abs(Q), e_t, body.carried & loose),
-            "a held freedom moves": (np.abs(u), np.zeros(2 * n), body.held),
-            "p is not P over weight": (np.abs(table.p[j] * weight - P), 4 * EPS * np.abs(P), law),
-            "q is not Q over weight": (np.abs(table.q[j] * weight - Q), 4 * EPS * np.abs(Q), law),
-            "a state is none of the four": (np.abs(state - 2.5), 1.5 * one, True),
-        }.items():
-            run.check(leg.place(table.s[j]), what, over)
+    u = np.concatenate([table.v[rows], table.w[rows]], axis=1).astype(np.longdouble)
+    Q, P, state = table.Q[rows], table.P[rows], table.state[rows]
+    r = table.load[rows].astype(np.longdouble) @ body.r_star + u @ body.K
+    gap = (body.g0 + u[:, n:]) * k
+    out, touches = law & (state == OPEN), law & (state != OPEN)
+    slip = np.where(state == FORWARD, 1.0, 0.0) - np.where(state == BACKWARD, 1.0, 0.0)
+    off, slips = np.abs(Q + slip * body.f * P), body.rubs & (slip != 0.0)
+    p_off, q_off = np.abs(table.p[rows] * weight - P), np.abs(table.q[rows] * weight - Q)
+    for what, over in {
+        "equilibrium fails": (np.abs(r - np.concatenate([Q, P], axis=1)), error, True),
+        "a node is pulled": (-P, e_n, law),
+        "a node penetrates": (-gap, e_gap, law),
+        "an open node is pressed": (P, e_n, out),
+        "an open node is sheared": (np.abs(Q), e_t, out & loose),
+        "a touching node has a gap": (gap, e_gap, touches),
+        "friction's limit is passed": (np.abs(Q) - body.f * P, cone, touches & loose),
+        "a slipping node is off its limit": (off, cone, slips),
+        "a free node is sheared": (np.abs(Q), e_t, body.carried & loose),
+        "a held freedom moves": (np.abs(u), 0.0, body.held),
+        "p is not P over weight": (p_off, 4 * EPS * np.abs(P), law),
+        "q is not Q over weight": (q_off, 4 * EPS * np.abs(Q), law),
+        "a state is none of the four": (np.abs(state - 2.5), 1.5, True),
+    }.items():
+        run.check(lambda j: leg.place(table.s[rows[j]]), what, over)
 
 
 def _check_energy(run: Replay, leg: Leg, totals: Totals, u_start: Array, u: Array) -> None:
