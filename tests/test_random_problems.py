@@ -30,8 +30,6 @@ AWAITED: dict[str, Fault] = {
     "no stiffness left": lambda p, o: "ZeroDivisionError" in o.said,
     "order of events at a jump": lambda p, o: p.solver.on_jump == "static" and "event" in o.reason,
     "no first equilibrium": lambda p, o: "no equilibrium was found" in o.reason,
-    "jumps without end": lambda p, o: o.reason.endswith("jumped"),
-    "lost accuracy": lambda p, o: o.reason.endswith("lost accuracy"),
 }
 """Known faults of the solvers; a line goes with its cure."""
 
