@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import errno
 import logging
 import signal
 import sys
@@ -27,6 +28,8 @@ RANK_WAIT_SECONDS = 10.0
 """How long a failing rank waits for the others to fail too before it ends the whole job."""
 LAUNCHER_SECONDS = 0.5
 """A rank's pause before it ends the job: MPICH's launcher drops what it has not passed on yet."""
+UNUSABLE = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ELOOP)
+"""What the system says of paths that the user has to change."""
 INTERRUPTED = 130
 """Exit code after Ctrl-C, by the shell's convention 128 + SIGINT."""
 
@@ -66,6 +69,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             sys.stdout = None
             where = error.filename or "what is printed"
             return _fail(comm, f"error: {where}: cannot be written ({error.strerror})", 1)
+        if isinstance(error, OSError) and error.errno in UNUSABLE:
+            return _fail(comm, f"error: {error.filename}: cannot be used ({error.strerror})", 2)
         traceback.print_exc()
         text = f"internal error: {type(error).__name__}: {error}; please report the lines above"
         return _fail(comm, text, 1)

@@ -72,7 +72,12 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
 
 
 def _check_felt(system: ContactSystem) -> None:
-    """Refuse a load of which nothing reaches the contact."""
+    """Refuse a contact that supports hold wholly, and a load of which nothing reaches it."""
+    if system.held[system.n :].all():
+        raise InputError(
+            "[[support]]: holds every node of the contact, so nothing can touch or part; hold "
+            "another edge, or drop the support"
+        )
     for name, reactions in zip(system.load_names, system.r_star, strict=True):
         if not reactions.any():
             raise InputError(

@@ -23,6 +23,10 @@ MOST_CONTACT_ELEMENTS = 20000
 """The condensed stiffness of more would fill tens of gigabytes."""
 LEAST_HOLE = 1e-6
 """Radius of a ring's hole, over its width, up to which the ring reaches the axis."""
+SLENDEREST = 1e5
+"""Largest depth of a rectangle below its contact edge, over the length of that edge."""
+FARTHEST = 1e4
+"""Largest coordinate of a rectangle's position, over its smaller side: beyond, round-off shows."""
 MOST_CELLS = 1e8
 """Cells of a rectangle, about, that no machine meshes and factors."""
 THINNEST = 0.01
@@ -112,6 +116,11 @@ def _check_body(body: Body, label: str) -> None:
     check_choice(body.shape, ("rectangle",), f"{label} shape")
     check_positive(body.width, f"{label} width")
     check_positive(body.height, f"{label} height")
+    if max(map(abs, body.position)) > FARTHEST * min(body.width, body.height):
+        raise InputError(
+            f"{label} position: [{body.position[0]:g}, {body.position[1]:g}] is more than "
+            f"{FARTHEST:g} times the body's size from the origin; put it nearer"
+        )
 
 
 def _check_radii(scene: Scene, body: Body, label: str) -> None:
@@ -181,11 +190,16 @@ def check_elements(mesh: MeshOptions, body: Body, edge: str) -> None:
     flat = edge in HORIZONTAL
     depth, length = (body.height, body.width) if flat else (body.width, body.height)
     size = length / mesh.contact_elements
+    key = "height" if flat else "width"
     if depth < THINNEST * size:
-        key = "height" if flat else "width"
         raise InputError(
             f"[body] {key}: {depth:g} is less than {THINNEST:g} of an element of the contact edge "
             f"({size:.3g}); enlarge it, or mesh.contact_elements"
+        )
+    if depth > SLENDEREST * length:
+        raise InputError(
+            f"[body] {key}: {depth:g} is more than {SLENDEREST:g} times the contact edge's length; "
+            "shorten it, what lies so far away has no effect"
         )
     cells = count_cells(mesh, depth / length)
     if cells > MOST_CELLS:

@@ -29,6 +29,8 @@ def read_string(value: object, where: str) -> str:
     """Return the value if it is a string."""
     if not isinstance(value, str):
         raise InputError(f"{where}: must be a string in quotes, not {_shown(value)}")
+    if "\0" in value:
+        raise InputError(f"{where}: {_shown(value)} holds a NUL character; leave it out")
     return value
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import os
+import shutil
 import string
 import subprocess
 import sys
@@ -31,8 +32,8 @@ from receding_fenicsx.output import fields
 from receding_fenicsx.output.files import read_record
 from receding_fenicsx.output.report import write_report
 from receding_fenicsx.output.scales import load_symbol, peak, shown_name
-from receding_fenicsx.scene import Load, Support
-from receding_fenicsx.scene_file import read_scene, to_toml
+from receding_fenicsx.scene import Contact, Load, Support
+from receding_fenicsx.scene_file import from_toml, read_scene, to_toml
 
 comm = MPI.COMM_WORLD
 alone = pytest.mark.skipif(comm.size > 1, reason="one process is enough")
@@ -83,7 +84,16 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
         ("history.maximum=1e60", "[history] maximum: 1e+60 is beyond 1e+50"),
         ("body.position=[1e60, 0]", "[body] position: 1e+60 is beyond 1e+50"),
         ("body.height=1e-9", "[body] height: 1e-09 is less than 0.01 of an element"),
-        ("mesh.growth=1 ; body.height=1e9", "[mesh] growth: 1 would fill the body with about"),
+        ("body.height=1e40", "[body] height: 1e+40 is more than 100000 times the contact edge's"),
+        (
+            "body.position=[1e20, 0]",
+            "[body] position: [1e+20, 0] is more than 10000 times the body",
+        ),
+        ('body.mesh="a\\u0000b.msh"', '[body] mesh: "a\\u0000b.msh" holds a NUL character'),
+        (
+            "mesh.growth=1 ; body.height=3e5 ; mesh.contact_elements=100",
+            "[mesh] growth: 1 would fill the body with about",
+        ),
         ("output.samples_per_leg=2000000000", "samples_per_leg: must be at most 1000000, not 2000"),
         ("solver.steps_per_leg=2000000000", "[solver] steps_per_leg: must be at most 1000000"),
         ("history.cycles=1000000000000", "[history] cycles: must be at most 1000000000, not 1000"),
@@ -149,6 +159,15 @@ def test_force_on_held_nodes_only_is_refused_when_it_is_condensed(
         study.condense(scene)
 
 
+@pytest.mark.parametrize("fix", ["y", "xy"])
+def test_contact_that_supports_hold_wholly_is_refused(fix: str) -> None:
+    feet = (Contact(span=(-1.0, 1.0)),)
+    held = (Support(fix, edge="bottom"),)
+    scene = block(load=Load("p", "top", pressure=1.0), contacts=feet, supports=held)
+    with pytest.raises(InputError, match="holds every node of the contact"):
+        study.condense(scene)
+
+
 def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: Path) -> None:
     mark = b"\xef\xbb\xbf"
     text = SCENE + '[[contact]]\ninitial_gap = {file = "gap.csv"}\n'
@@ -175,6 +194,45 @@ def test_run_cannot_take_the_place_of_a_root(
     assert "/: is no place for a run" in refused(capsys, "run", path, "--out", "/")
     assert "is there already" in refused(capsys, "run", path, "--out", shared_tmp_path / "a/..")
     assert "is a folder" in refused(capsys, "condense", path, "--out", "/")
+    assert "(File name too long)" in refused(capsys, "run", path, "--out", 300 * "x")
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("scene.toml", b"\xff", "scene.toml: is damaged ('utf-8' codec"),
+        ("scene.toml", b"", "scene.toml: is damaged ([[load]]: the scene has none"),
+        ("journal.bin", bytes(500), "journal.bin: belongs to another system"),
+        ("journal.bin", None, "holds no run that can be resumed"),
+        ("system.h5", b"", "system.h5: is damaged"),
+        ("summary.json", b'{"turning_points": 3}', "summary.json: is no summary of a run"),
+    ],
+)
+@alone
+def test_damaged_run_is_not_resumed_and_leaves_nothing_beside_it(
+    name: str,
+    content: bytes | None,
+    words: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    finished: Path,
+) -> None:
+    shutil.copytree(finished, tmp_path / "run")
+    if content is None:
+        (tmp_path / "run" / name).unlink()
+    else:
+        (tmp_path / "run" / name).write_bytes(content)
+    more = ["--set", "history.cycles=9", "--resume", "--out", str(tmp_path / "run")]
+    assert words in refused(capsys, "run", write(tmp_path / "scene.toml", SCENE), *more)
+    assert sorted(os.listdir(tmp_path)) == ["run", "scene.toml"]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Folder of a finished run of 4 cycles."""
+    out = tmp_path_factory.mktemp("finished") / "run"
+    study.run(from_toml(SCENE, ["history.cycles=4"]), out, MPI.COMM_SELF, pictures=False)
+    return out
 
 
 # -- a .geo file that ends the program -----------------------------------------------------------

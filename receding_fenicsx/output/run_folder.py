@@ -86,6 +86,8 @@ def run_folder(
         with new_file(part / SCENE, overwrite=True) as beside:
             beside.write_text(to_toml(scene), encoding="utf-8")
     except OSError as error:
+        if earlier != part:
+            shutil.rmtree(part, ignore_errors=True)
         raise unwritable(path, error) from None
     try:
         yield part
@@ -94,7 +96,7 @@ def run_folder(
         except OSError as error:
             raise unwritable(path, error) from None
     except BaseException as error:
-        if not has_checkpoint(part / JOURNAL) and (
+        if not _has_news(part, earlier) and (
             isinstance(error, RecedingError) or not (part / SYSTEM).exists()
         ):
             shutil.rmtree(part, ignore_errors=True)
@@ -132,14 +134,27 @@ def is_finished(path: Path, scene: Scene) -> bool:
 
 def _earlier(path: Path) -> Path | None:
     """Return the folder of the run to be resumed: the interrupted one, or the finished one."""
-    for folder in (part_of(path), path):
-        if all((folder / name).is_file() for name in (SYSTEM, SCENE)):
+    for folder, names in ((part_of(path), ()), (path, (JOURNAL,))):
+        if all((folder / name).is_file() for name in (SYSTEM, SCENE, *names)):
             return folder
     return None
 
 
+def _has_news(part: Path, earlier: Path | None) -> bool:
+    """Return whether a folder holds a checkpoint that the run it goes on with did not have."""
+    journal = part / JOURNAL
+    if earlier is None or earlier == part:
+        return has_checkpoint(journal)
+    return journal.is_file() and journal.stat().st_size > (earlier / JOURNAL).stat().st_size
+
+
 def _scene_of(folder: Path) -> Scene:
-    return from_toml((folder / SCENE).read_text(encoding="utf-8"))
+    try:
+        return from_toml((folder / SCENE).read_text(encoding="utf-8"))
+    except (OSError, UnicodeDecodeError, InputError) as error:
+        raise InputError(
+            f"{folder / SCENE}: is damaged ({error}); start the run anew by --overwrite"
+        ) from None
 
 
 def _check_same(folder: Path, scene: Scene) -> None:

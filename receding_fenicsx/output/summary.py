@@ -146,7 +146,8 @@ def read_summary(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: no such file; give the folder of a finished run") from None
     except (OSError, ValueError):
         raise InputError(f"{path}: is damaged or no JSON file; run the scene again") from None
-    if not isinstance(summary, dict) or "turning_points" not in summary:
+    needed = {"title", "steady", "turning_points", "dissipation_per_cycle"}
+    if not isinstance(summary, dict) or not needed <= summary.keys():
         raise InputError(f"{path}: is no summary of a run; run the scene again")
     return summary
 
