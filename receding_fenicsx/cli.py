@@ -383,11 +383,11 @@ def _animate(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 def _contact_nodes(scene: Scene) -> int:
     """Count the contact nodes; meshes of the user's own and pairs are read and checked for it."""
     plain = len(scene.contacts) == 1 and scene.contacts[0].span is None
-    if plain and scene.body.mesh is None and not scene.others:
+    if plain and scene.body.mesh is None and not scene.others and not scene.axisymmetric:
         return scene.mesh.degree * scene.mesh.contact_elements + 1
-    from receding_fenicsx.bulk.meshing import contact_elements_of
+    from receding_fenicsx.bulk.meshing import contact_nodes_of
 
-    return sum(scene.mesh.degree * n + 1 for n in contact_elements_of(scene))
+    return sum(contact_nodes_of(scene))
 
 
 def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:

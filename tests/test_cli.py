@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import cli, environment
+from receding_fenicsx import cli, environment, read_scene, run
 from receding_fenicsx.output.files import read_system
 
 DEMOS = Path(__file__).parents[1] / "demos"
@@ -34,6 +34,31 @@ def our_lines(text: str) -> list[str]:
 
 
 # -- every command in this process, on all ranks -------------------------------------------------
+
+
+ROUND = ['material.kinematics="axisymmetric"', "load.p0.span=[0.0, 1.0]"]
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        [],
+        ["contact.span=[-1.0, 1.0]"],
+        ROUND,
+        [*ROUND, "mesh.degree=1"],
+        [*ROUND, "contact.span=[0.5, 1.5]"],
+    ],
+)
+def test_check_counts_the_contact_nodes_of_the_run(
+    changes: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    wanted = ["mesh.contact_elements=16", "history.cycles=1", *changes]
+    settings = [word for change in wanted for word in ("--set", change)]
+    assert cli.main(["check", BLOCK, *settings]) == 0
+    said = capsys.readouterr().out
+    record = run(read_scene(BLOCK, wanted))
+    if record is not None:
+        assert f"; {len(record.x)} contact nodes," in said
 
 
 def test_check_tells_what_would_be_modelled(capsys: pytest.CaptureFixture[str]) -> None:

@@ -3,6 +3,7 @@ import dataclasses
 import errno
 import json
 import os
+import re
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,8 @@ from receding_fenicsx.output.files import (
     write_system,
 )
 from receding_fenicsx.output.record import Record
+from receding_fenicsx.output.report import report_html
+from receding_fenicsx.output.scales import describe_factors
 from receding_fenicsx.output.series import slip_lines
 from receding_fenicsx.output.summary import read_summary, summarise, write_summary
 from receding_fenicsx.output.table import run_table
@@ -434,6 +437,26 @@ def test_damaged_summaries_are_refused(tmp_path: Path) -> None:
         path.write_text(text)
         with pytest.raises(InputError, match=r"summary\.json: is"):
             read_summary(path)
+
+
+def test_no_number_that_rounds_to_zero_has_a_sign(record: Record) -> None:
+    summary = copy.deepcopy(summarise(record))
+    for point in summary["turning_points"]:
+        point["load"] = {"p0": -0.0}
+        point["contact_half_width"] = point["q_max"] = -1e-9
+        point["zones"] = [["stick", -1e-9, -0.0], ["separation", -0.0, 2.0]]
+        point["q_min"] = point["p_max"] = -1e-9
+        point["stick_half_width_estimate"] = {
+            "value": -1e-9, "interval": [-0.0, 1e-9], "fitted": True
+        }  # fmt: skip
+    summary["limit_without_slip"] = [[-0.0, 1.0]]
+    minus_zero = r"-0(\.0*)?(?![.\de])"
+    assert re.search(minus_zero, "to -0.0000 (") and not re.search(minus_zero, "-0.5 -0e-5")
+    for text in (run_table(summary), report_html(summary)):
+        assert "separation to 2.0" in text
+        assert not re.search(minus_zero, re.sub(r"<style>.*?</style>", "", text, flags=re.S))
+    factors = describe_factors(("p0", "torque"), np.array([-0.0, -0.0]))
+    assert not re.search(minus_zero, factors)
 
 
 @pytest.mark.parametrize(("metre", "pascal"), [(1e-3, 1e8), (1e-2, 1e-7), (1e3, 1e-3)])

@@ -15,7 +15,7 @@ from PIL import Image
 
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
-from receding_fenicsx.output.report import report_html, write_report
+from receding_fenicsx.output.report import CAPTIONS, report_html, write_report
 from receding_fenicsx.output.summary import read_summary, summarise, write_summary
 from receding_fenicsx.output.table import extremes_of
 from receding_fenicsx.scene import Load, Scene
@@ -78,6 +78,12 @@ def run(cycles: int = 22) -> tuple:
     record = evolve(system, History(("p0",), np.array([[0.0], [1.0]]), loop, cycles))
     record.scene_toml = to_toml(SCENE)
     return record, summarise(record, COSTS)
+
+
+def test_captions_claim_no_load_that_other_histories_do_not_have() -> None:
+    captions = dict(CAPTIONS)
+    for name in ("fig04", "fig05", "fig06"):
+        assert not re.search(r"third|\d|maximum|the end of", captions[name]), captions[name]
 
 
 PICTURES = {

@@ -20,7 +20,7 @@ from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.arcs import Arcs
 from receding_fenicsx.bulk.gmsh_model import geo_path, gmsh_model
 from receding_fenicsx.bulk.interfaces import Interface, find_interfaces
-from receding_fenicsx.bulk.raw_mesh import Line, RawMesh, from_axis, line_of
+from receding_fenicsx.bulk.raw_mesh import STRAIGHT_TOLERANCE, Line, RawMesh, from_axis, line_of
 from receding_fenicsx.bulk.rectangle import (
     EDGE_NAMES,
     Frame,
@@ -92,15 +92,24 @@ def make_mesh(comm: MPI.Comm, scene: Scene, half: bool) -> BodyMesh:
     return mesh
 
 
-def contact_elements_of(scene: Scene) -> list[int]:
-    """Return the number of elements on each contact edge of the whole scene; no communication.
+def contact_nodes_of(scene: Scene) -> list[int]:
+    """Return the number of nodes on each contact edge of the whole scene; no communication.
+
+    At order 2 a node on the axis of revolution has no weight, and is none of the contact.
 
     Raises:
         InputError: a mesh that cannot serve the scene.
     """
     half = scene.axisymmetric
     meshes = [_raw(part_of(scene, body), half) for body in scene.bodies]
-    return [len(interface.facets) for interface in find_interfaces(scene, meshes, False)]
+    degree, counts = scene.mesh.degree, []
+    for contact, found in zip(scene.contacts, find_interfaces(scene, meshes, False), strict=True):
+        body, edge = scene.find_edge(contact.edge)
+        mesh = meshes[scene.bodies.index(body)]
+        x = mesh.points[mesh.edges[edge][found.facets], 0]
+        on_axis = scene.axisymmetric and bool(x.min() <= STRAIGHT_TOLERANCE * x.max())
+        counts.append(degree * len(found.facets) + 1 - int(on_axis and degree == 2))
+    return counts
 
 
 def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...]:

@@ -38,7 +38,7 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
         figure = style.new_figure(style.COLUMN, 3.6)
         axes = figure.subplots()
         for line, colour in zip(lines, style.SERIES_COLOURS, strict=False):
-            label = f"{scales.x_label} $= {line.x:.2f}$:  $N^{{{line.fit.exponent:.2f}}}$"
+            label = f"{scales.x_label} $= {line.x:z.2f}$:  $N^{{{line.fit.exponent:.2f}}}$"
             axes.loglog(line.N, line.slip, "o", color=colour, ms=2.4, label=label)
             axes.loglog(fitted, line.at(fitted), color=colour, lw=0.8)
         if scales.paper:

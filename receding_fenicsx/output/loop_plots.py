@@ -133,7 +133,7 @@ def trajectories(
             if np.any([path.w[:, i] > -record.g0[i] for path in paths][-1]):
                 below.axhline(-float(record.g0[i]) / length, **style.GUIDE)
             x = float(record.x[i]) if abs(record.x[i]) > ROUND_OFF * reach else 0.0
-            where = f"{scales.x_label[:-1]} = {x / scales.length:.3g}$"
+            where = f"{scales.x_label[:-1]} = {x / scales.length:z.3g}$"
             above.set_title(style.panel_title(n, columns, where))
             below.set_ylim(*lifted)
             left, right = below.get_xlim()

@@ -31,9 +31,9 @@ FIRST_CYCLES = 20
 """Cycles whose numbers stand in the table before the last one's."""
 
 CAPTIONS = (
-    ("fig04", "Tractions, friction cone and states at the end of first loading."),
+    ("fig04", "Tractions, friction cone and states at the largest load of the first loading."),
     ("fig05", "Zones of stick, slip and separation along the first unloading."),
-    ("fig06", "Tractions on the first unloading, where about a third of the load is left."),
+    ("fig06", "Tractions on the first unloading; at what load stands above the states."),
     ("fig07", "Zones along the ninth cycle."),
     ("fig08", "Slip gained in each cycle at some nodes, and its power of N."),
     (
@@ -208,7 +208,7 @@ def _turning_points(summary: Mapping[str, Any]) -> str:
     for p in points:
         if p["cycle"] not in (0, 1, last):
             continue
-        load = ", ".join(f"{name} = {value:.6g}" for name, value in p["load"].items())
+        load = ", ".join(f"{name} = {value:z.6g}" for name, value in p["load"].items())
         half = [p["contact_half_width"], p["stick_half_width"]]
         below = [fitted(p.get(f"{k}_half_width_estimate"), form) for k in ("contact", "stick")]
         widths = [part for pair in zip(half, below, strict=True) for part in pair]
@@ -230,7 +230,7 @@ def _cycles(summary: Mapping[str, Any]) -> str:
         "summary.json holds all cycles.</p>"
     )
     head = ["cycle N", "dissipation D", "over cycle 1", "largest slip gained"]
-    return first + _table(head, rows, "{:.8g}")
+    return first + _table(head, rows, "{:z.8g}")
 
 
 def _trust(summary: Mapping[str, Any]) -> str:
@@ -265,7 +265,7 @@ def _trust(summary: Mapping[str, Any]) -> str:
         )
     if summary.get("limit_without_slip"):
         ranges = ", ".join(
-            " on ".join([f"{a:.4g} to {b:.4g}", *edge])
+            " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
             for a, b, *edge in summary["limit_without_slip"]
         )
         rows.append(["friction limit reached without slip in the last cycle, x from", ranges])
@@ -333,7 +333,7 @@ def _section(title: str, content: str) -> list[str]:
     return [f"<h2>{title}</h2>", content] if content else []
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[Any]], form: str = "{:.5g}") -> str:
+def _table(head: Sequence[str], rows: Iterable[Sequence[Any]], form: str = "{:z.5g}") -> str:
     lines = []
     for row in rows:
         cells = []
@@ -350,7 +350,7 @@ def _rows(head: Sequence[str], lines: Sequence[str]) -> str:
     return f'<div class="wide"><table>{top}<tbody>{"".join(lines)}</tbody></table></div>'
 
 
-def _value(value: object, form: str = "{:.5g}") -> str:
+def _value(value: object, form: str = "{:z.5g}") -> str:
     if value is None:
         return "\u2013"
     return form.format(value) if isinstance(value, float) else str(value)

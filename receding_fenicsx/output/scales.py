@@ -213,7 +213,7 @@ def describe_factors(names: tuple[str, ...], parts: Array) -> str:
     """Say which part of its largest value each load has."""
     symbols = [load_symbol(name) for name in names]
     return ", ".join(
-        f"{shown_name(name)} at ${part:.3g}$ of its largest"
+        f"{shown_name(name)} at ${part:z.3g}$ of its largest"
         if is_word(name)
         else f"${symbol} = {number(float(part))}{peak(symbol) if part else ''}$"
         for name, symbol, part in zip(names, symbols, parts, strict=True)
@@ -226,9 +226,10 @@ def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
     if len(record.load_names) == 1:
         return text
     begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
+    names = [shown_name(n) if is_word(n) else f"${load_symbol(n)}$" for n in record.load_names]
     moves = [
-        f"{shown_name(name) if is_word(name) else f'${load_symbol(name)}$'} ${a:.3g}$ to ${b:.3g}$"
-        for name, a, b in zip(record.load_names, begin, end, strict=True)
+        f"{name} ${a:z.3g}$ to ${b:z.3g}$"
+        for name, a, b in zip(names, begin, end, strict=True)
         if a != b
     ]
     return f"{text}: " + ", ".join(moves)

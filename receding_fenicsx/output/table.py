@@ -42,7 +42,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
         [
             *([p["edge"]] if edges else []),
             str(p["cycle"]),
-            " ".join(f"{name}={value:.4g}" for name, value in p["load"].items()),
+            " ".join(f"{name}={value:z.4g}" for name, value in p["load"].items()),
             shown(p["contact_half_width"], length),
             fitted(p.get("contact_half_width_estimate"), length),
             shown(p["stick_half_width"], length),
@@ -83,7 +83,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
         lines.append(f"space errors are not known: {summary['errors_failure']}")
     if summary.get("limit_without_slip"):
         ranges = ", ".join(
-            " on ".join([f"{a:.4g} to {b:.4g}", *edge])
+            " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
             for a, b, *edge in summary["limit_without_slip"]
         )
         lines.append(f"friction limit reached without slip in the last cycle: x from {ranges}")
@@ -142,7 +142,7 @@ def shown(value: float | None, form: str) -> str:
     return "-" if value is None else f"{value:{form}}"
 
 
-def fitted(estimate: Mapping[str, Any] | None, form: str = ".4f") -> str:
+def fitted(estimate: Mapping[str, Any] | None, form: str = "z.4f") -> str:
     """A half width below node spacing with its interval; a dash where nothing was fitted."""
     if estimate is None or not estimate["fitted"]:
         return "-"
@@ -164,16 +164,19 @@ def length_format(summary: Mapping[str, Any]) -> str:
 
 
 def _format(values: Sequence[float]) -> str:
-    """Return the format with which the largest of some values shows five figures or so."""
+    """Return the format with which the largest of some values shows five figures or so.
+
+    What rounds to zero has no sign.
+    """
     largest = max((abs(value) for value in values), default=0.0)
     if largest == 0.0 or 0.1 <= largest < 100.0:
-        return ".4f"
+        return "z.4f"
     places = 4 - math.floor(math.log10(largest))
-    return f".{places}f" if 0 <= places <= 8 else ".4e"
+    return f"z.{places}f" if 0 <= places <= 8 else "z.4e"
 
 
 def _value(value: object) -> str:
-    return f"{value:.4g}" if isinstance(value, float) else str(value)
+    return f"{value:z.4g}" if isinstance(value, float) else str(value)
 
 
 def _columns(rows: list[list[str]]) -> list[str]:
