@@ -17,10 +17,16 @@ from receding_fenicsx.interface.contact import Array, ContactState, ContactSyste
 from receding_fenicsx.interface.frozen import Reduction, reduce, widen
 from receding_fenicsx.interface.limits import Limit, furthest
 from receding_fenicsx.interface.rates import BACKWARD, FORWARD, SEPARATION, SingularExchange
-from receding_fenicsx.interface.residual import largest_force, local_stiffness, relative_residual
+from receding_fenicsx.interface.residual import (
+    largest_force,
+    local_stiffness,
+    reachable,
+    relative_residual,
+)
 from receding_fenicsx.interface.resting import at_rest
 from receding_fenicsx.interface.segments import Segments
 from receding_fenicsx.interface.static import solve_static
+from receding_fenicsx.interface.sums import EVENT_RESIDUAL
 from receding_fenicsx.interface.walk import Walk
 
 APEX = 1e-9
@@ -200,11 +206,9 @@ class EventPath:
             rest = self.trace_leg(end, (load, b), before.force_scale, samples)
         finally:
             self.jumps -= 1
+        before.events += changes(s, before.end.state, end.state)
         leg = joined(before, rest, s)
         leg.work += work
-        old, new = before.end.state, end.state
-        leg.events += changes(s, old, new)
-        leg.events.sort(key=lambda event: event[0])
         leg.jumps = [(walk.s, released), *leg.jumps]
         self._remember(b - a, leg)
         return leg
@@ -251,7 +255,9 @@ class EventPath:
             finished = reduction.finish(walk, leg, ends)
             if isinstance(finished, Leg):
                 self._remember(ends[1] - ends[0], finished)
-                return finished
+                scale = finished.force_scale
+                accepted = max(EVENT_RESIDUAL, reachable(self.system, finished.end.u, scale))
+                return finished if finished.residual <= accepted else None
             for changed in self.changed.values():
                 changed[finished] = True
             self.reduction = None

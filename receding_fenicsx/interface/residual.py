@@ -37,7 +37,7 @@ ROUND_OFFS = 32.0
 incompressible bodies."""
 
 
-REACHABLE_AT_MOST = 1e-9
+REACHABLE_AT_MOST = 1e-6
 """Residual above which no round-off excuses it: that of a body which has moved far without limit,
 tipping over, would let pass anything."""
 

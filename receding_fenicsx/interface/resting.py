@@ -13,6 +13,7 @@ from __future__ import annotations
 
 import numpy as np
 import scipy.optimize
+from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, State
 from receding_fenicsx.interface.segments import RIGID_TOLERANCE
@@ -84,3 +85,33 @@ def _lowest(cost: Array, normal: Array, room: Array) -> Array | None:
     on = room + normal @ middle <= CLOSED
     # the vertex once more, without the tolerance of the program
     return middle - np.linalg.lstsq(normal[on], room[on] + normal[on] @ middle, rcond=None)[0]
+
+
+def middle(motions: Array, gap: Array, open_: NDArray[np.bool_]) -> Array | None:
+    """Return the turn about the node on which a body balances that lays it in the middle.
+
+    It is in the middle where it can turn equally far either way until a node touches.
+
+    Args:
+        motions: (2N, k) rigid motions that leave the contact closed.
+        gap: (N,) gaps.
+        open_: (N,) nodes that do not touch.
+
+    Returns:
+        (2N,) displacement; None where there is not just one such turn, or no node on one side.
+    """
+    n = len(gap)
+    size, right = np.linalg.svd(motions[n:], full_matrices=False)[1:]
+    turns = motions @ right[size > RIGID_TOLERANCE].T
+    if turns.shape[1] != 1:
+        return None
+    turn = turns[:, 0]
+    rise, room = turn[n:][open_], np.maximum(gap[open_], 0.0)
+    up, down = rise > RIGID_TOLERANCE, rise < -RIGID_TOLERANCE
+    ends = [
+        -float((room[up] / rise[up]).min(initial=np.inf)),
+        float((room[down] / -rise[down]).min(initial=np.inf)),
+    ]
+    if not np.all(np.isfinite(ends)):
+        return None
+    return 0.5 * (ends[0] + ends[1]) * turn

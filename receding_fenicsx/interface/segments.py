@@ -115,7 +115,8 @@ class Segments:
         self.smooth = normal & ~self.frictional
         force = 1.0 / np.maximum(1.0, system.f)
         stiffness = np.concatenate(local_stiffness(system))
-        stiffness[stiffness == 0.0] = stiffness.max()  # freedoms eliminated in the 2N form
+        # freedoms eliminated in the 2N form; a body that nothing but its only contact node holds
+        stiffness[stiffness <= 0.0] = stiffness.max() or 1.0
         self.weight = np.concatenate([stiffness, force, force])
         slack = np.where(self.frictional, np.minimum(1.0, system.f / SLIGHT), 1.0)
         self.limit = LIMIT_TOLERANCE / self.weight
@@ -158,14 +159,14 @@ class Segments:
         """
         key = state.tobytes()
         if self._last_pinned is None or self._last_pinned[0] != key:
-            motion = self._neutral(state)
+            motion = self.neutral(state)
             if motion.shape[1] == 0:
                 raise SingularExchange
             K = self.system.K + np.diagonal(self.system.K).max() * motion @ motion.T
             self._last_pinned = key, motion, Tableau(replace(self.system, K=K), state)
         return self._last_pinned[2]
 
-    def _neutral(self, state: States) -> Array:
+    def neutral(self, state: States) -> Array:
         """Return (2N, k) orthonormal rigid motions that nothing resists in the given states."""
         n, rigid = self.system.n, self.system.rigid
         contact = state != SEPARATION

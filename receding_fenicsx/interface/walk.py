@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.contact import Array, ContactState, Leg, reactions
-from receding_fenicsx.interface.contact_lcp import is_exhaustible, solve_states
+from receding_fenicsx.interface.contact_lcp import Undecided, is_exhaustible, solve_states
 from receding_fenicsx.interface.ending import explain
 from receding_fenicsx.interface.rates import (
     BACKWARD,
@@ -19,7 +19,8 @@ from receding_fenicsx.interface.rates import (
     SingularExchange,
     V,
 )
-from receding_fenicsx.interface.residual import residual_at_rest
+from receding_fenicsx.interface.residual import REACHABLE_AT_MOST, ROUND_OFFS, residual_at_rest
+from receding_fenicsx.interface.resting import middle
 from receding_fenicsx.interface.segments import Segment, Segments, States
 from receding_fenicsx.interface.sums import EVENT_RESIDUAL, Sums, Watch
 
@@ -290,10 +291,29 @@ class Walk:
 
     def _finite(self, before: States) -> Segment:
         """Decide the nodes on limits by linear complementarity, or say why that cannot be."""
-        segments, system, n = self.segments, self.system, self.system.n
-        undecided = segments.undecided(self.y, before, self.sums.force_scale)
         if self.s >= self.equilibrium_ends - CLOSE_EVENTS:
-            raise self._explain(before, undecided.nodes)
+            raise self._explain(before, self._undecided(before).nodes)
+        segment, exhausted = self._pivoted(before)
+        if segment is None and self._roll(before):
+            self.state[:] = before
+            segment = self.segments.at(self.state, self.direction)
+            if len(self._violations(segment)):
+                segment, exhausted = self._pivoted(before)
+        if segment is None:
+            raise self._explain(before, self._undecided(before).nodes, exhausted)
+        return segment
+
+    def _undecided(self, before: States) -> Undecided:
+        """Return the nodes that sit on a limit."""
+        return self.segments.undecided(self.y, before, self.sums.force_scale)
+
+    def _pivoted(self, before: States) -> tuple[Segment | None, bool]:
+        """Return the segment that linear complementarity finds, None where it finds none.
+
+        The second value tells whether all sets of states were tried.
+        """
+        segments, system, n = self.segments, self.system, self.system.n
+        undecided = self._undecided(before)
         free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
         decided_open = (before == SEPARATION) & ~np.isin(np.arange(n), undecided.nodes)
         open_n = np.flatnonzero(decided_open & ~system.held[n:])
@@ -302,16 +322,36 @@ class Walk:
         try:
             found = solve_states(system, self.direction @ system.r_star, undecided, free)
         except np.linalg.LinAlgError:
-            found = None
-        if found is not None:
-            self.state[:] = np.where(found > 0, found, before)
-            try:
-                segment = segments.at(self.state, self.direction)
-                if len(self._violations(segment)) == 0:
-                    return segment
-            except SingularExchange:
-                pass
-        raise self._explain(before, undecided.nodes, is_exhaustible(undecided))
+            return None, False
+        if found is None:
+            return None, is_exhaustible(undecided)
+        self.state[:] = np.where(found > 0, found, before)
+        try:
+            segment = segments.at(self.state, self.direction)
+        except SingularExchange:
+            return None, False
+        return (None if len(self._violations(segment)) else segment), False
+
+    def _roll(self, before: States) -> bool:
+        """Roll a body that balances on its contact away from the nodes that it is about to touch.
+
+        Which way it leans nothing says: it is laid in the middle, where nodes on both sides are
+        equally far.
+
+        Returns:
+            Whether there is such a rolling.
+        """
+        n = self.system.n
+        motion = self.segments.neutral(np.where(before == SEPARATION, before, STICK))
+        open_ = (before == SEPARATION) & ~self.system.held[n:]
+        rolled = middle(motion, self.y[n : 2 * n], open_)
+        if rolled is None:
+            return False
+        self.sums.add_up()
+        self.y[: 2 * n] += rolled
+        self.y[n : 2 * n][~open_] = 0.0
+        self.sums.go_on_from(self.s, self.y, before)
+        return True
 
     def _explain(
         self, before: States, nodes: NDArray[np.intp], exhausted: bool = False
@@ -345,7 +385,8 @@ class Walk:
         # of a part of a contact, the whole is looked at
         last = residual_at_rest(system, end, sums.force_scale) if sums.watch is None else 0.0
         leg.residual = max(sums.residual, last)
-        if sums.excess > 0.0 or last > sums.accepted(end.u):
+        lost = last > sums.accepted(end.u) and last > self._uncertainty(leg.end, end)
+        if sums.excess > 0.0 or lost:
             raise SolveError(
                 f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: "
                 f"residual {leg.residual:.1e} over {EVENT_RESIDUAL:.0e}; use method gauss-seidel"
@@ -356,6 +397,18 @@ class Walk:
         leg.dissipation, leg.work = sums.dissipation, float(sums.work.sum())
         leg.end, leg.force_scale = end, sums.force_scale
         return leg
+
+    def _uncertainty(self, *states: ContactState) -> float:
+        """Return the residual that round-off may leave in gaps and slips, over the force scale.
+
+        Displacements are uncertain by what one more correction would change: in a nearly singular
+        body by far more than the forces are. Stuck nodes keep that of the leg's start.
+        """
+        n, largest = self.system.n, 0.0
+        for state in states:
+            change = self.segments.tableau(state.state).correction(state.r)[: 2 * n]
+            largest = max(largest, float(np.abs(change * self.segments.weight[: 2 * n]).max()))
+        return min(ROUND_OFFS * largest / self.sums.force_scale, REACHABLE_AT_MOST)
 
     def stop_here(self) -> Leg:
         """Return what was followed up to the place where no way on was found.
