@@ -1,10 +1,10 @@
 """Hard cases: what is expected, what came out, and how well it satisfies the laws.
 
-You will see one row a case: what was expected (written down in ``tests/hard_block.py`` and
-``tests/hard_bodies.py`` before any run), the outcome, the largest violation of the contact law and
-of the energy identity found by code that shares nothing with the solvers, the CPU time, and what
-was said. Only lift-off, overturning, gross sliding, a pulling load, jumps that an enumeration of
-all states confirms, and load ranges lost in round-off may be refused.
+You will see one row a case: what was expected (written down in ``tests/hard_block.py``,
+``hard_bodies.py`` and ``hard_trials.py`` before any run), the outcome, the largest violation of the
+contact law and of the energy identity found by code that shares nothing with the solvers, the CPU
+time, and what was said. Only lift-off, overturning, gross sliding, a pulling load, jumps that an
+enumeration of all states confirms, and load ranges lost in round-off may be refused.
 """
 
 import argparse
@@ -20,6 +20,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 from hard import Case, Outcome, judge
 from hard_block import CASES as BLOCK_CASES
 from hard_bodies import CASES as BODY_CASES
+from hard_trials import CASES as TRIAL_CASES
 
 from receding_fenicsx.errors import on_root
 
@@ -42,7 +43,7 @@ def row(case: Case, found: Outcome) -> list[str]:
 def play(folder: Path, fast: bool, only: str) -> None:
     """Play the cases, print and write the table."""
     rows, unexpected = [], []
-    for case in (*BLOCK_CASES, *BODY_CASES):
+    for case in (*BLOCK_CASES, *BODY_CASES, *TRIAL_CASES):
         if (fast and not case.fast) or only not in case.name:
             continue
         found = judge(case)

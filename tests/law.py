@@ -27,14 +27,15 @@ def worst_violation(system: ContactSystem, record: Record) -> float:
         Q, P, gap = s.Q[j], s.P[j], s.w[j] + system.g0
         equilibrium = np.concatenate([r[:n] - Q, r[n:] - P])
         equilibrium[system.held] = 0.0
-        k_n = np.diagonal(K)[n:]
+        k_n, touches = np.diagonal(K)[n:], ~system.held[n:]
         laws = [
             np.abs(equilibrium).max(),  # eq. (11)
-            np.maximum(-P, 0.0).max(),  # compression only
-            np.maximum(-gap * k_n, 0.0).max(),  # no penetration
-            np.minimum(np.abs(P), np.abs(gap) * k_n).max(),  # one of them vanishes
+            np.maximum(-P, 0.0)[touches].max(initial=0.0),  # compression only
+            np.maximum(-gap * k_n, 0.0)[touches].max(initial=0.0),  # no penetration
+            # one of them vanishes
+            np.minimum(np.abs(P), np.abs(gap) * k_n)[touches].max(initial=0.0),
         ]
-        free = ~system.held[:n]
+        free = ~system.held[:n] & touches
         laws.append(np.maximum(np.abs(Q) - f * np.abs(P), 0.0)[free].max(initial=0.0))
         slips = free & (f > 0)
         laws.append(np.abs(Q + f * P)[slips & (s.state[j] == 3)].max(initial=0.0))

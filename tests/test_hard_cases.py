@@ -20,6 +20,7 @@ from hard import (
 from hard_block import CASES as BLOCK_CASES
 from hard_block import body
 from hard_bodies import CASES as BODY_CASES
+from hard_trials import CASES as TRIAL_CASES
 from law import worst_slip, worst_violation
 from small import cyclic
 
@@ -30,20 +31,19 @@ from receding_fenicsx.interface.segments import Segment
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.scene import OutputOptions
 
+ALL_CASES = (*BLOCK_CASES, *BODY_CASES, *TRIAL_CASES)
 
-@pytest.mark.parametrize(
-    "case", [pytest.param(c, id=c.name) for c in (*BLOCK_CASES, *BODY_CASES) if c.fast]
-)
+
+@pytest.mark.parametrize("case", [pytest.param(c, id=c.name) for c in ALL_CASES if c.fast])
 def test_hard_case_ends_as_expected(case: Case) -> None:
     found = judge(case)
     assert found.as_expected, f"{found.outcome}, expected {case.expected}: {found.said}"
 
 
 def test_only_what_has_no_equilibrium_or_no_continuation_may_be_refused() -> None:
-    cases = (*BLOCK_CASES, *BODY_CASES)
-    words = {word for case in cases for word in case.expected.split(" or ")}
+    words = {word for case in ALL_CASES for word in case.expected.split(" or ")}
     assert words == {SOLVED, SLIDES, LIFTS, TIPS, PULLS, HOVERS, JUMPS, UNRESOLVED}
-    assert len({case.name for case in cases}) == len(cases)
+    assert len({case.name for case in ALL_CASES}) == len(ALL_CASES)
 
 
 # -- the judge itself -----------------------------------------------------------------------------

@@ -21,7 +21,7 @@ from receding_fenicsx.interface.rates import (
 )
 from receding_fenicsx.interface.residual import REACHABLE_AT_MOST, ROUND_OFFS, residual_at_rest
 from receding_fenicsx.interface.resting import middle
-from receding_fenicsx.interface.segments import Segment, Segments, States
+from receding_fenicsx.interface.segments import EPSILON, Segment, Segments, States
 from receding_fenicsx.interface.sums import EVENT_RESIDUAL, Sums, Watch
 
 CLOSE_EVENTS = 1e-9
@@ -30,6 +30,15 @@ CLOSE_EVENTS = 1e-9
 END_EVENTS = 1e-13
 """Part of the leg before its end in which events are left to the next leg: round-off decides there
 whether a closed cycle comes back to where it reversed or just past it."""
+
+UNLOADING_EVENTS = 1e-9
+"""The same of a leg to no load at all, where all pressures have vanished within round-off."""
+
+INHERITED = 2.0
+"""Growth of the residual that a leg may add to that of its start."""
+
+UNCERTAIN_SIGNS = 8
+"""Sets of random signs of round-off by which its effect on the displacements is estimated."""
 
 STANDING_EVENTS = 20
 """Events per node within ``CLOSE_EVENTS`` of one place after which the path counts as stuck
@@ -111,7 +120,7 @@ class Walk:
             if first < CLOSE_EVENTS and not looked_at:
                 segment, looked_at = self._consistent(), True
                 continue
-            last = first >= s_end - self.s - END_EVENTS
+            last = first >= s_end - self.s - END_EVENTS or self._unloads(segment, first, s_end)
             ds = s_end - self.s if last else max(first, 0.0)
             if self.sample_at and self.sample_at[0] <= self.s + ds:
                 self._sample(segment, self.s + ds)
@@ -122,6 +131,14 @@ class Walk:
             if ds <= CLOSE_EVENTS:
                 self._watch_progress()
             segment, looked_at = self._event(int(segment.falling[k]), segment)
+
+    def _unloads(self, segment: Segment, ds: float, s_end: float) -> bool:
+        """Return whether nothing presses any more at an event, just before a leg ends unloaded."""
+        if np.any(self.b) or s_end - self.s - ds > UNLOADING_EVENTS:
+            return False
+        n = self.system.n
+        forces = self.y[2 * n :] + ds * segment.q[2 * n :]
+        return bool(np.all(forces <= self._on_limit[2 * n :]))
 
     def _advance(self, segment: Segment, ds: float) -> None:
         """Move on by ds."""
@@ -377,16 +394,16 @@ class Walk:
         leg, n, system, sums = self.leg, self.system.n, self.system, self.sums
         sums.add_up()
         if self._is_new() or self._imbalance() > IMBALANCE * sums.force_scale:
-            end = self._clear()
+            end, last = self._cleared_end()
         else:
             u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
             end = ContactState(u, reactions(system, self.load(self.s), u), self.state.copy())
-        sums.force_scale = max(sums.force_scale, float(np.abs(end.r).max(initial=0.0)))
-        # of a part of a contact, the whole is looked at
-        last = residual_at_rest(system, end, sums.force_scale) if sums.watch is None else 0.0
+            last = self._residual_of(end)
+            if last > sums.accepted(end.u):
+                end, last = self._cleared_end()
         leg.residual = max(sums.residual, last)
-        lost = last > sums.accepted(end.u) and last > self._uncertainty(leg.end, end)
-        if sums.excess > 0.0 or lost:
+        doubtful = sums.excess > 0.0 or last > sums.accepted(end.u)
+        if doubtful and leg.residual > self._uncertainty(leg.end, end):
             raise SolveError(
                 f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: "
                 f"residual {leg.residual:.1e} over {EVENT_RESIDUAL:.0e}; use method gauss-seidel"
@@ -398,17 +415,36 @@ class Walk:
         leg.end, leg.force_scale = end, sums.force_scale
         return leg
 
+    def _cleared_end(self) -> tuple[ContactState, float]:
+        """Clear the round-off of the walk; return the state and its residual."""
+        end = self._clear()
+        return end, self._residual_of(end)
+
+    def _residual_of(self, end: ContactState) -> float:
+        """Return the residual at one instant; of a part of a contact, the whole is looked at."""
+        scale = max(self.sums.force_scale, float(np.abs(end.r).max(initial=0.0)))
+        self.sums.force_scale = scale
+        return residual_at_rest(self.system, end, scale) if self.sums.watch is None else 0.0
+
     def _uncertainty(self, *states: ContactState) -> float:
         """Return the residual that round-off may leave in gaps and slips, over the force scale.
 
-        Displacements are uncertain by what one more correction would change: in a nearly singular
-        body by far more than the forces are. Stuck nodes keep that of the leg's start.
+        Displacements are uncertain by what round-off of the reactions does to them: in a nearly
+        singular body far more than the forces are. Stuck nodes keep what the leg began with.
+
+        Args:
+            states: at the leg's start and at its end.
         """
-        n, largest = self.system.n, 0.0
+        n, largest, K = self.system.n, 0.0, np.abs(self.system.K)
+        signs = np.random.default_rng(0).choice([-EPSILON, EPSILON], (UNCERTAIN_SIGNS, 2 * n))
         for state in states:
-            change = self.segments.tableau(state.state).correction(state.r)[: 2 * n]
-            largest = max(largest, float(np.abs(change * self.segments.weight[: 2 * n]).max()))
-        return min(ROUND_OFFS * largest / self.sums.force_scale, REACHABLE_AT_MOST)
+            tableau = self.segments.tableau(state.state)
+            for error in signs * (K @ np.abs(state.u)):
+                change = tableau.correction(error)[: 2 * n] * self.segments.weight[: 2 * n]
+                largest = max(largest, float(np.abs(change).max()))
+        scale = self.sums.force_scale
+        kept = INHERITED * residual_at_rest(self.system, states[0], scale)
+        return min(max(kept, ROUND_OFFS * largest / scale), REACHABLE_AT_MOST)
 
     def stop_here(self) -> Leg:
         """Return what was followed up to the place where no way on was found.
