@@ -2,6 +2,7 @@
 
 from itertools import pairwise
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -17,6 +18,7 @@ from PIL import Image
 from receding_fenicsx import read_scene, study
 from receding_fenicsx.errors import InputError, RecedingError, on_root
 from receding_fenicsx.output import animation, snapshot_layout, style
+from receding_fenicsx.output.snapshot_view import View
 from receding_fenicsx.pictures import animate
 
 BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
@@ -31,12 +33,32 @@ def film(folder: Path) -> list[Path] | None:
     return animate(folder, 1, frames=FRAMES, comm=COMM)
 
 
-def test_film_shows_all_frames_with_the_states_and_the_loads(shared_tmp_path: Path) -> None:
+def test_film_shows_all_frames_with_the_states_and_the_loads(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[tuple[View, snapshot_layout.Layout, snapshot_layout.Clock]] = []
+
+    def note(view: View, layout: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
+        drawn.append((view, layout, clock))
+        return snapshot_layout.compose(view, layout, pixels, colours, clock)
+
+    monkeypatch.setattr(animation, "compose", note)
     made = film(shared_tmp_path / "run")
     if COMM.rank != 0:
         assert made is None
         return
     assert made is not None
+    # the page stays as it is, with room for the tractions of all frames
+    assert len(drawn) == FRAMES and len({layout for _, layout, _ in drawn}) == 1
+    assert len({clock.tractions for *_, clock in drawn}) == 1
+    low, high = drawn[0][2].tractions
+    for view, _, clock in drawn:
+        curves = np.concatenate([view.p, view.q, view.f * view.p, -view.f * view.p])
+        assert low <= curves.min() and curves.max() <= high
+        # over the largest load, in all frames
+        assert view.pressure_symbol == r"p_{0}^{\,\mathrm{max}}"
+        assert view.p.max() < 1.2 * clock.now_load[0]
+    assert [clock.now_load[0] for *_, clock in drawn] == pytest.approx([1, 2 / 3, 1 / 3, 2 / 3, 1])
     mp4, gif = made
     assert [path.name for path in made] == ["cycle0001_max_shear.mp4", "cycle0001_max_shear.gif"]
     reader = imageio_ffmpeg.read_frames(str(mp4))

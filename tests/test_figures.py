@@ -484,6 +484,24 @@ def test_figures_are_those_that_the_record_holds_something_for() -> None:
     assert (exact.get_label(), stepped.get_label()) == ("exact events", "Gauss-Seidel")
 
 
+def test_first_figures_stand_at_the_largest_load_and_where_a_third_of_it_is_left() -> None:
+    system = models.block_system(20, 10)
+    path = np.array([[0.0], [0.4], [1.0], [0.0]])
+    found = evolve(system, History(("p0",), path, np.zeros((0, 1)), 0))
+    drawn = dict(figures.draw_all(found))
+
+    def part(name: str) -> float:
+        """Load of a figure of tractions over the largest, from its title."""
+        title = drawn[name].axes[0].get_title()
+        said = re.search(r"\$p_\{0\} = (.*?)(\\,)?p_\{0\}\^", title)
+        assert said is not None, title
+        return float(said[1] or 1.0)
+
+    assert part("fig04_tractions_first_loading") == 1.0
+    # samples are a fortieth of the leg apart
+    assert part("fig06_tractions_first_unloading") == 0.325
+
+
 def test_the_same_record_gives_the_same_files_of_the_width_asked_for(tmp_path: Path) -> None:
     """A file is written a second time over the first."""
     made = figures.plot_all(record("monotonic"), tmp_path)

@@ -389,6 +389,17 @@ def test_summary_of_half_and_whole_models_agree() -> None:
             np.testing.assert_allclose(a[key], b[key], rtol=1e-9)
 
 
+def test_pressure_on_the_axis_is_that_of_its_neighbours() -> None:
+    """Nodes that know nothing of each other under an even pressure; that of the axis is off."""
+    r = np.arange(7.0)
+    weight = np.where(r > 0.0, r, 0.1)
+    P = weight * np.where(r > 0.0, 3.0 - 0.05 * r**2, 1.0)
+    system = small_system(np.eye(14), {"a": [*np.zeros(7), *P]}, 0.3)
+    system = dataclasses.replace(system, x=r, weight=weight, axisymmetric=True)
+    (point,) = summarise(evolve(system, table(system, [0.0, 2.0])))["turning_points"]
+    assert point["p_axis"] == pytest.approx(2.0 * 3.0, rel=1e-12)
+
+
 def test_extremes_of_tractions_are_those_of_an_unsymmetric_contact() -> None:
     """Nodes that know nothing of each other and stick: P and Q are the held reactions."""
     weight, Q, P = np.array([0.5, 2.0, 4.0]), [0.1, -0.3, 0.2], [1.0, 2.0, 3.0]

@@ -14,11 +14,14 @@ from mpi4py import MPI
 import h5py
 import numpy as np
 import pytest
+from models import block_system
 
 from receding_fenicsx import cli, environment, study
 from receding_fenicsx.bulk import meshing
 from receding_fenicsx.output.files import read_record, read_system, write_system
 from receding_fenicsx.output.summary import read_summary
+from receding_fenicsx.reuse import with_profiles
+from receding_fenicsx.scene_file import read_scene
 
 BLOCK = str(Path(__file__).parents[1] / "demos" / "block.toml")
 SMALL = ["--set", "mesh.contact_elements=24", "--set", "history.cycles=2"]
@@ -210,3 +213,13 @@ def test_verbose_logs_stages_cycles_and_their_figures(
     # of the modelled half
     assert twice.count("node ") == np.sum(events.node >= 24)
     assert not logging.getLogger("receding_fenicsx").propagate
+
+
+def test_node_that_a_support_holds_normally_has_no_friction() -> None:
+    scene = read_scene(BLOCK, ["contact.friction=0.2 + 0.1*x**2"])
+    held = block_system(8, 4, half=False)
+    held.held[held.n + 3] = True
+    found = with_profiles(scene, held)
+    expected = 0.2 + 0.1 * held.x**2
+    expected[3] = 0.0
+    assert found.f == pytest.approx(expected, rel=1e-14)

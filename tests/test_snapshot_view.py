@@ -110,6 +110,21 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     assert np.array_equal(view.state, table.state[1])
 
 
+def test_arrows_end_on_the_deformed_edge_that_they_press() -> None:
+    made = seen(BLOCK)
+    if made is None:
+        return
+    view, *_ = made
+    top = np.flatnonzero(view.points[:, 1] == 1.0)
+    top = top[np.argsort(view.points[top, 0])]
+    # the load sinks into the edge by more than the arrows' room
+    assert np.ptp(view.moved[top, 1]) > 0.02
+    (load,) = view.arrows
+    edge = view.moved[top]
+    expected = np.interp(load.heads[:, 0], edge[:, 0], edge[:, 1]) + 0.02
+    assert load.heads[:, 1] == pytest.approx(expected, abs=1e-9)
+
+
 @pytest.mark.parametrize("symmetry", ["auto", "none"])
 def test_gaps_and_displacements_are_exaggerated_alike(symmetry: str) -> None:
     made = seen(replace(BLOCK, solver=SolverOptions(symmetry=symmetry)))

@@ -11,6 +11,7 @@ from receding_fenicsx import study
 from receding_fenicsx.condensing import is_small
 from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
 from receding_fenicsx.evolution import evolve
+from receding_fenicsx.long_run import duration
 from receding_fenicsx.output.files import read_record, read_system
 from receding_fenicsx.output.run_folder import is_finished
 from receding_fenicsx.output.summary import read_summary
@@ -171,6 +172,23 @@ def test_instants_are_found_by_the_names_of_legs(shared_tmp_path: Path) -> None:
         with pytest.raises(InputError, match="one jump"):
             instant_of(slipped, system, record, 0, "loading", 0.5)
     comm.Barrier()
+
+
+def test_only_loaded_turning_points_are_drawn() -> None:
+    scene = read_scene(DEMOS / "unloading.toml", ["mesh.contact_elements=16"])
+    system = study.condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    record = evolve(system, scene)
+    assert record.turning_points.load[:, 0].tolist() == [1.0, 0.0]
+    assert [instant.load.tolist() for instant in default_instants(scene, system, record)] == [[1.0]]
+
+
+@pytest.mark.parametrize(
+    ("seconds", "said"),
+    [(0.4, "0 s"), (99.4, "99 s"), (150.0, "2 min"), (5940.0, "99 min"), (9000.0, "2.5 h")],
+)
+def test_time_left_is_said_in_a_unit_that_suits_it(seconds: float, said: str) -> None:
+    assert duration(seconds) == said
 
 
 def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() -> None:

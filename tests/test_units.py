@@ -138,6 +138,12 @@ def test_tractions_are_over_the_pressure_that_acts(kinematics: str) -> None:
             x, y = curve(axes, n).T
             assert close(x, record.x * factor(axes.get_xlabel(), position))
             assert close(y, values * factor(label, symbol, part * LARGEST))
+        # the cone reaches from -f p to f p at every node
+        (cone,) = (np.asarray(c.get_paths()[0].vertices) for c in axes.collections)
+        limit = record.f * moment.p * factor(labels[0], "p", part * LARGEST)
+        for x, y in zip(record.x * factor(axes.get_xlabel(), position), limit, strict=True):
+            at = cone[np.abs(cone[:, 0] - x) < 1e-12, 1]
+            assert (at.min(), at.max()) == pytest.approx((-y, y), abs=1e-12)
 
 
 @pytest.mark.parametrize("kinematics", KINEMATICS)
