@@ -283,7 +283,7 @@ def _check_cycle(
         return
     stored = 0.5 * float((u - u_start) @ body.K @ (u + u_start))
     allowed = (ENERGY + ROUNDINGS * EPS * totals.condition) * (totals.moved + abs(stored))
-    allowed += ROUNDINGS * EPS * leg.force * largest
+    allowed += (LAW + ROUNDINGS * EPS) * leg.force * largest
     first = record.dissipation_first_loading
     D = record.cycles.dissipation[cycle - 1] if cycle else first
     errors = {"dissipation is off": D - float(totals.dissipation.sum())}
