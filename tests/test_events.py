@@ -7,8 +7,9 @@ from typing import Any
 import numpy as np
 import pytest
 from enumeration import confirmed
-from law import random_system, worst_slip, worst_violation
+from law import random_system, worst_violation
 from models import block_system
+from replay import objections
 from small import cyclic, small_system, table
 
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
@@ -366,7 +367,7 @@ def test_nodes_without_friction_stand_among_others() -> None:
     whole = block_system(24, 6, half=False)
     mixed = replace(whole, f=np.where(np.arange(25) % 4 == 0, 0.0, 0.4))
     record = evolve(mixed, cyclic(3), output=ALL)
-    assert worst_violation(mixed, record) <= 1e-10
+    assert objections(mixed, cyclic(3), record) == []
     smooth = mixed.f == 0.0
     assert np.abs(record.samples.Q[:, smooth]).max() <= 1e-12 * record.samples.P.max()
     assert set(np.unique(record.samples.state[:, smooth])) == {int(STICK), int(OPEN)}
@@ -436,7 +437,7 @@ def test_feet_that_slip_apart_may_drift_together_only() -> None:
     path = [[0.0], [1.0], [2.0], [0.8], [2.5]]
     record = evolve(system, table(system, path), output=ALL)
     points = record.turning_points
-    assert worst_violation(system, record) <= 1e-10 and record.residual_max <= 1e-11
+    assert objections(system, table(system, path), record) == []
     # where all of both feet slips outwards nothing resists a drift of the whole body
     drift = 0.5 * (points.v + points.v[:, ::-1])
     assert np.ptp(drift, axis=1).max() <= 1e-9 * np.abs(points.v).max()
@@ -529,14 +530,13 @@ def random_case(seed: int, margin: float, largest: int = 12) -> tuple[ContactSys
 
 def test_every_random_system_below_the_margin_has_an_exact_path() -> None:
     events = 0
-    for seed in range(150):
+    for seed in range(80):
         system, history = random_case(seed, 0.49)
         record = evolve(system, history, output=replace(ALL, samples_per_leg=8))
-        assert worst_violation(system, record) <= 1e-9, seed
-        assert worst_slip(system, record) <= 1e-9, seed
+        assert objections(system, history, record) == [], seed
         assert record.energy_error_max <= 1e-9, seed
         events += record.n_events
-    assert events > 3000
+    assert events > 1500
 
 
 def test_what_is_refused_above_the_margin_has_no_continuation() -> None:
@@ -550,7 +550,7 @@ def test_what_is_refused_above_the_margin_has_no_continuation() -> None:
             assert confirmed(system, history, error), (seed, str(error))
             refused += 1
         else:
-            assert worst_violation(system, record) <= 1e-9, seed
+            assert objections(system, history, record) == [], seed
             solved += 1
     assert refused >= 3 and solved >= 60
 
@@ -569,8 +569,7 @@ def test_nodes_of_small_friction_among_others_are_followed() -> None:
         except SolveError:
             refused += 1
         else:
-            assert worst_violation(block, record) <= 1e-10
-            assert worst_slip(block, record) <= 1e-10
+            assert objections(block, cyclic(1), record) == []
     assert refused <= 1
 
 
@@ -591,7 +590,7 @@ def test_a_jump_is_stepped_over_where_that_is_asked_for() -> None:
             evolve(system, history)
         record = evolve(system, history, SolverOptions(on_jump="static"), ALL)
         assert record.jumps >= 1, seed
-        assert worst_violation(system, record) <= 1e-9, seed
+        assert objections(system, history, record) == [], seed
         # friction and the loads' work are whole with what the jumps release, which is never gained
         assert record.released > 0.0 and record.energy_error_max <= 1e-10, seed
         jumped += record.jumps
