@@ -120,7 +120,8 @@ class Walk:
             if first < CLOSE_EVENTS and not looked_at:
                 segment, looked_at = self._consistent(), True
                 continue
-            last = first >= s_end - self.s - END_EVENTS or self._unloads(segment, first, s_end)
+            last = first >= s_end - self.s - END_EVENTS
+            last = last or self._unloads(segment, int(segment.falling[k]), first, s_end)
             ds = s_end - self.s if last else max(first, 0.0)
             if self.sample_at and self.sample_at[0] <= self.s + ds:
                 self._sample(segment, self.s + ds)
@@ -132,11 +133,11 @@ class Walk:
                 self._watch_progress()
             segment, looked_at = self._event(int(segment.falling[k]), segment)
 
-    def _unloads(self, segment: Segment, ds: float, s_end: float) -> bool:
-        """Return whether nothing presses any more at an event, just before a leg ends unloaded."""
-        if np.any(self.b) or s_end - self.s - ds > UNLOADING_EVENTS:
-            return False
+    def _unloads(self, segment: Segment, label: int, ds: float, s_end: float) -> bool:
+        """Return whether the last pressure vanishes at an event just before a leg ends unloaded."""
         n = self.system.n
+        if label < 2 * n or np.any(self.b) or s_end - self.s - ds > UNLOADING_EVENTS:
+            return False
         forces = self.y[2 * n :] + ds * segment.q[2 * n :]
         return bool(np.all(forces <= self._on_limit[2 * n :]))
 
