@@ -41,7 +41,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         argv: arguments; those of the process when left out.
 
     Returns:
-        The exit code. 1: a solver failed or something is missing, 2: bad input, 130: interrupted.
+        The exit code. 1: a solver failed, something is missing, or there is no room on the disk or
+        in memory; 2: bad input; 130: interrupted.
     """
     comm = _world()
     _catch_termination()
