@@ -159,6 +159,29 @@ def test_the_estimate_shows_that_linear_triangles_lock_near_incompressibility() 
     assert error(2) < 0.05
 
 
+def test_an_error_is_no_less_than_what_the_number_is_known_to_on_its_own_mesh() -> None:
+    scene = scene_of(32)
+    record = solve(scene)
+    # all meshes give the same numbers: nothing is known of their errors but the widths' intervals
+    found = estimate.space_errors(scene, record, lambda _: record)
+    end_of_loading = summarise(record)["turning_points"][0]
+    for name in ("contact_half_width", "stick_half_width"):
+        low, high = end_of_loading[f"{name}_estimate"]["interval"]
+        assert high > low
+        assert found[name]["error"] >= 0.5 * (high - low) * (1.0 - 1e-12)
+
+
+def test_centre_of_a_body_of_revolution_is_its_axis() -> None:
+    """A disc pressed in the middle: the pressure falls from the axis to nothing."""
+    axis = ['material.kinematics="axisymmetric"', "load.p0.span=[0.0, 1.0]", "mesh.degree=1"]
+    scene = scene_of(32, *axis)
+    record = solve(scene)
+    found = estimate.space_errors(scene, record, lambda _: record)["centre_pressure"]["value"]
+    first = record.turning_points
+    assert found == pytest.approx(first.p[0][record.x < 0.3].mean(), rel=0.1)
+    assert found > 1.3 * np.interp(0.5 * record.x[-1], record.x, first.p[0])
+
+
 # -- in a run -------------------------------------------------------------------------------------
 
 

@@ -15,6 +15,7 @@ import pytest
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.output.journal import JOURNAL
 from receding_fenicsx.output.run_folder import SYSTEM, is_finished, run_folder
+from receding_fenicsx.output.summary import write_summary
 from receding_fenicsx.scene import (
     Body,
     Contact,
@@ -102,8 +103,9 @@ def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_pat
     with run_folder(out, FULL) as folder:
         (folder / SYSTEM).write_text("a system")
         (folder / JOURNAL).write_bytes(bytes(100))
-        steady = '{"turning_points": [], "dissipation_per_cycle": [1, 1], "steady": '
-        (folder / "summary.json").write_text(steady + '{"reached": true}}')
+        steady = {"reached": True}
+        summary = {"title": "", "turning_points": [], "dissipation_per_cycle": [1.0, 1.0]}
+        write_summary(folder / "summary.json", {**summary, "steady": steady})
     for key, other in variants(FULL):
         seen.add(key)
         if key in FREE:
