@@ -384,4 +384,4 @@ def make_tracer(system: ContactSystem, solver: SolverOptions) -> GaussSeidelPath
         residual_tolerance=solver.residual_tolerance,
         max_sweeps=solver.max_sweeps,
     )
-    return GaussSeidelPath(system, options, solver.steps_per_leg)
+    return GaussSeidelPath(system, options, solver.steps_per_leg, solver.on_jump)

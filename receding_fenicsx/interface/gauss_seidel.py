@@ -53,6 +53,13 @@ but carry the body far away, from where sweeps take for ever."""
 CHECK_SWEEPS = 10
 """Sweeps between two evaluations of the residual when eq. (16) alone is not yet met."""
 
+SINGULAR = 4.0 * float(np.finfo(float).eps)
+"""Stiffness of a node in a state, over the terms that it is the difference of, that is none."""
+
+FORCE_ROUND_OFFS = 8.0
+"""Round-offs of the history's largest nodal force below which a force that changes in a sweep does
+not count: where the displacements themselves are round-off they never settle."""
+
 ROUND_OFF_REACH = 100.0
 """A residual this many times its tolerance is still accepted where round-off leaves no better
 one."""
@@ -123,11 +130,16 @@ def solve_step(
     """
     sweeper = _Sweeper(system, start, load, options, guess or start)
     stiffness = local_stiffness(system)
+    largest = largest_force(system, load, start.r, force_scale)
+    noise = FORCE_ROUND_OFFS * float(np.finfo(float).eps) * largest
+    still = noise / max(float(np.max(stiffness)), float(np.finfo(float).tiny))
     omega = options.over_relaxation
     settled = since_check = 0
     residual, worst, best = np.inf, 0, np.inf
     for sweep in range(1, options.max_sweeps + 1):
-        changed, change = sweeper.sweep(omega)
+        changed, moved = sweeper.sweep(omega)
+        span = float(np.abs(sweeper.u).max())
+        change = moved / span if moved > still and span > 0.0 else 0.0
         settled = 0 if changed else settled + 1
         since_check += 1
         if options.polish and settled >= SETTLE_SWEEPS:
@@ -191,6 +203,8 @@ def local_solution(
     for assumed in TRIED_AFTER[state]:
         if assumed == SEPARATION:
             det = k_t * k_n - c * c
+            if det <= SINGULAR * k_t * k_n:
+                continue  # nothing holds it, and no displacement balances the loads
             w = (-P0 * k_t + Q0 * c) / det
             if w >= w_c:
                 return SEPARATION, (-Q0 * k_n + P0 * c) / det, w
@@ -200,7 +214,10 @@ def local_solution(
                 return STICK, v_ref, w_c
         else:
             sign = 1.0 if assumed == FORWARD else -1.0
-            v = -(Q0 + c * w_c + sign * f * (P0 + k_n * w_c)) / (k_t + sign * f * c)
+            stiffness = k_t + sign * f * c
+            if abs(stiffness) <= SINGULAR * k_t:
+                continue  # slip does not change the distance from its limit
+            v = -(Q0 + c * w_c + sign * f * (P0 + k_n * w_c)) / stiffness
             if sign * (v - v_ref) >= 0.0 and P0 + c * v + k_n * w_c > 0.0:
                 return assumed, v, w_c
     return STICK, v_ref, w_c
@@ -233,7 +250,7 @@ class _Sweeper:
         self.polished = False
 
     def sweep(self, omega: float) -> tuple[bool, float]:
-        """Update every node once; return whether a state changed and eq. (16)'s largest change."""
+        """Update every node once; return whether a state changed and the largest change of u."""
         u, r, K, n = self.u, self.r, self.system.K, self.system.n
         largest = 0.0
         changed = self.polished = False
@@ -268,8 +285,7 @@ class _Sweeper:
                 daxpy(K[n + i], r, a=w_new - w)
                 u[n + i] = w_new
                 largest = max(largest, abs(w_new - w))
-        scale = float(np.abs(u).max())
-        return changed, largest / scale if scale > 0.0 else 0.0
+        return changed, largest
 
     def _held_tangentially(self, i: int, P0: float) -> tuple[int, float, float]:
         """Solve a node whose tangential displacement is fixed: Signorini's law alone."""
@@ -282,6 +298,10 @@ class _Sweeper:
         """Set v_ref to the estimated point of first contact on a straight path (section 2.2)."""
         k_t, k_n, c = self.k_t[i], self.k_n[i], self.c[i]
         det = k_t * k_n - c * c
+        if det <= SINGULAR * k_t * k_n:
+            # free to fall: without tangential force down to the plane
+            self.v_ref[i] = -(Q0 + c * self.w_c[i]) / k_t if k_t > 0.0 else float(self.start.u[i])
+            return
         v0 = (-Q0 * k_n + P0 * c) / det
         trial_gap = (-P0 * k_t + Q0 * c) / det - self.w_c[i]
         if trial_gap < 0.0:
