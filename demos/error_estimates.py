@@ -1,10 +1,14 @@
 """Estimated against true space errors, over scenes whose limits are known.
 
-You will see, for fourteen scenes on several meshes, how the estimate of ``run --error`` compares
-with the true error: one point for each headline number, mesh and scene, and the share of them where
-the true error is within twice the estimate. Limits come from computed values (frictionless block)
-or from the finest meshes of two element families; pairs whose error is not told from the
-uncertainty of the limit count for the share, not for the ratio.
+You will see, for 26 scenes on several meshes, how the estimate of ``run --error`` compares with the
+true error: one point for each headline number, mesh and scene, and the share of them where the true
+error is within twice the estimate. Among them are the hardest that we know: pressure on an axis,
+and blocks sheared by a polygon of loads, whose corners stick on one node until the mesh resolves
+them, so that the dissipation stands still over several meshes, two per cent off, and then goes on.
+
+Limits come from computed values (frictionless block) or from the finest meshes of two element
+families; pairs whose error is not told from the uncertainty of the limit count for the share, not
+for the ratio. The rule was chosen on the scenes in ``CHOSEN_ON``; the others confirm it.
 """
 
 import os
@@ -14,7 +18,7 @@ os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
 import argparse
 import csv
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -30,38 +34,135 @@ from receding_fenicsx.estimate import headline, space_errors
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.style import COLUMN, GUIDE_COLOUR, RC, SERIES_COLOURS, new_figure
-from receding_fenicsx.scene import OutputOptions, Scene
+from receding_fenicsx.scene import Load, OutputOptions, Scene
 from receding_fenicsx.scene_file import read_scene
 
-BLOCK = Path(__file__).with_name("block.toml")
-CYCLES = 10
+HERE = Path(__file__).parent
+AXISYMMETRIC = 'material.kinematics="axisymmetric"'
+ROUND = (AXISYMMETRIC, "load.p0.span=[0.0, 1.0]")
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A mesh: cell, order, growth, nodes of the contact less one."""
+
+    cell: str
+    degree: int
+    growth: float
+    nodes: int
+
+    def of(self, scene: Scene) -> Scene:
+        """Return the scene on this mesh."""
+        options = replace(
+            scene.mesh,
+            cell=self.cell,
+            degree=self.degree,
+            growth=self.growth,
+            contact_elements=self.nodes // self.degree,
+        )
+        return replace(scene, mesh=options)
+
+    @property
+    def name(self) -> str:
+        """What the table calls it."""
+        return f"{self.cell} {self.degree} {self.growth} {self.nodes}"
+
+
+BLOCK_MESHES = (
+    Mesh("triangle", 2, 1.25, 64),
+    Mesh("triangle", 2, 1.25, 128),
+    Mesh("triangle", 2, 1.1, 128),
+    Mesh("quadrilateral", 2, 1.3, 128),
+    Mesh("triangle", 1, 1.3, 128),
+    Mesh("quadrilateral", 1, 1.1, 128),
+)
+ROUND_MESHES = (
+    *BLOCK_MESHES,
+    Mesh("triangle", 1, 1.25, 96),
+    Mesh("triangle", 1, 1.2, 192),
+    Mesh("quadrilateral", 1, 1.25, 192),
+)
+STAIRS = tuple(
+    Mesh(cell, 2, 1.2, 2 * elements)
+    for cell in ("triangle", "quadrilateral")
+    for elements in (64, 80, 96, 112, 128, 144)
+)
+
+
+@dataclass(frozen=True)
+class Case:
+    """A scene, the meshes that it is solved on, and the nodes of those that give its limit."""
+
+    overrides: tuple[str, ...] = ()
+    file: str = "block.toml"
+    cycles: int = 10
+    meshes: tuple[Mesh, ...] = BLOCK_MESHES
+    finest: int = 640
+    loads: tuple[Load, ...] = ()
+
+    def scene(self) -> Scene:
+        """Return the scene on its file's mesh; as many cycles on every mesh."""
+        scene = read_scene(HERE / self.file, [f"history.cycles={self.cycles}", *self.overrides])
+        loads = self.loads or scene.loads
+        return replace(scene, history=replace(scene.history, until=None), loads=loads)
+
+
+def round_block(*overrides: str, loads: tuple[Load, ...] = ()) -> Case:
+    """Return the block as a body of revolution."""
+    return Case((*ROUND, *overrides), meshes=ROUND_MESHES, loads=loads)
+
+
+def polygon(*overrides: str) -> Case:
+    """Return the block sheared by a polygon of loads, on many meshes."""
+    return Case(overrides, "sheared_polygon.toml", 2, STAIRS, 800)
+
 
 SCENES = {
-    "the paper's block": [],
-    "friction 0.2": ["contact.friction=0.2"],
-    "friction 0.6": ["contact.friction=0.6"],
-    "friction 0.2 + 0.1 x^2": ['contact.friction="0.2+0.1*x**2"'],
-    "no friction": ["contact.friction=0.0"],
-    "Poisson's ratio 0": ["material.poisson=0.0"],
-    "Poisson's ratio 0.45": ["material.poisson=0.45"],
-    "plane stress": ['material.kinematics="plane stress"'],
-    "narrow load": ["load.p0.span=[-0.25, 0.25]"],
-    "wide load": ["load.p0.span=[-1.5, 1.5]"],
-    "load to a tenth": ["history.minimum=0.1"],
-    "twice as high": ["body.height=2.0"],
-    "twice as long": ["body.width=8.0"],
-    "frictionless, narrow load": ["contact.friction=0.0", "load.p0.span=[-0.25, 0.25]"],
+    "the paper's block": Case(),
+    "friction 0.2": Case(("contact.friction=0.2",)),
+    "friction 0.6": Case(("contact.friction=0.6",)),
+    "friction 0.2 + 0.1 x^2": Case(('contact.friction="0.2+0.1*x**2"',)),
+    "no friction": Case(("contact.friction=0.0",)),
+    "Poisson's ratio 0": Case(("material.poisson=0.0",)),
+    "Poisson's ratio 0.45": Case(("material.poisson=0.45",)),
+    "plane stress": Case(('material.kinematics="plane stress"',)),
+    "narrow load": Case(("load.p0.span=[-0.25, 0.25]",)),
+    "wide load": Case(("load.p0.span=[-1.5, 1.5]",)),
+    "load to a tenth": Case(("history.minimum=0.1",)),
+    "twice as high": Case(("body.height=2.0",)),
+    "twice as long": Case(("body.width=8.0",)),
+    "frictionless, narrow load": Case(("contact.friction=0.0", "load.p0.span=[-0.25, 0.25]")),
+    "round": round_block(),
+    "round, friction 0.2": round_block("contact.friction=0.2"),
+    "round, no friction, narrow load": round_block(
+        "contact.friction=0.0", "load.p0.span=[0.0, 0.5]"
+    ),
+    "round, friction 0.6": round_block("contact.friction=0.6"),
+    "round, Poisson's ratio 0.45": round_block("material.poisson=0.45"),
+    "round, twice as high": round_block("body.height=2.0"),
+    "round, under a platen": round_block(
+        "contact.friction=0.3", loads=(Load("p0", "top", platen=True, force=(0.0, -6.0)),)
+    ),
+    "polygon": polygon(),
+    "polygon, Poisson's ratio 0.05": polygon("material.poisson=0.05"),
+    "polygon, Poisson's ratio 0.3": polygon("material.poisson=0.3"),
+    "polygon, friction 0.55": polygon("contact.friction=0.55", "load.Q.force=[1.1, 0.0]"),
+    "polygon, weaker shear": polygon("load.Q.force=[1.15, 0.0]"),
 }
-MESHES = (
-    ("triangle", 2, 1.25, 64),
-    ("triangle", 2, 1.25, 128),
-    ("triangle", 2, 1.1, 128),
-    ("quadrilateral", 2, 1.3, 128),
-    ("triangle", 1, 1.3, 128),
-    ("quadrilateral", 1, 1.1, 128),
+CHOSEN_ON = (
+    "the paper's block",
+    "friction 0.2",
+    "no friction",
+    "Poisson's ratio 0.45",
+    "narrow load",
+    "twice as long",
+    "frictionless, narrow load",
+    "round",
+    "round, friction 0.2",
+    "round, no friction, narrow load",
+    "polygon",
 )
-"""Cell, order, growth, nodes of the contact less one."""
-FINEST = tuple((cell, 2, 1.1, 640) for cell in ("triangle", "quadrilateral"))
+"""Scenes on which the rule was chosen."""
 COMPUTED = {
     "frictionless, narrow load": {
         "centre_pressure": reference.BLOCK.p[0],
@@ -70,9 +171,10 @@ COMPUTED = {
 }
 """Limits known without finite elements."""
 
-COVERED = 0.95
-"""Share of pairs whose true error must be within twice the estimate (and the floor)."""
-MEDIAN = (0.5, 10.0)
+COVERED = 0.97
+"""Share of pairs whose true error must be within twice the estimate (and the floor): of all pairs,
+of those that confirm, of pressures on the axis and of dissipations under the polygon."""
+MEDIAN = (1.0, 6.0)
 """Range of the median of estimate over true error."""
 ROUND_OFF = 1e-9
 """Relative error that no estimate is asked to see."""
@@ -85,22 +187,14 @@ def solve(scene: Scene) -> Record:
     return evolve(system, replace(scene, output=OutputOptions(1, ())))
 
 
-def meshed(scene: Scene, mesh: tuple[str, int, float, int]) -> Scene:
-    """Return the scene on another mesh."""
-    cell, degree, growth, nodes = mesh
-    options = replace(
-        scene.mesh, cell=cell, degree=degree, growth=growth, contact_elements=nodes // degree
-    )
-    return replace(scene, mesh=options)
-
-
 def pairs(name: str) -> Iterator[dict[str, Any]]:
     """Yield, for each mesh and number of a scene, estimate, true error and floor."""
-    scene = read_scene(BLOCK, [f"history.cycles={CYCLES}", *SCENES[name]])
-    scene = replace(scene, history=replace(scene.history, until=None))
-    one, two = (headline(solve(meshed(scene, mesh))) for mesh in FINEST)
-    for mesh in MESHES:
-        coarse = meshed(scene, mesh)
+    case = SCENES[name]
+    scene = case.scene()
+    cells = ("triangle", "quadrilateral")
+    one, two = (headline(solve(Mesh(cell, 2, 1.1, case.finest).of(scene))) for cell in cells)
+    for mesh in case.meshes:
+        coarse = mesh.of(scene)
         record = solve(coarse)
         spacing = float(np.diff(record.x).max())
         for number, found in space_errors(coarse, record, solve).items():
@@ -115,7 +209,7 @@ def pairs(name: str) -> Iterator[dict[str, Any]]:
                 floor += 0.5 * spacing
             true = abs(found["value"] - limit)
             yield {
-                "scene": name, "mesh": " ".join(map(str, mesh)), "number": number,
+                "scene": name, "mesh": mesh.name, "number": number,
                 "value": found["value"], "limit": limit, "true": true,
                 "estimate": found["error"], "floor": floor,
                 "within": true <= 2.0 * found["error"] + floor, "told": true > 2.0 * unsure,
@@ -162,10 +256,32 @@ def compare(folder: Path) -> None:
         writer.writeheader()
         writer.writerows(rows)
     draw(rows, folder)
-    covered = float(np.mean([row["within"] for row in rows]))
-    median = float(np.median([row["estimate"] / row["true"] for row in rows if row["told"]]))
-    print(f"{len(rows)} pairs: {covered:.1%} within twice the estimate; median ratio {median:.2f}")
-    assert covered >= COVERED and MEDIAN[0] <= median <= MEDIAN[1]
+    groups = {
+        "all": rows,
+        "scenes that confirm": [row for row in rows if row["scene"] not in CHOSEN_ON],
+        "pressure on the axis": _chosen(rows, "round", "centre_pressure"),
+        "dissipation under the polygon": _chosen(rows, "polygon", "dissipation_first_cycle"),
+    }
+    covered = {
+        group: float(np.mean([row["within"] for row in own])) for group, own in groups.items()
+    }
+    for group, own in groups.items():
+        low, median, high = _ratios(own)
+        print(
+            f"{group}: {covered[group]:.1%} of {len(own)} within twice the estimate; estimate over "
+            f"error {median:.2f} (median), {low:.2f} to {high:.2f} (first and last tenth)"
+        )
+    assert min(covered.values()) >= COVERED and MEDIAN[0] <= _ratios(rows)[1] <= MEDIAN[1]
+
+
+def _chosen(rows: list[dict[str, Any]], scenes: str, number: str) -> list[dict[str, Any]]:
+    return [row for row in rows if row["scene"].startswith(scenes) and row["number"] == number]
+
+
+def _ratios(rows: list[dict[str, Any]]) -> list[float]:
+    """Estimate over true error, where that is told from the limit's uncertainty: 10, 50, 90 %."""
+    told = [row["estimate"] / row["true"] for row in rows if row["told"]]
+    return np.quantile(told, [0.1, 0.5, 0.9]).tolist()
 
 
 def main() -> None:

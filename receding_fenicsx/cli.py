@@ -201,7 +201,7 @@ def _parser(comm: MPI.Comm | None) -> argparse.ArgumentParser:
     added.add_argument(
         "--error",
         action="store_true",
-        help="solve on two coarser meshes too and estimate the space error of the headline numbers",
+        help="solve on three coarser meshes too; estimate the space error of the headline numbers",
     )
     verbose_argument(added)
 

@@ -2,12 +2,16 @@
 
 Every size of the mesh is enlarged by the same factors: fewer contact elements, and a growth whose
 distance from 1 is larger in proportion (the mesh size is dx + (growth - 1) depth). With numbers
-a_0, a_1, a_2 of the run and of meshes coarser by r_1 and r_2 the error of a_0 is taken to be
+a_0 of the run and a_1, a_2, ... of meshes coarser by r_1 < r_2 < ... (r_0 = 1) the error of a_0 is
+taken to be
 
-    e = max(|a_0 - a_1| / (r_1 - 1),  |a_1 - a_2| / (r_2 - r_1) / r_1).
+    e = max |a_i - a_j| / (r_j - r_i)  over the pairs of which one is twice as coarse as the other.
 
-Both are the error of a_0 where errors grow with the first power of the mesh size, and more than
-it where they grow with a higher one; the greater is taken because an error may vanish by chance.
+Each pair gives the error of a_0 if errors grow with the first power of the mesh size, and more than
+it if they grow with a higher one. The greatest is taken because a number may agree on two meshes by
+chance, or stand still over several until the mesh resolves a narrow zone; a smaller share of the
+difference between the coarser meshes, as a higher order would allow, misses such stairs. Meshes of
+nearly the same size differ by noise, which their short distance would enlarge.
 """
 
 from __future__ import annotations
@@ -15,6 +19,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -29,8 +34,17 @@ from receding_fenicsx.scene import OutputOptions, Scene
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FACTORS = (2, 4)
-"""How many times coarser the meshes are, nearly."""
+FACTORS = (2.0, 2.5, 4.0)
+"""How many times coarser the meshes are, nearly. The middle one is not nested in the run's mesh."""
+
+APART = 1.8
+"""Ratio of the sizes of two meshes that are compared, at least: twice, nearly."""
+
+LEAST = 1e-6
+"""Smallest relative error that an estimate claims."""
+
+NARROW = 2
+"""A zone of so many nodes or fewer is not resolved; numbers change in stairs where it matters."""
 
 FEWEST_ELEMENTS = 8
 """Contact elements of the coarsest mesh that is solved on."""
@@ -87,6 +101,14 @@ def headline(record: Record) -> dict[str, Number]:
     return found
 
 
+def narrowest_zone(record: Record) -> int:
+    """Count the nodes of the narrowest zone at turning points of cycles 0, 1 and the last."""
+    table = record.turning_points
+    rows = np.isin(table.cycle, (0, 1, table.cycle.max(initial=0)))
+    ends = (np.flatnonzero(np.diff(state, prepend=-1, append=-1)) for state in table.state[rows])
+    return min((int(np.diff(at).min()) for at in ends), default=len(record.x))
+
+
 def check(scene: Scene) -> None:
     """Raise InputError where a scene's mesh cannot be made coarser."""
     if any(body.mesh is not None for body in scene.bodies):
@@ -96,10 +118,10 @@ def check(scene: Scene) -> None:
         )
     if len(scene.contacts) > 1:
         raise InputError("--error: a scene of several contact edges has no headline numbers yet")
-    if scene.mesh.contact_elements // FACTORS[0] < FEWEST_ELEMENTS:
+    if scene.mesh.contact_elements < FACTORS[0] * FEWEST_ELEMENTS:
         raise InputError(
             f"--error: mesh.contact_elements = {scene.mesh.contact_elements} leaves nothing to "
-            f"compare with; use at least {FACTORS[0] * FEWEST_ELEMENTS}"
+            f"compare with; use at least {FACTORS[0] * FEWEST_ELEMENTS:.0f}"
         )
 
 
@@ -127,25 +149,27 @@ def space_errors(
     Raises:
         RecedingError: the scene has no solution on the first coarser mesh.
     """
+    most = elements = scene.mesh.contact_elements
     levels: list[tuple[float, dict[str, Number]]] = []
     for wanted in FACTORS:
         try:
-            solved = _solve_coarser(scene, wanted, solve)
+            solved = _solve_coarser(scene, wanted, elements, solve)
         except RecedingError:
             if not levels:
                 raise
-            break  # so coarse a mesh may have no answer: one comparison is left
+            break  # so coarse a mesh may have no answer: fewer comparisons are left
         if solved is None:
             break
-        factor, coarser_record = solved
-        levels.append((factor, headline(coarser_record) if coarser_record is not None else {}))
+        elements, coarser_record = solved
+        found = headline(coarser_record) if coarser_record is not None else {}
+        levels.append((most / elements, found))
     if record is None:
         return {}
     errors = {}
     for name, number in headline(record).items():
         coarse = [(factor, found[name].value) for factor, found in levels if name in found]
-        error = max(estimate(number.value, coarse), number.known_to)
-        errors[name] = {"value": number.value, "error": error}
+        least = max(number.known_to, LEAST * abs(number.value))
+        errors[name] = {"value": number.value, "error": max(estimate(number.value, coarse), least)}
     return errors
 
 
@@ -154,7 +178,8 @@ def errors_of_run(scene: Scene, record: Record | None, comm: MPI.Comm) -> dict[s
 
     Returns:
         ``{"errors": ...}`` as of :func:`space_errors`; with "errors_failure", the reason, where the
-        scene has no answer on a coarser mesh.
+        scene has no answer on a coarser mesh, and "errors_warning" where a zone is so narrow that
+        errors do not fall in order.
     """
     from receding_fenicsx import study
 
@@ -163,9 +188,17 @@ def errors_of_run(scene: Scene, record: Record | None, comm: MPI.Comm) -> dict[s
         return on_root(comm, lambda: _evolve(coarse, system))
 
     try:
-        return {"errors": space_errors(scene, record, solve)}
+        found: dict[str, Any] = {"errors": space_errors(scene, record, solve)}
     except RecedingError as error:
         return {"errors": {}, "errors_failure": f"on a coarser mesh: {error}"}
+    nodes = narrowest_zone(record) if record is not None else math.inf
+    if nodes <= NARROW:
+        found["errors_warning"] = (
+            f"a zone of stick, slip or separation is {nodes} node{'s' * (nodes > 1)} wide at the "
+            "end of a leg: this mesh does not resolve it, and numbers that depend on it do not "
+            "converge in order but in stairs; use more contact elements"
+        )
+    return found
 
 
 def _evolve(scene: Scene, system: ContactSystem | None) -> Record:
@@ -180,25 +213,25 @@ def estimate(value: float, coarse: Sequence[tuple[float, float]]) -> float:
         value: a_0.
         coarse: (r_k, a_k) of coarser meshes, r_k increasing from above 1.
     """
-    if not coarse:
-        return math.nan
-    (r1, a1), *rest = coarse
-    error = abs(value - a1) / (r1 - 1.0)
-    for r2, a2 in rest:
-        error = max(error, abs(a1 - a2) / (r2 - r1) / r1)
-    return error
+    pairs = combinations([(1.0, value), *coarse], 2)
+    slopes = [abs(a - b) / (s - r) for (r, a), (s, b) in pairs if s >= APART * r]
+    return max(slopes, default=math.nan)
 
 
 def _solve_coarser(
-    scene: Scene, wanted: int, solve: Callable[[Scene], Record | None]
-) -> tuple[float, Record | None] | None:
-    """Solve on the finest mesh, at least ``wanted`` times coarser, whose vertices fit the scene."""
+    scene: Scene, wanted: float, below: int, solve: Callable[[Scene], Record | None]
+) -> tuple[int, Record | None] | None:
+    """Solve on the finest mesh, at least ``wanted`` times coarser, whose vertices fit the scene.
+
+    Returns:
+        Its contact elements, fewer than ``below``, and the record; None where no mesh is left.
+    """
     most = scene.mesh.contact_elements
-    for elements in range(most // wanted // 2 * 2, 0, -2):
+    for elements in range(min(int(most / wanted), below - 1) // 2 * 2, 0, -2):
         if elements < max(FEWEST_ELEMENTS, most / wanted / SPAN):
             return None
         try:
-            return most / elements, solve(coarser(scene, elements))
+            return elements, solve(coarser(scene, elements))
         except InputError:
             continue  # loads or supports need a vertex where this mesh has none
     return None

@@ -196,6 +196,13 @@ def test_texts_of_the_scene_cannot_break_the_page() -> None:
     assert "The run ended early: lift-off at 2 < 3" in page.text
 
 
+def test_report_says_what_is_wrong_with_space_errors() -> None:
+    _, summary = run()
+    for key in ("errors_warning", "errors_failure"):
+        page = Page(report_html({**summary, key: f"the {key} of a < b"}))
+        assert f"the {key} of a < b" in page.text
+
+
 def test_run_without_cycles_or_costs_has_a_report_too() -> None:
     system = models.block_system(20, 10, half=True)
     history = History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)), 0)

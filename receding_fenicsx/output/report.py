@@ -18,6 +18,7 @@ from receding_fenicsx.output.table import (
     extremes_of,
     fitted,
     length_format,
+    space_errors,
     zones_header,
     zones_shown,
 )
@@ -250,11 +251,7 @@ def _trust(summary: Mapping[str, Any]) -> str:
                 f"{margin:.3g}",
             ]
         )
-    for name, found in (summary.get("errors") or {}).items():
-        error = "unknown" if found["error"] is None else f"{found['error']:.1e}"
-        rows.append(
-            [f"{name.replace('_', ' ')} {found['value']:.6g}, estimated space error", error]
-        )
+    rows += [[words, error] for words, error in space_errors(summary)]
     steady = summary["steady"]
     if steady.get("dissipation_limit"):
         rows.append(

@@ -75,12 +75,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
                 f"dissipation goes on by a {steady['trend']} law ({steady['trend_value']:.3g}) "
                 f"towards {steady['dissipation_limit'] / D[0]:.4f} of cycle 1"
             )
-    for name, found in (summary.get("errors") or {}).items():
-        error = "unknown" if found["error"] is None else f"{found['error']:.1e}"
-        words = name.replace("_", " ")
-        lines.append(f"{words} {found['value']:.6g}, estimated space error {error}")
-    if "errors_failure" in summary:
-        lines.append(f"space errors are not known: {summary['errors_failure']}")
+    lines += [f"{words} {error}" for words, error in space_errors(summary)]
     if summary.get("limit_without_slip"):
         ranges = ", ".join(
             " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
@@ -107,6 +102,20 @@ def run_table(summary: Mapping[str, Any]) -> str:
         times = ", ".join(f"{name} {seconds:.2f}" for name, seconds in summary["timings"].items())
         lines.append(f"seconds: {times}; {summary['peak_memory_MB']:.0f} MB")
     return "\n".join(lines)
+
+
+def space_errors(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """The headline numbers in words with their estimated errors, and what is wrong with these."""
+    rows = []
+    for name, found in (summary.get("errors") or {}).items():
+        error = "unknown" if found["error"] is None else f"{found['error']:.1e}"
+        words = f"{name.replace('_', ' ')} {found['value']:.6g}, estimated space error"
+        rows.append((words, error))
+    if "errors_warning" in summary:
+        rows.append(("space errors:", summary["errors_warning"]))
+    if "errors_failure" in summary:
+        rows.append(("space errors are not known:", summary["errors_failure"]))
+    return rows
 
 
 def zones_header(summary: Mapping[str, Any]) -> str:
