@@ -26,6 +26,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError, RecedingError, given, on_root
 from receding_fenicsx.evolution import evolve
+from receding_fenicsx.interface.axis import begins_on_axis, on_axis
 from receding_fenicsx.interface.contact import ContactSystem
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.widths import contact_betas, estimates
@@ -77,17 +78,20 @@ class Number:
 def headline(record: Record) -> dict[str, Number]:
     """Return a record's headline numbers; those that it has not are left out.
 
-    The maximum is the end of cycle 0, from which the cycles start. The centre is the middle of the
-    contact edge, or the axis. Half-widths are those fitted below node spacing, known to half their
-    interval.
+    The maximum is the end of cycle 0, from which the cycles start. The centre is the axis that the
+    contact edge begins on, to which the pressure is fitted, or else the edge's middle. Half-widths
+    are those fitted below node spacing, known to half their interval.
     """
     table = record.turning_points
     first = np.flatnonzero(table.cycle == 0)
     if not len(first):
         return {}
     row, x = int(first[-1]), record.x
-    centre = 0.0 if record.axisymmetric else 0.5 * (x[0] + x[-1])
-    found = {"centre_pressure": Number(float(np.interp(centre, x, table.p[row])))}
+    if record.axisymmetric and begins_on_axis(x):
+        centre = float(on_axis(x, table.p[row]))
+    else:
+        centre = float(np.interp(0.5 * (x[0] + x[-1]), x, table.p[row]))
+    found = {"centre_pressure": Number(centre)}
     widths = estimates(record, row, contact_betas(record))
     for name in WIDTHS:
         width = widths[f"{name}_estimate"]
