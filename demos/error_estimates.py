@@ -198,6 +198,8 @@ def pairs(name: str) -> Iterator[dict[str, Any]]:
         record = solve(coarse)
         spacing = float(np.diff(record.x).max())
         for number, found in space_errors(coarse, record, solve).items():
+            if number not in one or number not in two:
+                continue  # no such zone in the limit
             a, b = one[number], two[number]
             limit, unsure = 0.5 * (a.value + b.value), abs(a.value - b.value)
             if "width" in number:
