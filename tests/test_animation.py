@@ -15,11 +15,16 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
-from receding_fenicsx import read_scene, study
+from receding_fenicsx import evolve, read_scene, study
+from receding_fenicsx.condensing import bulk_of
 from receding_fenicsx.errors import InputError, RecedingError, on_root
 from receding_fenicsx.output import animation, snapshot_layout, style
+from receding_fenicsx.output.fields import fields_at
 from receding_fenicsx.output.snapshot_view import View
+from receding_fenicsx.output.snapshots import quantity_of
 from receding_fenicsx.pictures import animate
+from receding_fenicsx.replay import instant_of
+from receding_fenicsx.stages import Timer
 
 BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
 COMM = MPI.COMM_WORLD
@@ -86,6 +91,34 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     for colour in (*style.STATE_COLOURS.values(), style.SHEAR_COLOUR):
         near = np.abs(pixels - 255.0 * np.array(to_rgb(colour))).max(axis=2) < 8.0
         assert near.sum() > 30, f"{colour} does not show"
+
+
+def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = read_scene(BLOCK.with_name("unloading.toml"), ["mesh.contact_elements=16"])
+    system = study.condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    record = evolve(system, scene)
+    instants = [instant_of(scene, system, record, 0, "1", s) for s in (0.0, 0.5, 0.9)]
+    bulk = bulk_of(scene, MPI.COMM_SELF, Timer())
+    made = [fields_at(bulk, now.load, np.concatenate([now.v, now.state.w])) for now in instants]
+    fields = [found for found in made if found is not None]
+    drawn: list[tuple[View, snapshot_layout.Clock]] = []
+
+    def note(view: View, layout: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
+        drawn.append((view, clock))
+        return Figure(figsize=(1.0, 1.0))
+
+    monkeypatch.setattr(animation, "compose", note)
+    monkeypatch.setattr(animation.renderer, "draw", lambda picture: None)
+    film = animation.Scenario(instants, np.array([0.0, 0.5, 0.9]))
+    animation.draw_frames(bulk, film, fields, quantity_of("max_shear"))
+    bulk.destroy()
+    largest = max(view.p.max() for view, _ in drawn)
+    assert largest == drawn[0][0].p.max() > 5.0 * drawn[-1][0].p.max()
+    for _, clock in drawn:
+        assert clock.tractions[1] >= largest
 
 
 @pytest.mark.parametrize("now", [0.0, 0.5, 1.0])
