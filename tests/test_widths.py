@@ -13,10 +13,12 @@ from receding_fenicsx.evolution import evolve
 from receding_fenicsx.interface.zone_ends import dundurs_beta
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.report import report_html
+from receding_fenicsx.output.series import slip_lines
 from receding_fenicsx.output.summary import FITTED_CYCLES, summarise, write_summary
 from receding_fenicsx.output.table import run_table
 from receding_fenicsx.output.widths import contact_betas, estimates
 from receding_fenicsx.scene import Contact, HistoryOptions, Load, SolverOptions
+from receding_fenicsx.scene_file import read_scene
 
 BETA = dundurs_beta((2.0, 0.3, "plane strain"))
 KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
@@ -111,6 +113,22 @@ def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) ->
     shown = run_table(summary).splitlines()[3]
     assert shown.split()[3:7] == ["-"] * 4
     assert report_html(summary).count("<td>\u2013</td>") >= 2
+
+
+def test_a_lap_joint_sticks_off_the_middle_and_slips_where_it_touches() -> None:
+    scene = Path(__file__).parent / "trials" / "lap_joint.toml"
+    record = study.run(read_scene(scene, ["mesh.contact_elements=80", "history.cycles=8"]))
+    if record is None:
+        return
+    clamped, *pulled = summarise(record)["turning_points"]
+    # clamped on 12 to 24 and not pulled yet, it is symmetric about 18
+    assert clamped["contact_half_width"] == clamped["stick_half_width"] > 6.0
+    for point in pulled:
+        assert point["stick_half_width"] is None
+        ((_, left, right),) = (zone for zone in point["zones"] if zone[0] == "stick")
+        assert 11.0 < left < 13.0 and 17.0 < right < 22.0
+    lines = slip_lines(record, length=4.0)
+    assert len(lines) >= 3 and all(10.0 < record.x[line.node] < 24.0 for line in lines)
 
 
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])
