@@ -1,13 +1,15 @@
 """Measures the interface: speed of exact events and Gauss-Seidel, accuracy, and where they end.
 
-Prints four tables, each alone by its option:
+Prints five tables, each alone by its option:
 
 * --speed: the exact path by number of contact nodes of the half block (events and trial rate solves
   a cycle, microseconds an event, a cycle before and after it has settled, how the cost of an event
   grows), many settled cycles, and load steps of Gauss-Seidel with and without its accelerations;
 * --accuracy: error of Gauss-Seidel against the exact path over its steps per leg;
 * --sweep: the block over friction, Poisson's ratio, elements and load range; what is refused, why;
-* --random: random condensed systems under random loads; what is refused.
+* --random: random condensed systems under random loads; what is refused;
+* --sizes: CPU time of three scenes in which round-off grows, over the number of contact nodes, and
+  the power of it between neighbouring sizes.
 
 The systems of the first three come through the package's own mesh and condensation. Work is done on
 the first rank with one BLAS thread; times are medians. ``--csv FOLDER`` also writes the tables.
@@ -33,7 +35,7 @@ import numpy as np
 from receding_fenicsx import study
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution import evolve
-from receding_fenicsx.history import History
+from receding_fenicsx.history import History, from_scene
 from receding_fenicsx.interface.contact import ContactState, ContactSystem, State
 from receding_fenicsx.interface.events import EventPath
 from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, solve_step
@@ -339,10 +341,45 @@ def random(options: argparse.Namespace) -> None:
             csv.writer(file).writerows([["margin", "seed", "kind", "tried", "reason"], *refusals])
 
 
+TRIALS = Path(__file__).parent.parent / "tests" / "trials"
+SIZES = {
+    TRIALS / "strip_on_wall.toml": (200, 300, 400, 500, 600),
+    TRIALS / "roller.toml": (200, 240, 280, 320, 360),
+    SCENE.with_name("sheared_polygon.toml"): (128, 160, 224, 320, 448),
+}
+"""Elements on the contact edges of scenes whose displacements carry much round-off."""
+
+
+def size_rows() -> Iterable[Row]:
+    """Yield one row a scene and size: CPU seconds of the history alone, and how they grow."""
+    for path, sizes in SIZES.items():
+        before: tuple[int, float] | None = None
+        for elements in sizes:
+            scene = read_scene(path, [f"mesh.contact_elements={elements}"])
+            system = study.condense(scene, MPI.COMM_SELF)
+            assert system is not None
+            seconds = []
+            for _ in range(3):
+                begin = time.process_time()
+                record = evolve(system, from_scene(scene), output=NO_SAMPLES)
+                seconds.append(time.process_time() - begin)
+            cost, power = statistics.median(seconds), float("nan")
+            if before is not None:
+                power = float(np.log(cost / before[1]) / np.log(system.n / before[0]))
+            before = system.n, cost
+            yield [path.stem, system.n, record.n_events, cost, power, record.residual_max]
+
+
+def sizes(options: argparse.Namespace) -> None:
+    """Measure the cost over the number of nodes where round-off grows."""
+    heads = ("scene", "nodes", "events", "CPU s", "power", "residual")
+    table("sizes: cost where round-off grows", heads, size_rows(), options.csv)
+
+
 def main() -> None:
     """Run what was asked for."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parts = {"speed": speed, "accuracy": accuracy, "sweep": sweep, "random": random}
+    parts = {"speed": speed, "accuracy": accuracy, "sweep": sweep, "random": random, "sizes": sizes}
     for name, work in parts.items():
         parser.add_argument(f"--{name}", action="store_true", help=work.__doc__)
     parser.add_argument("--nodes", type=int, nargs="+", default=[81, 161, 321, 641, 1281])
