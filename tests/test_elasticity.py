@@ -335,6 +335,27 @@ def test_field_carries_the_condensed_reactions(
     bulk.destroy()
 
 
+def test_field_beside_a_moved_edge_carries_the_condensed_reactions() -> None:
+    """The edge that moves as prescribed shares its elements with contact nodes."""
+    loads = (
+        Load("d", "right", (0.0, 0.5), displacement=(0.02, "0.01*y")),
+        Load("p0", "top", (-1.0, 1.0), pressure=1.0),
+    )
+    bulk = built(block("quadrilateral", 1, 8, 1.0, loads=loads))
+    system = condense(bulk)
+    load, u = np.array([1.5, -0.7]), None
+    if system is not None:
+        u = np.cos(np.arange(2.0 * system.n))
+    found = reactions(bulk, load, back_substitute(bulk, load, u))
+    if system is not None:
+        assert found is not None and u is not None
+        # nothing but the element between them passes the motion on so strongly
+        assert np.abs(system.r_star[0, [system.n - 1, -1]]).max() > 1e-3
+        r = load @ system.r_star + system.K @ u
+        assert np.abs(found - r).max() < 1e-11 * np.abs(r).max()
+    bulk.destroy()
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [

@@ -24,7 +24,7 @@ from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactSystem, State
 from receding_fenicsx.output import figures, series, style
 from receding_fenicsx.output.record import Record
-from receding_fenicsx.output.scales import load_symbol, scales_of
+from receding_fenicsx.output.scales import describe_factors, load_symbol, scales_of
 from receding_fenicsx.output.series import first_unloading, limit_without_slip, slip_lines
 from receding_fenicsx.output.summary import summarise
 from receding_fenicsx.output.table import run_table
@@ -283,6 +283,22 @@ def test_loads_that_are_symbols_are_written_as_such() -> None:
     assert load_symbol("Q") == "Q"
     assert load_symbol("bolt_force") == r"\mathrm{bolt\_force}"
     assert load_symbol("tightening_torque") == r"\mathrm{tight…rque}"
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        (1.0, "p = p^"),
+        (-1.0, "p = -p^"),
+        (1.0 / 3.0, r"p = \frac{1}{3}\,p^"),
+        (2.0 / 3.0, r"p = \frac{2}{3}\,p^"),
+        (0.5, r"p = 0.5\,p^"),
+        (0.0, "p = 0$"),
+    ],
+)
+def test_parts_of_the_largest_load_are_written_as_they_are(part: float, said: str) -> None:
+    assert describe_factors(("p",), np.array([part])).startswith(f"${said}")
+    assert describe_factors(("torque",), np.array([part])).startswith(f"torque at ${part:.3g}$")
 
 
 @pytest.mark.parametrize("name", ["pressure", "normal pressure on the upper edge"])

@@ -135,6 +135,14 @@ def test_legs_have_names_and_numbers() -> None:
             leg_number(history, name, cycle)
 
 
+@pytest.mark.parametrize("until", [False, True])
+def test_every_kind_of_cycles_may_end_when_steady(until: bool) -> None:
+    words = '\nuntil = "steady"' if until else ""
+    table = 'kind = "table"\ncolumns = ["p0"]\nrows = [[1.0]]\ncycle_rows = [[0.5], [1.0]]'
+    assert made('kind = "cyclic"\ncycles = 2' + words).until_steady == until
+    assert made(f"{table}\ncycles = 2{words}").until_steady == until
+
+
 def test_legs_are_named_by_the_size_of_their_loads() -> None:
     """A load may be negative: from 1 through -0.25 to -2 it falls, then grows."""
     history = made(
