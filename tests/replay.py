@@ -42,7 +42,7 @@ class Leg(NamedTuple):
         row: row of its end in the turning points.
         rows: rows of its samples.
         force: largest nodal force up to its end.
-        noise: (2N,) what rounding is worth in the reactions, anywhere on the leg.
+        noise: (2N,) what rounding is worth in the reactions, anywhere so far: gaps keep theirs.
     """
 
     cycle: int
@@ -118,6 +118,7 @@ class Replay:
         found: what contradicts the laws.
         jumps: jumps met on the way (exact records).
         steps: load steps (the others).
+        doubt: (2N,) what rounding is worth in displacements, as forces, in any states so far.
     """
 
     system: Any
@@ -130,6 +131,7 @@ class Replay:
     def __post_init__(self) -> None:
         """Prepare the body."""
         self.body = Body(self.system)
+        self.doubt = np.zeros(2 * self.body.n)
 
     def object(self, place: str, what: str, size: float = 0.0, allowed: float = 0.0) -> None:
         """Note a contradiction."""
@@ -173,18 +175,19 @@ def replay(system: Any, history: Any, record: Any) -> Replay:
         run.object("record", f"it has {ends.P.shape[1]} nodes, the system {n}")
         return run
     _check_places(run)
-    u, state, force = np.zeros(2 * n, np.longdouble), np.where(body.g0 > 0.0, OPEN, STICK), 0.0
+    u, state = np.zeros(2 * n, np.longdouble), np.where(body.g0 > 0.0, OPEN, STICK)
+    force, noise = 0.0, np.zeros(2 * n)
     kept, all_totals = set(record.samples.cycle.tolist()), []
     legs = list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True))
     for row, (cycle, number) in enumerate(legs):
         if number == 0:
             totals, start = Totals(np.zeros(n)), (u, state)
-        leg = _leg(run, (cycle, number), u, state, row, force)
-        force = leg.force
-        _check_instants(run, leg, ends, np.array([row]))
+        leg = _leg(run, (cycle, number), u, state, row, (force, noise))
+        force, noise = leg.force, leg.noise
         if cycle in kept:
-            _check_instants(run, leg, record.samples, leg.rows)
             (follow if record.method == "events" else step)(run, leg, totals)
+            _check_instants(run, leg, record.samples, leg.rows)
+        _check_instants(run, leg, ends, np.array([row]))
         u = np.concatenate([ends.v[row], ends.w[row]]).astype(np.longdouble)
         state = ends.state[row].astype(int)
         if cycle in kept and (row + 1 == len(legs) or legs[row + 1][1] == 0):
@@ -195,14 +198,16 @@ def replay(system: Any, history: Any, record: Any) -> Replay:
     return run
 
 
-def _leg(run: Replay, at: tuple[int, int], u: Array, state: Array, row: int, so_far: float) -> Leg:
+def _leg(
+    run: Replay, at: tuple[int, int], u: Array, state: Array, row: int, so_far: tuple[float, Array]
+) -> Leg:
     """Return a leg with its scales: the largest force so far, the round-off of its largest u."""
     ends, samples, body = run.record.turning_points, run.record.samples, run.body
     line = run.history.path if at[0] == 0 else run.history.loop
     corners = line[at[1]], line[at[1] + 1]
     rows = np.flatnonzero((samples.cycle == at[0]) & (samples.leg == at[1]))
-    force = max(so_far, HELD_SHARE * float(np.abs(np.array(corners) @ run.system.r_star).max()))
-    noise = body.round_off(np.array(corners[0]), u)
+    force = max(so_far[0], HELD_SHARE * float(np.abs(np.array(corners) @ run.system.r_star).max()))
+    noise = np.maximum(so_far[1], body.round_off(np.array(corners[0]), u))
     for table, kept in ((ends, [row]), (samples, rows)):
         force = max(force, *(float(np.abs(r[kept]).max(initial=0.0)) for r in (table.P, table.Q)))
         for j in kept:
@@ -240,7 +245,7 @@ def _check_instants(run: Replay, leg: Leg, table: Any, rows: Array) -> None:
     k, weight = body.k[n:], run.system.weight
     error = LAW * leg.force + leg.noise
     e_t, e_n = error[:n], error[n:]
-    cone, e_gap = e_t + body.f * e_n, e_n + ROUNDINGS * EPS * k * body.g0
+    cone, e_gap = e_t + body.f * e_n, e_n + ROUNDINGS * EPS * k * body.g0 + run.doubt[n:]
     law, loose = ~body.carried, ~body.held[:n]
     u = np.concatenate([table.v[rows], table.w[rows]], axis=1).astype(np.longdouble)
     Q, P, state = table.Q[rows], table.P[rows], table.state[rows]

@@ -31,8 +31,9 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
     ]
     kept.append((1.0, record.turning_points, leg.row))
     unloads = not np.any(leg.ends[1]) and not np.any(body.g0)
-    state, u, doubt = leg.state, leg.u, EPS * np.abs(leg.u).astype(float)
-    s_held, misplaced = 0.0, np.zeros(2 * n)
+    state, u = leg.state, leg.u
+    doubt = EPS * np.abs(u).astype(float) + run.doubt / body.k
+    s_held, misplaced, size = 0.0, np.zeros(2 * n), np.abs(body.K).astype(float)
     for g, (s_a, now) in enumerate(groups):
         s_b, following = groups[g + 1] if g + 1 < len(groups) else (1.0, None)
         here = body.states(now)
@@ -60,6 +61,10 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         for s, at in ((s_a, u_a), (s_b, u_b)):
             slack = misplaced + APEX * leg.force * (unloads and s == 1.0)
             _check_law(run, leg, (s, at), now, slack)
+        # gaps and slips keep their round-off when states change
+        rounded = here.reach(here.row_errors(leg.noise))
+        misplaced = misplaced + size @ rounded
+        run.doubt = np.maximum(run.doubt, body.k * rounded)
         _add_up(run, leg, (s_a, s_b), here, (u_a, u_b), totals)
         allowed = doubt + doubt_a
         if unloads and s_b == 1.0:
