@@ -77,6 +77,7 @@ class Totals:
         jumps: jumps.
         condition: largest condition of the states' equations.
         known: False where a jump could not be followed.
+        divided: energies of load steps that changed states: they may have been divided.
     """
 
     dissipation: Array
@@ -86,6 +87,7 @@ class Totals:
     jumps: int = 0
     condition: float = 1.0
     known: bool = True
+    divided: float = 0.0
 
 
 class Jump(NamedTuple):
@@ -288,7 +290,7 @@ def _check_cycle(
         return
     stored = 0.5 * float((u - u_start) @ body.K @ (u + u_start))
     allowed = (ENERGY + ROUNDINGS * EPS * totals.condition) * (totals.moved + abs(stored))
-    allowed += (LAW + ROUNDINGS * EPS) * leg.force * largest
+    allowed += (LAW + ROUNDINGS * EPS) * leg.force * largest + totals.divided
     first = record.dissipation_first_loading
     D = record.cycles.dissipation[cycle - 1] if cycle else first
     errors = {"dissipation is off": D - float(totals.dissipation.sum())}

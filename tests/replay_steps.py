@@ -16,7 +16,7 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
     events, ends = run.record.events, run.record.turning_points
     mine = (events.cycle == leg.cycle) & (events.leg == leg.number)
     error = LAW * leg.force + leg.noise
-    load, u, state = leg.load(0.0), leg.u, leg.state
+    load, u, state, s_a = leg.load(0.0), leg.u, leg.state.copy(), -1.0
     Q, listed = ends.Q[leg.row - 1] if leg.row else np.zeros(n), 0
     for j in leg.rows:
         place, k = leg.place(table.s[j]), body.k[:n]
@@ -28,7 +28,10 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
         slip = np.where(body.rubs & (now != OPEN), u_b[:n] - v_ref, 0.0)
         against = np.where(now == FORWARD, -slip, np.where(now == BACKWARD, slip, np.abs(slip)))
         # without pressure stick and slip are one
-        pressed = body.rubs & (table.P[j] > error[n:])
+        rows = np.flatnonzero(mine & (events.s > s_a) & (events.s <= table.s[j]))
+        # a step may have been divided: what its nodes did that changed state is not kept
+        changed = np.isin(np.arange(n), events.node[rows])
+        pressed = body.rubs & (table.P[j] > error[n:]) & ~changed
         run.check(place, "a node slips against its state", (against * k, error[:n], pressed))
         mean = 0.5 * (np.where(landed, 0.0, Q) + table.Q[j])
         D = (-mean * slip).astype(float)
@@ -36,14 +39,20 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
         lost = -(float(D.sum()) + 0.5 * float((u_b - u) @ body.K @ (u_b + u)) + work)
         totals.dissipation += D
         totals.moved += float(np.abs(D).sum()) + abs(work)
-        run.steps.append(Step(leg, (load, load_b), (u, u_b), (state, now), lost))
-        rows = np.flatnonzero(mine & (np.abs(events.s - table.s[j]) <= 1e-13))
-        changes = {(int(i), int(state[i]), int(now[i])) for i in np.flatnonzero(now != state)}
-        if changes != {(int(events.node[e]), int(events.old[e]), int(events.new[e])) for e in rows}:
+        run.steps.append(Step(leg, (load, load_b), (u, u_b), (state.copy(), now), lost))
+        if len(rows):
+            way = float(np.abs((load_b - load) @ body.r_star @ (u_b - u)))
+            totals.divided += 2.0 * abs(lost) + way
+        for e in rows:
+            if state[events.node[e]] != events.old[e]:
+                run.object(place, f"an event does not begin in its node's state (event {e})")
+            state[events.node[e]] = events.new[e]
+        if not np.array_equal(state, now):
             run.object(place, "the events are not the changes of state of the step")
-        load, u, state, Q, listed = load_b, u_b, now, table.Q[j], listed + len(rows)
+        load, u, state, Q, listed = load_b, u_b, now.copy(), table.Q[j], listed + len(rows)
+        s_a = float(table.s[j])
     if listed != mine.sum():
-        run.object(leg.place(1.0), "an event stands between two steps")
+        run.object(leg.place(1.0), "an event stands after the last step")
     if not np.array_equal(u[:n], ends.v[leg.row]) or not np.array_equal(state, ends.state[leg.row]):
         run.object(leg.place(1.0), "the last step is not the leg's end")
 
