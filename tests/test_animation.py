@@ -96,7 +96,8 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
 def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    scene = read_scene(BLOCK.with_name("unloading.toml"), ["mesh.contact_elements=16"])
+    settings = ["mesh.contact_elements=16", "history.rows=[[4.0], [0.0]]"]
+    scene = read_scene(BLOCK.with_name("unloading.toml"), settings)
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
     record = evolve(system, scene)
@@ -117,7 +118,13 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
     bulk.destroy()
     largest = max(view.p.max() for view, _ in drawn)
     assert largest == drawn[0][0].p.max() > 5.0 * drawn[-1][0].p.max()
-    for _, clock in drawn:
+    # all over the largest load, which is 4
+    assert 0.7 < largest < 1.3
+    assert np.array([clock.load[:, 0] for _, clock in drawn]) == pytest.approx(
+        np.tile([1.0, 0.5, 0.1], (3, 1))
+    )
+    for part, (_, clock) in zip((1.0, 0.5, 0.1), drawn, strict=True):
+        assert clock.now_load[0] == pytest.approx(part)
         assert clock.tractions[1] >= largest
 
 

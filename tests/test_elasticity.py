@@ -335,6 +335,23 @@ def test_field_carries_the_condensed_reactions(
     bulk.destroy()
 
 
+@pytest.mark.parametrize("edge", ["left", "right", "top"])
+def test_field_above_an_edge_of_any_direction_carries_the_condensed_reactions(edge: str) -> None:
+    """Tangent and normal of an upright edge are y and x: what goes in comes out again."""
+    loads = (Load("under", "bottom", (-1.0, 1.0), pressure="1 + x"),)
+    bulk = built(block("quadrilateral", 2, 8, contacts=(Contact(edge=edge),), loads=loads))
+    system = condense(bulk)
+    load, u = np.array([0.7]), None
+    if system is not None:
+        u = np.cos(1.0 + np.arange(2.0 * system.n) ** 2)
+    found = reactions(bulk, load, back_substitute(bulk, load, u))
+    if system is not None:
+        assert found is not None and u is not None
+        r = load @ system.r_star + system.K @ u
+        assert np.abs(found - r).max() < 1e-11 * np.abs(r).max()
+    bulk.destroy()
+
+
 def test_field_beside_a_moved_edge_carries_the_condensed_reactions() -> None:
     """The edge that moves as prescribed shares its elements with contact nodes."""
     loads = (

@@ -31,7 +31,7 @@ from receding_fenicsx.output.files import (
 from receding_fenicsx.output.record import Record
 from receding_fenicsx.output.report import report_html
 from receding_fenicsx.output.scales import describe_factors
-from receding_fenicsx.output.series import slip_lines
+from receding_fenicsx.output.series import Still, slip_lines
 from receding_fenicsx.output.summary import read_summary, summarise, write_summary
 from receding_fenicsx.output.table import run_table
 from receding_fenicsx.paper import is_papers_block, paper_table
@@ -387,6 +387,16 @@ def test_summary_of_half_and_whole_models_agree() -> None:
         assert [name for name, *_ in a["zones"]] == [name for name, *_ in b["zones"]]
         for key in ("contact_half_width", "stick_half_width", "p_max", "q_min", "q_max"):
             np.testing.assert_allclose(a[key], b[key], rtol=1e-9)
+
+
+def test_limit_reached_without_slip_is_told_zone_by_zone(
+    record: Record, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes = np.array([3, 4, 5, 7, 40])
+    still = Still(np.zeros(0, bool), nodes, 0 * nodes, 0.0 * nodes, True)
+    monkeypatch.setattr("receding_fenicsx.output.summary.limit_without_slip", lambda *_: still)
+    found = summarise(record)["limit_without_slip"]
+    assert found == [[record.x[a], record.x[b]] for a, b in ((3, 5), (7, 7), (40, 40))]
 
 
 def test_pressure_on_the_axis_is_that_of_its_neighbours() -> None:

@@ -527,6 +527,19 @@ def test_elements_that_lock_are_warned_of(
     assert all("order 1 lock" in text and "degree = 2" in text for text in found)
 
 
+def test_material_of_a_body_is_the_one_it_names_or_that_of_its_name() -> None:
+    soft, hard, steel = (Material(float(k), 0.3, name=n) for k, n in ((1, ""), (2, "b"), (3, "s")))
+    scene = Scene(
+        body=Body("a"),
+        others=(Body("b"), Body("c", material="s"), Body("b", material="s")),
+        material=soft,
+        materials=(hard, steel),
+    )
+    assert [scene.material_of(body).young for body in scene.bodies] == [1.0, 2.0, 3.0, 3.0]
+    with pytest.raises(InputError, match=r"add \[material.tin\]"):
+        scene.material_of(Body("d", material="tin"))
+
+
 @pytest.mark.parametrize("first", [True, False])
 def test_elements_of_either_body_that_lock_are_warned_of(first: bool) -> None:
     plain, soft = Material(1.0, 0.3), Material(1.0, 0.49)

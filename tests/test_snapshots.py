@@ -6,6 +6,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
+import matplotlib as mpl
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
@@ -257,6 +258,11 @@ def test_colours_of_a_signed_stress_are_pale_at_zero_only() -> None:
     assert abs(low + brightest / 255.0 * (high - low)) < 0.01
     assert colours.extend == "both"
     assert len(levels) > 5
+    # as strong as the larger of both signs: a tenth of it is pale
+    at = np.linspace(low, high, len(colours.table))
+    for value, part in ((-1.0, 0.0), (-0.5, 0.25), (0.0, 0.5), (0.1, 0.55)):
+        shown = [np.interp(value, at, column) for column in colours.table.T]
+        assert shown == pytest.approx(mpl.colormaps["RdBu_r"](part), abs=0.03), value
 
 
 def test_missing_renderer_is_said_before_vtk_is_loaded(
