@@ -215,7 +215,8 @@ def test_pressure_and_shear_out_of_phase_make_the_block_walk() -> None:
     ):
         history = replace(scene.history, rows=((1.0, 0.0), (1.0, 0.98)), cycle_rows=corners)
         record = evolved(replace(scene, history=history, solver=solver), system)
-        step = record.cycles.slip_increment[-1]
+        # also of nodes that are open at the ends of the cycle
+        step = record.turning_points.v[-1] - record.turning_points.v[-5]
         assert np.ptp(step) < 1e-9 * np.ptp(record.turning_points.v)
         steps.append(step.mean())
     assert record.steady.kind == "ratchetting"
