@@ -23,7 +23,7 @@ APEX = 1e-8
 def follow(run: Replay, leg: Leg, totals: Totals) -> None:
     """Replay a leg from its start to its end; add up its energies."""
     record, body, n = run.record, run.body, run.body.n
-    groups = _groups(run, leg)
+    groups, changed = _groups(run, leg)
     if not np.array_equal(groups[-1][1], record.turning_points.state[leg.row]):
         run.object(leg.place(1.0), "the events do not lead to the states at the leg's end")
     kept: list[tuple[float, Any, int] | None] = [
@@ -43,7 +43,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         if s_held < s_a and not apart:
             run.object(leg.place(s_a), "an event lies beyond its place", s_a - s_held, PLACE)
         if apart and not _rolls(run, leg, s_a, u_a - u):
-            after = _jump(run, leg, (s_a, u, state), groups[g:], kept, totals)
+            after = _jump(run, leg, (s_a, u, state), (groups[g:], changed[g]), kept, totals)
             if after is None:
                 totals.known = False
                 return
@@ -76,10 +76,14 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             run.object(leg.place(instant[0]), "the states are not those that the events lead to")
 
 
-def _groups(run: Replay, leg: Leg) -> list[tuple[float, Array]]:
-    """Return the states from each place of the leg on; events must follow from each other."""
+def _groups(run: Replay, leg: Leg) -> tuple[list[tuple[float, Array]], list[set[int]]]:
+    """Return the states from each place of the leg on, and the nodes with events at each place.
+
+    Events must follow from each other.
+    """
     events = run.record.events
-    groups = [(0.0, leg.state.copy())]
+    groups: list[tuple[float, Array]] = [(0.0, leg.state.copy())]
+    changed: list[set[int]] = [set()]
     for j in np.flatnonzero((events.cycle == leg.cycle) & (events.leg == leg.number)):
         s, i, now = float(events.s[j]), int(events.node[j]), groups[-1][1].copy()
         if s < groups[-1][0] - SAME_PLACE:
@@ -92,7 +96,9 @@ def _groups(run: Replay, leg: Leg) -> list[tuple[float, Array]]:
             groups[-1] = groups[-1][0], now
         else:
             groups.append((s, now))
-    return groups
+            changed.append(set())
+        changed[-1].add(i)
+    return groups, changed
 
 
 def _reach(leg: Leg, states: States, doubt: Array) -> Array:
@@ -221,7 +227,7 @@ def _jump(
     run: Replay,
     leg: Leg,
     before: tuple[float, Array, Array],
-    later: list[tuple[float, Array]],
+    following: tuple[list[tuple[float, Array]], set[int]],
     kept: list[tuple[float, Any, int] | None],
     totals: Totals,
 ) -> Array | None:
@@ -230,11 +236,14 @@ def _jump(
     Where a node landed, or slipped before it stuck, is known from the next kept instant only.
     """
     body, n = run.body, run.body.n
+    later, changed = following
     (s, u, old), here = before, run.body.states(later[0][1])
+    # a node that has slipped in the jump may stick where it comes to rest
+    moved = np.isin(np.arange(n), list(changed))
     if run.record.jumps == 0:
         run.object(leg.place(s), "displacements jump, no jump is counted")
     v_ref = u[:n].copy()
-    for i in np.flatnonzero(here.stuck & (old != STICK)):
+    for i in np.flatnonzero(here.stuck & ((old != STICK) | moved)):
         end = min((s_next for s_next, now in later if now[i] != STICK), default=1.0)
         seen = [instant for instant in kept if instant is not None and s <= instant[0] <= end]
         if not seen:
@@ -244,7 +253,7 @@ def _jump(
     after = here.solve(load, v_ref, u)
     change, r = after - u, body.reactions(load, after)
     dv = np.where(here.touches & (old != OPEN), change[:n], 0.0)
-    slid = body.rubs & (np.abs(dv) * body.k[:n] > JUMP_LAW * leg.force)
+    slid = body.rubs & (np.abs(dv) * body.k[:n] > JUMP_LAW * leg.force) & ~(here.stuck & moved)
     off = np.abs(r[:n] + np.sign(dv) * body.f * r[n:])
     over = (off, np.full(n, JUMP_LAW * leg.force), slid)
     run.check(leg.place(s), "a node slips against friction in a jump", over)
