@@ -174,7 +174,7 @@ class _Run:
         self.passed = passed
         self.model = frictional_form(system)
         self.multiplicity = np.bincount(mirror_of(system).index)
-        self.watch = SteadyWatch(solver.steady_tolerance, typical_stiffness(system) or np.inf)
+        self.watch = SteadyWatch(solver.steady_tolerance, typical_stiffness(system))
         self.corners: list[Instant] = []
         for row in range(len(passed)):
             watch(self.watch, passed, row)

@@ -117,7 +117,7 @@ def test_a_body_far_away_excuses_no_residual() -> None:
     assert reachable(whole, moved, 1.0) < 1e-12
     # round-off of K u alone is then as large as any force
     assert round_off(whole, 1e16 * moved, 1.0) > 1.0
-    assert reachable(whole, 1e16 * moved, 1.0) <= 1e-9
+    assert reachable(whole, 1e16 * moved, 1.0) <= 1e-6
 
 
 def test_frictionless_contact_needs_no_tangential_freedoms() -> None:

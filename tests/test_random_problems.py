@@ -26,7 +26,6 @@ Fault = Callable[[Problem, Outcome], bool]
 
 AWAITED: dict[str, Fault] = {
     "sweeps give up": lambda p, o: o.reason == "NotConverged",
-    "no stiffness left": lambda p, o: "ZeroDivisionError" in o.said,
 }
 """Known faults of the solvers; a line goes with its cure."""
 

@@ -113,7 +113,8 @@ class SteadyWatch:
             tolerance: bound of A_n.
             stiffness: local stiffness of a contact node, to tell slip from round-off.
         """
-        self.tolerance, self.stiffness = tolerance, stiffness
+        # a body that nothing but its contact holds has none, and no displacement by forces
+        self.tolerance, self.stiffness = tolerance, stiffness or np.inf
         self.ends: list[tuple[Array, Array]] = []
         self.change: list[float] = []
         self.change_2: list[float] = []

@@ -265,7 +265,7 @@ class _Sweeper:
                 state, v_new, w_new = self._held_tangentially(i, P0)
             elif self.held_n[i]:
                 # the support carries it: it slides freely
-                state, v_new, w_new = FORWARD, -(Q0 + c * w) / k_t, w
+                state, v_new, w_new = FORWARD, -(Q0 + c * w) / k_t if k_t else v, w
             else:
                 if self.was_open[i]:
                     self._touch_down(i, Q0, P0)

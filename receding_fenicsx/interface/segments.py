@@ -117,6 +117,7 @@ class Segments:
         stiffness = np.concatenate(local_stiffness(system))
         # freedoms eliminated in the 2N form; a body that nothing but its only contact node holds
         stiffness[stiffness <= 0.0] = stiffness.max() or 1.0
+        self._pin = float(stiffness.max())
         self.weight = np.concatenate([stiffness, force, force])
         slack = np.where(self.frictional, np.minimum(1.0, system.f / SLIGHT), 1.0)
         self.limit = LIMIT_TOLERANCE / self.weight
@@ -162,7 +163,7 @@ class Segments:
             motion = self.neutral(state)
             if motion.shape[1] == 0:
                 raise SingularExchange
-            K = self.system.K + np.diagonal(self.system.K).max() * motion @ motion.T
+            K = self.system.K + self._pin * motion @ motion.T
             self._last_pinned = key, motion, Tableau(replace(self.system, K=K), state)
         return self._last_pinned[2]
 
@@ -181,7 +182,7 @@ class Segments:
         if self._last_pinned is None or self._last_pinned[0] != state.tobytes():
             return False
         n = self.system.n
-        lean = np.diagonal(self.system.K).max() * (self._last_pinned[1].T @ q[: 2 * n])
+        lean = self._pin * (self._last_pinned[1].T @ q[: 2 * n])
         held = np.abs(direction @ self.system.r_star).max(initial=0.0)
         return bool(np.abs(lean).max() > RIGID_TOLERANCE * held)
 

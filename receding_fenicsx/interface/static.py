@@ -123,7 +123,10 @@ def _pivot(segments: Segments, start: ContactState, load: Array) -> ContactState
         nothing, nothing, np.flatnonzero(segments.frictional), np.flatnonzero(segments.smooth)
     )
     free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
-    state = solve_states(system, reactions(system, load, u0), nodes, free_v)
+    try:
+        state = solve_states(system, reactions(system, load, u0), nodes, free_v)
+    except np.linalg.LinAlgError:  # a motion that nothing resists
+        return None
     if state is None:
         return None
     state[state == 0] = STICK
