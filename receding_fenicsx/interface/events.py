@@ -39,6 +39,12 @@ state before is still an equilibrium."""
 FAINT = 1e-5
 """Friction below which a path that ends may have been lost in round-off: f P is too small."""
 
+UNLOADED = 1e-11
+"""Force, over the largest so far, that round-off leaves at the end of complete unloading."""
+
+BEYOND_STATICS = 1e-7
+"""Part of a leg by which no path may pass the place where statics say that equilibrium ends."""
+
 JUMPS = 100
 """Jumps on one leg after which it is given up: they follow each other without end."""
 
@@ -90,7 +96,7 @@ class EventPath:
             SolveError: the residual of the contact law is above its tolerance.
         """
         a, b = ends
-        if not np.any(a) and not np.any(start.r):
+        if not np.any(a) and np.abs(start.r).max(initial=0.0) <= UNLOADED * force_scale:
             if not np.any(b):
                 return self._still(start, force_scale, samples)
             if self._is_unloaded(a):
@@ -129,7 +135,7 @@ class EventPath:
         if force_scale == 0.0:  # loads that bear on nothing
             return self._still(start, force_scale, samples)
         try:
-            return self._trace(start, ends, force_scale, samples)
+            leg = self._trace(start, ends, force_scale, samples)
         except SolveError as error:
             limit = self._limit(a, b)
             if isinstance(error, NoEquilibrium) and (limit is not None or self.faint is None):
@@ -144,6 +150,11 @@ class EventPath:
                 f"f = {f:.2g} of node {self.faint} is so small that its limit cannot be told "
                 f"from round-off; make it 0, or {FAINT:.0e} at least"
             ) from error
+        limit = self._limit(a, b)
+        if limit is not None and limit.s < 1.0 - BEYOND_STATICS:
+            # round-off of a vanishing stiffness has carried the loads
+            raise NoEquilibrium(limit.text)
+        return leg
 
     def _trace(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int

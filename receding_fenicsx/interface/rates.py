@@ -262,7 +262,7 @@ class Tableau:
         block = T[np.ix_(rows, columns)]
         lu, piv, _ = dgetrf(block)
         size = np.abs(np.diagonal(lu))
-        if size.min() <= SINGULAR * size.max():
+        if size.min() <= SINGULAR * max(1.0, size.max()):
             raise SingularExchange
         other = np.setdiff1d(np.arange(len(T)), rows)
         kept = np.setdiff1d(np.arange(len(T)), columns)
