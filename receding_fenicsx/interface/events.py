@@ -27,7 +27,7 @@ from receding_fenicsx.interface.resting import at_rest
 from receding_fenicsx.interface.segments import Segments
 from receding_fenicsx.interface.static import solve_static
 from receding_fenicsx.interface.sums import EVENT_RESIDUAL
-from receding_fenicsx.interface.walk import Walk
+from receding_fenicsx.interface.walk import UNLOADED, UNLOADING_EVENTS, Walk
 
 APEX = 1e-9
 """Load left, as a part of the leg's first load, at which a leg to complete unloading is closed."""
@@ -38,9 +38,6 @@ state before is still an equilibrium."""
 
 FAINT = 1e-5
 """Friction below which a path that ends may have been lost in round-off: f P is too small."""
-
-UNLOADED = 1e-11
-"""Force, over the largest so far, that round-off leaves at the end of complete unloading."""
 
 BEYOND_STATICS = 1e-7
 """Part of a leg by which no path may pass the place where statics say that equilibrium ends."""
@@ -178,6 +175,10 @@ class EventPath:
         try:
             walk.run(1.0 - APEX if apex else 1.0)
         except NoQuasiStaticContinuation:
+            if not np.any(ends[1]) and walk.s >= 1.0 - UNLOADING_EVENTS:
+                # all nodes come to all their limits there: only round-off is left to decide
+                walk.s = 1.0
+                return walk.stop_here()
             if self.on_jump != "static" or self.faint is not None:
                 raise
             return self._jump(walk, samples)
@@ -284,7 +285,7 @@ class EventPath:
 
     def _crosses_zero(self, a: Array, b: Array) -> float | None:
         """Return the s inside the leg at which all loads vanish together, or None."""
-        if not self._is_unloaded(np.zeros_like(a)) or not self.segments.lifts_freely:
+        if not self._is_unloaded(np.zeros_like(a)):
             return None
         if np.array_equal(a, b):
             return None

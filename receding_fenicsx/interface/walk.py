@@ -31,6 +31,9 @@ END_EVENTS = 1e-13
 """Part of the leg before its end in which events are left to the next leg: round-off decides there
 whether a closed cycle comes back to where it reversed or just past it."""
 
+UNLOADED = 1e-11
+"""Force, over the largest so far, that round-off leaves at the end of complete unloading."""
+
 UNLOADING_EVENTS = 1e-9
 """The same of a leg to no load at all, where all pressures have vanished within round-off."""
 
@@ -121,7 +124,7 @@ class Walk:
                 segment, looked_at = self._consistent(), True
                 continue
             last = first >= s_end - self.s - END_EVENTS
-            last = last or self._unloads(segment, int(segment.falling[k]), first, s_end)
+            last = last or self._unloads(segment, first, s_end)
             ds = s_end - self.s if last else max(first, 0.0)
             if self.sample_at and self.sample_at[0] <= self.s + ds:
                 self._sample(segment, self.s + ds)
@@ -133,13 +136,18 @@ class Walk:
                 self._watch_progress()
             segment, looked_at = self._event(int(segment.falling[k]), segment)
 
-    def _unloads(self, segment: Segment, label: int, ds: float, s_end: float) -> bool:
-        """Return whether the last pressure vanishes at an event just before a leg ends unloaded."""
-        n = self.system.n
-        if label < 2 * n or np.any(self.b) or s_end - self.s - ds > UNLOADING_EVENTS:
+    def _unloads(self, segment: Segment, first: float, s_end: float) -> bool:
+        """Return whether what happens just before a leg ends unloaded is within round-off."""
+        left = s_end - self.s
+        if np.any(self.b) or left - first > UNLOADING_EVENTS:
             return False
-        forces = self.y[2 * n :] + ds * segment.q[2 * n :]
-        return bool(np.all(forces <= self._on_limit[2 * n :]))
+        n, weight = self.system.n, self.segments.weight
+        passed = (self.y + left * segment.q) * weight
+        # gaps keep the round-off of the displacements that the leg began with
+        began = float(np.abs(self.sums.start * weight[: 2 * n]).max())
+        allowed = UNLOADED * self.sums.force_scale
+        gaps = max(allowed, ROUND_OFFS * EPSILON * began)
+        return bool(passed[2 * n :].min() >= -allowed and passed[n : 2 * n].min() >= -gaps)
 
     def _advance(self, segment: Segment, ds: float) -> None:
         """Move on by ds."""
