@@ -133,6 +133,11 @@ class EventPath:
             return self._still(start, force_scale, samples)
         try:
             leg = self._trace(start, ends, force_scale, samples)
+        except SingularExchange as error:
+            raise SolveError(
+                f"the exact path is lost on the way to load factors {b.tolist()}: a motion of the "
+                "body is left that nothing resists; add a [[support]], or use method gauss-seidel"
+            ) from error
         except SolveError as error:
             limit = self._limit(a, b)
             if isinstance(error, NoEquilibrium) and (limit is not None or self.faint is None):
@@ -178,7 +183,9 @@ class EventPath:
             if not np.any(ends[1]) and walk.s >= 1.0 - UNLOADING_EVENTS:
                 # all nodes come to all their limits there: only round-off is left to decide
                 walk.s = 1.0
-                return walk.stop_here()
+                leg = walk.stop_here()
+                leg.samples += [(s, leg.end) for s in walk.sample_at]
+                return leg
             if self.on_jump != "static" or self.faint is not None:
                 raise
             return self._jump(walk, samples)
@@ -261,7 +268,7 @@ class EventPath:
             try:
                 walk.run(1.0)
                 leg = walk.finish(False)
-            except SolveError:
+            except (SolveError, SingularExchange):
                 # found again, and said of the whole contact, by the way without reduction
                 return None
             finished = reduction.finish(walk, leg, ends)
