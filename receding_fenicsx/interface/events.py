@@ -7,7 +7,8 @@ pressure or a gap reaches zero, and the dissipation -integral Q dv is a sum of e
 
 from __future__ import annotations
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 
 import numpy as np
 from numpy.typing import NDArray
@@ -69,6 +70,7 @@ class EventPath:
         least = int(rubbing[np.argmin(system.f[rubbing])]) if len(rubbing) else 0
         self.faint = least if len(rubbing) and system.f[least] < FAINT else None
         self.jumps = 0
+        self.part = 0.0, 1.0
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
         self.reduction: Reduction | None = None
         self.limits: dict[tuple[bytes, bytes], Limit | None] = {}
@@ -173,6 +175,7 @@ class EventPath:
     ) -> Leg:
         """Follow one leg from event to event."""
         walk = Walk(self.segments, start, ends, force_scale, samples, self.check_all)
+        walk.part = self.part
         limit = self._limit(*ends)
         if limit is not None:
             walk.equilibrium_ends = limit.s
@@ -222,7 +225,8 @@ class EventPath:
         released = -stored - work
         self.jumps += 1
         try:
-            rest = self.trace_leg(end, (load, b), before.force_scale, samples)
+            with self._on_part(s, 1.0):
+                rest = self.trace_leg(end, (load, b), before.force_scale, samples)
         finally:
             self.jumps -= 1
         before.events += changes(s, before.end.state, end.state)
@@ -286,6 +290,16 @@ class EventPath:
         """Jump to the end of a leg: a static problem with slip counted from ``start``."""
         return self._from_rest(start, ends[1], force_scale, 0)
 
+    @contextmanager
+    def _on_part(self, s_a: float, s_b: float) -> Iterator[None]:
+        """Trace a part of the present leg as a leg of its own, places being told of the whole."""
+        whole, size = self.part, self.part[1] - self.part[0]
+        self.part = whole[0] + s_a * size, whole[0] + s_b * size
+        try:
+            yield
+        finally:
+            self.part = whole
+
     def _is_unloaded(self, load: Array) -> bool:
         """Return whether all loads vanish on a contact that fits without gaps."""
         return not np.any(load) and not np.any(self.system.g0)
@@ -310,8 +324,10 @@ class EventPath:
     ) -> Leg:
         """Follow a leg through complete unloading as two."""
         zero = np.zeros_like(ends[0])
-        first = self.trace_leg(start, (ends[0], zero), force_scale, samples)
-        second = self.trace_leg(first.end, (zero, ends[1]), first.force_scale, samples)
+        with self._on_part(0.0, s0):
+            first = self.trace_leg(start, (ends[0], zero), force_scale, samples)
+        with self._on_part(s0, 1.0):
+            second = self.trace_leg(first.end, (zero, ends[1]), first.force_scale, samples)
         return joined(first, second, s0, s0)
 
     def _limit(self, a: Array, b: Array) -> Limit | None:

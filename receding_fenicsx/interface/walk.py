@@ -40,8 +40,9 @@ UNLOADING_EVENTS = 1e-9
 INHERITED = 2.0
 """Growth of the residual that a leg may add to that of its start."""
 
-UNCERTAIN_SIGNS = 8
-"""Sets of random signs of round-off by which its effect on the displacements is estimated."""
+UNCERTAIN_SIGNS, UNCERTAIN_STATES = 8, 64
+"""Sets of random signs of round-off by which its effect on the displacements is estimated, and the
+last sets of states on a leg in which it is."""
 
 STANDING_EVENTS = 20
 """Events per node within ``CLOSE_EVENTS`` of one place after which the path counts as stuck
@@ -67,6 +68,7 @@ class Walk:
     Attributes:
         sums: dissipation, work and residual so far.
         equilibrium_ends: place on the leg beyond which statics know of no equilibrium.
+        part: where the leg lies on the one that errors tell of.
     """
 
     def __init__(
@@ -97,7 +99,7 @@ class Walk:
         self.s, self.trials_before = 0.0, segments.trials
         self.progress_at, self.standing = 0.0, 0
         self.unmeasured, self.measured_after, self.cleared_to = 0, MEASURED_EVENTS, 0.0
-        self.equilibrium_ends = np.inf
+        self.equilibrium_ends, self.part = np.inf, (0.0, 1.0)
         self.state = start.state.copy()
         self.y = segments.values(start)
         self.sample_at = [j / samples for j in range(1, samples + 1)]
@@ -383,7 +385,7 @@ class Walk:
         self, before: States, nodes: NDArray[np.intp], exhausted: bool = False
     ) -> SolveError:
         """Return the error for the place at which the path ends."""
-        place = self.load(self.s), self.s
+        place = self.load(self.s), self.part[0] + self.s * (self.part[1] - self.part[0])
         return explain(
             self.segments, before, self.y, place, self.sums.force_scale, nodes, exhausted
         )
@@ -444,11 +446,16 @@ class Walk:
         Args:
             states: at the leg's start and at its end.
         """
-        n, largest, K = self.system.n, 0.0, np.abs(self.system.K)
+        n, largest, now = self.system.n, 0.0, states[0].state.copy()
+        reach = np.abs(self.system.K) @ np.max([np.abs(state.u) for state in states], axis=0)
         signs = np.random.default_rng(0).choice([-EPSILON, EPSILON], (UNCERTAIN_SIGNS, 2 * n))
-        for state in states:
-            tableau = self.segments.tableau(state.state)
-            for error in signs * (K @ np.abs(state.u)):
+        met = {now.tobytes(): now.copy()}
+        for _, i, _, new in self.leg.events:
+            now[i] = new
+            met[now.tobytes()] = now.copy()
+        for state in list(met.values())[-UNCERTAIN_STATES:]:
+            tableau = self.segments.tableau(state)
+            for error in signs * reach:
                 change = tableau.correction(error)[: 2 * n] * self.segments.weight[: 2 * n]
                 largest = max(largest, float(np.abs(change).max()))
         scale = self.sums.force_scale
