@@ -216,7 +216,8 @@ class SolverOptions:
         polish: solve directly once the states have settled (Gauss-Seidel).
         change_tolerance: change in a sweep over the step's largest displacement, eq. (16).
         residual_tolerance: residual of the contact law over the largest nodal force.
-        max_sweeps: sweeps a step; one that needs more is an error.
+        max_sweeps: sweeps a step; one that needs more is an error. Steps whose sweeps cycle or
+            creep (1000 leave more than a tenth of the residual) are taken on the exact path.
         steady_tolerance: change of the nodal forces over a cycle, over the largest, below which
             they repeat; slips repeat below 100 times as much of a cycle's largest slip.
         on_jump: "stop" or "static", where no quasi-static path leads on.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
-from equations import BACKWARD, FORWARD, OPEN, Array
+from equations import BACKWARD, EPS, FORWARD, OPEN, Array
 from replay import LAW, Leg, Replay, Step, Totals
 
 
@@ -43,6 +43,10 @@ def step(run: Replay, leg: Leg, totals: Totals) -> None:
         if len(rows):
             way = float(np.abs((load_b - load) @ body.r_star @ (u_b - u)))
             totals.divided += 2.0 * abs(lost) + way
+        if run.record.jumps and np.any(events.s[rows] < table.s[j]):
+            # a jump inside the step dissipates nothing, and what it releases is of no node: what
+            # does dissipate is between nothing and all the energy that is given up
+            totals.divided += float(np.abs(D).sum()) + abs(float(D.sum()) + lost)
         for e in rows:
             if state[events.node[e]] != events.old[e]:
                 run.object(place, f"an event does not begin in its node's state (event {e})")
@@ -62,6 +66,11 @@ def _touch_down(run: Replay, i: int, load: Array, u: Array, u_b: Array) -> float
     body, n = run.body, run.body.n
     pair = np.array([i, n + i])
     K = body.K[np.ix_(pair, pair)].astype(float)
-    v, w = u_b[pair] - np.linalg.solve(K, body.reactions(load, u_b)[pair].astype(float))
+    r = body.reactions(load, u_b)[pair].astype(float)
+    if np.linalg.det(K) <= 4 * EPS * K[0, 0] * K[1, 1]:
+        # nothing carries it: it falls to the plane, where it touches without tangential force
+        fall = -float(body.g0[i] + u_b[n + i])
+        return float(u_b[i]) - (r[0] + K[0, 1] * fall) / K[0, 0] if K[0, 0] else float(u[i])
+    v, w = u_b[pair] - np.linalg.solve(K, r)
     gap, trial = max(float(body.g0[i] + u[n + i]), 0.0), float(body.g0[i] + w)
     return float(u[i] + (v - u[i]) * gap / (gap - trial)) if trial < 0.0 else float(u[i])

@@ -6,9 +6,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from law import random_system, worst_violation
+from problems import problem
 from small import small_system, table
 
-from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, NotConverged
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactState, ContactSystem, State
@@ -197,3 +198,46 @@ def test_a_free_node_that_is_pulled_off_has_no_equilibrium(spring: float) -> Non
         evolve(node, table(node, [0.0, 1.0, 0.2, 1.0]), solver)
         with pytest.raises(NoEquilibrium, match="lift-off"):
             evolve(node, table(node, [0.0, 1.0, -0.1]), solver)
+
+
+@pytest.mark.parametrize("number", [1248, 1643, 1683])
+def test_steps_whose_sweeps_cycle_follow_the_exact_path(number: int) -> None:
+    p = problem(number)
+    with pytest.raises(NotConverged, match="stopped after 900 sweeps"):
+        evolve(p.system, p.history, replace(p.solver, max_sweeps=900))
+    record, exact = evolve(p.system, p.history, p.solver, ALL), evolve(p.system, p.history)
+    assert record.jumps == exact.jumps == 0 and record.residual_max <= 1e-11
+    fine = evolve(p.system, p.history, replace(p.solver, steps_per_leg=160))
+    for field in ("P", "Q", "v", "w"):
+        reference = getattr(exact.turning_points, field)
+        coarse_off, fine_off = (
+            np.abs(getattr(found.turning_points, field) - reference).max()
+            for found in (record, fine)
+        )
+        size = np.abs(reference).max()
+        assert coarse_off <= 0.05 * size, field
+        assert fine_off <= max(0.5 * coarse_off, 1e-4 * size), field
+
+
+def test_creeping_sweeps_of_a_nearly_singular_node_are_cut_short() -> None:
+    p = problem(1390)
+    record, exact = evolve(p.system, p.history, steps(4)), evolve(p.system, p.history)
+    assert record.turning_points.P == pytest.approx(exact.turning_points.P, rel=1e-6)
+
+
+def test_sweeps_that_creep_to_complete_unloading_give_way_to_the_exact_path() -> None:
+    # no friction and no normal stiffness: P = lambda P*, v = -lambda Q* / K_tt
+    node = small_system([[1.75, 0.0], [0.0, 0.0]], {"a": [0.36, 1.23]}, 0.0, rigid=[[0.0, 1.0]])
+    record = evolve(node, table(node, [0.0, 1.0], [1.0, 0.0, 1.0], 3), steps(40))
+    load = record.turning_points.load
+    assert record.turning_points.P == pytest.approx(1.23 * load, abs=1e-11)
+    assert record.turning_points.v == pytest.approx(-0.36 / 1.75 * load, abs=1e-11)
+    assert np.all(record.turning_points.Q == pytest.approx(0.0, abs=1e-11))
+
+
+def test_drift_without_friction_dissipates_nothing() -> None:
+    p = problem(20638)
+    record = evolve(p.system, p.history, p.solver)
+    drift = np.abs(np.diff(record.turning_points.v, axis=0)).max()
+    assert not np.any(p.system.f) and drift > 0.0
+    assert np.all(record.cycles.dissipation == 0.0) and record.dissipation_first_loading == 0.0

@@ -15,12 +15,20 @@ answer is another equilibrium, at a finite distance however small the step. Two 
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, State, reactions
+from receding_fenicsx.interface.contact import (
+    Array,
+    ContactState,
+    ContactSystem,
+    Leg,
+    State,
+    reactions,
+)
 from receding_fenicsx.interface.events import APEX
 from receding_fenicsx.interface.limits import Limit
 from receding_fenicsx.interface.residual import largest_force, local_stiffness
@@ -38,10 +46,13 @@ class Way:
     Attributes:
         walk: stands where the path ends, or at the end of the part.
         error: why it ends, None at the end of the part.
+        apex: the part ends at complete unloading of a body that lifts freely; the walk stands just
+            before.
     """
 
     walk: Walk
     error: SolveError | None
+    apex: bool
 
     @property
     def s(self) -> float:
@@ -55,6 +66,10 @@ class Way:
         n, y, load = system.n, self.walk.y, self.walk.load(self.walk.s)
         u = np.concatenate([y[:n], y[n : 2 * n] - system.g0])
         return ContactState(u, reactions(system, load, u), self.walk.state.copy())
+
+    def finish(self) -> Leg:
+        """Return the path to the end of the part; raise SolveError where its residual is large."""
+        return self.walk.finish(self.apex)
 
 
 class Continuation:
@@ -98,6 +113,7 @@ class Continuation:
         part: tuple[float, float],
         force_scale: float,
         limit: Limit | None,
+        samples: Iterable[float] = (),
     ) -> Way:
         """Follow the exact path through a part of a leg.
 
@@ -107,18 +123,20 @@ class Continuation:
             part: s at the start and at the end of the part.
             force_scale: largest nodal force of the history so far.
             limit: where equilibrium ends on the leg.
+            samples: places on the leg of states to keep.
         """
         scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
         walk = Walk(self.segments, start, ends, scale, 0, False)
         walk.s = walk.progress_at = part[0]
+        walk.sample_at = list(samples)
         walk.sums.go_on_from(walk.s, walk.y, walk.state)
         if limit is not None:
             walk.equilibrium_ends = limit.s
         # a free body without load has no single set of states
         unloaded = not np.any(walk.load(part[1])) and not np.any(self.system.g0)
-        back = APEX if unloaded and self.segments.lifts_freely else 0.0
+        apex = unloaded and self.segments.lifts_freely
         try:
-            walk.run(max(part[1] - back, part[0]))
-            return Way(walk, None)
+            walk.run(max(part[1] - APEX, part[0]) if apex else part[1])
+            return Way(walk, None, apex)
         except SolveError as error:
-            return Way(walk, error)
+            return Way(walk, error, apex)

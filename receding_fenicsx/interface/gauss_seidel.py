@@ -51,7 +51,15 @@ POLISH_GAIN = 1e-1
 but carry the body far away, from where sweeps take for ever."""
 
 CHECK_SWEEPS = 10
-"""Sweeps between two evaluations of the residual when eq. (16) alone is not yet met."""
+"""Sweeps between two evaluations of the residual when eq. (16) alone is not yet met, and between
+two polishes of the same states."""
+
+STALLED_GAIN = 0.1
+"""Part of the residual that is left after ``stalled_sweeps`` where sweeps lead to an end."""
+
+SWEEPS_PER_NODE = 10
+"""Sweeps for each node of a large contact that count as one gain: plain ones carry a change on by
+about one node."""
 
 SINGULAR = 4.0 * float(np.finfo(float).eps)
 """Stiffness of a node in a state, over the terms that it is the difference of, that is none."""
@@ -76,6 +84,8 @@ class GaussSeidelOptions:
         displacement.
         residual_tolerance: residual of the contact law over the history's largest nodal force.
         max_sweeps: sweeps after which the step is given up with an error.
+        stalled_sweeps: sweeps, or ``SWEEPS_PER_NODE``, that must cut the residual to
+        ``STALLED_GAIN``; those that do not cycle or creep and are stopped before.
     """
 
     over_relaxation: float = 1.5
@@ -83,6 +93,11 @@ class GaussSeidelOptions:
     change_tolerance: float = 1e-10
     residual_tolerance: float = 1e-12
     max_sweeps: int = 20000
+    stalled_sweeps: int = 1000
+
+
+class Stalled(NotConverged):
+    """The sweeps cycle or creep: with friction they may, though the step has a solution."""
 
 
 @dataclass(frozen=True)
@@ -127,6 +142,7 @@ def solve_step(
 
     Raises:
         NotConverged: the sweeps ran out; the message holds the residual and the worst node.
+        Stalled: they have stopped gaining.
     """
     sweeper = _Sweeper(system, start, load, options, guess or start)
     stiffness = local_stiffness(system)
@@ -136,6 +152,8 @@ def solve_step(
     omega = options.over_relaxation
     settled = since_check = 0
     residual, worst, best = np.inf, 0, np.inf
+    gained, gained_at = np.inf, 0
+    patience = max(options.stalled_sweeps, SWEEPS_PER_NODE * system.n)
     for sweep in range(1, options.max_sweeps + 1):
         changed, moved = sweeper.sweep(omega)
         span = float(np.abs(sweeper.u).max())
@@ -144,7 +162,7 @@ def solve_step(
         since_check += 1
         if options.polish and settled >= SETTLE_SWEEPS:
             sweeper.polish()
-            settled = 0
+            settled = 0 if sweeper.polished else SETTLE_SWEEPS - CHECK_SWEEPS
         elif (
             change > options.change_tolerance
             and since_check < CHECK_SWEEPS
@@ -161,9 +179,13 @@ def solve_step(
         if residual > 10 * best:
             omega = 1.0
         best = min(best, residual)
+        if residual < STALLED_GAIN * gained:
+            gained, gained_at = residual, sweep
+        elif sweep - gained_at >= patience:
+            break
     node = worst % system.n
-    raise NotConverged(
-        f"Gauss-Seidel stopped after {options.max_sweeps} sweeps at load factors {load.tolist()}: "
+    raise (NotConverged if sweep == options.max_sweeps else Stalled)(
+        f"Gauss-Seidel stopped after {sweep} sweeps at load factors {load.tolist()}: "
         f"residual {residual:.1e} at node {node} (x = {system.x[node]:.6g}), tolerance "
         f"{options.residual_tolerance:.1e}; take more steps per leg, more sweeps, or method events"
     )
@@ -376,5 +398,6 @@ class _Sweeper:
         touched = np.array(self.was_open) & (end.state != SEPARATION)
         Q_old = np.where(touched, 0.0, self.start.Q)
         slip = np.where(end.state == SEPARATION, 0.0, end.v - v_start)
-        slip[self.system.held[:n]] = 0.0
+        # what no friction holds may drift far under forces of the size of round-off
+        slip[self.system.held[:n] | (self.system.f == 0.0)] = 0.0
         return Step(end, -0.5 * (Q_old + end.Q) * slip, residual, scale, sweeps)

@@ -2,13 +2,16 @@
 
 No step may pass over a jump. Each accepted step either is a straight quasi-static path or ends near
 the end of the exact path through it (:mod:`receding_fenicsx.interface.continuation`); one that does
-neither is divided. Where the exact path through a step ends, it is followed to that place, and a
-vanishing step from there decides: if the displacements change by a finite amount, the body jumps.
+neither is divided. Where its sweeps cycle or creep, the exact path through it is taken; where they
+run out, that is an error. Where the exact path through a step ends, it is followed to that place,
+and a vanishing step from there decides: if the displacements change by a finite amount, the body
+jumps.
 """
 
 from __future__ import annotations
 
 from contextlib import suppress
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +24,7 @@ from receding_fenicsx.errors import (
 from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.continuation import ON_LIMIT, Continuation
 from receding_fenicsx.interface.events import APEX, JUMP_STEP, JUMPS, changes
-from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, Step, solve_step
+from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, Stalled, Step, solve_step
 from receding_fenicsx.interface.limits import Limit, furthest
 from receding_fenicsx.interface.residual import local_stiffness, relative_residual
 from receding_fenicsx.interface.resting import at_rest
@@ -109,7 +112,10 @@ class GaussSeidelPath:
         """Jump to the end of a leg in one step; slip is counted from ``start``."""
         leg = Leg(end=start, dissipation=np.zeros(self.system.n), force_scale=force_scale)
         self._equilibrium(ends, 1.0)
-        self._take(leg, ends, (0.0, 1.0), self._solve(leg, ends[1]))
+        patient = replace(self.options, stalled_sweeps=self.options.max_sweeps)
+        step = solve_step(self.system, start, ends[1], patient, force_scale)
+        leg.sweeps += step.sweeps
+        self._take(leg, ends, (0.0, 1.0), step)
         leg.samples = [(1.0, leg.end)]
         return leg
 
@@ -136,7 +142,7 @@ class GaussSeidelPath:
         s, targets = s_start, [s_end]
         for _ in range(PARTS):
             part = s, targets[-1]
-            found, place = self._part(leg, ends, part, limit, part == (s_start, s_end))
+            found, place = self._part(leg, ends, part, limit)
             if found is None:
                 targets.append(place)
                 continue
@@ -170,11 +176,14 @@ class GaussSeidelPath:
         """
         if leg.jumps:
             return False
-        way = self.continuation.follow(origin, ends, (0.0, s_end), leg.force_scale, limit)
+        kept = [s for s, _ in leg.samples]
+        way = self.continuation.follow(origin, ends, (0.0, s_end), leg.force_scale, limit, kept)
         if way.error is not None:
             return False
-        found = way.walk.finish(False)
-        leg.events += changes(s_end, leg.end.state, found.end.state)
+        found = way.finish()
+        leg.samples = found.samples
+        laid = [event for event in leg.events if event[0] == 0.0]
+        leg.events = laid + _seen(found, origin, s_end, kept)
         leg.dissipation, leg.work, leg.end = found.dissipation, found.work, found.end
         leg.residual = max(leg.residual, found.residual)
         return True
@@ -190,7 +199,6 @@ class GaussSeidelPath:
         ends: tuple[Array, Array],
         part: tuple[float, float],
         limit: Limit | None,
-        is_whole: bool,
     ) -> tuple[Step | Leg | SolveError | None, float]:
         """Try a part of a load step.
 
@@ -200,24 +208,20 @@ class GaussSeidelPath:
             leads on from the start of the part. Or None, and the place up to which to try instead.
         """
         start, (s, s_to), load = leg.end, part, _load(ends, part[1])
-        step, failure = None, None
-        try:
+        step = None
+        with suppress(Stalled):  # the exact way takes over
             step = self._solve(leg, load)
-        except NotConverged as error:
-            failure = error
         scale = leg.force_scale if step is None else step.force_scale
         if step is not None and self.continuation.is_straight(start, step.end, scale):
             return step, s_to
         way = self.continuation.follow(start, ends, part, scale, limit)
         is_tiny = s_to - s <= 1.5 * VANISHING
         if way.error is None:
-            if failure is not None and is_whole:
-                raise failure
-            near = self._nearest(leg, load, way.end, step)
+            near = None if step is None else self._nearest(leg, load, way.end, step)
             if near is not None:
                 return near, s_to
             if is_tiny or step is None:
-                return way.walk.finish(False), s_to
+                return way.finish(), s_to
             return None, 0.5 * (s + s_to)
         falls = isinstance(way.error, NoEquilibrium) and s == 0.0 and not np.any(ends[0])
         if step is not None and falls:  # a free body that touches nowhere yet falls on the plane
@@ -234,18 +238,14 @@ class GaussSeidelPath:
         """Return the change of displacement in a step, as a force over the force scale."""
         return self.continuation.size(step.end.u - leg.end.u) / step.force_scale
 
-    def _nearest(
-        self, leg: Leg, load: Array, exact: ContactState, step: Step | None
-    ) -> Step | None:
+    def _nearest(self, leg: Leg, load: Array, exact: ContactState, step: Step) -> Step | None:
         """Return the step that ends nearest to the exact way, None where that is not near it.
 
         Where sweeps from the start of the step have not ended there, those from its end may.
         """
         length = self.continuation.size(exact.u - leg.end.u)
 
-        def apart(step: Step | None) -> float:
-            if step is None:
-                return np.inf
+        def apart(step: Step) -> float:
             distance = self.continuation.size(step.end.u - exact.u)
             return distance / (length + ON_LIMIT * step.force_scale / APART)
 
@@ -264,7 +264,7 @@ class GaussSeidelPath:
         else:
             mean = 0.5 * (_load(ends, part[0]) + _load(ends, part[1]))
             leg.work += float(mean @ self.system.r_star @ (found.end.u - leg.end.u))
-        leg.events += changes(part[1], leg.end.state, found.end.state)
+        leg.events += _seen(found, leg.end, part[1], [part[0]])
         leg.dissipation = leg.dissipation + found.dissipation
         leg.residual = max(leg.residual, found.residual)
         leg.force_scale = max(leg.force_scale, found.force_scale)
@@ -309,6 +309,28 @@ class GaussSeidelPath:
 def _load(ends: tuple[Array, Array], s: float) -> Array:
     """Return the load factors at a place of a leg."""
     return ends[1] if s == 1.0 else (1.0 - s) * ends[0] + s * ends[1]
+
+
+def _seen(
+    found: Step | Leg, start: ContactState, s: float, stops: list[float]
+) -> list[tuple[float, int, int, int]]:
+    """Return the changes of state of a step, of an exact way where they are.
+
+    Args:
+        found: what leads on from ``start`` to ``s``.
+        start: state at its start.
+        s: its end.
+        stops: its start or the samples inside; what changes right there follows upon them.
+    """
+    passed = []
+    if isinstance(found, Leg):
+        passed = [
+            (np.nextafter(e[0], 1.0) if e[0] in stops else e[0], *e[1:]) for e in found.events
+        ]
+    state = start.state.copy()
+    for _, node, _, new in passed:
+        state[node] = new
+    return [*passed, *changes(s, state, found.end.state)]
 
 
 def _unloaded(ends: tuple[Array, Array]) -> float | None:

@@ -107,7 +107,9 @@ def _sweep_long(segments: Segments, start: ContactState, load: Array) -> Contact
 def _sweep(
     segments: Segments, start: ContactState, load: Array, sweeps: int
 ) -> ContactState | None:
-    options = gauss_seidel.GaussSeidelOptions(max_sweeps=sweeps, residual_tolerance=STATIC_RESIDUAL)
+    options = gauss_seidel.GaussSeidelOptions(
+        max_sweeps=sweeps, stalled_sweeps=sweeps, residual_tolerance=STATIC_RESIDUAL
+    )
     try:
         return gauss_seidel.solve_step(segments.system, start, load, options).end
     except NotConverged:
