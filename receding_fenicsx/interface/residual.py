@@ -104,7 +104,16 @@ def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: floa
     return max(worst, float(on_limit.max(initial=0.0)) / force_scale)
 
 
+NO_STIFFNESS = 1e-11
+"""Part of the largest local stiffness up to which one is round-off of none."""
+
+
 def local_stiffness(system: ContactSystem) -> tuple[Array, Array]:
-    """Return the diagonals (K_tt)_ii and (K_nn)_ii, the local stiffnesses k_i of the residual."""
+    """Return the local stiffnesses k_i of the residual, (K_tt)_ii and (K_nn)_ii.
+
+    A freedom without stiffness of its own, which would hide its displacements, gets the largest.
+    """
     diagonal = np.diagonal(system.K)
-    return diagonal[: system.n].copy(), diagonal[system.n :].copy()
+    largest = float(diagonal.max(initial=0.0)) or 1.0
+    stiffness = np.where(diagonal > NO_STIFFNESS * largest, diagonal, largest)
+    return stiffness[: system.n], stiffness[system.n :]

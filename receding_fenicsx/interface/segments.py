@@ -115,8 +115,6 @@ class Segments:
         self.smooth = normal & ~self.frictional
         force = 1.0 / np.maximum(1.0, system.f)
         stiffness = np.concatenate(local_stiffness(system))
-        # freedoms eliminated in the 2N form; a body that nothing but its only contact node holds
-        stiffness[stiffness <= 0.0] = stiffness.max() or 1.0
         self._pin = float(stiffness.max())
         self.weight = np.concatenate([stiffness, force, force])
         slack = np.where(self.frictional, np.minimum(1.0, system.f / SLIGHT), 1.0)
