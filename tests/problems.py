@@ -17,7 +17,7 @@ from replay import HELD_SHARE, Replay, replay
 from small import small_system, table
 from ways import TooMany, balanced, follow
 
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
 from receding_fenicsx.evolution import evolve
 from receding_fenicsx.history import History
 from receding_fenicsx.interface.contact import ContactSystem
@@ -347,6 +347,17 @@ def _ends(history: History, cycle: int, leg: int) -> tuple[np.ndarray, np.ndarra
     return line[leg], line[leg + 1]
 
 
+def _is_balanced_beyond(p: Problem, error: SolveError, done: int) -> bool:
+    """Return whether statics know of contact forces just behind the place that an error names."""
+    a, b = _ends(p.history, *_legs(p.history)[done])
+    said = re.search(r"at load factors \[([^\]]*)\]", str(error))
+    if said is None or not np.any(a != b):
+        return True
+    place = np.array([float(value) for value in said[1].split(",")])
+    s = float((place - a) @ (b - a)) / float((b - a) @ (b - a))
+    return balanced(p.system, a + min(1.0, s + SAME) * (b - a))
+
+
 def _legs(history: History) -> list[tuple[int, int]]:
     legs = [(0, k) for k in range(len(history.path) - 1)]
     return legs + [
@@ -363,6 +374,8 @@ def _refusal(p: Problem, error: SolveError, reason: str) -> tuple[str, str]:
         return (REFUSED if _is_idle(p, record) else FALSE), reason
     n, ends = p.system.n, record.turning_points
     done = len(ends.s)
+    if isinstance(error, NoEquilibrium) and not _is_balanced_beyond(p, error, done):
+        return REFUSED, reason
     cycle, leg = _legs(p.history)[done]
     a, b = _ends(p.history, cycle, leg)
     if done:
