@@ -23,6 +23,9 @@ COUNTS = 1e-9
 SHORT = 1e-10
 """Part of the leg by which it has to fall short for its end to be called out of reach."""
 
+RESULTANT = 1e-13
+"""Resultant along a rigid motion, over the sum of all held reactions, that is none."""
+
 PRESSING = 1e-8
 """Total pressure, over the sum of all held reactions, below which nothing presses any more."""
 
@@ -107,6 +110,9 @@ def _reach(system: ContactSystem, a: Array, b: Array, friction: float) -> float:
         f = (friction * system.f[Q])[:, None]
         columns += [(R[n + Q] - f * R[Q]).T, (R[n + Q] + f * R[Q]).T]
     start, way = R.T @ (a @ system.r_star), R.T @ ((b - a) @ system.r_star)
+    # symmetric loads have a resultant of round-off
+    none = RESULTANT * float(np.abs(np.vstack([a, b]) @ system.r_star).sum(axis=1).max())
+    start[np.abs(start) <= none] = way[np.abs(way) <= none] = 0.0
     size = max(float(np.abs(start).max()), float(np.abs(way).max()))
     if size == 0.0:
         return 1.0
