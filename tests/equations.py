@@ -16,7 +16,7 @@ Array = np.ndarray
 STICK, OPEN, FORWARD, BACKWARD = 1, 2, 3, 4
 EPS = float(np.finfo(float).eps)
 
-ROUNDINGS = 64.0
+ROUNDINGS = 512.0
 """Round-offs eps |K| |u| that are let pass beside a law's tolerance."""
 SINGULAR = 1e-13
 """Singular value, over the largest stiffness, below which the states leave a motion free."""

@@ -34,8 +34,9 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
     state, u = leg.state, leg.u
     doubt = EPS * np.abs(u).astype(float) + run.doubt / body.k
     # what an unloaded body that supports hold keeps of its displacements is round-off
-    unloaded = not (np.any(leg.ends[0]) or np.any(body.g0) or run.system.rigid.shape[1])
-    left = np.abs(u).astype(float) if unloaded else np.zeros(2 * n)
+    held = not (np.any(body.g0) or run.system.rigid.shape[1])
+    s_unloaded = _unloaded_at(leg) if held else np.inf
+    left = np.zeros(2 * n)
     s_held, misplaced, size = 0.0, np.zeros(2 * n), np.abs(body.K).astype(float)
     for g, (s_a, now) in enumerate(groups):
         s_b, following = groups[g + 1] if g + 1 < len(groups) else (1.0, None)
@@ -69,6 +70,8 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         misplaced = misplaced + size @ rounded
         run.doubt = np.maximum(run.doubt, body.k * rounded)
         _add_up(run, leg, (s_a, s_b), here, (u_a, u_b), totals)
+        if s_a >= s_unloaded - PLACE and not np.any(left):
+            left = np.maximum(np.abs(u), np.abs(u_a)).astype(float)
         allowed = doubt + doubt_a + left
         if unloads and s_b == 1.0:
             allowed = allowed + here.reach(np.full(2 * n, APEX * leg.force))
@@ -110,6 +113,14 @@ def _groups(
             changed.append(set())
         changed[-1].add(i)
     return groups, changed, between
+
+
+def _unloaded_at(leg: Leg) -> float:
+    """Return the place of a leg at which all loads vanish together, infinite where they do not."""
+    a, b = leg.ends
+    s = float(a @ (a - b)) / (float((a - b) @ (a - b)) or 1.0)
+    vanish = np.abs((1.0 - s) * a + s * b).max() <= PLACE * max(np.abs(a).max(), np.abs(b).max())
+    return s if vanish and 0.0 <= s < 1.0 else np.inf
 
 
 def _reach(leg: Leg, states: States, doubt: Array) -> Array:
