@@ -278,9 +278,12 @@ class EventPath:
             finished = reduction.finish(walk, leg, ends)
             if isinstance(finished, Leg):
                 self._remember(ends[1] - ends[0], finished)
-                scale = finished.force_scale
-                accepted = max(EVENT_RESIDUAL, reachable(self.system, finished.end.u, scale))
-                return finished if finished.residual <= accepted else None
+                scale, residual = finished.force_scale, finished.residual
+                if residual <= EVENT_RESIDUAL:
+                    return finished
+                return (
+                    finished if residual <= reachable(self.system, finished.end.u, scale) else None
+                )
             for changed in self.changed.values():
                 changed[finished] = True
             self.reduction = None

@@ -107,6 +107,7 @@ class Walk:
         self.leg = Leg(end=start, dissipation=np.zeros(n), force_scale=force_scale)
         self.sums = Sums(segments, ends, force_scale, (0.0, self.y, self.state), check_all, watch)
         self._on_limit = segments.limit * force_scale
+        self._unloading = not np.any(b)
         self._step = np.zeros(4 * n)
 
     def load(self, s: float | Array) -> Array:
@@ -126,7 +127,8 @@ class Walk:
                 segment, looked_at = self._consistent(), True
                 continue
             last = first >= s_end - self.s - END_EVENTS
-            last = last or self._unloads(segment, first, s_end)
+            if self._unloading and not last:
+                last = self._unloads(segment, first, s_end)
             ds = s_end - self.s if last else max(first, 0.0)
             if self.sample_at and self.sample_at[0] <= self.s + ds:
                 self._sample(segment, self.s + ds)
@@ -141,7 +143,7 @@ class Walk:
     def _unloads(self, segment: Segment, first: float, s_end: float) -> bool:
         """Return whether what happens just before a leg ends unloaded is within round-off."""
         left = s_end - self.s
-        if np.any(self.b) or left - first > UNLOADING_EVENTS:
+        if left - first > UNLOADING_EVENTS:
             return False
         n, weight = self.system.n, self.segments.weight
         passed = (self.y + left * segment.q) * weight
@@ -168,7 +170,9 @@ class Walk:
         if known is not None:
             self.state, following, change = known
             self.leg.events.append((self.s, *change))
-            self._clear_if_due()
+            self.unmeasured += 1
+            if self.unmeasured >= self.measured_after:
+                self._clear_if_due()
             return following, False
         before = self.state
         self.state = before.copy()
@@ -187,7 +191,9 @@ class Walk:
         else:
             self.state = before
             following = self._consistent(label)
-        self._clear_if_due()
+        self.unmeasured += 1
+        if self.unmeasured >= self.measured_after:
+            self._clear_if_due()
         return following, True
 
     def _clear_if_due(self) -> None:
@@ -196,9 +202,6 @@ class Walk:
         Only in the new states: in the old ones the round-off of all nodes at their limit would be
         laid upon the one that has just reached it.
         """
-        self.unmeasured += 1
-        if self.unmeasured < self.measured_after:
-            return
         self.unmeasured = 0
         accepted = max(IMBALANCE * self.sums.force_scale, CLEARED_GAIN * self.cleared_to)
         due = self._imbalance() > accepted
@@ -410,11 +413,11 @@ class Walk:
             u = np.concatenate([self.y[:n], self.y[n : 2 * n] - system.g0])
             end = ContactState(u, reactions(system, self.load(self.s), u), self.state.copy())
             last = self._residual_of(end)
-            if last > sums.accepted(end.u):
+            if last > EVENT_RESIDUAL and last > sums.accepted(end.u):
                 end, last = self._cleared_end()
         leg.residual = max(sums.residual, last)
-        doubtful = sums.excess > 0.0 or last > sums.accepted(end.u)
-        if doubtful and leg.residual > self._uncertainty(leg.end, end):
+        beyond = last > EVENT_RESIDUAL and last > sums.accepted(end.u)
+        if (sums.excess > 0.0 or beyond) and leg.residual > self._uncertainty(leg.end, end):
             raise SolveError(
                 f"the exact path lost accuracy before load factors {self.load(self.s).tolist()}: "
                 f"residual {leg.residual:.1e} over {EVENT_RESIDUAL:.0e}; use method gauss-seidel"
