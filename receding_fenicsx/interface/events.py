@@ -40,6 +40,9 @@ state before is still an equilibrium."""
 FAINT = 1e-5
 """Friction below which a path that ends may have been lost in round-off: f P is too small."""
 
+LAST_EVENTS = 1e-11
+"""Part of a leg before its end in which what leads nowhere is left to the next leg."""
+
 BEYOND_STATICS = 1e-7
 """Part of a leg by which no path may pass the place where statics say that equilibrium ends."""
 
@@ -183,8 +186,10 @@ class EventPath:
         try:
             walk.run(1.0 - APEX if apex else 1.0)
         except NoQuasiStaticContinuation:
-            if not np.any(ends[1]) and walk.s >= 1.0 - UNLOADING_EVENTS:
-                # all nodes come to all their limits there: only round-off is left to decide
+            unloads = not np.any(ends[1])
+            if walk.s >= 1.0 - (UNLOADING_EVENTS if unloads else LAST_EVENTS):
+                # nodes come to their limits at the end itself: only round-off is left to decide,
+                # and the next leg to say where they go
                 walk.s = 1.0
                 leg = walk.stop_here()
                 leg.samples += [(s, leg.end) for s in walk.sample_at]

@@ -314,6 +314,8 @@ class _Sweeper:
         v, w = float(self.u[i]), self.w_c[i]
         if P0 + self.c[i] * v + self.k_n[i] * w > 0.0:
             return STICK, v, w
+        if self.k_n[i] == 0.0:  # nothing but the contact holds it: it stays where it is
+            return SEPARATION, v, max(w, float(self.u[self.system.n + i]))
         return SEPARATION, v, -(P0 + self.c[i] * v) / self.k_n[i]
 
     def _touch_down(self, i: int, Q0: float, P0: float) -> None:
