@@ -20,6 +20,10 @@ NEAR = 1e-4
 """Distance from a limit, over the largest force, that counts as being on it."""
 
 
+SETS = 4**8
+"""Sets of states that are gone through."""
+
+
 def confirmed(system: ContactSystem, history: History, error: SolveError) -> bool:
     """Return whether no rates of any kind satisfy the law where the error says that none do.
 
@@ -45,4 +49,4 @@ def confirmed(system: ContactSystem, history: History, error: SolveError) -> boo
     r, u = np.concatenate([Q, P]), np.concatenate([v, w])
     force = max(np.abs(r).max(), HELD_SHARE * np.abs(system.r_star).max())
     body, near = Body(system), np.full(2 * system.n, NEAR * force)
-    return not rates(body, b - a, choices(body, r, u, state, near))
+    return not rates(body, b - a, choices(body, r, u, state, near), SETS)

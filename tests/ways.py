@@ -74,13 +74,21 @@ def choices(body: Body, r: Array, u: Array, state: Array, near: Array) -> list[t
     return found
 
 
-def rates(body: Body, way: Array, may: list[tuple[int, ...]]) -> list[tuple[Array, Array, Array]]:
+def rates(
+    body: Body, way: Array, may: list[tuple[int, ...]], most: int = TRIED
+) -> list[tuple[Array, Array, Array]]:
     """Return (states, du, dr) of every different solution of the rate problem.
+
+    Args:
+        body: the problem.
+        way: (n_loads,) rate of the load factors.
+        may: states that each node may take.
+        most: sets of states that are gone through.
 
     Raises:
         TooMany: more sets of states than are gone through.
     """
-    if np.prod([float(len(c)) for c in may]) > TRIED:
+    if np.prod([float(len(c)) for c in may]) > most:
         raise TooMany
     found: list[tuple[Array, Array, Array]] = []
     held = way @ body.r_star
