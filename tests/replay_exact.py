@@ -16,6 +16,8 @@ JUMP_STEP = 3e-7
 """Part of a leg within which the state that is jumped to may lie beyond the place of the jump."""
 JUMP_LAW = 1e-6
 """Violation of friction's law by a jump, over the largest force: it lies that far off its place."""
+DOUBTS = 4.0
+"""Such uncertainties of displacements, as first-order estimates, that are let pass."""
 APEX = 1e-8
 """Error, over the leg's forces, of a state that is set where complete unloading is reached."""
 
@@ -72,7 +74,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         _add_up(run, leg, (s_a, s_b), here, (u_a, u_b), totals)
         if s_a >= s_unloaded - PLACE and not np.any(left):
             left = np.maximum(np.abs(u), np.abs(u_a)).astype(float)
-        allowed = doubt + doubt_a + left
+        allowed = DOUBTS * (doubt + doubt_a) + left
         if unloads and s_b == 1.0:
             allowed = allowed + here.reach(np.full(2 * n, APEX * leg.force))
         u = u_b + _check_kept(run, leg, (s_a, s_b), now, (u_a, u_b), (kept, allowed))

@@ -314,8 +314,6 @@ class EventPath:
 
     def _crosses_zero(self, a: Array, b: Array) -> float | None:
         """Return the s inside the leg at which all loads vanish together, or None."""
-        if not self._is_unloaded(np.zeros_like(a)):
-            return None
         if np.array_equal(a, b):
             return None
         s = float(a @ (a - b)) / float((a - b) @ (a - b))
