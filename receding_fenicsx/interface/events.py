@@ -178,7 +178,7 @@ class EventPath:
     ) -> Leg:
         """Follow one leg from event to event."""
         walk = Walk(self.segments, start, ends, force_scale, samples, self.check_all)
-        walk.part = self.part
+        walk.part, walk.excusing = self.part, self.faint is None
         limit = self._limit(*ends)
         if limit is not None:
             walk.equilibrium_ends = limit.s
