@@ -61,7 +61,10 @@ def new_hdf5(path: Path, overwrite: bool = False) -> Iterator[h5py.File]:
         # attributes above 64 kB (a scene with long tables) need the layout of HDF5 1.8
         with h5py.File(memory, "w", libver=("v108", "v110")) as file:
             yield file
-        beside.write_bytes(memory.getbuffer())
+        # released at once: where the write fails its traceback would keep the view, and freeing
+        # the bytes below a view crashes the interpreter
+        with memory.getbuffer() as filled:
+            beside.write_bytes(filled)
 
 
 def make_folder(path: Path) -> None:
