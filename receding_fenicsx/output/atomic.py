@@ -43,6 +43,11 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
         beside.unlink(missing_ok=True)
 
 
+IMAGES = (1, 14, 0)
+"""HDF5 from which on images of files in memory are whole: those of 1.10 have wrong checksums. With
+a newer h5py in turn a Python object as file crashes the collector of garbage after an error."""
+
+
 @contextmanager
 def new_hdf5(path: Path, overwrite: bool = False) -> Iterator[h5py.File]:
     """Give an HDF5 file to fill; on leaving it is written as :func:`new_file` does.
@@ -57,14 +62,19 @@ def new_hdf5(path: Path, overwrite: bool = False) -> Iterator[h5py.File]:
         The open file.
     """
     with new_file(path, overwrite) as beside:
-        memory = io.BytesIO()
         # attributes above 64 kB (a scene with long tables) need the layout of HDF5 1.8
-        with h5py.File(memory, "w", libver=("v108", "v110")) as file:
-            yield file
-        # released at once: where the write fails its traceback would keep the view, and freeing
-        # the bytes below a view crashes the interpreter
-        with memory.getbuffer() as filled:
-            beside.write_bytes(filled)
+        layout = ("v108", "v110")
+        if h5py.version.hdf5_version_tuple < IMAGES:
+            memory = io.BytesIO()
+            with h5py.File(memory, "w", libver=layout) as file:
+                yield file
+            image = memory.getvalue()
+        else:
+            with h5py.File(beside, "w", driver="core", backing_store=False, libver=layout) as file:
+                yield file
+                file.flush()
+                image = file.id.get_file_image()
+        beside.write_bytes(image)
 
 
 def make_folder(path: Path) -> None:
