@@ -16,7 +16,7 @@ JUMP_STEP = 3e-7
 """Part of a leg within which the state that is jumped to may lie beyond the place of the jump."""
 JUMP_LAW = 1e-6
 """Violation of friction's law by a jump, over the largest force: it lies that far off its place."""
-DOUBTS = 4.0
+DOUBTS = 16.0
 """Such uncertainties of displacements, as first-order estimates, that are let pass."""
 APEX = 1e-8
 """Error, over the leg's forces, of a state that is set where complete unloading is reached."""
@@ -49,7 +49,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         if s_held < s_a and not apart:
             run.object(leg.place(s_a), "an event lies beyond its place", s_a - s_held, PLACE)
         if apart and not _rolls(run, leg, s_a, u_a - u):
-            after = _jump(run, leg, (s_a, u, state), (groups[g:], changed[g]), kept, totals)
+            after = _jump(run, leg, (s_a, u, state), (groups[g:], changed[g:]), kept, totals)
             if after is None:
                 totals.known = False
                 return
@@ -251,7 +251,7 @@ def _jump(
     run: Replay,
     leg: Leg,
     before: tuple[float, Array, Array],
-    following: tuple[list[tuple[float, Array]], set[int]],
+    following: tuple[list[tuple[float, Array]], list[set[int]]],
     kept: list[tuple[float, Any, int] | None],
     totals: Totals,
 ) -> Array | None:
@@ -263,12 +263,14 @@ def _jump(
     later, changed = following
     (s, u, old), here = before, run.body.states(later[0][1])
     # a node that has slipped in the jump may stick where it comes to rest
-    moved = np.isin(np.arange(n), list(changed))
+    moved = np.isin(np.arange(n), list(changed[0]))
     if run.record.jumps == 0:
         run.object(leg.place(s), "displacements jump, no jump is counted")
     v_ref = u[:n].copy()
     for i in np.flatnonzero(here.stuck & ((old != STICK) | moved)):
-        end = min((s_next for s_next, now in later if now[i] != STICK), default=1.0)
+        # it may also slip and stick again in the next jump
+        ahead = zip(later[1:], changed[1:], strict=True)
+        end = min((at for (at, now), nodes in ahead if now[i] != STICK or i in nodes), default=1.0)
         seen = [instant for instant in kept if instant is not None and s <= instant[0] <= end]
         if not seen:
             return None
