@@ -25,6 +25,8 @@ INK = "#202020"
 
 LEFT, RIGHT = 0.62, 0.98
 """Inches beside the body: axis of the tractions, colour bar."""
+TICK_HEIGHT = 0.18
+"""Inches of a colour bar for each of its labels: those of a flat body would lie on each other."""
 ABOVE, BETWEEN, TRACTIONS, BELOW = 0.3, 0.06, 0.95, 0.64
 """Inches above the body, between body and tractions, of the tractions, below them."""
 TALLEST = 4.5
@@ -201,7 +203,8 @@ def compose(
         extend=colours.extend,
         extendfrac=0.03,
     )
-    bar.locator = MaxNLocator(6, steps=[1, 2, 2.5, 5, 10])
+    most = min(max(int(tall / TICK_HEIGHT), 1), 6)
+    bar.locator = MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
     bar.update_ticks()
     bar.ax.tick_params(direction="out", right=True)
     top = 1.0 - 0.08 / layout.height
