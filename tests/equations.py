@@ -87,6 +87,9 @@ class States:
         self.inverse = (right[kept].T / size[kept]) @ left[:, kept].T
         self.free = right[~kept]
         """(m, 2N) motions that the states leave free."""
+        loose = np.any(np.abs(self.free[:, :n]) > SINGULAR, axis=0)
+        self.slides_freely = loose & (self.sign != 0.0)
+        """(N,) slipping nodes that such motions move."""
         self.condition = float(size[0] / size[kept].min(initial=np.inf)) if kept.any() else 1.0
 
     def solve(self, load: Array, v_ref: Array, near: Array) -> Array:

@@ -18,6 +18,8 @@ JUMP_LAW = 1e-6
 """Violation of friction's law by a jump, over the largest force: it lies that far off its place."""
 DOUBTS = 16.0
 """Such uncertainties of displacements, as first-order estimates, that are let pass."""
+TELLING = 0.01
+"""Parts of a piece between its kept instants below which they do not tell its drift."""
 APEX = 1e-8
 """Error, over the leg's forces, of a state that is set where complete unloading is reached."""
 
@@ -25,7 +27,8 @@ APEX = 1e-8
 def follow(run: Replay, leg: Leg, totals: Totals) -> None:
     """Replay a leg from its start to its end; add up its energies."""
     record, body, n = run.record, run.body, run.body.n
-    groups, changed, between = _groups(run, leg)
+    s_zero = _unloaded_at(leg)
+    groups, changed, between = _groups(run, leg, s_zero)
     if not np.array_equal(groups[-1][1], record.turning_points.state[leg.row]):
         run.object(leg.place(1.0), "the events do not lead to the states at the leg's end")
     kept: list[tuple[float, Any, int] | None] = [
@@ -37,7 +40,8 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
     doubt = EPS * np.abs(u).astype(float) + run.doubt / body.k
     # what an unloaded body that supports hold keeps of its displacements is round-off
     held = not (np.any(body.g0) or run.system.rigid.shape[1])
-    s_unloaded = _unloaded_at(leg) if held else np.inf
+    s_unloaded = s_zero if held else np.inf
+    s_apex = 1.0 if unloads else s_zero
     left = np.zeros(2 * n)
     s_held, misplaced, size = 0.0, np.zeros(2 * n), np.abs(body.K).astype(float)
     for g, (s_a, now) in enumerate(groups):
@@ -55,13 +59,19 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
                 return
             u_a = after
         u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
+        drifts = _drifts(here, now, (s_a, s_b), (u_a, u_b), (kept, s_apex))
+        if drifts is None:
+            totals.adrift |= here.slides_freely
+        else:
+            u_a, u_b = u_a + drifts[0], u_b + drifts[1]
         doubt = _reach(leg, here, doubt)
         if following is not None:
             next_ = body.states(following)
             u_next = next_.solve(leg.load(s_b), u_b[:n], u_b)
             if np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)):
-                s_b = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
-                u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
+                s_jump = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
+                u_b = u_a + (s_jump - s_a) / max(s_b - s_a, EPS) * (u_b - u_a)
+                s_b = s_jump
         s_held = s_b
         misplaced = misplaced + PLACE * _moved(leg, here)
         for s, at in ((s_a, u_a), (s_b, u_b)):
@@ -77,7 +87,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         allowed = DOUBTS * (doubt + doubt_a) + left
         if unloads and s_b == 1.0:
             allowed = allowed + here.reach(np.full(2 * n, APEX * leg.force))
-        u = u_b + _check_kept(run, leg, (s_a, s_b), now, (u_a, u_b), (kept, allowed))
+        u = u_b + _check_kept(run, leg, (s_a, s_b), now, (u_a, u_b), (kept, allowed, s_apex))
         state = now
     for instant in kept:
         if instant is not None and not any(
@@ -88,12 +98,12 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
 
 
 def _groups(
-    run: Replay, leg: Leg
+    run: Replay, leg: Leg, s_zero: float
 ) -> tuple[list[tuple[float, Array]], list[set[int]], list[tuple[float, Array]]]:
     """Return the states from each place of the leg on, and the nodes with events at each place.
 
-    Events must follow from each other. The third value holds the states between events at one
-    place.
+    Events must follow from each other. A place where all loads vanish, ``s_zero``, is one without.
+    The third value holds the states between events at one place.
     """
     events = run.record.events
     groups: list[tuple[float, Array]] = [(0.0, leg.state.copy())]
@@ -114,6 +124,11 @@ def _groups(
             groups.append((s, now))
             changed.append(set())
         changed[-1].add(i)
+    places = [s for s, _ in groups]
+    if s_zero < 1.0 and np.abs(np.array(places) - s_zero).min() > SAME_PLACE:
+        g = int(np.searchsorted(places, s_zero))
+        groups.insert(g, (s_zero, groups[g - 1][1]))
+        changed.insert(g, set())
     return groups, changed, between
 
 
@@ -175,7 +190,7 @@ def _add_up(
 ) -> None:
     """Check the slip of a piece, add up its dissipation -integral Q dv and work."""
     body, n, loads = run.body, run.body.n, [leg.load(s) for s in at]
-    du = here.rates(loads[1] - loads[0])
+    du = ends[1] - ends[0]
     ways = (body.k * np.abs(du)).astype(float)
     allowed = LAW * leg.force + (LAW + ROUNDINGS * EPS * here.condition) * ways.max()
     against = -here.sign * du[:n] * body.k[:n]
@@ -190,35 +205,80 @@ def _add_up(
     totals.condition = max(totals.condition, here.condition)
 
 
+def _drifts(
+    here: States,
+    now: Array,
+    at: tuple[float, float],
+    ends: tuple[Array, Array],
+    kept: tuple[list[tuple[float, Any, int] | None], float],
+) -> Array | None:
+    """Return (2, 2N) drift at both ends of a piece along motions that its states leave free.
+
+    It costs nothing, so that the record is believed; its kept instants on the piece have to lie on
+    one line, those where all loads vanish excepted. None where too few tell.
+    """
+    if not len(here.free):
+        return np.zeros((2, 2 * here.body.n))
+    parts, drifts = [], []
+    for _, instant in _on_piece(at, now, kept[0]):
+        if abs(instant[0] - kept[1]) <= SAME_PLACE:
+            continue
+        part, there = _instant(at, instant)
+        parts.append(part)
+        drifts.append(here.free @ (there - (ends[0] + part * (ends[1] - ends[0]))).astype(float))
+    lines = np.array([[1.0 - part, part] for part in parts]).reshape(-1, 2)
+    if len(parts) == 1:  # a drift that begins with the piece
+        lines[:, 0] = 0.0
+    if np.linalg.matrix_rank(lines, tol=TELLING) < min(len(parts), 2) or not parts:
+        return None
+    return np.linalg.lstsq(lines, np.array(drifts), rcond=None)[0] @ here.free
+
+
+def _on_piece(
+    at: tuple[float, float], now: Array, kept: list[tuple[float, Any, int] | None]
+) -> list[tuple[int, tuple[float, Any, int]]]:
+    """Return the kept instants on a piece, in its states, with their number."""
+    return [
+        (j, instant)
+        for j, instant in enumerate(kept)
+        if instant is not None
+        and at[0] - SAME_PLACE <= instant[0] <= at[1] + SAME_PLACE
+        and np.array_equal(instant[1].state[instant[2]], now)
+    ]
+
+
+def _instant(at: tuple[float, float], instant: tuple[float, Any, int]) -> tuple[float, Array]:
+    """Return the part of a piece at which a kept instant is, and its displacements."""
+    s, table, row = instant
+    part = (s - at[0]) / (at[1] - at[0]) if at[1] > at[0] else 1.0
+    return part, np.concatenate([table.v[row], table.w[row]])
+
+
 def _check_kept(
     run: Replay,
     leg: Leg,
     at: tuple[float, float],
     now: Array,
     ends: tuple[Array, Array],
-    kept: tuple[list[tuple[float, Any, int] | None], Array],
+    kept: tuple[list[tuple[float, Any, int] | None], Array, float],
 ) -> Array:
     """Compare kept instants with the piece they are on, and cross them out.
 
     Returns:
-        (2N,) shift along motions that the states leave free, in which the record is believed.
+        (2N,) by how much the record lays the body elsewhere where all loads vanish, along motions
+        that the states leave free.
     """
-    n, free = run.body.n, run.body.states(now).free
-    shift = np.zeros(2 * n)
-    for j, instant in enumerate(kept[0]):
-        if instant is None or not at[0] - SAME_PLACE <= instant[0] <= at[1] + SAME_PLACE:
-            continue
-        s, table, row = instant
-        if not np.array_equal(table.state[row], now):
-            continue
+    free, laid = run.body.states(now).free, np.zeros(2 * run.body.n)
+    for j, instant in _on_piece(at, now, kept[0]):
         kept[0][j] = None
-        part = (s - at[0]) / (at[1] - at[0]) if at[1] > at[0] else 1.0
-        there = np.concatenate([table.v[row], table.w[row]])
+        part, there = _instant(at, instant)
         apart = (there - (ends[0] + part * (ends[1] - ends[0]))).astype(float)
-        shift = (free @ apart) @ free
-        over = (np.abs(apart - shift), kept[1], True)
-        run.check(leg.place(s), "u is not what states and events lead to", over)
-    return shift
+        if abs(instant[0] - kept[2]) <= SAME_PLACE:
+            laid = (free @ apart) @ free
+            apart = apart - laid
+        over = (np.abs(apart), kept[1], True)
+        run.check(leg.place(instant[0]), "u is not what states and events lead to", over)
+    return laid
 
 
 def _jump_place(

@@ -10,7 +10,19 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from equations import BACKWARD, FORWARD, OPEN, STICK, Body
-from problems import ACCEPTED, FALSE, STEPS, WRONG, Outcome, Problem, judge, play, problem, table_of
+from problems import (
+    ACCEPTED,
+    FALSE,
+    REFUSED,
+    STEPS,
+    WRONG,
+    Outcome,
+    Problem,
+    judge,
+    play,
+    problem,
+    table_of,
+)
 from problems import verdict as verdict_of
 from replay import objections
 from small import small_system, table
@@ -38,6 +50,14 @@ def test_accepted_answers_keep_the_laws_and_refusals_are_true(block: int) -> Non
 def test_legs_that_are_taken_on_the_exact_path_after_all_keep_the_laws() -> None:
     """Load steps lead to a jump, the exact path from the leg's start does not: it is recorded."""
     assert judge(problem(20076)).verdict == ACCEPTED
+
+
+@pytest.mark.parametrize(
+    "number", [202838, 300652, 401437, 402286, 402484, 403564, 403946, 414070, 414102]
+)
+def test_rigid_motions_that_the_contact_leaves_free_break_no_law(number: int) -> None:
+    """Near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies."""
+    assert judge(problem(number)).verdict in (ACCEPTED, REFUSED)
 
 
 @pytest.mark.parametrize("number", [1036, 1527])

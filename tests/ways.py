@@ -226,7 +226,9 @@ def _laid(system: Any, body: Body, way: Array, u: Array) -> Array:
     law = ~body.carried
     cost = (way @ body.r_star).astype(float) @ R
     gap = np.maximum((body.g0 + u[n:]).astype(float), 0.0)
-    if not np.any(gap[law] == 0.0):
+    lift = np.repeat([0.0, 1.0], n)
+    lifts = np.abs(R @ np.linalg.lstsq(R, lift, rcond=None)[0] - lift).max() <= 1e-8
+    if lifts and not np.any(gap[law] == 0.0):
         return u
     answer = scipy.optimize.linprog(
         cost, A_ub=-R[n:][law], b_ub=gap[law], bounds=[(None, None)] * R.shape[1]

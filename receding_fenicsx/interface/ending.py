@@ -49,8 +49,9 @@ def explain(
             f"gross sliding {where}: all contact nodes are at their limit, in the same direction"
         )
     listed = ", ".join(map(str, nodes[:LISTED].tolist())) + " ..." * (len(nodes) > LISTED)
+    which = f"the rates of nodes [{listed}]" if len(nodes) else "the rates of the contact"
     return NoQuasiStaticContinuation(
-        f"no quasi-static continuation {where}: the rates of nodes [{listed}] have no solution"
+        f"no quasi-static continuation {where}: {which} have no solution"
         f"{' (all sets of their states were tried)' if exhausted else ''}, the body jumps here; "
         "reduce the friction or the load range"
     )

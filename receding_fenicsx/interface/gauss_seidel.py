@@ -201,6 +201,7 @@ def local_solution(
     w_c: float,
     v_ref: float,
     state: int,
+    w: float = -np.inf,
 ) -> tuple[int, float, float]:
     """Solve one node by the paper's rule: assume the last state, check, change, solve again.
 
@@ -216,11 +217,13 @@ def local_solution(
         w_c: normal displacement at which the gap closes, -g0.
         v_ref: tangential displacement that the slip of this step is counted from.
         state: state assumed first.
+        w: normal displacement before, which an open node without normal stiffness keeps.
 
     Returns:
         State, v and w of the first state whose inequalities all hold: the only one if f |c| < k_t.
-        If none does (possible only otherwise) the node is left sticking; the residual then keeps
-        the step from being accepted.
+        If none does, a node without stiffness along some motion is open unless loads press it. Any
+        other node (possible only if f |c| >= k_t) is left sticking; the residual then keeps the
+        step from being accepted.
     """
     for assumed in TRIED_AFTER[state]:
         if assumed == SEPARATION:
@@ -242,6 +245,22 @@ def local_solution(
             v = -(Q0 + c * w_c + sign * f * (P0 + k_n * w_c)) / stiffness
             if sign * (v - v_ref) >= 0.0 and P0 + c * v + k_n * w_c > 0.0:
                 return assumed, v, w_c
+    if k_t * k_n - c * c <= SINGULAR * k_t * k_n:
+        return _open_without_stiffness(Q0, P0, k_t, k_n, c, w_c, v_ref, w)
+    return STICK, v_ref, w_c
+
+
+def _open_without_stiffness(
+    Q0: float, P0: float, k_t: float, k_n: float, c: float, w_c: float, v_ref: float, w: float
+) -> tuple[int, float, float]:
+    """Open a node whose K is singular unless loads press it; arguments of ``local_solution``."""
+    if k_t > 0.0:
+        coupled = c * Q0 / k_t
+        if P0 - coupled <= SINGULAR * (abs(P0) + abs(coupled)):
+            w = max(w, w_c)
+            return SEPARATION, -(Q0 + c * w) / k_t, w
+    elif P0 + k_n * w_c <= 0.0:
+        return SEPARATION, v_ref, -P0 / k_n if k_n > 0.0 else max(w, w_c)
     return STICK, v_ref, w_c
 
 
@@ -292,7 +311,7 @@ class _Sweeper:
                 if self.was_open[i]:
                     self._touch_down(i, Q0, P0)
                 state, v_new, w_new = local_solution(
-                    Q0, P0, k_t, k_n, c, self.f[i], self.w_c[i], self.v_ref[i], last
+                    Q0, P0, k_t, k_n, c, self.f[i], self.w_c[i], self.v_ref[i], last, w
                 )
             if state != last:
                 self.state[i] = state

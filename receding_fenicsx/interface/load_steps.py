@@ -29,6 +29,7 @@ from receding_fenicsx.interface.limits import Limit, furthest
 from receding_fenicsx.interface.residual import local_stiffness, relative_residual
 from receding_fenicsx.interface.resting import at_rest
 from receding_fenicsx.interface.static import solve_static
+from receding_fenicsx.interface.walk import UNLOADED
 
 VANISHING = 1e-9
 """Part of the leg that is not divided further: what changes there by a finite amount jumps."""
@@ -90,18 +91,19 @@ class GaussSeidelPath:
             NoQuasiStaticContinuation: the path ends inside a step.
         """
         laid = start
-        if not np.any(ends[0]) and not np.any(start.r):
+        unloaded = np.abs(start.r).max(initial=0.0) <= UNLOADED * force_scale
+        if unloaded and not np.any(ends[0]):
             laid = at_rest(self.system, start, ends[1])
         leg = Leg(end=laid, dissipation=np.zeros(self.system.n), force_scale=force_scale)
         leg.events = changes(0.0, start.state, laid.state)
         kept = {round((j + 1) * self.steps / samples) for j in range(samples)}
-        unloaded = _unloaded(ends)
+        crossing = _unloaded(ends)
         s = 0.0
         for k in range(1, self.steps + 1):
-            if unloaded is not None and s < unloaded < k / self.steps:
+            if crossing is not None and s < crossing < k / self.steps:
                 # complete unloading undoes all slip: a step across it would count it as kept
-                self._advance(leg, laid, ends, s, unloaded)
-                s = unloaded
+                self._advance(leg, laid, ends, s, crossing)
+                s = crossing
             self._advance(leg, laid, ends, s, k / self.steps)
             s = k / self.steps
             if k in kept:

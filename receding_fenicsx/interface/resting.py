@@ -16,7 +16,7 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem, State
-from receding_fenicsx.interface.segments import RIGID_TOLERANCE
+from receding_fenicsx.interface.given_states import RIGID_TOLERANCE, has_rigid
 
 GAIN = 1e-9
 """Potential gained by rolling, over the loads' sum times the largest gap, below which a body rests
@@ -31,7 +31,7 @@ def at_rest(system: ContactSystem, start: ContactState, direction: Array) -> Con
 
     Args:
         system: the condensed body in 2N form.
-        start: an unloaded state in which some node touches.
+        start: an unloaded state. A body that is free to fall has to touch somewhere.
         direction: (n_loads,) change of the load factors on the leg that begins here.
 
     Returns:
@@ -45,7 +45,8 @@ def at_rest(system: ContactSystem, start: ContactState, direction: Array) -> Con
     gap = np.maximum(system.g0 + start.w, 0.0)
     nodes = np.flatnonzero(~held[n:])
     largest, force = float(gap.max(initial=0.0)), float(np.abs(pressed).sum())
-    if R.shape[1] == 0 or largest == 0.0 or force == 0.0 or not np.any(gap[nodes] == 0.0):
+    falls = not np.any(gap[nodes] == 0.0) and has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
+    if R.shape[1] == 0 or largest == 0.0 or force == 0.0 or falls:
         return start
     # gaps and forces are counted in their largest
     cost, normal, room = pressed @ R / force, R[n + nodes], gap[nodes] / largest

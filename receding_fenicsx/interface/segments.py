@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.interface.contact import Array, ContactState, ContactSystem
 from receding_fenicsx.interface.contact_lcp import Undecided
+from receding_fenicsx.interface.given_states import RIGID_TOLERANCE, has_rigid, neutral_motions
 from receding_fenicsx.interface.rates import (
     BACKWARD,
     FORWARD,
@@ -64,9 +65,6 @@ SIGN[FORWARD], SIGN[BACKWARD] = 1.0, -1.0
 
 PROBES = 4
 """Random sums by which the forces at an event are compared with those of the displacements."""
-
-RIGID_TOLERANCE = 1e-8
-"""Distance from a unit rigid motion within which a motion of the contact is rigid."""
 
 CACHED_BYTES = 2**26
 """Memory for the rates of sets of states that have been met before."""
@@ -122,8 +120,8 @@ class Segments:
         self.limit[2 * n :] *= np.tile(slack, 2)
         self._slack = slack
         self._counted = np.flatnonzero(self.frictional & (system.f < COUNTED))
-        self.lifts_freely = _has_rigid(system, np.repeat([0.0, 1.0], n))
-        self.slides_freely = _has_rigid(system, np.repeat([1.0, 0.0], n))
+        self.lifts_freely = has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
+        self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
         self._tableau: Tableau | None = None
         self._probes: tuple[Array, Array, Array] | None = None
@@ -167,13 +165,9 @@ class Segments:
 
     def neutral(self, state: States) -> Array:
         """Return (2N, k) orthonormal rigid motions that nothing resists in the given states."""
-        n, rigid = self.system.n, self.system.rigid
         contact = state != SEPARATION
         kept = np.concatenate([contact & self.frictional & (state == STICK), contact])
-        _, size, right = np.linalg.svd(rigid[kept], full_matrices=True)
-        rank = int(np.count_nonzero(size > RIGID_TOLERANCE))
-        motions = rigid @ right[rank:].T
-        return np.linalg.qr(motions)[0] if motions.size else np.zeros((2 * n, 0))
+        return neutral_motions(self.system.rigid, kept)
 
     def _works_on_pins(self, state: States, q: Array, direction: Array) -> bool:
         """Return whether rates of a pinned tableau lean on the pins."""
@@ -306,11 +300,3 @@ class Segments:
             np.flatnonzero(self.frictional & touching),
             np.flatnonzero(self.smooth & touching),
         )
-
-
-def _has_rigid(system: ContactSystem, motion: Array) -> bool:
-    """Return whether ``motion`` of the contact nodes is among the rigid ones left free."""
-    if system.rigid.shape[1] == 0:
-        return False
-    weights = np.linalg.lstsq(system.rigid, motion, rcond=None)[0]
-    return bool(np.abs(system.rigid @ weights - motion).max() <= RIGID_TOLERANCE)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -329,8 +331,9 @@ class Walk:
         segment, exhausted = self._pivoted(before)
         if segment is None and self._roll(before):
             self.state[:] = before
-            segment = self.segments.at(self.state, self.direction)
-            if len(self._violations(segment)):
+            with suppress(SingularExchange):  # the loads turn the body on
+                segment = self.segments.at(self.state, self.direction)
+            if segment is not None and len(self._violations(segment)):
                 segment, exhausted = self._pivoted(before)
         if segment is None:
             raise self._explain(before, self._undecided(before).nodes, exhausted)
@@ -478,10 +481,15 @@ class Walk:
         return self.finish(False)
 
     def _rest(self, end: ContactState) -> Array:
-        """Return the displacements of the unloaded body, the rigid sliding reached."""
+        """Return the displacements of the unloaded body, the rigid sliding reached.
+
+        Stuck nodes tell it; all others are still displaced by the load that is left, and by
+        round-off.
+        """
         n = self.system.n
         u = np.zeros(2 * n)
         if self.segments.slides_freely:
-            u[:n] = end.v.mean()
+            stuck = self.segments.frictional & (end.state == STICK)
+            u[:n] = (end.v[stuck] if stuck.any() else end.v).mean()
         u[:n][self.system.held[:n]] = end.v[self.system.held[:n]]
         return u
