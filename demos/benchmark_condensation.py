@@ -33,8 +33,8 @@ from scipy.linalg import cholesky
 from receding_fenicsx.bulk.body import Bulk, interior_solver
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.elasticity import build, warm_up
-from receding_fenicsx.bulk.meshing import make_mesh
-from receding_fenicsx.scene import Load, MeshOptions, Scene
+from receding_fenicsx.bulk.mesh.meshing import make_mesh
+from receding_fenicsx.scene.model import Load, MeshOptions, Scene
 
 comm = MPI.COMM_WORLD
 

@@ -34,13 +34,13 @@ import numpy as np
 
 from receding_fenicsx import study
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.history import History, from_scene
-from receding_fenicsx.interface.contact import ContactState, ContactSystem, State
-from receding_fenicsx.interface.events import EventPath
-from receding_fenicsx.interface.gauss_seidel import GaussSeidelOptions, solve_step
-from receding_fenicsx.scene import OutputOptions, SolverOptions
-from receding_fenicsx.scene_file import read_scene
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
+from receding_fenicsx.interface.system import ContactState, ContactSystem, State
+from receding_fenicsx.scene.history import History, from_scene
+from receding_fenicsx.scene.model import OutputOptions, SolverOptions
+from receding_fenicsx.scene.toml_file import read_scene
 
 SCENE = Path(__file__).with_name("block.toml")
 HIGH, LOW = np.array([1.0]), np.array([1.0 / 3.0])

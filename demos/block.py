@@ -19,12 +19,14 @@ from mpi4py import MPI
 import numpy as np
 
 from receding_fenicsx import evolve, study
-from receding_fenicsx.errors import on_root
-from receding_fenicsx.output import figures, files, report
-from receding_fenicsx.output.summary import read_summary
-from receding_fenicsx.output.table import run_table
-from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_file import read_scene
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots import figures
+from receding_fenicsx.output.report import html
+from receding_fenicsx.output.report.summary import read_summary
+from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.output.storage import hdf5
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import read_scene
 
 HERE = Path(__file__).parent
 GAUSS_SEIDEL_CYCLES = 20
@@ -50,8 +52,8 @@ def main() -> None:
 
 def compare(scene: Scene, folder: Path) -> None:
     """Unload completely, repeat the first cycles by Gauss-Seidel, print the tables."""
-    system = files.read_system(folder / "system.h5", scene)
-    record = files.read_record(folder / "record.h5")
+    system = hdf5.read_system(folder / "system.h5", scene)
+    record = hdf5.read_record(folder / "record.h5")
 
     # section 3.1 of the paper: complete unloading, on the same condensed system
     unloading = evolve(system, read_scene(HERE / "unloading.toml"))
@@ -60,7 +62,7 @@ def compare(scene: Scene, folder: Path) -> None:
     steps_of_load = replace(scene.solver, method="gauss-seidel", steps_per_leg=STEPS_PER_LEG)
     stepped = evolve(system, replace(scene, history=cycles, solver=steps_of_load))
     drawn = figures.plot_all(record, folder / "figures", unloading=unloading, stepped=stepped)
-    page = report.write_report(folder, record.scene_toml)
+    page = html.write_report(folder, record.scene_toml)
 
     print(run_table(read_summary(folder / "summary.json")))
     exact, steps = record.cycles.dissipation, stepped.cycles.dissipation

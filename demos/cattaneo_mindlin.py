@@ -18,11 +18,11 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.interface.zone_ends import contact_half_width_estimate
-from receding_fenicsx.interface.zones import stick_half_width
-from receding_fenicsx.output.style import COLUMN, RC, SERIES_COLOURS
-from receding_fenicsx.output.widths import tractions
-from receding_fenicsx.reference import CattaneoMindlin, Hertz
+from receding_fenicsx.interface.measures.zone_ends import contact_half_width_estimate
+from receding_fenicsx.interface.measures.zones import stick_half_width
+from receding_fenicsx.output.plots.style import COLUMN, RC, SERIES_COLOURS
+from receding_fenicsx.output.report.half_widths import tractions
+from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz
 
 HERE = Path(__file__).parent
 HERTZ = Hertz(force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2))

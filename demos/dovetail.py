@@ -23,8 +23,8 @@ from mpi4py import MPI
 import numpy as np
 
 from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.errors import on_root
-from receding_fenicsx.interface.zones import zones
+from receding_fenicsx.interface.measures.zones import zones
+from receding_fenicsx.mpi import on_root
 
 HERE = Path(__file__).parent
 BALANCE = 1e-9

@@ -28,14 +28,15 @@ from petsc4py import PETSc  # noqa: F401 - starts on all ranks together
 import matplotlib as mpl
 import numpy as np
 
-from receding_fenicsx import reference, study
-from receding_fenicsx.errors import on_root
-from receding_fenicsx.estimate import headline, space_errors
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.output.record import Record
-from receding_fenicsx.output.style import COLUMN, GUIDE_COLOUR, RC, SERIES_COLOURS, new_figure
-from receding_fenicsx.scene import Load, OutputOptions, Scene
-from receding_fenicsx.scene_file import read_scene
+from receding_fenicsx import study
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots.style import COLUMN, GUIDE_COLOUR, RC, SERIES_COLOURS, new_figure
+from receding_fenicsx.output.report.space_errors import headline, space_errors
+from receding_fenicsx.reference import closed_forms
+from receding_fenicsx.scene.model import Load, OutputOptions, Scene
+from receding_fenicsx.scene.toml_file import read_scene
 
 HERE = Path(__file__).parent
 AXISYMMETRIC = 'material.kinematics="axisymmetric"'
@@ -165,8 +166,8 @@ CHOSEN_ON = (
 """Scenes on which the rule was chosen."""
 COMPUTED = {
     "frictionless, narrow load": {
-        "centre_pressure": reference.BLOCK.p[0],
-        "contact_half_width": reference.BLOCK.half_width,
+        "centre_pressure": closed_forms.BLOCK.p[0],
+        "contact_half_width": closed_forms.BLOCK.half_width,
     }
 }
 """Limits known without finite elements."""

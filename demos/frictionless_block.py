@@ -20,9 +20,9 @@ from mpi4py import MPI
 import numpy as np
 
 from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.interface.tractions import traction_at
-from receding_fenicsx.output.widths import estimates
-from receding_fenicsx.reference import BLOCK, LAYERS, Pressed
+from receding_fenicsx.interface.measures.tractions import traction_at
+from receding_fenicsx.output.report.half_widths import estimates
+from receding_fenicsx.reference.closed_forms import BLOCK, LAYERS, Pressed
 
 HERE = Path(__file__).parent
 REFINEMENTS = ((80, 1.4), (160, 1.2), (320, 1.1))

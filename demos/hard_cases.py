@@ -22,7 +22,7 @@ from hard_block import CASES as BLOCK_CASES
 from hard_bodies import CASES as BODY_CASES
 from hard_trials import CASES as TRIAL_CASES
 
-from receding_fenicsx.errors import on_root
+from receding_fenicsx.mpi import on_root
 
 HEADS = ("case", "expected", "outcome", "law", "energy", "CPU s", "said")
 

@@ -33,12 +33,12 @@ import numpy as np
 
 from receding_fenicsx import study
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import ContactSystem, State
-from receding_fenicsx.output.style import PAGE, RC, SERIES_COLOURS, STATE_COLOURS, new_figure
-from receding_fenicsx.scene import OutputOptions
-from receding_fenicsx.scene_file import read_scene
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.output.plots.style import PAGE, RC, SERIES_COLOURS, STATE_COLOURS, new_figure
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import OutputOptions
+from receding_fenicsx.scene.toml_file import read_scene
 
 BLOCK = Path(__file__).with_name("block.toml")
 MOST_CYCLES = 400

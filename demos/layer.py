@@ -16,8 +16,8 @@ from pathlib import Path
 from mpi4py import MPI
 
 from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.layer_contact import contact_half_width
-from receding_fenicsx.output.widths import estimates
+from receding_fenicsx.output.report.half_widths import estimates
+from receding_fenicsx.reference.layer import contact_half_width
 
 HERE = Path(__file__).parent
 ALPHAS = (0.8, 0.5, 0.0, -0.5)

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from receding_fenicsx.output.style import RC
+from receding_fenicsx.output.plots.style import RC
 
 INK = "#1a1a1a"
 

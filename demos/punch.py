@@ -22,10 +22,14 @@ from mpi4py import MPI
 import numpy as np
 
 from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.interface.zone_ends import ZoneEnd, dundurs_beta, stick_half_width_estimate
-from receding_fenicsx.interface.zones import zones
-from receding_fenicsx.output.widths import tractions
-from receding_fenicsx.reference import PUNCH_STICK
+from receding_fenicsx.interface.measures.zone_ends import (
+    ZoneEnd,
+    dundurs_beta,
+    stick_half_width_estimate,
+)
+from receding_fenicsx.interface.measures.zones import zones
+from receding_fenicsx.output.report.half_widths import tractions
+from receding_fenicsx.reference.closed_forms import PUNCH_STICK
 
 HERE = Path(__file__).parent
 RADII = (10.0, 20.0, 40.0)

@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 from problems import FALSE, WRONG, judge, problem, table_of
 
-from receding_fenicsx.errors import on_all
+from receding_fenicsx.mpi import on_all
 
 comm = MPI.COMM_WORLD
 

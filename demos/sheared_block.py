@@ -21,7 +21,7 @@ from mpi4py import MPI
 import numpy as np
 
 from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.output.loops import loop_of
+from receding_fenicsx.output.plots.loops import loop_of
 
 HERE = Path(__file__).parent
 BACKWARDS = "history.cycle_rows=[[2.0, 0.0], [1.0, -0.98], [0.4, 0.0], [1.0, 0.98]]"

@@ -39,14 +39,14 @@ import numpy as np
 import speed_report
 
 from receding_fenicsx import study
-from receding_fenicsx.errors import on_root
-from receding_fenicsx.estimate import headline
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.output.record import Record
-from receding_fenicsx.scene import OutputOptions, Scene, SolverOptions
-from receding_fenicsx.scene_file import read_scene
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.report.space_errors import headline
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
+from receding_fenicsx.scene.toml_file import read_scene
 
 Row = dict[str, Any]
 

@@ -15,10 +15,17 @@ from mpi4py import MPI
 import matplotlib as mpl
 import numpy as np
 
-from receding_fenicsx.errors import on_root
-from receding_fenicsx.estimate import NAMES
-from receding_fenicsx.output.style import GUIDE, GUIDE_COLOUR, PAGE, RC, SERIES_COLOURS, new_figure
-from receding_fenicsx.scene import MeshOptions
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots.style import (
+    GUIDE,
+    GUIDE_COLOUR,
+    PAGE,
+    RC,
+    SERIES_COLOURS,
+    new_figure,
+)
+from receding_fenicsx.output.report.space_errors import NAMES
+from receding_fenicsx.scene.model import MeshOptions
 
 Row = dict[str, Any]
 

@@ -16,9 +16,9 @@ from mpi4py import MPI
 import numpy as np
 
 from receding_fenicsx import ContactSystem, Record, evolve, read_scene
-from receding_fenicsx.errors import on_root
-from receding_fenicsx.output.style import COLUMN, GUIDE_COLOUR, RC, SERIES_COLOURS
-from receding_fenicsx.scene import Scene, SolverOptions
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots.style import COLUMN, GUIDE_COLOUR, RC, SERIES_COLOURS
+from receding_fenicsx.scene.model import Scene, SolverOptions
 from receding_fenicsx.study import condense
 
 HERE = Path(__file__).parent

@@ -19,12 +19,12 @@ from mpi4py import MPI
 from scipy.optimize import brentq
 
 from receding_fenicsx import ContactSystem, evolve, read_scene
-from receding_fenicsx.errors import on_root
-from receding_fenicsx.interface.tractions import traction_at
-from receding_fenicsx.layer_contact import contact_half_width
-from receding_fenicsx.output.widths import estimates
-from receding_fenicsx.reference import FILON_ZERO, bilateral_pressure
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.interface.measures.tractions import traction_at
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.report.half_widths import estimates
+from receding_fenicsx.reference.closed_forms import FILON_ZERO, bilateral_pressure
+from receding_fenicsx.reference.layer import contact_half_width
+from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.study import condense
 
 HERE = Path(__file__).parent

@@ -34,16 +34,16 @@ for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ.setdefault(_name, "1")
 
 if TYPE_CHECKING:
-    from receding_fenicsx.evolution import evolve as evolve
-    from receding_fenicsx.history import History as History
-    from receding_fenicsx.history import from_scene as history_from_scene
-    from receding_fenicsx.interface.contact import ContactSystem as ContactSystem
-    from receding_fenicsx.output import figures as figures
-    from receding_fenicsx.output.files import read_record as read_record
-    from receding_fenicsx.output.record import Record as Record
-    from receding_fenicsx.scene import Scene as Scene
-    from receding_fenicsx.scene_file import read_scene as read_scene
-    from receding_fenicsx.scene_file import to_toml as to_toml
+    from receding_fenicsx.evolution.evolve import evolve as evolve
+    from receding_fenicsx.evolution.record import Record as Record
+    from receding_fenicsx.interface.system import ContactSystem as ContactSystem
+    from receding_fenicsx.output.plots import figures
+    from receding_fenicsx.output.storage.hdf5 import read_record as read_record
+    from receding_fenicsx.scene.history import History as History
+    from receding_fenicsx.scene.history import from_scene as history_from_scene
+    from receding_fenicsx.scene.model import Scene as Scene
+    from receding_fenicsx.scene.toml_file import read_scene as read_scene
+    from receding_fenicsx.scene.toml_file import to_toml as to_toml
     from receding_fenicsx.study import condense as condense
     from receding_fenicsx.study import run as run
 
@@ -51,15 +51,15 @@ __version__ = "0.1.0"
 
 # No module that needs DOLFINx, MPI or a display is loaded before it is asked for.
 _PLACES = {
-    "Scene": "scene",
-    "read_scene": "scene_file",
-    "to_toml": "scene_file",
-    "History": "history",
-    "history_from_scene": "history",
-    "ContactSystem": "interface.contact",
-    "evolve": "evolution",
-    "Record": "output.record",
-    "read_record": "output.files",
+    "Scene": "scene.model",
+    "read_scene": "scene.toml_file",
+    "to_toml": "scene.toml_file",
+    "History": "scene.history",
+    "history_from_scene": "scene.history",
+    "ContactSystem": "interface.system",
+    "evolve": "evolution.evolve",
+    "Record": "evolution.record",
+    "read_record": "output.storage.hdf5",
     "condense": "study",
     "run": "study",
 }
@@ -85,7 +85,7 @@ def __getattr__(name: str) -> Any:
     from importlib import import_module
 
     if name == "figures":
-        return import_module(f"{__name__}.output.figures")
+        return import_module(f"{__name__}.output.plots.figures")
     if name not in _PLACES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     known = {"history_from_scene": "from_scene"}.get(name, name)

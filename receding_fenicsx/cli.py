@@ -16,12 +16,13 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from receding_fenicsx import __version__
-from receding_fenicsx.errors import NO_ROOM, POLL_SECONDS, InputError, Interrupted, RecedingError
+from receding_fenicsx.errors import NO_ROOM, InputError, Interrupted, RecedingError
+from receding_fenicsx.mpi import POLL_SECONDS
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.scene import Scene
+    from receding_fenicsx.scene.model import Scene
 
 PROGRAM = "receding-fenicsx"
 RANK_WAIT_SECONDS = 10.0
@@ -285,11 +286,11 @@ class _Progress:
 
 
 def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx import errors, study
-    from receding_fenicsx.output.run_folder import has_run, is_finished
-    from receding_fenicsx.output.summary import read_summary
-    from receding_fenicsx.output.table import run_table
-    from receding_fenicsx.scene_file import read_scene
+    from receding_fenicsx import mpi, study
+    from receding_fenicsx.output.report.summary import read_summary
+    from receding_fenicsx.output.report.text import run_table
+    from receding_fenicsx.output.storage.run_folder import has_run, is_finished
+    from receding_fenicsx.scene.toml_file import read_scene
 
     scene, out, pictures = (
         read_scene(options.scene, options.overrides),
@@ -302,7 +303,7 @@ def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
             raise InputError("--resume and --overwrite: give one of them")
         if options.system is not None:
             raise InputError("--resume and --system: the run has its own system; give one of them")
-        finished = comm.bcast(errors.on_root(comm, lambda: is_finished(Path(out), scene)))
+        finished = comm.bcast(mpi.on_root(comm, lambda: is_finished(Path(out), scene)))
         if finished and options.error:
             raise InputError(
                 f"{out}: is finished; errors belong to a run: give --overwrite instead"
@@ -329,14 +330,14 @@ def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
 
 def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx import errors, study
-    from receding_fenicsx.output.atomic import check_file
-    from receding_fenicsx.output.files import write_system
-    from receding_fenicsx.scene_file import read_scene
+    from receding_fenicsx import mpi, study
+    from receding_fenicsx.atomic import check_file
+    from receding_fenicsx.output.storage.hdf5 import write_system
+    from receding_fenicsx.scene.toml_file import read_scene
 
     scene = read_scene(options.scene, options.overrides)
     comm, path = _needed(comm), Path(options.out)
-    errors.on_root(comm, lambda: check_file(path, options.overwrite))
+    mpi.on_root(comm, lambda: check_file(path, options.overwrite))
     with _Progress(comm, options.verbose) as say:
         system = study.condense(scene, comm, say, whole=True)
 
@@ -346,12 +347,12 @@ def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
         which = "half" if system.half else "whole"
         print(f"{system.n} contact nodes of the {which} body, written to {path}")
 
-    errors.on_root(comm, write)
+    mpi.on_root(comm, write)
 
 
 def _plot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import pictures
-    from receding_fenicsx.output.files import read_record
+    from receding_fenicsx.output.storage.hdf5 import read_record
 
     record = read_record(Path(options.folder) / "record.h5")
     if _is_root(comm):
@@ -386,14 +387,14 @@ def _contact_nodes(scene: Scene) -> int:
     plain = len(scene.contacts) == 1 and scene.contacts[0].span is None
     if plain and scene.body.mesh is None and not scene.others and not scene.axisymmetric:
         return scene.mesh.degree * scene.mesh.contact_elements + 1
-    from receding_fenicsx.bulk.meshing import contact_nodes_of
+    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
 
     return sum(contact_nodes_of(scene))
 
 
 def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx import errors
-    from receding_fenicsx.export import export
+    from receding_fenicsx import mpi
+    from receding_fenicsx.output.storage.export import export
 
     def work() -> None:
         where = options.cycle, options.leg, options.at
@@ -403,15 +404,15 @@ def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     if comm is None:
         work()
     else:
-        errors.on_root(comm, work)
+        mpi.on_root(comm, work)
 
 
 def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx.errors import on_root
-    from receding_fenicsx.history import from_scene
-    from receding_fenicsx.scene_file import read_scene
-    from receding_fenicsx.scene_symmetry import is_mirror_symmetric
-    from receding_fenicsx.scene_warnings import warnings
+    from receding_fenicsx.mpi import on_root
+    from receding_fenicsx.scene.cautions import warnings
+    from receding_fenicsx.scene.history import from_scene
+    from receding_fenicsx.scene.symmetry import is_mirror_symmetric
+    from receding_fenicsx.scene.toml_file import read_scene
 
     scene = read_scene(options.scene, options.overrides)
     half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)

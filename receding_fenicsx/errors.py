@@ -1,25 +1,11 @@
-"""Exceptions, their exit codes, and raising on all ranks together."""
+"""Exceptions and their exit codes."""
 
 from __future__ import annotations
 
 import errno
-import time
-from collections.abc import Callable
-from typing import TYPE_CHECKING, TypeVar
 
-if TYPE_CHECKING:
-    from mpi4py import MPI
-
-T = TypeVar("T")
-
-POLL_SECONDS = 0.005
-"""Longest pause between two looks of a waiting rank: long beside a busy core."""
-POLL_SHARE = 0.1
-"""Pause over the time waited so far: no stage gets longer by a larger part than that."""
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
 """What the system says where a disk is full or fails, which no other input would mend."""
-SAVING_SECONDS = 10.0
-"""How long a rank that is told to end waits for rank 0 to save its work."""
 
 
 class RecedingError(Exception):
@@ -71,93 +57,3 @@ class Interrupted(KeyboardInterrupt):
     def __str__(self) -> str:
         """Return the message alone."""
         return str(self.args[0])
-
-
-def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
-    """Run ``work`` on rank 0 while the other ranks sleep; raise its exception on every rank.
-
-    Args:
-        comm: communicator whose ranks all call this function.
-        work: function without arguments, called on rank 0 only.
-
-    Returns:
-        What ``work`` returned on rank 0, None on the others.
-
-    Raises:
-        BaseException: what ``work`` raised, on every rank alike.
-    """
-    result: T | None = None
-    error: BaseException | None = None
-    if comm.rank == 0:
-        try:
-            result = work()
-        except BaseException as caught:
-            error = caught
-    if comm.size > 1:
-        failed = bytearray([error is not None])
-        _wait_for_root(comm.Ibcast(failed, root=0))
-        if failed[0]:
-            error = comm.bcast(error, root=0)
-    if error is not None:
-        raise error
-    return result
-
-
-def given(value: T | None) -> T:
-    """Return what only rank 0 has, on rank 0."""
-    assert value is not None
-    return value
-
-
-def _wait_for_root(request: MPI.Request) -> None:
-    """Sleep until rank 0 has done its work.
-
-    A signal that ends the job reaches every rank, and rank 0 may have to save its work first: the
-    others give it some time before they follow the signal by themselves.
-    """
-    stopped: BaseException | None = None
-    begin, end = time.monotonic(), float("inf")
-    while time.monotonic() < end:
-        try:
-            while time.monotonic() < end and not request.Test():
-                time.sleep(pause_after(time.monotonic() - begin))
-            if time.monotonic() < end:
-                return
-        except (KeyboardInterrupt, SystemExit) as signalled:
-            stopped = stopped or signalled
-            end = min(end, time.monotonic() + SAVING_SECONDS)
-    assert stopped is not None
-    raise stopped
-
-
-def pause_after(waited: float) -> float:
-    """Return the seconds that a rank sleeps between two looks once it has waited so many."""
-    return min(POLL_SHARE * waited, POLL_SECONDS)
-
-
-def on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:
-    """Run rank-local ``work`` on every rank; if it fails on any rank, raise on all of them.
-
-    ``work`` must not communicate: a rank that fails inside a collective leaves the others in it.
-
-    Args:
-        comm: communicator whose ranks all call this function.
-        work: function without arguments.
-
-    Returns:
-        What ``work`` returned on this rank.
-
-    Raises:
-        BaseException: this rank's exception, or that of the lowest failing rank.
-    """
-    result: T | None = None
-    error: BaseException | None = None
-    try:
-        result = work()
-    except BaseException as caught:
-        error = caught
-    errors = comm.allgather(error)
-    for other in errors:
-        if other is not None:
-            raise error or other
-    return result  # type: ignore[return-value]

@@ -9,17 +9,18 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from receding_fenicsx import history
 from receding_fenicsx.errors import Interrupted, SolveError
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.output import files, summary
-from receding_fenicsx.output.collect import record_of
-from receding_fenicsx.output.journal import JOURNAL, Journal, JournalFile
-from receding_fenicsx.output.record import Record
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.evolution.collect import record_of
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.output.report import summary
+from receding_fenicsx.output.storage import hdf5
+from receding_fenicsx.scene import history
+from receding_fenicsx.scene.model import Scene
 
 if TYPE_CHECKING:
-    from receding_fenicsx.interface.contact import ContactSystem
+    from receding_fenicsx.interface.system import ContactSystem
 
 log = logging.getLogger(__name__)
 
@@ -72,7 +73,7 @@ def run_history(
         text = f"interrupted after cycle {done} of {history.from_scene(scene).cycles}"
         journal.write()
         record = record_of(system, scene.solver, journal.passed)
-        files.write_record(folder / "record.h5", record, overwrite=True)
+        hdf5.write_record(folder / "record.h5", record, overwrite=True)
         brief = summary.summarise(record, {"failure": text})
         summary.write_summary(folder / "summary.json", brief, overwrite=True)
         raise Interrupted(

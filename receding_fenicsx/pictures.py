@@ -10,23 +10,25 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receding_fenicsx import errors, history
-from receding_fenicsx.condensing import bulk_of, world
+from receding_fenicsx import mpi
+from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.output import files
-from receding_fenicsx.output.collect import Instant
-from receding_fenicsx.output.record import Record
-from receding_fenicsx.replay import instant_of
-from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_file import from_toml
-from receding_fenicsx.stages import Say, Timer
+from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.replay import instant_of
+from receding_fenicsx.mpi import world
+from receding_fenicsx.output.storage import hdf5
+from receding_fenicsx.scene import history
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.timing import Say, Timer
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
     from receding_fenicsx.bulk.body import Bulk
-    from receding_fenicsx.bulk.pair import Pair
-    from receding_fenicsx.interface.contact import ContactSystem
+    from receding_fenicsx.bulk.two_bodies import Pair
+    from receding_fenicsx.interface.system import ContactSystem
 
 PICTURE_GROWTH = (1.0, 1.1)
 """Largest size ratio between neighbouring layers of a mesh that pictures are drawn on: with up to
@@ -55,7 +57,7 @@ def snapshot(
     Returns:
         The files that were made, on rank 0; None on the others.
     """
-    snapshots = drawing("snapshots")
+    snapshots = drawing("snapshots.draw")
     comm = comm or world()
     folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)
@@ -64,7 +66,7 @@ def snapshot(
         scene, system, record = _finished(folder)
         return record.scene_toml, instant_of(scene, system, record, cycle, leg, at)
 
-    text, instant = comm.bcast(errors.on_root(comm, find))
+    text, instant = comm.bcast(mpi.on_root(comm, find))
     bulk = picture_body(from_toml(text), comm)
     try:
         with timer("pictures"):
@@ -94,7 +96,7 @@ def animate(
     Returns:
         The files that were made, .mp4 and .gif, on rank 0; None on the others.
     """
-    animation, snapshots = drawing("animation"), drawing("snapshots")
+    animation, snapshots = drawing("animation"), drawing("snapshots.draw")
     comm = comm or world()
     folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)
@@ -109,7 +111,7 @@ def animate(
         ]
         return record.scene_toml, animation.Scenario(instants, time)
 
-    text, scenario = comm.bcast(errors.on_root(comm, find))
+    text, scenario = comm.bcast(mpi.on_root(comm, find))
     bulk = picture_body(from_toml(text), comm)
     try:
         with timer("pictures"):
@@ -123,9 +125,9 @@ def animate(
 
 def _finished(folder: Path) -> tuple[Scene, ContactSystem, Record]:
     """Read a finished run."""
-    record = files.read_record(folder / "record.h5")
+    record = hdf5.read_record(folder / "record.h5")
     scene = from_toml(record.scene_toml)
-    return scene, files.read_system(folder / "system.h5", scene), record
+    return scene, hdf5.read_system(folder / "system.h5", scene), record
 
 
 def draw(
@@ -137,18 +139,16 @@ def draw(
     body: bool,
 ) -> None:
     """Draw the figures on rank 0 and, of the body, the default snapshots on all ranks together."""
-    figures = drawing("figures")
-    errors.on_root(
-        comm, lambda: figures.plot_all(errors.given(record), errors.given(folder) / "figures")
-    )
+    figures = drawing("plots.figures")
+    mpi.on_root(comm, lambda: figures.plot_all(mpi.given(record), mpi.given(folder) / "figures"))
     if not body:
         return
-    snapshots = drawing("snapshots")
+    snapshots = drawing("snapshots.draw")
 
     def choose() -> list[Instant]:
-        return default_instants(scene, errors.given(system), errors.given(record))
+        return default_instants(scene, mpi.given(system), mpi.given(record))
 
-    instants, place = comm.bcast((errors.on_root(comm, choose), folder))
+    instants, place = comm.bcast((mpi.on_root(comm, choose), folder))
     fine = picture_body(scene, comm)
     try:
         for instant in instants:
@@ -183,8 +183,8 @@ def default_instants(scene: Scene, system: ContactSystem, record: Record) -> lis
 
 def plot(record: Record, folder: Path) -> list[Path]:
     """Draw all figures of a run into its folder ``figures``, write its report; return the files."""
-    made: list[Path] = drawing("figures").plot_all(record, folder)
-    return [*made, drawing("report").write_report(folder.parent, record.scene_toml)]
+    made: list[Path] = drawing("plots.figures").plot_all(record, folder)
+    return [*made, drawing("report.html").write_report(folder.parent, record.scene_toml)]
 
 
 def drawing(name: str) -> ModuleType:

@@ -10,22 +10,24 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from receding_fenicsx import errors, estimate, long_run
-from receding_fenicsx.condensing import condensed, world
-from receding_fenicsx.interface.contact import friction_margin
-from receding_fenicsx.output import files, summary
-from receding_fenicsx.output.record import Record
-from receding_fenicsx.output.run_folder import SYSTEM, run_folder
+from receding_fenicsx import long_run, mpi
+from receding_fenicsx.bulk.from_scene import condensed
+from receding_fenicsx.evolution.prepare import system_for
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import friction_margin
+from receding_fenicsx.mpi import world
+from receding_fenicsx.output.report import space_errors, summary
+from receding_fenicsx.output.storage import hdf5
+from receding_fenicsx.output.storage.run_folder import SYSTEM, run_folder
 from receding_fenicsx.pictures import draw, drawing
-from receding_fenicsx.reuse import system_for
-from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_checks import validate
-from receding_fenicsx.stages import Say, Timer
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.timing import Say, Timer
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.interface.contact import ContactSystem
+    from receding_fenicsx.interface.system import ContactSystem
 
 
 def run(
@@ -70,7 +72,7 @@ def run(
     """
     validate(scene)
     if error:
-        estimate.check(scene)
+        space_errors.check(scene)
     comm = comm or world()
     timer = Timer(progress if comm.rank == 0 else None)
     if snapshots is None:
@@ -78,28 +80,26 @@ def run(
     with _folder(comm, out, scene, overwrite, resume) as folder:
         system, extra = _system(scene, comm, timer, folder, system_file)
         with timer("evolve"):
-            evolved = errors.on_root(
-                comm, lambda: long_run.run_history(scene, errors.given(system), folder, timer.say)
+            evolved = mpi.on_root(
+                comm, lambda: long_run.run_history(scene, mpi.given(system), folder, timer.say)
             )
         record, failure = evolved or (None, None)
         failure = comm.bcast(failure)
         if failure is not None:
             extra["failure"] = str(failure)
-        extra["friction_margin"] = errors.on_root(
-            comm, lambda: friction_margin(errors.given(system))
-        )
+        extra["friction_margin"] = mpi.on_root(comm, lambda: friction_margin(mpi.given(system)))
         if error and failure is None:
             with timer("errors"):
-                extra |= estimate.errors_of_run(scene, record, comm)
+                extra |= space_errors.errors_of_run(scene, record, comm)
         if out is not None:
             # before the pictures, so that it is there whatever becomes of them
-            errors.on_root(comm, lambda: _write_record(folder, record))
+            mpi.on_root(comm, lambda: _write_record(folder, record))
             _write_summary(comm, folder, record, extra, timer)
             with timer("pictures"):
                 if pictures and failure is None:
                     draw(scene, comm, system, record, folder, snapshots)
             _write_summary(comm, folder, record, extra, timer)
-            errors.on_root(comm, lambda: _write_report(folder, record))
+            mpi.on_root(comm, lambda: _write_report(folder, record))
     if failure is not None:
         raise failure
     return record
@@ -117,27 +117,27 @@ def _system(
     def saved() -> ContactSystem | None:
         place = None if folder is None else folder / SYSTEM
         if place is not None and place.is_file():
-            return files.read_system(place, scene)
+            return hdf5.read_system(place, scene)
         if system_file is None:
             return None
-        whole = files.read_system(Path(system_file))
-        system = files.read_system(Path(system_file), scene)
+        whole = hdf5.read_system(Path(system_file))
+        system = hdf5.read_system(Path(system_file), scene)
         if place is not None:
             whole = replace(whole, f=system.f, g0=system.g0, scene_toml=system.scene_toml)
-            files.write_system(place, whole)
+            hdf5.write_system(place, whole)
         return system
 
-    system = errors.on_root(comm, saved)
+    system = mpi.on_root(comm, saved)
     if comm.bcast(system is not None):
         return system, {}
     whole, dofs = condensed(scene, comm, timer)
 
     def keep() -> ContactSystem:
         if folder is not None:
-            files.write_system(folder / SYSTEM, errors.given(whole))
-        return system_for(scene, errors.given(whole))
+            hdf5.write_system(folder / SYSTEM, mpi.given(whole))
+        return system_for(scene, mpi.given(whole))
 
-    return errors.on_root(comm, keep), {"bulk_dofs": dofs}
+    return mpi.on_root(comm, keep), {"bulk_dofs": dofs}
 
 
 def condense(
@@ -160,7 +160,7 @@ def condense(
     system, _ = condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
     if whole:
         return system
-    return errors.on_root(comm, lambda: system_for(scene, errors.given(system)))
+    return mpi.on_root(comm, lambda: system_for(scene, mpi.given(system)))
 
 
 @contextmanager
@@ -173,9 +173,9 @@ def _folder(
         return
     with ExitStack() as stack:
         opened = run_folder(Path(out), scene, overwrite, resume)
-        folder = errors.on_root(comm, lambda: stack.enter_context(opened))
+        folder = mpi.on_root(comm, lambda: stack.enter_context(opened))
         yield folder
-        errors.on_root(comm, stack.close)
+        mpi.on_root(comm, stack.close)
 
 
 def _costs(comm: MPI.Comm, timer: Timer) -> dict[str, Any]:
@@ -194,11 +194,11 @@ def _costs(comm: MPI.Comm, timer: Timer) -> dict[str, Any]:
 
 
 def _write_record(folder: Path | None, record: Record | None) -> None:
-    files.write_record(errors.given(folder) / "record.h5", errors.given(record), overwrite=True)
+    hdf5.write_record(mpi.given(folder) / "record.h5", mpi.given(record), overwrite=True)
 
 
 def _write_report(folder: Path | None, record: Record | None) -> None:
-    drawing("report").write_report(errors.given(folder), errors.given(record).scene_toml)
+    drawing("report.html").write_report(mpi.given(folder), mpi.given(record).scene_toml)
 
 
 def _write_summary(
@@ -212,7 +212,7 @@ def _write_summary(
     whole = {**extra, **_costs(comm, timer)}
 
     def write() -> None:
-        text = summary.summarise(errors.given(record), whole)
-        summary.write_summary(errors.given(folder) / "summary.json", text, overwrite=True)
+        text = summary.summarise(mpi.given(record), whole)
+        summary.write_summary(mpi.given(folder) / "summary.json", text, overwrite=True)
 
-    errors.on_root(comm, write)
+    mpi.on_root(comm, write)

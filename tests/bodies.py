@@ -11,12 +11,25 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.elasticity import Bulk, build
-from receding_fenicsx.bulk.meshing import BodyMesh, make_mesh
-from receding_fenicsx.scene import Body, Load, Material, MeshOptions, Scene
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_mesh
+from receding_fenicsx.scene.model import (
+    Body,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    Scene,
+)
 
 Array = NDArray[np.float64]
 
 CELLS = ("triangle", "quadrilateral")
+
+RADIUS = 2.0
+YOUNG, NU = 2.0, 0.3
+ROUND = Material(YOUNG, NU, "axisymmetric")
+ONCE = HistoryOptions(kind="monotonic")
 
 
 def block(
@@ -38,6 +51,13 @@ def block(
         loads=(load or Load("p0", "top", (-1.0, 1.0), pressure=1.0),),
     )
     return replace(scene, **parts)  # type: ignore[arg-type]
+
+
+def cylinder(cell: str = "triangle", degree: int = 1, **parts: object) -> Scene:
+    """A cylinder of radius 2 and height 1 on a smooth plane, pressed over all of its top."""
+    smooth = {"contacts": (Contact(friction=0.0),), "material": ROUND, "history": ONCE}
+    scene = block(cell, degree, load=Load("p", "top", pressure=1.0))
+    return replace(scene, **(smooth | parts))  # type: ignore[arg-type]
 
 
 def built(scene: Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Bulk:

@@ -12,9 +12,9 @@ from small import table
 from ways import choices, rates
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.history import History
 
 NEAR = 1e-4
 """Distance from a limit, over the largest force, that counts as being on it."""

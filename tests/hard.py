@@ -17,12 +17,12 @@ from enumeration import confirmed
 from law import worst_slip, worst_violation
 
 from receding_fenicsx.errors import NoQuasiStaticContinuation, RecedingError
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.interface.forms import eliminate_tangential
-from receding_fenicsx.output.record import Record, States
-from receding_fenicsx.scene import OutputOptions, SolverOptions
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record, States
+from receding_fenicsx.interface.normal_form import eliminate_tangential
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 SOLVED, SLIDES, LIFTS, PULLS = "solved", "gross sliding", "lift-off", "pull the body off"
 TIPS = "overturning"

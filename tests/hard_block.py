@@ -17,10 +17,10 @@ from small import cyclic, small_system, table
 
 from receding_fenicsx import study
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.output.record import Record
-from receding_fenicsx.scene import Load, SolverOptions
-from receding_fenicsx.scene_file import read_scene
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.model import Load, SolverOptions
+from receding_fenicsx.scene.toml_file import read_scene
 
 BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
 

@@ -14,10 +14,10 @@ from hard_block import load_named, summed, with_friction
 
 from receding_fenicsx import study
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.history import from_scene
-from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.output.record import Record
-from receding_fenicsx.scene import (
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.model import (
     Body,
     Contact,
     HistoryOptions,
@@ -28,6 +28,7 @@ from receding_fenicsx.scene import (
     SolverOptions,
     Support,
 )
+from receding_fenicsx.scene.validate import validate
 
 Path_ = tuple[tuple[float, ...], ...]
 
@@ -49,7 +50,7 @@ def solve(tally: Tally, scene: Scene) -> tuple[ContactSystem, Record]:
     """Condense and evolve a scene; a frictionless one is checked with its tangential freedoms."""
     smooth = all(contact.friction == 0.0 for contact in scene.contacts)
     rough = tuple(replace(c, friction=1.0 if smooth else c.friction) for c in scene.contacts)
-    scene.validate()
+    validate(scene)
     system = study.condense(replace(scene, contacts=rough), MPI.COMM_SELF)
     assert system is not None
     if smooth:

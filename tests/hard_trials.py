@@ -10,7 +10,7 @@ from hard import SOLVED, Case, Tally, require
 from hard_block import summed
 from hard_bodies import solve
 
-from receding_fenicsx.scene_file import read_scene
+from receding_fenicsx.scene.toml_file import read_scene
 
 HERE = Path(__file__).parent
 DEMOS = HERE.parent / "demos"

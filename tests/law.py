@@ -5,8 +5,8 @@ Only the definitions of the paper's eqs. (4) to (12) are used, each written out 
 
 import numpy as np
 
-from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.output.record import Record
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem
 
 
 def worst_violation(system: ContactSystem, record: Record) -> float:

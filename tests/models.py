@@ -4,13 +4,14 @@ The assembly below shares nothing with the package: bilinear squares integrated 
 Gauss quadrature, condensed by SciPy. It is the independent reference of the interface tests.
 """
 
+from dataclasses import replace
 from itertools import product
 
 import numpy as np
 import scipy.sparse as sp
 import scipy.sparse.linalg as spla
 
-from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem
 
 
 def q1_stiffness(hx: float, hy: float, young: float, poisson: float) -> np.ndarray:
@@ -109,4 +110,16 @@ def grid_system(
         half=half,
         load_compliance=np.array([[force[inner] @ pushed]]),
         load_sign=np.array([-1.0]),
+    )
+
+
+def pushed_block() -> ContactSystem:
+    """Return the whole block, its contact pushed to the right by a load of its own."""
+    whole = block_system(24, 6, half=False)
+    push = np.concatenate([-whole.weight / whole.weight.sum(), np.zeros(whole.n)])
+    return replace(
+        whole,
+        r_star=np.vstack([whole.r_star, push]),
+        load_names=("p0", "push"),
+        load_compliance=np.zeros((0, 0)),
     )

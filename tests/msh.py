@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.meshing import _raw
-from receding_fenicsx.bulk.raw_mesh import RawMesh
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.bulk.mesh.meshing import _raw
+from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
+from receding_fenicsx.scene.model import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

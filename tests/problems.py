@@ -18,11 +18,11 @@ from small import small_system, table
 from ways import TooMany, balanced, follow
 
 from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.output.record import Record
-from receding_fenicsx.scene import OutputOptions, SolverOptions
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 STEPS = 40
 """Load steps a leg of the problems that are played in load steps."""

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from receding_fenicsx.history import History
-from receding_fenicsx.interface.contact import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.history import History
 
 Rows = Sequence[Any] | np.ndarray
 
@@ -60,3 +60,12 @@ def cyclic(cycles: int, minimum: float = 1 / 3, maximum: float = 1.0) -> History
     """Return the paper's history of the load p0: to the maximum, then down and up again."""
     loop = np.array([[maximum], [minimum], [maximum]])
     return History(("p0",), np.array([[0.0], [maximum]]), loop, cycles)
+
+
+def walker(k: float = 2.0) -> ContactSystem:
+    """Return two feet joined by a spring, free to slide; "shift" moves the weight between them."""
+    K = np.zeros((4, 4))
+    K[:2, :2] = k * np.array([[1, -1], [-1, 1]])
+    K[2:, 2:] = np.eye(2)
+    loads = {"weight": [0.0, 0, 1, 1], "push": [-0.5, -0.5, 0, 0], "shift": [0.0, 0, 1, -1]}
+    return small_system(K, loads, 0.5, rigid=[[1.0, 1.0, 0.0, 0.0]])

@@ -11,7 +11,7 @@ from mpi4py import MPI
 import pytest
 
 from receding_fenicsx import cli, environment, read_scene, run
-from receding_fenicsx.output.files import read_system
+from receding_fenicsx.output.storage.hdf5 import read_system
 
 DEMOS = Path(__file__).parents[1] / "demos"
 BLOCK = str(DEMOS / "block.toml")

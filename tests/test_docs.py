@@ -13,7 +13,7 @@ from mpi4py import MPI
 import pytest
 
 import receding_fenicsx
-from receding_fenicsx.scene import (
+from receding_fenicsx.scene.model import (
     Body,
     Contact,
     HistoryOptions,

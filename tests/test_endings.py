@@ -27,13 +27,14 @@ from receding_fenicsx import study
 from receding_fenicsx.cli import main
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution import evolve
-from receding_fenicsx.output import fields
-from receding_fenicsx.output.files import read_record
-from receding_fenicsx.output.report import write_report
-from receding_fenicsx.output.scales import load_symbol, peak, shown_name
-from receding_fenicsx.scene import Contact, Load, Support
-from receding_fenicsx.scene_file import from_toml, read_scene, to_toml
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.output.plots.units import load_symbol, peak, shown_name
+from receding_fenicsx.output.report.html import write_report
+from receding_fenicsx.output.snapshots import fields
+from receding_fenicsx.output.storage.hdf5 import read_record
+from receding_fenicsx.scene.model import Contact, Load, Support
+from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
+from receding_fenicsx.scene.validate import validate
 
 comm = MPI.COMM_WORLD
 alone = pytest.mark.skipif(comm.size > 1, reason="one process is enough")
@@ -142,19 +143,19 @@ def test_force_on_an_edge_that_is_held_against_it_is_refused(
 ) -> None:
     scene = block(load=Load("p", "top", **load), supports=(Support(fix, edge="top"),))
     if felt:
-        scene.validate()
+        validate(scene)
         return
     with pytest.raises(
         InputError, match=r"load 'p' edge: a support holds \"top\" in the direction"
     ):
-        scene.validate()
+        validate(scene)
 
 
 def test_force_on_held_nodes_only_is_refused_when_it_is_condensed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene = block(load=Load("p", "top", pressure=1.0), supports=(Support("xy", edge="top"),))
-    monkeypatch.setattr("receding_fenicsx.scene_checks._check_carried", lambda *_: None)
+    monkeypatch.setattr("receding_fenicsx.scene.validate._check_carried", lambda *_: None)
     with pytest.raises(InputError, match="load 'p': acts on nothing but nodes that supports hold"):
         study.condense(scene)
 
@@ -368,7 +369,7 @@ class Page(HTMLParser):
 
 @alone
 def test_figures_and_report_bear_commands_in_names_of_loads(tmp_path: Path) -> None:
-    from receding_fenicsx.output import figures
+    from receding_fenicsx.output.plots import figures
 
     name = "&\\$<b>"
     scene = block(elements=8, load=Load(name, "top", (-1.0, 1.0), pressure=1.0))

@@ -2,7 +2,7 @@
 
 import pytest
 
-from receding_fenicsx import errors
+from receding_fenicsx import mpi
 
 LOOK = 1e-6
 """Seconds that a look takes."""
@@ -29,17 +29,17 @@ def test_waiting_ranks_are_late_by_a_small_part_and_look_seldom(
     seconds: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     work = Work(seconds)
-    monkeypatch.setattr("receding_fenicsx.errors.time.monotonic", lambda: work.now)
-    monkeypatch.setattr("receding_fenicsx.errors.time.sleep", work.sleep)
-    errors._wait_for_root(work)  # type: ignore[arg-type]
+    monkeypatch.setattr("receding_fenicsx.mpi.time.monotonic", lambda: work.now)
+    monkeypatch.setattr("receding_fenicsx.mpi.time.sleep", work.sleep)
+    mpi._wait_for_root(work)  # type: ignore[arg-type]
     late = work.now - seconds
-    assert late <= min(errors.POLL_SHARE * seconds, errors.POLL_SECONDS) + LOOK
+    assert late <= min(mpi.POLL_SHARE * seconds, mpi.POLL_SECONDS) + LOOK
     # looks cost next to nothing beside a stage of a second
-    assert work.looks <= 150 + seconds / errors.POLL_SECONDS
+    assert work.looks <= 150 + seconds / mpi.POLL_SECONDS
 
 
 def test_pauses_grow_with_the_time_waited_up_to_a_bound() -> None:
-    pauses = [errors.pause_after(waited) for waited in (0.0, 1e-4, 1e-2, 1.0, 1e4)]
+    pauses = [mpi.pause_after(waited) for waited in (0.0, 1e-4, 1e-2, 1.0, 1e4)]
     assert pauses[0] == 0.0
     assert pauses[1:3] == pytest.approx([1e-5, 1e-3])
-    assert pauses[3] == pauses[4] == errors.POLL_SECONDS
+    assert pauses[3] == pauses[4] == mpi.POLL_SECONDS

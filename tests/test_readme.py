@@ -17,7 +17,7 @@ import pytest
 
 from receding_fenicsx import cli
 from receding_fenicsx.environment import child_environment
-from receding_fenicsx.scene_file import read_scene
+from receding_fenicsx.scene.toml_file import read_scene
 
 ROOT = Path(__file__).parent.parent
 DOCUMENTS = ("README.md", "CONTRIBUTING.md", "docs/extending.md", "docs/scene.md", "docs/bodies.md")
@@ -45,7 +45,7 @@ QUICK = {
     "bash demos/run.sh frictionless_block": "order of convergence",
     "bash demos/run.sh two_blocks": "Filon's 1.338",
     "bash demos/run.sh cattaneo_mindlin": "figure written to results/cattaneo_mindlin",
-    "bash tests/run.sh tests/test_zones.py": "tests on 2 ranks",
+    "bash tests/run.sh tests/interface/measures/test_zones.py": "tests on 2 ranks",
     "source .venv/bin/activate; receding-fenicsx doctor": "all that is needed is there",
     "source .venv/bin/activate; python docs/build.py": "pages in results/reference",
 }

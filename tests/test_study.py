@@ -8,17 +8,17 @@ import numpy as np
 import pytest
 
 from receding_fenicsx import study
-from receding_fenicsx.condensing import is_small
+from receding_fenicsx.bulk.from_scene import is_small
 from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
-from receding_fenicsx.evolution import evolve
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.long_run import duration
-from receding_fenicsx.output.files import read_record, read_system
-from receding_fenicsx.output.run_folder import is_finished
-from receding_fenicsx.output.summary import read_summary
+from receding_fenicsx.output.report.summary import read_summary
+from receding_fenicsx.output.storage.hdf5 import read_record, read_system
+from receding_fenicsx.output.storage.run_folder import is_finished
 from receding_fenicsx.pictures import default_instants
-from receding_fenicsx.replay import instant_of
-from receding_fenicsx.scene import HistoryOptions, Scene
-from receding_fenicsx.scene_file import read_scene
+from receding_fenicsx.scene.model import HistoryOptions, Scene
+from receding_fenicsx.scene.toml_file import read_scene
 
 DEMOS = Path(__file__).parents[1] / "demos"
 SMALL = [

@@ -11,9 +11,9 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.boundary import ContactNodes
-from receding_fenicsx.bulk.meshing import BodyMesh
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.bulk.contact_nodes import ContactNodes
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.scene.model import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -31,13 +31,14 @@ from receding_fenicsx.bulk.body import (
     interior_solver,
     owned_contact,
 )
-from receding_fenicsx.bulk.joining import Reduced
-from receding_fenicsx.bulk.pair import Pair, join_pair
-from receding_fenicsx.bulk.symmetric import norm, symmetrise, turn
-from receding_fenicsx.errors import InputError, SolveError, on_root
-from receding_fenicsx.interface.contact import ContactSystem
-from receding_fenicsx.scene import Scene
-from receding_fenicsx.scene_file import to_toml
+from receding_fenicsx.bulk.join_bodies import Reduced
+from receding_fenicsx.bulk.symmetric_matrix import norm, symmetrise, turn
+from receding_fenicsx.bulk.two_bodies import Pair, join_pair
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import to_toml
 
 Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
@@ -59,8 +60,8 @@ def condense(bulk: Bulk | Pair, route: str = "schur") -> ContactSystem | None:
         route: "schur" or "solve".
 
     Returns:
-        The condensed system on rank 0, None on the others. Its friction and gap are NaN, as they
-        are no matter of the body: :func:`receding_fenicsx.reuse.with_profiles` sets them.
+        The condensed system on rank 0, None on the others. Its friction and gap are NaN:
+        :func:`receding_fenicsx.evolution.prepare.with_profiles` sets them.
 
     Raises:
         SolveError: the factorisation failed, or K does not keep the rigid motions or does not agree

@@ -10,10 +10,11 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.arcs import GAUSS_POINTS, Arcs, gauss
-from receding_fenicsx.bulk.meshing import BodyMesh
-from receding_fenicsx.errors import InputError, on_all
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.bulk.mesh.curved_edges import GAUSS_POINTS, Arcs, gauss
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.mpi import on_all
+from receding_fenicsx.scene.model import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

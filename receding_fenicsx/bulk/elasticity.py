@@ -20,14 +20,14 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk, gather_contact, interior_solver, owned_contact
-from receding_fenicsx.bulk.boundary import find_contact
+from receding_fenicsx.bulk.contact_nodes import find_contact
 from receding_fenicsx.bulk.loads import add_load
 from receding_fenicsx.bulk.material import lame_constants
-from receding_fenicsx.bulk.meshing import BodyMesh
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.bulk.platens import Prescribed, find_prescribed, find_ties, tie_matrix
 from receding_fenicsx.bulk.stress import STRESSES, Stresses, stresses
-from receding_fenicsx.bulk.ties import Prescribed, find_prescribed, find_ties, tie_matrix
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene import Scene
+from receding_fenicsx.scene.model import Scene
 
 __all__ = [
     "STRESSES",

@@ -10,7 +10,6 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.arcs import Arcs
 from receding_fenicsx.bulk.edges import (
     EdgeFacets,
     along,
@@ -20,9 +19,11 @@ from receding_fenicsx.bulk.edges import (
     integrate_arcs,
     measure,
 )
-from receding_fenicsx.bulk.meshing import BodyMesh
-from receding_fenicsx.errors import InputError, on_all
-from receding_fenicsx.scene import Load, Profile, Scene, evaluate
+from receding_fenicsx.bulk.mesh.curved_edges import Arcs
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.mpi import on_all
+from receding_fenicsx.scene.model import Load, Profile, Scene, evaluate
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene import Material
+from receding_fenicsx.scene.model import Material
 
 
 def lame_constants(material: Material) -> tuple[float, float]:

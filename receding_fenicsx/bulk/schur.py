@@ -15,8 +15,9 @@ from petsc4py import PETSc
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.symmetric import symmetrise
-from receding_fenicsx.errors import SolveError, on_root
+from receding_fenicsx.bulk.symmetric_matrix import symmetrise
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.mpi import on_root
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.material import lame_constants
-from receding_fenicsx.bulk.rectangle import POSITION_TOLERANCE
+from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 
 Array = NDArray[np.float64]
 

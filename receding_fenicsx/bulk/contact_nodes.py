@@ -1,0 +1,290 @@
+"""Contact nodes, what symmetry and supports hold, and the rigid motions that they leave."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, integrate, measure, tagged_facets
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
+from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
+from receding_fenicsx.bulk.platens import Prescribed, Ties, tied_dofs
+from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.mpi import on_all
+from receding_fenicsx.scene.model import Scene, nearest
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+NORMAL_TOLERANCE = 1e-10
+"""Largest component of a difference between unit vectors that are to be the same."""
+WEIGHT_TOLERANCE = 1e-9
+"""Weight of a contact node over the largest one below which it is none."""
+AXES = {"x": (0,), "y": (1,), "xy": (0, 1)}
+
+
+@dataclass(frozen=True)
+class ContactNodes:
+    """The contact nodes, known alike on every rank, sorted along the edge.
+
+    Attributes:
+        x: (N,) position along the node's edge from its middle; increasing on each edge.
+        edge: (N,) number of the node's contact edge, not decreasing.
+        points: (N, 2) coordinates.
+        node: (N,) global number of the node, whose displacements are 2 node and 2 node + 1.
+        tangent: (N, 2) unit vectors t = (n_y, -n_x).
+        normal: (N, 2) unit vectors n into the body; on the second of two bodies, out of it.
+        weight: (N,) integral of N_i over the modelled contact edge, axisymmetric times r.
+        held: (2N,) degrees of freedom [v; w] fixed by symmetry or supports.
+        modes: (2N, 3) displacements [v; w] when the body moves right, up, and about a pivot.
+        constraints: (m, 3) those of the motions at everything that supports and symmetry hold;
+            the motions that they leave are orthogonal to all rows.
+        null: (2N, n) motions that are left when only the contact's own nodes are let go: null
+            vectors of the condensed stiffness.
+    """
+
+    x: Array
+    edge: Ints
+    points: Array
+    node: Ints
+    tangent: Array
+    normal: Array
+    weight: Array
+    held: NDArray[np.bool_]
+    modes: Array
+    constraints: Array
+    null: Array
+
+    @property
+    def rigid(self) -> Array:
+        """(2N, n) motions that supports and symmetry leave, each with largest entry 1."""
+        return scaled(self.modes @ free_motions(self.constraints))
+
+    @property
+    def dofs(self) -> Ints:
+        """(2N,) global degrees of freedom in the order [u_x; u_y]."""
+        return np.concatenate([2 * self.node, 2 * self.node + 1])
+
+    def to_local(self, values: Array) -> Array:
+        """Turn [x; y] components (2N along the first axis) into [t; n] components."""
+        return _turn(values, np.stack([self.tangent, self.normal], axis=1))
+
+    def to_global(self, values: Array) -> Array:
+        """Turn [t; n] components (2N along the first axis) into [x; y] components."""
+        return _turn(values, np.stack([self.tangent, self.normal], axis=2))
+
+
+def _turn(values: Array, rotation: Array) -> Array:
+    """Apply a 2 x 2 matrix for each node (N, 2, 2) to the two halves of the first axis."""
+    a, b = np.split(values, 2)
+    rows = rotation.reshape(-1, 4, *[1] * (values.ndim - 1))
+    return np.concatenate([rows[:, 0] * a + rows[:, 1] * b, rows[:, 2] * a + rows[:, 3] * b])
+
+
+def find_contact(
+    scene: Scene,
+    space: fem.FunctionSpace,
+    body: BodyMesh,
+    ties: Ties,
+    prescribed: Iterable[Prescribed] = (),
+) -> tuple[ContactNodes, Ints]:
+    """Find the contact nodes and what is held.
+
+    Args:
+        scene: the scene of this body alone.
+        space: displacement space.
+        body: the mesh.
+        ties: its platens.
+        prescribed: displacements that loads prescribe.
+
+    Returns:
+        The contact nodes, and the global degrees of freedom off the contact that symmetry,
+        supports, prescribed displacements and platens leave no freedom of their own; both alike on
+        every rank.
+
+    Raises:
+        InputError: a contact without facets, a support without nodes, a contact node that moves
+            with a platen or as prescribed.
+    """
+    edges = [_edge_nodes(scene, space, body, contact) for contact in body.contacts]
+    node, points, x, weight = (np.concatenate([e[k] for e in edges]) for k in range(4))
+    count = [len(e[0]) for e in edges]
+    normals = np.array([-contact.line.outward + 0.0 for contact in body.contacts])
+    normal = np.repeat(normals, count, axis=0)
+    tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
+
+    _check_apart(node, ties, prescribed)
+    dofs, places = _held(scene, space, body, ties, prescribed)
+    pivot = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    constraints = motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
+    apart = motions(ties.places, pivot, body.size) - motions(ties.master_places, pivot, body.size)
+    # a body of revolution moves along its axis only
+    never = np.vstack([apart.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []]])
+    at_contact = np.isin(dofs // 2, node)
+    on_nodes = motions(points, pivot, body.size)
+    modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
+    found = ContactNodes(
+        x=x,
+        edge=np.repeat(np.arange(len(edges)), count),
+        points=points,
+        node=node,
+        tangent=tangent,
+        normal=normal,
+        weight=weight,
+        held=_held_at_contact(dofs[at_contact], node, tangent, normal),
+        modes=modes,
+        constraints=np.vstack([constraints, never]),
+        null=scaled(modes @ free_motions(np.vstack([constraints[~at_contact], never]))),
+    )
+    return found, np.union1d(dofs[~at_contact], tied_dofs(ties))
+
+
+def _edge_nodes(
+    scene: Scene, space: fem.FunctionSpace, body: BodyMesh, contact: ContactFacets
+) -> tuple[Ints, Array, Array, Array]:
+    """Return number, coordinates, position and weight of the nodes of one contact edge, sorted."""
+    comm = body.mesh.comm
+    facets = on_all(comm, lambda: tagged_facets(space, body, (contact.tag,)))
+    every = [part for part in comm.allgather(facets) if len(part)]
+    if not every:
+        raise InputError("contact: no part of the edge lies in its span; move the span")
+    facets = EdgeFacets(
+        *(np.concatenate([getattr(p, a) for p in every]) for a in ("points", "nodes", "outward"))
+    )
+    weights = integrate(facets, lambda points, normals: measure(scene, points))[:, :, 0]
+    node, first, inverse = np.unique(facets.nodes.ravel(), return_index=True, return_inverse=True)
+    points = facets.points.reshape(-1, 2)[first]
+    weight = np.bincount(inverse.ravel(), weights=weights.ravel()).astype(float)
+    x = contact.line.along(points) + 0.0
+    order = np.argsort(x)
+    if scene.axisymmetric:
+        # at order 2 the node on the axis has no weight: it gets no contact condition
+        order = order[weight[order] > WEIGHT_TOLERANCE * weight.max()]
+    return node[order], points[order], x[order], weight[order]
+
+
+def _check_apart(node: Ints, ties: Ties, prescribed: Iterable[Prescribed]) -> None:
+    """Raise where a contact node follows a platen, or a displacement other than zero."""
+    moved = [part.dofs[part.values != 0.0] // 2 for part in prescribed]
+    if np.isin(node, np.concatenate([ties.slaves, ties.masters, *moved])).any():
+        raise InputError(
+            "load: its platen or prescribed displacement takes along a contact node; restrict it "
+            "by a span that ends before the contact edge"
+        )
+
+
+def _held(
+    scene: Scene,
+    space: fem.FunctionSpace,
+    body: BodyMesh,
+    ties: Ties,
+    prescribed: Iterable[Prescribed],
+) -> tuple[Ints, Array]:
+    """Return all held degrees of freedom, sorted, and their nodes' places (n, 2); on every rank."""
+    comm = body.mesh.comm
+    near = POSITION_TOLERANCE * body.size
+    start, end = space.dofmap.index_map.local_range
+
+    def search() -> list[tuple[Ints, Array, tuple[int, ...]]]:
+        found = []
+        coordinates = space.tabulate_dof_coordinates()[: end - start, :2]
+        if scene.axisymmetric:
+            r = coordinates[:, 0]
+            if r.min(initial=0.0) < -near:
+                raise InputError(
+                    f"body: a node has r = x = {r.min():g}; an axisymmetric body lies at x >= 0"
+                )
+            at = np.flatnonzero(r <= near)
+            found.append((start + at.astype(np.int64), coordinates[at], AXES["x"]))
+        elif body.half:
+            facets = edge_facets(space, body, "axis")
+            found.append((facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES["x"]))
+        for support in scene.supports:
+            if support.fix not in AXES:
+                raise InputError(
+                    f'support.fix = \'{support.fix}\' is unknown; use "x", "y" or "xy"'
+                )
+            if support.edge is not None:
+                facets = edge_facets(space, body, support.edge)
+                found.append(
+                    (facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES[support.fix])
+                )
+            elif support.point is not None:
+                spots = _spots(body, support.point)
+                away = np.hypot(*np.moveaxis(coordinates[:, None] - spots, 2, 0)).min(axis=1)
+                at = np.flatnonzero(away <= near)
+                found.append((start + at.astype(np.int64), coordinates[at], AXES[support.fix]))
+            else:
+                raise InputError("support: it has neither edge nor point; give one")
+        return found
+
+    parts = comm.allgather(on_all(comm, search))
+    for k, support in enumerate(scene.supports, start=int(body.half or scene.axisymmetric)):
+        mirrored = (body.half and not scene.axisymmetric) and (
+            support.edge == "left"
+            or (isinstance(support.point, tuple) and support.point[0] < -near)
+        )
+        if not mirrored and not any(len(part[k][0]) for part in parts):
+            raise InputError(
+                f"support at {support.edge or support.point}: no node lies there; move it"
+            )
+    dofs = [np.empty(0, dtype=np.int64)]
+    places = [np.empty((0, 2))]
+    if scene.axisymmetric:
+        # a rigid ring cannot widen
+        dofs.append(2 * ties.masters)
+        places.append(ties.master_places)
+    for part in parts:
+        for numbers, points, axes in part:
+            for axis in axes:
+                dofs.append(2 * numbers + axis)
+                places.append(points)
+    numbers = np.concatenate(dofs)
+    leaders = 2 * ties.leader(numbers // 2) + numbers % 2
+    moved = [part.dofs[part.values != 0.0] for part in prescribed]
+    if np.isin(leaders, np.concatenate([np.empty(0, dtype=np.int64), *moved])).any():
+        raise InputError(
+            "load: its displacement moves a node that a support, symmetry or the axis holds; "
+            "restrict it by a span, or drop the support"
+        )
+    leaders = np.concatenate([leaders, *(part.dofs for part in prescribed)])
+    places += [part.places for part in prescribed]
+    unique, first = np.unique(leaders, return_index=True)
+    return unique, np.concatenate(places)[first]
+
+
+def _spots(body: BodyMesh, point: tuple[float, float] | str) -> Array:
+    """Return the places (n, 2) of a point, or of the points of a group."""
+    if not isinstance(point, str):
+        return np.array([point])
+    if point in body.spots:
+        return body.spots[point]
+    close = nearest(point, body.spots)
+    known = ", ".join(sorted(body.spots)) or f'none, declare Physical Point("{point}")'
+    hint = f"did you mean '{close}'?" if close else f"it has {known}"
+    raise InputError(f"[[support]] point: the mesh has no group of points '{point}'; {hint}")
+
+
+def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> NDArray[np.bool_]:
+    """Return (2N,) flags [v; w] of the held degrees of freedom of contact nodes."""
+    n = len(node)
+    place = {int(number): i for i, number in enumerate(node)}
+    held = np.zeros(2 * n, dtype=bool)
+    axes: dict[int, set[int]] = {}
+    for dof in dofs:
+        axes.setdefault(place[int(dof // 2)], set()).add(int(dof % 2))
+    for i, fixed in axes.items():
+        for k, direction in enumerate((tangent[i], normal[i])):
+            held[k * n + i] = (
+                len(fixed) == 2 or abs(direction[next(iter(fixed))]) > 1.0 - NORMAL_TOLERANCE
+            )
+        if not (held[i] or held[n + i]):
+            raise InputError(
+                'support: it holds a contact node obliquely to its edge; fix "xy" or move it'
+            )
+    return held

@@ -1,0 +1,1 @@
+"""Meshes of the bodies, made by gmsh or read from a file."""

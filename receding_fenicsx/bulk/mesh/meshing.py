@@ -1,0 +1,300 @@
+"""Meshes of the body: gmsh fills the half in a .geo file, which is snapped, mirrored, distributed.
+
+gmsh sees lengths in units of the body's depth below the contact edge, so that a scene whose lengths
+are multiplied by a power of two has the same mesh to the bit.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from dataclasses import dataclass
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+from dolfinx import mesh as dmesh
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces
+from receding_fenicsx.bulk.mesh.curved_edges import Arcs
+from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model
+from receding_fenicsx.bulk.mesh.raw_mesh import (
+    STRAIGHT_TOLERANCE,
+    Line,
+    RawMesh,
+    from_axis,
+    line_of,
+)
+from receding_fenicsx.bulk.mesh.rectangle import (
+    EDGE_NAMES,
+    Frame,
+    HalfMesh,
+    Marks,
+    find_marks,
+    make_frame,
+    mirror,
+    snap,
+)
+from receding_fenicsx.bulk.mesh.user_mesh import read_user_mesh
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.scene.model import EDGES, Body, Scene, edge_points, is_cylinder
+from receding_fenicsx.scene.one_body import part_of
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+CORNERS = {"triangle": 3, "quadrilateral": 4}
+GMSH_TYPES = {"triangle": 2, "quadrilateral": 3}
+
+
+@dataclass(frozen=True)
+class ContactFacets:
+    """One contact edge of a body.
+
+    Attributes:
+        tag: tag of its facets.
+        line: its line; of the first of two bodies also on the second, so that both have the same
+            positions, t and n.
+    """
+
+    tag: int
+    line: Line
+
+
+@dataclass(frozen=True)
+class BodyMesh:
+    """A distributed mesh of a body with named edges.
+
+    Attributes:
+        mesh: DOLFINx mesh.
+        facet_tags: tags of boundary facets.
+        groups: tags of each edge by name.
+        contacts: the scene's contact edges on this body, in their order.
+        lines: the line of each straight edge.
+        spots: (k, 2) coordinates of each named group of points.
+        arcs: the curves behind the facets of curved edges, where they are known.
+        size: length that tolerances on positions are relative to, the same for all bodies.
+        half: True when only x >= 0 is meshed.
+        cell: "triangle" or "quadrilateral".
+    """
+
+    mesh: dmesh.Mesh
+    facet_tags: Any
+    groups: dict[str, tuple[int, ...]]
+    contacts: tuple[ContactFacets, ...]
+    lines: dict[str, Line]
+    spots: dict[str, Array]
+    arcs: Arcs | None
+    size: float
+    half: bool
+    cell: str
+
+
+def make_mesh(comm: MPI.Comm, scene: Scene, half: bool) -> BodyMesh:
+    """Mesh the only body of a scene; see :func:`make_meshes`."""
+    (mesh,) = make_meshes(comm, scene, half)
+    return mesh
+
+
+def contact_nodes_of(scene: Scene) -> list[int]:
+    """Return the number of nodes on each contact edge of the whole scene; no communication.
+
+    At order 2 a node on the axis of revolution has no weight, and is none of the contact.
+
+    Raises:
+        InputError: a mesh that cannot serve the scene.
+    """
+    half = scene.axisymmetric
+    meshes = [_raw(part_of(scene, body), half) for body in scene.bodies]
+    degree, counts = scene.mesh.degree, []
+    for contact, found in zip(scene.contacts, find_interfaces(scene, meshes, False), strict=True):
+        body, edge = scene.find_edge(contact.edge)
+        mesh = meshes[scene.bodies.index(body)]
+        x = mesh.points[mesh.edges[edge][found.facets], 0]
+        on_axis = scene.axisymmetric and bool(x.min() <= STRAIGHT_TOLERANCE * x.max())
+        counts.append(degree * len(found.facets) + 1 - int(on_axis and degree == 2))
+    return counts
+
+
+def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...]:
+    """Mesh the scene's bodies: rectangles graded from their contact edge, or the user's meshes.
+
+    Args:
+        comm: communicator that gets the meshes.
+        scene: the scene.
+        half: mesh only x >= 0.
+
+    Returns:
+        The distributed meshes; that of a whole rectangle is bitwise mirror-symmetric.
+
+    Raises:
+        InputError: a mesh that cannot serve the scene; on all ranks.
+    """
+    made = on_root(comm, lambda: _make_on_root(scene, half))
+    shared = comm.bcast(None if made is None else [(m.cell, m.data) for m in made])
+    return tuple(
+        _distribute(comm, None if made is None else made[i], cell, data)
+        for i, (cell, data) in enumerate(shared)
+    )
+
+
+@dataclass(frozen=True)
+class _Tagged:
+    """A mesh on rank 0 with the tags of its facets, and the rest of a BodyMesh as keywords."""
+
+    points: Array
+    cells: Ints
+    facets: Ints
+    tags: NDArray[np.int32]
+    cell: str
+    data: dict[str, Any]
+
+
+def _distribute(comm: MPI.Comm, made: _Tagged | None, cell: str, data: dict[str, Any]) -> BodyMesh:
+    if made is None:
+        points, cells = np.empty((0, 2)), np.empty((0, CORNERS[cell]), dtype=np.int64)
+        facets, tags = np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int32)
+    else:
+        points, cells, facets, tags = made.points, made.cells, made.facets, made.tags
+    mesh = _dolfinx.create_mesh(comm, cell, cells, points)
+    return BodyMesh(mesh, _dolfinx.tag_entities(mesh, 1, facets, tags), cell=cell, **data)
+
+
+def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
+    """Return the meshes of all bodies with their tags; no communication."""
+    meshes = [_raw(part_of(scene, body), half) for body in scene.bodies]
+    interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
+    size = max(mesh.size for mesh in meshes)
+    return [
+        _tagged(scene, body, mesh, interfaces, half, size)
+        for body, mesh in zip(scene.bodies, meshes, strict=True)
+    ]
+
+
+def _raw(scene: Scene, half: bool) -> RawMesh:
+    """Mesh or read the only body of a scene."""
+    if scene.body.mesh is not None:
+        given = read_user_mesh(scene.body, scene.mesh)
+        return from_axis(given) if scene.axisymmetric else given
+    half = half and (not scene.axisymmetric or is_cylinder(scene, scene.body))
+    frame = make_frame(scene, half)
+    marks = find_marks(scene, frame)
+    mesh = _gmsh_half(scene, frame, marks)
+    snap(scene, frame, marks, mesh)
+    if not half:
+        mesh = mirror(mesh)
+    names = EDGE_NAMES[frame.edge]
+    edges = {names[name]: facets for name, facets in mesh.edges.items()}
+    if half:
+        edges["left"] = np.empty((0, 2), dtype=np.int64)
+    middles = {edge: np.hstack(edge_points(scene, edge, [0.0])) for edge in EDGES}
+    points = frame.to_body(mesh.s, mesh.d) + np.array(scene.body.position)
+    return RawMesh(points, mesh.cells, edges, {}, middles, upright=True)
+
+
+def _tagged(
+    scene: Scene,
+    body: Body,
+    mesh: RawMesh,
+    interfaces: tuple[Interface, ...],
+    half: bool,
+    size: float,
+) -> _Tagged:
+    """Tag the facets of a body: by edge, or by contact where they are in one."""
+    tag_of = {name: tag for tag, name in enumerate(mesh.edges, start=1)}
+    tags = {name: np.full(len(f), tag_of[name], np.int32) for name, f in mesh.edges.items()}
+    groups = {name: [tag] for name, tag in tag_of.items()}
+    contacts: list[ContactFacets] = []
+    for contact, interface in zip(scene.contacts, interfaces, strict=True):
+        sides = (contact.edge, interface.facets), (contact.against, interface.against)
+        for edge, facets in sides:
+            if edge is None or facets is None or scene.find_edge(edge)[0] != body:
+                continue
+            name = scene.find_edge(edge)[1]
+            tag = len(tag_of) + 1 + len(contacts)
+            tags[name][facets] = tag
+            groups[name].append(tag)
+            contacts.append(ContactFacets(tag, interface.line))
+    wanted = {*_used_edges(scene, body), *(mesh.edges if body.mesh is None else ())}
+    used = [name for name in mesh.edges if name in wanted and len(mesh.edges[name])]
+    data = {
+        "groups": {name: tuple(groups[name]) for name in used},
+        "contacts": tuple(contacts),
+        "lines": _lines(mesh, used),
+        "spots": {name: mesh.points[nodes] for name, nodes in mesh.spots.items()},
+        "arcs": mesh.arcs,
+        "size": size,
+        "half": half,
+    }
+    facets = np.vstack([np.empty((0, 2), dtype=np.int64), *(mesh.edges[name] for name in used)])
+    every = np.concatenate([np.empty(0, np.int32), *(tags[name] for name in used)])
+    return _Tagged(mesh.points, mesh.cells, facets, every, mesh.cell, data)
+
+
+def _used_edges(scene: Scene, body: Body) -> set[str]:
+    """Return the names of a body's edges that the scene uses."""
+    edges = [c.edge for c in scene.contacts] + [c.against for c in scene.contacts]
+    edges += [load.edge for load in scene.loads] + [s.edge for s in scene.supports]
+    found = [scene.find_edge(edge) for edge in edges if edge is not None]
+    return {name for owner, name in found if owner == body}
+
+
+def _lines(mesh: RawMesh, edges: list[str]) -> dict[str, Line]:
+    """Return the lines of the edges that are straight."""
+    lines = {}
+    for edge in edges:
+        with contextlib.suppress(InputError):
+            lines[edge] = line_of(mesh, edge, "")
+    return lines
+
+
+def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
+    """Mesh the half body."""
+    cell = scene.mesh.cell
+    unit = frame.depth
+    numbers = {
+        "width": [frame.length / unit],
+        "height": [1.0],
+        "contact_elements": [float(scene.mesh.contact_elements)],
+        "growth": [float(scene.mesh.growth)],
+        "quadrilaterals": [float(cell == "quadrilateral")],
+        "top_marks": (marks.top / unit).tolist(),
+        "side_marks": (marks.side / unit).tolist(),
+        "inner_x": (marks.inner[:, 0] / unit).tolist(),
+        "inner_y": (marks.inner[:, 1] / unit).tolist(),
+        "end_x": (marks.ends[:, 0] / unit).tolist(),
+        "end_y": (marks.ends[:, 1] / unit).tolist(),
+    }
+    path = str(geo_path("rectangle.geo"))
+    with gmsh_model() as gmsh:
+        for name, value in numbers.items():
+            gmsh.parser.setNumber(name, value)
+        try:
+            gmsh.merge(path)
+            gmsh.model.mesh.generate(2)
+        except Exception as caught:  # gmsh raises nothing more special
+            raise SolveError(
+                f"gmsh could not mesh the body: {caught}; change mesh.growth or contact_elements"
+            ) from caught
+        mesh = gmsh.model.mesh
+        types, _, corners = mesh.getElements(2)
+        if list(types) != [GMSH_TYPES[cell]]:
+            raise SolveError(f"gmsh did not fill the body with {cell}s; change contact_elements")
+        around = corners[0].astype(np.int64)
+        tags, coordinates, _ = mesh.getNodes()
+        # gmsh may keep nodes that no cell uses
+        used = np.isin(tags, around)
+        points = coordinates.reshape(-1, 3)[used] * unit
+        number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+        number[tags[used].astype(np.int64)] = np.arange(len(points))
+        edges = {}
+        for dim, tag in gmsh.model.getPhysicalGroups(1):
+            curves = gmsh.model.getEntitiesForPhysicalGroup(dim, tag)
+            ends = np.concatenate([mesh.getElements(1, curve)[2][0] for curve in curves])
+            name = gmsh.model.getPhysicalName(dim, tag)
+            edges[name] = number[ends.astype(np.int64)].reshape(-1, 2)
+    cells = number[around].reshape(-1, CORNERS[cell])
+    return HalfMesh(points[:, 0].copy(), points[:, 1].copy(), cells, edges)

@@ -1,0 +1,199 @@
+"""A mesh as it is on rank 0 before it is distributed: points, cells, groups; edges as lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.mesh.curved_edges import Arcs
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.model import nearest
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+STRAIGHT_TOLERANCE = 1e-6
+"""Distance of a node from its edge's line, over the edge's length, up to which it lies on it."""
+
+
+@dataclass(frozen=True)
+class RawMesh:
+    """A mesh of straight-sided cells of one kind.
+
+    Attributes:
+        points: (n, 2) coordinates.
+        cells: (m, 3 or 4) points around each cell, counter-clockwise.
+        edges: (k, 2) points of the facets of each edge, by name.
+        spots: points of each named group of points.
+        middles: (2,) middle of each edge of the whole body, where it is known beforehand.
+        upright: positions along edges grow rightwards or upwards, as for a rectangle; else with the
+            body on the left, which a turn of the whole scene does not change.
+        arcs: the curves behind the facets of curved edges, where they are known.
+    """
+
+    points: Array
+    cells: Ints
+    edges: dict[str, Ints]
+    spots: dict[str, Ints] = field(default_factory=dict)
+    middles: dict[str, Array] = field(default_factory=dict)
+    upright: bool = False
+    arcs: Arcs | None = None
+
+    @property
+    def cell(self) -> str:
+        """Return the kind of the cells."""
+        return "triangle" if self.cells.shape[1] == 3 else "quadrilateral"
+
+    @property
+    def size(self) -> float:
+        """Return the larger side of the box around the mesh."""
+        return float(np.ptp(self.points, axis=0).max())
+
+    def facets(self, edge: str, where: str) -> Ints:
+        """Return the facets of an edge.
+
+        Raises:
+            InputError: the mesh has no such group; ``where`` begins the message.
+        """
+        if edge in self.edges:
+            return self.edges[edge]
+        close = nearest(edge, self.edges)
+        if close is not None:
+            hint = f"did you mean '{close}'?"
+        elif self.edges:
+            hint = f"it has {', '.join(sorted(self.edges))}"
+        else:
+            hint = f'it has none, declare Physical Curve("{edge}")'
+        raise InputError(f"{where}: the mesh has no group of curves '{edge}'; {hint}")
+
+
+def from_axis(mesh: RawMesh) -> RawMesh:
+    """Return the mesh of a body of revolution: positions on horizontal edges are radii."""
+    middles = {}
+    for edge, facets in mesh.edges.items():
+        height = mesh.points[facets][..., 1]
+        if height.size and np.ptp(height) <= STRAIGHT_TOLERANCE * mesh.size:
+            middles[edge] = np.array([0.0, height.flat[0]])
+    return replace(mesh, middles=middles, upright=True)
+
+
+@dataclass(frozen=True)
+class Line:
+    """The straight line that an edge lies on.
+
+    Attributes:
+        middle: (2,) middle of the edge, from which positions along it are measured.
+        direction: (2,) unit vector along which positions grow.
+        outward: (2,) unit outward normal.
+        length: of the edge.
+    """
+
+    middle: Array
+    direction: Array
+    outward: Array
+    length: float
+
+    def along(self, points: Array) -> Array:
+        """Return the positions of points (n, 2) along the edge."""
+        return (points - self.middle) @ self.direction
+
+
+def _upwards(direction: Array) -> Array:
+    """Return the direction or its opposite, so that its larger component is positive."""
+    return direction * np.sign(direction[np.argmax(np.abs(direction))]) + 0.0
+
+
+def sides(cells: Ints) -> tuple[Ints, Ints]:
+    """Return the sides of all cells (n, 2), the smaller point first, and the cell of each."""
+    pairs = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
+    return np.sort(pairs, axis=1), np.repeat(np.arange(len(cells)), cells.shape[1])
+
+
+def cells_behind(mesh: RawMesh, facets: Ints) -> tuple[Ints, Ints]:
+    """Return how many cells have each facet as a side, and one of them (-1 where there is none)."""
+    pairs, owner = sides(mesh.cells)
+    n = len(mesh.points)
+    keys = pairs[:, 0] * n + pairs[:, 1]
+    order = np.argsort(keys, kind="stable")
+    ordered = np.sort(facets, axis=1)
+    wanted = ordered[:, 0] * n + ordered[:, 1]
+    first = np.searchsorted(keys[order], wanted, side="left")
+    count = np.searchsorted(keys[order], wanted, side="right") - first
+    found = owner[order][np.minimum(first, len(order) - 1)]
+    return count, np.where(count > 0, found, -1)
+
+
+def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
+    """Return the line of an edge that has to be straight and in one piece.
+
+    Raises:
+        InputError: it is not; ``where`` begins the message.
+    """
+    facets = mesh.facets(edge, where)
+    points = mesh.points[np.unique(facets)]
+    # the two ends: farthest from any point, and farthest from that one
+    end = points[np.argmax(np.hypot(*(points - points[0]).T))]
+    other = points[np.argmax(np.hypot(*(points - end).T))]
+    length = float(np.hypot(*(other - end)))
+    direction = _upwards((other - end) / length)
+    normal = np.array([direction[1], -direction[0]])
+    middle = mesh.middles.get(edge, 0.5 * (end + other))
+    off = float(np.abs((points - end) @ normal).max())
+    if off > STRAIGHT_TOLERANCE * length:
+        raise InputError(
+            f"{where}: '{edge}' is not straight, it strays {off:.3g} from the line between its "
+            "ends; split it into straight groups, each with a table of its own"
+        )
+    centres = mesh.points[mesh.cells[cells_behind(mesh, facets)[1]]].mean(axis=1)
+    side = np.sign((centres - end) @ normal)
+    if np.ptp(side) > 0.0:
+        raise InputError(
+            f"{where}: the body lies on both sides of '{edge}'; give each side a group of its own"
+        )
+    if not mesh.upright:
+        # the normal lies to the right of the direction
+        direction = -side[0] * direction + 0.0
+    ends = np.sort((mesh.points[facets] - middle) @ direction, axis=1)
+    ends = ends[np.argsort(ends[:, 0])]
+    gaps = np.abs(ends[1:, 0] - ends[:-1, 1])
+    if np.any(gaps > STRAIGHT_TOLERANCE * length):
+        i = int(np.argmax(gaps))
+        raise InputError(
+            f"{where}: '{edge}' is in pieces, with nothing from {ends[i, 1]:g} to "
+            f"{ends[i + 1, 0]:g} along it; give each piece a group and a table of its own"
+        )
+    return Line(middle, direction, -side[0] * normal + 0.0, length)
+
+
+def between(mesh: RawMesh, facets: Ints, line: Line, span: tuple[float, float]) -> Ints:
+    """Return the numbers of the facets between two positions along a line."""
+    middle = line.along(mesh.points[facets].mean(axis=1))
+    return np.flatnonzero((middle > span[0]) & (middle < span[1]))
+
+
+def check_span(
+    mesh: RawMesh, facets: Ints, line: Line, span: tuple[float, float], where: str
+) -> None:
+    """Check that a span is part of its edge and ends at vertices.
+
+    Raises:
+        InputError: it does not; ``where`` begins the message.
+    """
+    along = line.along(mesh.points[np.unique(facets)])
+    near = STRAIGHT_TOLERANCE * line.length
+    if not span[1] - span[0] > near:
+        raise InputError(f"{where}: [{span[0]:g}, {span[1]:g}] is empty; write [lower, upper end]")
+    for end in span:
+        if not along.min() - near <= end <= along.max() + near:
+            raise InputError(
+                f"{where}: {end:g} lies beyond the edge, which runs from {along.min():g} to "
+                f"{along.max():g}; shorten the span"
+            )
+        if np.abs(along - end).min() > near:
+            closest = along[np.argmin(np.abs(along - end))]
+            raise InputError(
+                f"{where}: no vertex of the mesh lies at {end:g}, the nearest at {closest:g}; put "
+                "a point of the geometry there, or move the end"
+            )

@@ -1,0 +1,263 @@
+"""The rectangle in edge coordinates: where it needs vertices, snapping them, mirroring.
+
+Edge coordinates (s, d): s runs along the contact edge from its middle, d is the depth below it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.scene.model import EDGES, Scene, edge_points, edge_range, is_cylinder
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+POSITION_TOLERANCE = 1e-9
+"""Distance over the body's depth below which two points are the same."""
+COUNT_LIMIT = 20
+"""A fitting number of contact elements is looked for up to this multiple of the one given."""
+UPRIGHT = {"bottom": "bottom", "right": "right", "top": "top", "left": "left", "axis": "axis"}
+EDGE_NAMES = {
+    "bottom": UPRIGHT,
+    "top": UPRIGHT | {"bottom": "top", "top": "bottom"},
+    "left": {"bottom": "left", "right": "top", "top": "right", "left": "bottom"},
+    "right": {"bottom": "right", "right": "top", "top": "left", "left": "bottom"},
+}
+"""The body's names of the edges of ``rectangle.geo``, by contact edge."""
+
+
+@dataclass(frozen=True)
+class Frame:
+    """Edge coordinates of a rectangle: contact edge, its length, and the depth below it."""
+
+    edge: str
+    length: float
+    depth: float
+
+    def to_body(self, s: Array, d: Array) -> Array:
+        """Return (n, 2) body coordinates."""
+        if self.edge == "bottom":
+            return np.column_stack([s, d])
+        if self.edge == "top":
+            return np.column_stack([s, self.depth - d])
+        x = 0.5 * self.depth - d
+        return np.column_stack([x if self.edge == "right" else -x, s + 0.5 * self.length])
+
+    def from_body(self, x: float, y: float) -> tuple[float, float]:
+        """Return s and d of a point of the body."""
+        if self.edge in ("bottom", "top"):
+            return x, y if self.edge == "bottom" else self.depth - y
+        return y - 0.5 * self.length, 0.5 * self.depth - (x if self.edge == "right" else -x)
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Where the half s >= 0 needs vertices besides its corners.
+
+    Attributes:
+        top: (n,) s on the edge opposite the contact, increasing.
+        side: (n,) d on the sides (for columns of quadrilaterals: levels), increasing.
+        inner: (n, 2) points (s, d) inside.
+        ends: (n, 2) points (s, d) off the contact edge where loads and supports end, some of them
+            corners: the mesh is as fine there as on the contact edge, for stresses jump there.
+    """
+
+    top: Array
+    side: Array
+    inner: Array
+    ends: Array
+
+
+@dataclass
+class HalfMesh:
+    """Points, cells and edges of a half body, later of the whole.
+
+    Attributes:
+        s, d: (n,) edge coordinates.
+        cells: (m, 3 or 4) points around each cell.
+        edges: (k, 2) points of the facets of each edge, by its name in the .geo file.
+    """
+
+    s: Array
+    d: Array
+    cells: Ints
+    edges: dict[str, Ints]
+
+
+def make_frame(scene: Scene, half: bool) -> Frame:
+    """Check that the body can be meshed and return its first contact edge's coordinates.
+
+    Raises:
+        InputError: it cannot.
+    """
+    if not scene.contacts:
+        raise InputError(
+            f"[contact]: none lies on the body '{scene.body.name}'; give one the edge of it"
+        )
+    options = scene.mesh
+    if options.cell not in ("triangle", "quadrilateral"):
+        raise InputError(
+            f'mesh.cell = \'{options.cell}\' is unknown; use "triangle" or "quadrilateral"'
+        )
+    n = options.contact_elements
+    if n < 2 or n % 2:
+        raise InputError(
+            f"mesh.contact_elements = {n} must be even, so that a vertex lies in the middle; "
+            f"use {max(2, n + 1)}"
+        )
+    if not options.growth >= 1.0:
+        raise InputError(f"mesh.growth = {options.growth:g} must be at least 1 (1 = uniform)")
+    edge = scene.contacts[0].edge
+    if edge not in EDGE_NAMES:
+        raise InputError(f"contact.edge = '{edge}' is unknown; use one of {', '.join(EDGE_NAMES)}")
+    if edge in ("bottom", "top"):
+        return Frame(edge, scene.body.width, scene.body.height)
+    if half:
+        raise InputError(
+            f"contact.edge = '{edge}' has no half at x >= 0; set solver.symmetry = \"none\""
+        )
+    return Frame(edge, scene.body.height, scene.body.width)
+
+
+def find_marks(scene: Scene, frame: Frame) -> Marks:
+    """Collect where loads, contact and supports need vertices, mirrored to s >= 0.
+
+    Raises:
+        InputError: a point outside the body, or one that no vertex meets with this many elements.
+    """
+    wanted: list[tuple[str, float, float]] = []
+    spans = [("contact.span", c.edge, c.span) for c in scene.contacts]
+    spans += [(f"load.{load.name}.span", load.edge, load.span) for load in scene.loads]
+    for key, edge, span in spans:
+        if span is not None:
+            ends = np.column_stack(edge_points(scene, edge, np.array(span)))
+            wanted += [(key, float(end[0]), float(end[1])) for end in ends]
+    wanted += [("support.point", *s.point) for s in scene.supports if isinstance(s.point, tuple)]
+    left, bottom = scene.body.position
+
+    near = POSITION_TOLERANCE * frame.depth
+    dx = frame.length / scene.mesh.contact_elements
+    columns = scene.mesh.cell == "quadrilateral"
+    top, side, inner = [], [], []
+    for key, x, y in wanted:
+        s, d = frame.from_body(x - left, y - bottom)
+        s = abs(s)
+        if s > 0.5 * frame.length + near or not -near <= d <= frame.depth + near:
+            raise InputError(f"{key}: the point ({x:g}, {y:g}) lies outside the body; move it")
+        on_contact, on_top = d <= near, d >= frame.depth - near
+        on_side = s >= 0.5 * frame.length - near
+        if (on_contact or (columns and not on_side)) and abs(s - round(s / dx) * dx) > near:
+            raise InputError(_misfit(scene, frame, key, s))
+        if on_contact or (on_top and (on_side or s <= near)):
+            continue
+        if on_top:
+            top.append(s)
+        elif on_side or columns:
+            side.append(d)
+        else:
+            inner.append((s, d))
+    points = np.array(sorted(set(inner))).reshape(-1, 2)
+    return Marks(_apart(top, near), _apart(side, near), points, _find_ends(scene, frame))
+
+
+def _find_ends(scene: Scene, frame: Frame) -> Array:
+    """Return where loads and supports end off the contact edge, mirrored to s >= 0."""
+    left, bottom = scene.body.position
+    near = POSITION_TOLERANCE * frame.depth
+    spans = [(load.edge, load.span) for load in scene.loads]
+    spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
+    ends = {}
+    for edge, span in spans:
+        if edge not in EDGES:
+            continue  # said of where the edge is used
+        along = np.array(edge_range(scene, edge) if span is None else span)
+        for x, y in zip(*edge_points(scene, edge, along), strict=True):
+            s, d = frame.from_body(float(x) - left, float(y) - bottom)
+            # nothing ends on the axis of a body of revolution
+            if d > near and not (is_cylinder(scene, scene.body) and s <= near):
+                ends[round(abs(s) / near), round(d / near)] = abs(s), d
+    return np.array(sorted(ends.values())).reshape(-1, 2)
+
+
+def _misfit(scene: Scene, frame: Frame, key: str, s: float) -> str:
+    """Return the message for a position that no vertex of the contact edge or column meets."""
+    n = scene.mesh.contact_elements
+    text = (
+        f"mesh.contact_elements = {n} puts no vertex {s:g} from the middle, where {key} needs one"
+    )
+    for m in range(n, COUNT_LIMIT * n, 2):
+        dx = frame.length / m
+        if abs(s - round(s / dx) * dx) <= POSITION_TOLERANCE * frame.depth:
+            return f"{text}; use {m}"
+    return f"{text}; move it to a multiple of {frame.length / n:g}"
+
+
+def _apart(values: list[float], near: float) -> Array:
+    """Return values sorted, those nearer than ``near`` to the one before left out."""
+    ordered = np.sort(np.array(values, dtype=float))
+    return ordered[np.diff(ordered, prepend=-np.inf) > near]
+
+
+def snap(scene: Scene, frame: Frame, marks: Marks, mesh: HalfMesh) -> None:
+    """Put the nodes of the boundary, and those at marks, exactly where they belong.
+
+    Raises:
+        SolveError: gmsh put no node there.
+    """
+    n = scene.mesh.contact_elements
+    s, d = mesh.s, mesh.d
+    dx = frame.length / n
+    near = POSITION_TOLERANCE * frame.depth
+    on = {edge: np.unique(facets) for edge, facets in mesh.edges.items()}
+    quadrilaterals = scene.mesh.cell == "quadrilateral"
+    if quadrilaterals:
+        s[:] = frame.length * np.round(s / dx) / n
+        levels = np.sort(d[on["axis"]])
+        d[:] = levels[np.searchsorted(0.5 * (levels[1:] + levels[:-1]), d)]
+    column = np.round(s[on["bottom"]] / dx)
+    if not np.array_equal(np.sort(column), np.arange(n // 2 + 1)):
+        raise SolveError("gmsh did not space the nodes of the contact edge equally")
+    s[on["bottom"]] = frame.length * column / n
+    d[on["bottom"]] = 0.0
+    s[on["axis"]] = 0.0
+    d[on["top"]] = frame.depth
+    s[on["right"]] = 0.5 * frame.length
+    for mark in marks.side:
+        if quadrilaterals:
+            d[np.abs(d - mark) <= near] = mark
+        else:
+            d[_nearest(s - 0.5 * frame.length, d - mark, near)] = mark
+    for mark in marks.top:
+        s[_nearest(s - mark, d - frame.depth, near)] = mark
+    for place in marks.inner:
+        node = _nearest(s - place[0], d - place[1], near)
+        s[node], d[node] = place
+
+
+def _nearest(ds: Array, dd: Array, near: float) -> int:
+    """Return the node nearest to a mark, which must be there already but for round-off."""
+    distance = np.hypot(ds, dd)
+    node = int(np.argmin(distance))
+    if distance[node] > near:
+        raise SolveError(f"gmsh put no vertex where one is needed, but {distance[node]:g} away")
+    return node
+
+
+def mirror(mesh: HalfMesh) -> HalfMesh:
+    """Return the whole body: the half and its mirror image about s = 0, with the axis shared."""
+    off = np.flatnonzero(mesh.s > 0.0)
+    image = np.arange(len(mesh.s))
+    image[off] = len(mesh.s) + np.arange(len(off))
+    edges = {e: np.vstack([mesh.edges[e], image[mesh.edges[e]]]) for e in ("bottom", "top")}
+    edges["right"], edges["left"] = mesh.edges["right"], image[mesh.edges["right"]]
+    # an image runs the other way round its cell
+    return HalfMesh(
+        np.concatenate([mesh.s, -mesh.s[off]]),
+        np.concatenate([mesh.d, mesh.d[off]]),
+        np.vstack([mesh.cells, image[mesh.cells][:, ::-1]]),
+        edges,
+    )

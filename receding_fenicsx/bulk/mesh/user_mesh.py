@@ -1,0 +1,281 @@
+"""Meshes of the user's own: a .geo file that gmsh meshes, or a mesh that gmsh can read.
+
+gmsh reads the file in a process of its own: commands of a .geo file (``Exit``) can end the process
+that they run in, and a damaged mesh can crash it.
+"""
+
+from __future__ import annotations
+
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.sparse import coo_matrix
+from scipy.sparse.csgraph import connected_components
+
+from receding_fenicsx.bulk.mesh.curved_edges import arcs_of
+from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
+from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides
+from receding_fenicsx.environment import child_environment
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.model import Body, MeshOptions, nearest
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+FLAT_TOLERANCE = 1e-9
+"""Largest distance from the plane, over the mesh's size, of a mesh that is plane."""
+THIN_TOLERANCE = 1e-6
+"""Twice the area at a corner of a cell, over its longest side squared, below which it is flat."""
+FARTHEST = 1e50
+"""Coordinates beyond it overflow in what is made of them."""
+CELLS = {2: 3, 3: 4}
+"""Corners of the cells that can be used, by gmsh's number of the kind."""
+CHILD = "from receding_fenicsx.bulk.mesh.user_mesh import answer; answer()"
+"""Program of the process that gmsh runs in."""
+LINE = 1
+"""gmsh's number of a facet with two nodes."""
+HIGHER = (
+    "has cells of higher order; save it with Mesh.ElementOrder = 1 (mesh.degree sets the degree of "
+    "the displacement)"
+)
+
+
+def read_user_mesh(body: Body, options: MeshOptions) -> RawMesh:
+    """Mesh a .geo file, or read a mesh; no communication.
+
+    A .geo file is given the numbers ``contact_elements``, ``growth`` and ``quadrilaterals`` (0 or
+    1) of the scene and the body's own ``parameters``; its DefineConstant then leaves them be.
+
+    Args:
+        body: the body; ``mesh`` is the path.
+        options: the scene's mesh options.
+
+    Returns:
+        The mesh of first-order cells.
+
+    Raises:
+        InputError: gmsh cannot read or mesh the file, or the mesh cannot be used.
+    """
+    assert body.mesh is not None
+    path = Path(body.mesh)
+    where = _label(path)
+    if not path.is_file():
+        raise InputError(f'[body] mesh: "{path}": no such file; check the path')
+    _check_parameters(body, path, where, path.suffix == ".geo")
+    done = subprocess.run(
+        [sys.executable, "-c", CHILD],
+        input=pickle.dumps((body, options)),
+        capture_output=True,
+        env=_environment(),
+    )
+    if not done.stdout:
+        raise InputError(f"{where}: {_ending(done.returncode)}")
+    found: RawMesh | Exception = pickle.loads(done.stdout)
+    if isinstance(found, Exception):
+        raise found
+    return found
+
+
+def _environment() -> dict[str, str]:
+    """Return the environment of the child process, which finds the package where this one does."""
+    inherited = child_environment()
+    paths = [str(Path(__file__).parents[2]), inherited.get("PYTHONPATH", "")]
+    return inherited | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
+
+
+def _ending(code: int) -> str:
+    """Return why gmsh's process ended without an answer."""
+    if code < 0:
+        return f"gmsh crashed while reading it ({signal.Signals(-code).name}); mend the file"
+    return "ends gmsh before the mesh is made (Exit); change the file or its parameters"
+
+
+def answer() -> None:
+    """Mesh the body that standard input holds; write the mesh, or the error, to standard output."""
+    out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
+    # what commands of a .geo file print must not mix with the answer
+    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
+    found: RawMesh | Exception
+    try:
+        found = _mesh(*pickle.load(sys.stdin.buffer))
+    except Exception as error:
+        found = error
+    pickle.dump(found, out)
+    out.close()
+
+
+def _mesh(body: Body, options: MeshOptions) -> RawMesh:
+    """Mesh or read the body's file in this process; see :func:`read_user_mesh`."""
+    assert body.mesh is not None
+    path = Path(body.mesh)
+    where, is_geo = _label(path), path.suffix == ".geo"
+    with gmsh_model() as gmsh:
+        numbers = {
+            "contact_elements": float(options.contact_elements),
+            "growth": float(options.growth),
+            "quadrilaterals": float(options.cell == "quadrilateral"),
+            **body.parameters,
+        }
+        for name, value in numbers.items():
+            gmsh.parser.setNumber(name, [value])
+        try:
+            gmsh.merge(str(path))
+            if is_geo:
+                gmsh.option.setNumber("Mesh.ElementOrder", 1)
+                gmsh.model.mesh.generate(2)
+        except Exception as caught:  # gmsh raises nothing more special
+            reason = " ".join(str(caught).split())
+            raise InputError(f"{where}: gmsh cannot use it: {reason}; mend the file") from None
+        # gmsh itself scales a mesh only when it writes it
+        scale = gmsh.option.getNumber("Mesh.ScalingFactor") if is_geo else 1.0
+        mesh = _collect(gmsh, body, where, scale)
+    _check_cells(mesh, where)
+    return mesh
+
+
+def _label(path: Path) -> str:
+    return f'[body] mesh "{path.name}"'
+
+
+def _check_parameters(body: Body, path: Path, where: str, is_geo: bool) -> None:
+    """Refuse parameters that the file does not take."""
+    if not body.parameters:
+        return
+    if not is_geo:
+        raise InputError(
+            f"{where}: parameters are for .geo files; leave them out, or give the .geo file"
+        )
+    text = path.read_text(encoding="utf-8", errors="replace")
+    words = set(re.findall(r"[A-Za-z_]\w*", text))
+    for name in body.parameters:
+        if name not in words and not words & {"Include", "Merge"}:
+            close = nearest(name, words)
+            hint = f"did you mean '{close}'?" if close else "DefineConstant it there"
+            raise InputError(f"{where}: the file has no parameter '{name}'; {hint}")
+
+
+def _collect(gmsh: Any, body: Body, where: str, scale: float) -> RawMesh:
+    """Take points, times a scale, cells and groups out of gmsh's model."""
+    mesh, model = gmsh.model.mesh, gmsh.model
+    if len(mesh.getElementTypes(3)):
+        raise InputError(f"{where}: is a mesh of a solid; give the mesh of a plane body")
+    around = _cells(gmsh, body, where)
+    tags, coordinates, _ = mesh.getNodes()
+    coordinates = coordinates.reshape(-1, 3)
+    # nodes that no cell uses are left out
+    used = np.isin(tags, around)
+    points = scale * coordinates[used]
+    wrong = ~np.all(np.abs(points) < FARTHEST, axis=1)
+    if np.any(wrong):
+        number, place = tags[used][wrong][0], points[wrong][0].tolist()
+        raise InputError(f"{where}: node {number} is at {place}, which is no place; mesh it again")
+    number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
+    number[tags[used].astype(np.int64)] = np.arange(len(points))
+    size = np.ptp(points[:, :2], axis=0).max()
+    if np.abs(points[:, 2]).max() > FLAT_TOLERANCE * size:
+        raise InputError(f"{where}: is not plane; a plane body has z = 0 everywhere")
+    if set(mesh.getElementTypes(1)) - {LINE}:
+        raise InputError(f"{where}: {HIGHER}")
+    edges, spots = {}, {}
+    for dim, tag in model.getPhysicalGroups():
+        if dim > 1:
+            continue
+        name = model.getPhysicalName(dim, tag) or str(tag)
+        entities = model.getEntitiesForPhysicalGroup(dim, tag)
+        nodes = [part for e in entities for part in mesh.getElements(dim, e)[2]]
+        places = number[np.concatenate([np.empty(0), *nodes]).astype(np.int64)]
+        # a group may go on where another body of the file is
+        if dim == 0:
+            spots[name] = places[places >= 0]
+        else:
+            facets = places.reshape(-1, 2)
+            edges[name] = facets[np.all(facets >= 0, axis=1)]
+    return RawMesh(points[:, :2].copy(), number[around], edges, spots, arcs=arcs_of(gmsh, scale))
+
+
+def _cells(gmsh: Any, body: Body, where: str) -> Ints:
+    """Return the nodes around each cell of the body: of its physical surfaces, if there are any."""
+    model = gmsh.model
+    groups = {
+        model.getPhysicalName(2, tag) or str(tag): tag for _, tag in model.getPhysicalGroups(2)
+    }
+    if body.surface is not None and body.surface not in groups:
+        close = nearest(body.surface, groups)
+        hint = f"did you mean '{close}'?" if close else f"it has {', '.join(groups) or 'none'}"
+        raise InputError(f"{where}: has no physical surface '{body.surface}'; {hint}")
+    chosen = groups.values() if body.surface is None else [groups[body.surface]]
+    surfaces = {int(e) for tag in chosen for e in model.getEntitiesForPhysicalGroup(2, tag)}
+    if not groups:
+        surfaces = {int(e) for _, e in model.getEntities(2)}
+    found: dict[int, list[NDArray[np.uint64]]] = {}
+    for surface in sorted(surfaces):
+        for kind, _, nodes in zip(*model.mesh.getElements(2, surface), strict=True):
+            found.setdefault(int(kind), []).append(nodes)
+    if not found:
+        advice = "mesh the surface and put it in a Physical Surface"
+        if surfaces:
+            advice = "is the outline of its surface closed, and does it enclose an area?"
+        elif not model.getEntities():
+            advice = "gmsh finds nothing in it; give a .geo or .msh file"
+        raise InputError(f"{where}: has no cells; {advice}")
+    if set(found) == set(CELLS):
+        raise InputError(
+            f"{where}: mixes triangles and quadrilaterals; use one kind, for quadrilaterals "
+            "transfinite surfaces with Recombine"
+        )
+    (kind,) = list(found)[:1]
+    if len(found) > 1 or kind not in CELLS:
+        raise InputError(f"{where}: {HIGHER}")
+    return np.concatenate(found[kind]).astype(np.int64).reshape(-1, CELLS[kind])
+
+
+def _check_cells(mesh: RawMesh, where: str) -> None:
+    """Turn all cells counter-clockwise; refuse flat cells and meshes in several parts."""
+    corners = mesh.points[mesh.cells]
+    after, before = (np.roll(corners, shift, axis=1) - corners for shift in (-1, 1))
+    turn = after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0]
+    clockwise = turn.sum(axis=1) < 0.0
+    mesh.cells[clockwise] = mesh.cells[clockwise][:, ::-1]
+    turn[clockwise] *= -1.0
+    longest = (after**2).sum(axis=-1).max(axis=1)
+    flat = turn.min(axis=1) <= THIN_TOLERANCE * longest
+    if np.any(flat):
+        x, y = corners[np.argmax(flat)].mean(axis=0)
+        raise InputError(
+            f"{where}: {int(flat.sum())} of its cells are flat or folded, one at ({x:g}, {y:g}); "
+            "mesh the body better"
+        )
+    n, width = len(mesh.points), mesh.cells.shape[1]
+    cell = np.arange(len(mesh.cells))
+    parts, _ = _parts(np.repeat(mesh.cells[:, 0], width), mesh.cells.ravel(), n)
+    if parts > 1:
+        raise InputError(
+            f"{where}: falls into {parts} parts that share no nodes; join them (Coherence), or "
+            "name the part that is the body by body.surface"
+        )
+    pairs, owner = sides(mesh.cells)
+    _, side = np.unique(pairs[:, 0] * n + pairs[:, 1], return_inverse=True)
+    parts, part = _parts(owner, len(cell) + side.ravel(), len(cell) + int(side.max()) + 1)
+    if parts > 1:
+        first = part[np.repeat(cell, width)] == part[0]
+        corner = mesh.cells.ravel()
+        x, y = mesh.points[np.intersect1d(corner[first], corner[~first])[0]]
+        raise InputError(
+            f"{where}: falls into {parts} parts that meet in single nodes only, one at "
+            f"({x:g}, {y:g}), about which they turn freely; join them along a curve"
+        )
+
+
+def _parts(rows: Ints, columns: Ints, n: int) -> tuple[int, Ints]:
+    """Return the number of parts of a graph with n nodes and these links, and that of each node."""
+    links = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
+    count, part = connected_components(links, directed=False)
+    return int(count), part

@@ -1,0 +1,168 @@
+"""Edges that move as told: platens (rigid, without rotation) and prescribed displacements.
+
+A platen's nodes share the displacement of one of them. With u = P u', where u' is zero at the
+others, the stiffness becomes P^T A P and nodal forces P^T f: exact, and no larger.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.edges import edge_nodes
+from receding_fenicsx.bulk.loads import profile_values
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.model import FREE, Load, Scene
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+EQUAL_TOLERANCE = 1e-12
+"""Difference of prescribed displacements, over the largest, that counts as none on a platen."""
+
+
+@dataclass(frozen=True)
+class Ties:
+    """The platens of a body, alike on every rank.
+
+    Attributes:
+        slaves: (n,) nodes that follow another one, sorted.
+        masters: (n,) the node that each follows.
+        places, master_places: (n, 2) coordinates of both.
+    """
+
+    slaves: Ints
+    masters: Ints
+    places: Array
+    master_places: Array
+
+    def leader(self, nodes: Ints) -> Ints:
+        """Return the node that each node moves with: its master, or itself."""
+        at = np.minimum(np.searchsorted(self.slaves, nodes), max(len(self.slaves) - 1, 0))
+        if not len(self.slaves):
+            return nodes
+        return np.where(self.slaves[at] == nodes, self.masters[at], nodes)
+
+
+@dataclass(frozen=True)
+class Prescribed:
+    """The displacement that a load prescribes with factor 1, alike on every rank.
+
+    Attributes:
+        dofs: (n,) global degrees of freedom, sorted; those of platens by their master.
+        values: (n,) displacements.
+        places: (n, 2) coordinates of their nodes.
+    """
+
+    dofs: Ints
+    values: Array
+    places: Array
+
+
+def find_ties(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> Ties:
+    """Find the nodes of the platens; loads on the same edge and span share one.
+
+    Raises:
+        InputError: two platens meet, or one has no nodes; on all ranks.
+    """
+    keys: dict[tuple[str, tuple[float, float] | None], str] = {}
+    for load in scene.loads:
+        if load.platen:
+            keys.setdefault((load.edge, load.span), load.name)
+    taken: dict[int, str] = {}
+    parts: list[tuple[Ints, Ints, Array, Array]] = []
+    for (edge, span), name in keys.items():
+        nodes, places = edge_nodes(space, body, edge, span)
+        if not len(nodes):
+            raise InputError(f"load '{name}': no part of edge '{edge}' lies in its span; move it")
+        for node in nodes:
+            other = taken.setdefault(int(node), name)
+            if other != name:
+                raise InputError(
+                    f"load '{name}': its platen on '{edge}' meets that of load '{other}'; give "
+                    "both the same edge and span, or a span that leaves a gap between them"
+                )
+        n = len(nodes) - 1
+        master = np.full(n, nodes[0])
+        parts.append((nodes[1:], master, places[1:], np.repeat(places[:1], n, axis=0)))
+    if not parts:
+        none, nowhere = np.empty(0, dtype=np.int64), np.empty((0, 2))
+        return Ties(none, none, nowhere, nowhere)
+    slaves, masters, places, master_places = (
+        np.concatenate([p[k] for p in parts]) for k in range(4)
+    )
+    order = np.argsort(slaves)
+    return Ties(slaves[order], masters[order], places[order], master_places[order])
+
+
+def find_prescribed(
+    scene: Scene, space: fem.FunctionSpace, body: BodyMesh, ties: Ties
+) -> dict[str, Prescribed]:
+    """Find what each load prescribes, by its name.
+
+    Raises:
+        InputError: a load has no nodes, or is not constant on a platen; on all ranks.
+    """
+    return {
+        load.name: _prescribed(load, space, body, ties)
+        for load in scene.loads
+        if load.displacement is not None
+    }
+
+
+def _prescribed(load: Load, space: fem.FunctionSpace, body: BodyMesh, ties: Ties) -> Prescribed:
+    assert load.displacement is not None
+    nodes, places = edge_nodes(space, body, load.edge, load.span)
+    if not len(nodes):
+        raise InputError(
+            f"load '{load.name}': no part of edge '{load.edge}' lies in its span; move it"
+        )
+    given = [
+        (2 * ties.leader(nodes) + axis, profile_values(load, body, part, places))
+        for axis, part in enumerate(load.displacement)
+        if part != FREE
+    ]
+    if not given:
+        raise InputError(f"load '{load.name}' displacement: is free in both directions; give one")
+    every = np.concatenate([dofs for dofs, _ in given])
+    values = np.concatenate([v for _, v in given])
+    dofs, first, inverse = np.unique(every, return_index=True, return_inverse=True)
+    if np.abs(values - values[first][inverse]).max() > EQUAL_TOLERANCE * np.abs(values).max():
+        raise InputError(
+            f"load '{load.name}' displacement: differs along the platen on edge '{load.edge}', "
+            "which moves without rotation; give numbers"
+        )
+    return Prescribed(dofs, values[first], np.tile(places, (len(given), 1))[first])
+
+
+def tie_matrix(matrix: PETSc.Mat, ties: Ties) -> PETSc.Mat | None:
+    """Return P, or None without platens.
+
+    The rows of the tied degrees of freedom keep a zero on the diagonal, so that P^T A P has a place
+    for it.
+    """
+    if not len(ties.slaves):
+        return None
+    dofs = np.arange(*matrix.getOwnershipRange())
+    leaders = 2 * ties.leader(dofs // 2) + dofs % 2
+    follows = dofs != leaders
+    rows = np.concatenate([dofs, dofs[follows]])
+    columns = np.concatenate([dofs, leaders[follows]])
+    values = np.concatenate([np.where(follows, 0.0, 1.0), np.ones(follows.sum())])
+    order = np.lexsort((columns, rows))
+    begin = np.concatenate([[0], np.cumsum(1 + follows)])
+    csr = begin.astype(PETSc.IntType), columns[order].astype(PETSc.IntType), values[order]
+    P = PETSc.Mat().createAIJ(matrix.getSizes(), csr=csr, comm=matrix.comm)
+    P.assemble()
+    return P
+
+
+def tied_dofs(ties: Ties) -> Ints:
+    """Return the global degrees of freedom that follow others."""
+    return np.concatenate([2 * ties.slaves, 2 * ties.slaves + 1])

@@ -1,0 +1,162 @@
+"""Two discretised bodies in contact with each other: assembling, condensing, back to both."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from mpi4py import MPI
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk import elasticity
+from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.contact_nodes import ContactNodes
+from receding_fenicsx.bulk.join_bodies import Joined, Reduced, join
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.one_body import part_of
+
+if TYPE_CHECKING:
+    from dolfinx import fem
+
+Array = NDArray[np.float64]
+
+
+@dataclass
+class Pair:
+    """Two discretised bodies, the contact's ``edge`` being on the first.
+
+    Attributes:
+        scene: what they were built from.
+        names: their names.
+        bulks: the bodies, each with its own part of the scene.
+        joined: their condensed system on rank 0, once they are condensed.
+        condensed: they are, known on every rank.
+    """
+
+    scene: Scene
+    names: tuple[str, str]
+    bulks: tuple[Bulk, Bulk]
+    joined: Joined | None = None
+    condensed: bool = False
+
+    @property
+    def comm(self) -> MPI.Comm:
+        """Communicator of the meshes."""
+        return self.bulks[0].comm
+
+    @property
+    def body(self) -> BodyMesh:
+        """Mesh of the first body."""
+        return self.bulks[0].body
+
+    @property
+    def contact(self) -> ContactNodes:
+        """Contact nodes, on the first body."""
+        return self.bulks[0].contact
+
+    @property
+    def load_names(self) -> tuple[str, ...]:
+        """Names of the loads on both bodies."""
+        return self.scene.load_names
+
+    @property
+    def dofs(self) -> int:
+        """Number of displacement degrees of freedom."""
+        return sum(bulk.dofs for bulk in self.bulks)
+
+    @property
+    def seconds(self) -> dict[str, float]:
+        """Time spent on "forms" and "assemble"."""
+        parts = [bulk.seconds for bulk in self.bulks]
+        return {key: sum(part[key] for part in parts) for key in parts[0]}
+
+    def destroy(self) -> None:
+        """Free PETSc's objects; on all ranks together."""
+        for bulk in self.bulks:
+            bulk.destroy()
+
+
+def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], half: bool) -> Bulk | Pair:
+    """Assemble one body or two; see :func:`elasticity.build`.
+
+    Args:
+        scene: the scene.
+        bodies: mesh of each body.
+        half: they are the halves x >= 0.
+
+    Returns:
+        The discretised body or bodies.
+    """
+    parts = [
+        elasticity.build(part_of(scene, body), mesh, half)
+        for body, mesh in zip(scene.bodies, bodies, strict=True)
+    ]
+    if len(parts) == 1:
+        return parts[0]
+    first = scene.bodies.index(scene.find_edge(scene.contacts[0].edge)[0])
+    names = scene.bodies[first].name, scene.bodies[1 - first].name
+    return Pair(scene, names, (parts[first], parts[1 - first]))
+
+
+def join_pair(pair: Pair, reduced: tuple[Reduced | None, Reduced | None]) -> None:
+    """Join the condensed bodies of a pair on rank 0; on all ranks together.
+
+    Args:
+        pair: the pair, which keeps the result.
+        reduced: both condensed bodies on rank 0.
+    """
+
+    def work() -> Joined:
+        sides = [
+            _with_all_loads(part, bulk.load_names, pair.load_names)
+            for part, bulk in zip(reduced, pair.bulks, strict=True)
+            if part is not None
+        ]
+        return join(sides[0], sides[1], pair.contact.modes, pair.load_names)
+
+    pair.joined = on_root(pair.comm, work)
+    pair.condensed = True
+
+
+def _with_all_loads(part: Reduced, own: tuple[str, ...], every: tuple[str, ...]) -> Reduced:
+    """Return a condensed body with the loads of both bodies, zero where they act on the other."""
+    rows = np.array([every.index(name) for name in own], dtype=int)
+    r_star = np.zeros((len(every), len(part.held)))
+    compliance, sign = np.zeros((len(every), len(every))), np.zeros(len(every))
+    r_star[rows] = part.r_star
+    compliance[np.ix_(rows, rows)] = part.compliance
+    sign[rows] = part.sign
+    return Reduced(part.K, r_star, compliance, sign, part.held, part.constraints)
+
+
+def displacements(
+    bulk: Bulk | Pair, load: Array | None, u: Array | None
+) -> list[tuple[Bulk, fem.Function]]:
+    """Return each body with its displacement field; on all ranks together.
+
+    Args:
+        bulk: the body or bodies; a pair is condensed by then.
+        load: (n_loads,) load factors; only rank 0's are used.
+        u: (2N,) contact displacements [v; w], of a pair the first body's less the second's; only
+            rank 0's are used.
+
+    Returns:
+        One body and field, or two.
+    """
+    if isinstance(bulk, Bulk):
+        return [(bulk, elasticity.back_substitute(bulk, load, u))]
+    sides: list[tuple[Array | None, Array | None]] = [(None, None), (None, None)]
+    if bulk.joined is not None and load is not None and u is not None:
+        factors, apart = np.asarray(load, float), np.where(bulk.joined.held, 0.0, u)
+        second = bulk.joined.back[0] @ apart + bulk.joined.back[1] @ factors
+        for k, moved in enumerate((apart + second, second)):
+            own = [bulk.load_names.index(name) for name in bulk.bulks[k].load_names]
+            sides[k] = factors[own], moved
+    return [
+        (part, elasticity.back_substitute(part, *side))
+        for part, side in zip(bulk.bulks, sides, strict=True)
+    ]

@@ -1,0 +1,1 @@
+"""Evolution of a condensed contact along a load history into a record."""

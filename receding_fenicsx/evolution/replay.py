@@ -1,0 +1,127 @@
+"""The state at any instant of a recorded history, replayed from the turning point before it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.evolve import make_tracer
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.normal_form import frictional_form
+from receding_fenicsx.interface.system import ContactState, ContactSystem, State, reactions
+from receding_fenicsx.scene.history import History, from_scene, leg_number
+from receding_fenicsx.scene.model import Scene, SolverOptions
+
+
+def state_at(
+    record: Record,
+    system: ContactSystem,
+    history: History,
+    solver: SolverOptions,
+    where: tuple[int, int, float],
+) -> Instant:
+    """Find the state of the modelled contact nodes at one instant.
+
+    Args:
+        record: the record of the history.
+        system: the system it was evolved on.
+        history: the history.
+        solver: the method it was evolved with.
+        where: cycle, leg within the cycle, and position s along the leg, in [0, 1].
+
+    Returns:
+        The instant; its ``v`` and ``state.w`` are what a back-substitution needs.
+
+    Raises:
+        InputError: the record holds no such cycle or leg, or s is not in [0, 1].
+        SolveError: the replay failed.
+    """
+    cycle, leg, s = where
+    if not 0.0 <= s <= 1.0:
+        raise InputError(f"position {s:g} along the leg: must lie between 0 and 1")
+    table = record.turning_points
+    rows = np.flatnonzero((table.cycle == cycle) & (table.leg == leg))
+    if not len(rows):
+        last = int(table.cycle.max(initial=0))
+        raise InputError(
+            f"cycle {cycle}, leg {leg}: is not in the record, which holds cycles 0 to {last}"
+        )
+    row = int(rows[0])
+    polyline = history.path if cycle == 0 else history.loop
+    a, b = polyline[leg], polyline[leg + 1]
+    load = b if s == 1.0 else (1.0 - s) * a + s * b
+    model = frictional_form(system)
+    if s == 1.0 or (s == 0.0 and row > 0):
+        state = turning_point(record, system, row if s == 1.0 else row - 1)
+    else:
+        start, scale = _rest(system), 0.0
+        if row > 0:
+            start = turning_point(record, system, row - 1)
+            scale = float(max(np.abs(table.P[:row]).max(), np.abs(table.Q[:row]).max()))
+        state = start
+        if s > 0.0:
+            # the recorded path's own steps, as far as they go
+            steps = max(1, math.ceil(s * solver.steps_per_leg))
+            tracer = make_tracer(model, replace(solver, steps_per_leg=steps))
+            state = tracer.trace_leg(start, (a, load), scale).end
+    v = state.v
+    if system.slip_map is not None:
+        v = system.slip_map @ np.concatenate([state.w, load])
+    return Instant(cycle, leg, s, load, v, state)
+
+
+def turning_point(record: Record, system: ContactSystem, row: int) -> ContactState:
+    """Return the modelled nodes' state at a recorded turning point, in the solvers' 2N layout.
+
+    Displacements and states are the recorded ones; the reactions are evaluated afresh (eq. 11) and
+    set exactly on the limits that the states stand for (eqs. 6, 9 and 10).
+    """
+    table, model = record.turning_points, frictional_form(system)
+    right = ~mirror_of(system).left
+    v, w = table.v[row][right], table.w[row][right]
+    state = table.state[row][right]
+    v = np.where(system.slip_map is None, v, 0.0)
+    u = np.concatenate([v, w])
+    r = reactions(model, table.load[row], u)
+    Q, P = r[: system.n], r[system.n :]
+    P[state == State.SEPARATION] = 0.0
+    Q[(state == State.SEPARATION) & ~model.held[: system.n]] = 0.0
+    for slip, sign in ((State.FORWARD_SLIP, -1.0), (State.BACKWARD_SLIP, 1.0)):
+        Q[state == slip] = sign * system.f[state == slip] * P[state == slip]
+    return ContactState(u, r, state.astype(np.int8))
+
+
+def _rest(system: ContactSystem) -> ContactState:
+    n = system.n
+    state = np.where(system.g0 > 0.0, State.SEPARATION, State.STICK).astype(np.int8)
+    return ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
+
+
+def instant_of(
+    scene: Scene, system: ContactSystem, record: Record, cycle: int, leg: str, at: float = 1.0
+) -> Instant:
+    """Find the state of the modelled contact nodes at one instant of a scene's record.
+
+    Args:
+        scene: the scene.
+        system: its condensed system.
+        record: its record.
+        cycle: cycle, 0 for the first loading.
+        leg: "loading", "unloading" or the number of the leg in the cycle.
+        at: position along the leg, in [0, 1].
+
+    Returns:
+        The instant, replayed from the turning point before it.
+    """
+    path = from_scene(scene)
+    number = leg_number(path, leg, cycle)
+    if scene.history.initial_slip is not None and (cycle, number) == (0, 0) and at < 1.0:
+        raise InputError(
+            "the first leg of a history with initial_slip is one jump; only its end is known, at 1"
+        )
+    return state_at(record, system, path, scene.solver, (cycle, number, at))

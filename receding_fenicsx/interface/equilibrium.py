@@ -1,0 +1,134 @@
+"""How far a leg can go at all: the load factor beyond which no contact forces balance the loads.
+
+The rigid motions R that supports leave do no elastic work, so that eq. (11) gives
+
+    R^T r = R^T sum_k lambda_k r*_k,    P >= 0,  |Q| <= f P.
+
+How far along a leg such reactions exist is a linear program; where they end the body lifts off,
+slides or tips over, whatever the path before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.optimize
+
+from receding_fenicsx.interface.system import Array, ContactSystem
+
+COUNTS = 1e-9
+"""Part of the largest unknown above which one belongs to the vertex at which the program ends."""
+
+SHORT = 1e-10
+"""Part of the leg by which it has to fall short for its end to be called out of reach."""
+
+RESULTANT = 1e-13
+"""Resultant along a rigid motion, over the sum of all held reactions, that is none."""
+
+PRESSING = 1e-8
+"""Total pressure, over the sum of all held reactions, below which nothing presses any more."""
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Where equilibrium ends on a leg.
+
+    Attributes:
+        s: place on the leg.
+        load: (n_loads,) load factors there.
+        kind: "lift-off", "gross sliding" or "overturning".
+    """
+
+    s: float
+    load: Array
+    kind: str
+
+    @property
+    def text(self) -> str:
+        """What to tell the user."""
+        factors = ", ".join(f"{value:.9g}" for value in self.load)
+        what = {
+            "lift-off": "nothing presses the body on any more",
+            "gross sliding": "friction cannot hold the loads",
+            "overturning": "the body tips over the end of its contact",
+        }[self.kind]
+        return (
+            f"{self.kind} at load factors [{factors}]: {what}, no contact forces balance the "
+            "loads beyond; change their course, or add a [[support]]"
+        )
+
+
+def furthest(system: ContactSystem, a: Array, b: Array) -> Limit | None:
+    """Return where equilibrium ends on the leg from ``a`` to ``b``; None where it does not.
+
+    Args:
+        system: the condensed body in 2N form.
+        a: (n_loads,) load factors at the start, where equilibrium exists.
+        b: (n_loads,) load factors at the end.
+    """
+    if system.rigid.shape[1] == 0:
+        return None
+    s = _reach(system, a, b, np.inf)
+    with_friction = _reach(system, a, b, 1.0)
+    if with_friction >= 1.0 - SHORT:
+        return None
+    load = (1.0 - with_friction) * a + with_friction * b
+    if s > with_friction + SHORT:
+        kind = "gross sliding"
+    else:
+        pressure = float((load @ system.r_star)[system.n :] @ _lift(system))
+        size = float(np.abs(np.vstack([a, b]) @ system.r_star).sum(axis=1).max())
+        lifts = _lift(system).any() and pressure <= PRESSING * size
+        kind = "lift-off" if lifts else "overturning"
+    return Limit(with_friction, load, kind)
+
+
+def _lift(system: ContactSystem) -> Array:
+    """Return (N,) normal part of the rigid motion nearest to lifting all nodes alike; may be 0."""
+    n = system.n
+    target = np.repeat([0.0, 1.0], n)
+    weights = np.linalg.lstsq(system.rigid, target, rcond=None)[0]
+    motion = system.rigid @ weights
+    return motion[n:] if np.abs(motion - target).max() <= COUNTS else np.zeros(n)
+
+
+def _reach(system: ContactSystem, a: Array, b: Array, friction: float) -> float:
+    """Return the largest s in [0, 1] with balancing reactions, friction counted so many times.
+
+    With infinite friction tangential reactions are free.
+    """
+    n, R = system.n, system.rigid
+    loose, pressed = ~system.held[:n], ~system.held[n:]
+    P = np.flatnonzero(pressed)
+    columns = [R[n + P].T]
+    if np.isinf(friction):
+        columns += [R[:n][loose].T, -R[:n][loose].T]
+    else:
+        Q = np.flatnonzero(loose & pressed & (system.f > 0.0))
+        # the edges of each friction cone: P = 1 with Q = -+ f
+        f = (friction * system.f[Q])[:, None]
+        columns += [(R[n + Q] - f * R[Q]).T, (R[n + Q] + f * R[Q]).T]
+    start, way = R.T @ (a @ system.r_star), R.T @ ((b - a) @ system.r_star)
+    # symmetric loads have a resultant of round-off
+    none = RESULTANT * float(np.abs(np.vstack([a, b]) @ system.r_star).sum(axis=1).max())
+    start[np.abs(start) <= none] = way[np.abs(way) <= none] = 0.0
+    size = max(float(np.abs(start).max()), float(np.abs(way).max()))
+    if size == 0.0:
+        return 1.0
+    # contact forces are counted in the size of the loads
+    G, start = np.hstack([*columns, -way[:, None] / size]), start / size
+    cost = np.zeros(G.shape[1])
+    cost[-1] = -1.0
+    bounds = [(0.0, None)] * (len(cost) - 1) + [(0.0, 1.0)]
+    found = scipy.optimize.linprog(cost, A_eq=G, b_eq=start, bounds=bounds, method="highs-ds")
+    if not found.success:
+        return 0.0
+    z = found.x
+    if z[-1] >= 1.0:
+        return 1.0
+    # the vertex once more, without the tolerance of the program
+    basis = np.flatnonzero(z[:-1] > COUNTS * z[:-1].max(initial=0.0))
+    basis = np.append(basis, len(z) - 1)
+    exact = np.linalg.lstsq(G[:, basis], start, rcond=None)[0][-1]
+    return float(np.clip(exact if abs(exact - z[-1]) <= 1e-5 else z[-1], 0.0, 1.0))

@@ -1,0 +1,1 @@
+"""Exact evolution along a leg, from one change of state to the next."""

@@ -1,0 +1,208 @@
+"""Nodes that keep their state left out of the path, and watched.
+
+Far inside a stick zone or far outside the contact nodes keep their state through whole cycles. With
+the active nodes' displacements u_S, the frozen constant ones u_C (stick) and the frozen free ones
+u_O (separation, no reaction), eq. (11) gives
+
+    u_O = -K_OO^-1 (K_OS u_S + K_OC u_C + sum lambda r*_O)
+    r_S = sum lambda r*'_S + c + K' u_S,   K' = K_SS - K_SO K_OO^-1 K_OS,
+
+a contact system of the active nodes alone, c being the reaction to one more load of factor 1.
+Everything is linear between two events, so that it is enough to look at the frozen nodes at the
+events: a leg on which one of them reaches a limit counts for nothing and is traced again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.exact.segments import LIMIT_TOLERANCE, Segments
+from receding_fenicsx.interface.exact.tableau import SEPARATION
+from receding_fenicsx.interface.exact.walk import Walk
+from receding_fenicsx.interface.residual import residual_at_rest
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
+
+WORTHWHILE = 0.8
+"""Part of the nodes that may be active at most for a reduction to be made."""
+
+MARGIN = 0.01
+"""Part of all nodes by which the active ranges are widened on both sides of nodes that changed."""
+
+Indices = NDArray[np.intp]
+
+
+@dataclass(frozen=True)
+class Reduction:
+    """The contact system of the active nodes, and the way back.
+
+    Attributes:
+        full: the whole contact, 2N form.
+        nodes: the active nodes.
+        constant: freedoms of frozen nodes that keep their place.
+        segments: rates of the system of the active nodes, whose last load is a constant 1.
+        frozen: (N,) states of the frozen nodes, 0 at active ones.
+        back: (2N, 2n + n_loads + 1) displacements of all nodes from [u_S; lambda; 1].
+        watched: (k, 2n + n_loads + 1) quantities, as forces, that have to stay positive.
+        watched_node: (k,) the node of each.
+        swing: (n_loads, n_loads) work of the loads by the frozen free nodes: d work =
+            lambda . swing . d lambda.
+    """
+
+    full: ContactSystem
+    nodes: Indices
+    constant: Indices
+    segments: Segments
+    frozen: NDArray[np.int8]
+    back: Array
+    watched: Array
+    watched_node: Indices
+    swing: Array
+
+    def shrink(self, state: ContactState) -> ContactState:
+        """Return a state of all nodes for the active ones."""
+        both = np.concatenate([self.nodes, self.full.n + self.nodes])
+        return ContactState(state.u[both], state.r[both], state.state[self.nodes].copy())
+
+    def expand(self, state: ContactState, load: Array) -> ContactState:
+        """Return a state of the active nodes for all, with reactions evaluated afresh."""
+        u = self.back @ np.concatenate([state.u, load, [1.0]])
+        states = self.frozen.copy()
+        states[self.nodes] = state.state
+        return ContactState(u, reactions(self.full, load, u), states)
+
+    def fits(self, start: ContactState) -> bool:
+        """Return whether the frozen nodes are in the states and at the places they are to keep."""
+        away = self.frozen != 0
+        kept = np.array_equal(start.state[away], self.frozen[away])
+        return kept and np.array_equal(start.u[self.constant], self.back[self.constant, -1])
+
+    def finish(self, walk: Walk, leg: Leg, ends: tuple[Array, Array]) -> Leg | Indices:
+        """Return the leg of all nodes, or the frozen nodes that reach a limit on it.
+
+        Args:
+            walk: the walk of the active nodes, watched by ``leaving``.
+            leg: the leg that it found.
+            ends: (n_loads,) load factors at the start and at the end.
+        """
+        if len(walk.sums.found):
+            return walk.sums.found
+        (a, b), n = ends, self.full.n
+        end = self.expand(leg.end, b)
+        dissipation = np.zeros(n)
+        dissipation[self.nodes] = leg.dissipation
+        scale = max(leg.force_scale, float(np.abs(end.r).max()))
+        residual = max(leg.residual, residual_at_rest(self.full, end, scale))
+        return Leg(
+            end=end,
+            dissipation=dissipation,
+            work=float(walk.sums.work[:-1].sum() + 0.5 * (a + b) @ self.swing @ (b - a)),
+            residual=residual,
+            force_scale=scale,
+            samples=[(s, self.expand(state, (1.0 - s) * a + s * b)) for s, state in leg.samples],
+            events=[(s, int(self.nodes[i]), old, new) for s, i, old, new in leg.events],
+        )
+
+    def leaving(self, u: Array, load: Array, force_scale: float) -> Indices:
+        """Return the frozen nodes that reach a limit at one of several instants.
+
+        Args:
+            u: (k, 2n) displacements of the active nodes.
+            load: (k, n_loads + 1) load factors, the last of them 1.
+            force_scale: largest nodal force of the history so far.
+        """
+        instants = np.hstack([u, load])
+        lowest = (self.watched @ instants.T).min(axis=1, initial=np.inf)
+        return np.unique(self.watched_node[lowest <= LIMIT_TOLERANCE * force_scale])
+
+
+def widen(changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the nodes that changed and those within ``MARGIN`` of them along the contact."""
+    n = len(changed)
+    reach = max(2, int(MARGIN * n))
+    window = np.ones(2 * reach + 1)
+    return np.convolve(changed, window, mode="full")[reach : reach + n] > 0.5
+
+
+def reduce(full: Segments, start: ContactState, active: NDArray[np.bool_]) -> Reduction | None:
+    """Leave the nodes that are not active out of a contact.
+
+    Args:
+        full: rates of the whole contact.
+        start: a state of it; the frozen nodes keep their states and the stuck ones their place.
+        active: (N,) nodes that may change.
+
+    Returns:
+        The reduction; None where it is not worth while.
+    """
+    system, n = full.system, full.system.n
+    if not active.any() or np.count_nonzero(active) > WORTHWHILE * n:
+        return None
+    slipping = (start.state != SEPARATION) & full.frictional & (start.state != 1)
+    if np.any(slipping & ~active):
+        return None
+    nodes = np.flatnonzero(active)
+    open_ = start.state == SEPARATION
+    # freedoms without reaction: of open nodes, and tangentially of nodes without friction
+    free = np.concatenate([open_ | ~full.frictional, open_]) & ~system.held
+    S = np.concatenate([nodes, n + nodes])
+    frozen = np.tile(~active, 2)
+    loose, fixed = np.flatnonzero(frozen & free), np.flatnonzero(frozen & ~free)
+    K, r_star = system.K, system.r_star
+    # columns: u_S, the loads, 1
+    held = np.hstack([K[:, S], r_star.T, (K[:, fixed] @ start.u[fixed])[:, None]])
+    try:
+        factor = np.linalg.cholesky(K[np.ix_(loose, loose)])
+    except np.linalg.LinAlgError:
+        return None
+    moved = -sla.cho_solve((factor, True), held[loose]) if len(loose) else held[loose]
+    back = np.zeros((2 * n, held.shape[1]))
+    back[S, np.arange(len(S))] = 1.0
+    back[fixed, -1] = start.u[fixed]
+    back[loose] = moved
+    reaction = held + K[:, loose] @ moved
+    m, loads = len(S), len(system.load_names)
+    K_red = reaction[S, :m]
+    reduced = replace(
+        system,
+        x=system.x[nodes],
+        points=system.points[nodes],
+        weight=system.weight[nodes],
+        K=0.5 * (K_red + K_red.T),
+        r_star=np.ascontiguousarray(reaction[S, m:].T),
+        load_names=(*system.load_names, "frozen nodes"),
+        f=system.f[nodes],
+        g0=system.g0[nodes],
+        held=system.held[S],
+        rigid=system.rigid[S] if len(fixed) == 0 else np.zeros((m, 0)),
+        load_compliance=np.zeros((0, 0)),
+        load_sign=np.zeros(0),
+    )
+    swing = r_star[:, loose] @ moved[:, m : m + loads]
+    watched, watched_node = _watch(full, start, ~active, reaction, back)
+    states = np.where(active, 0, start.state).astype(np.int8)
+    return Reduction(
+        system, nodes, fixed, Segments(reduced), states, back, watched, watched_node, swing
+    )
+
+
+def _watch(
+    full: Segments, start: ContactState, frozen: NDArray[np.bool_], reaction: Array, back: Array
+) -> tuple[Array, Indices]:
+    """Return what has to stay positive at the frozen nodes, as forces, and the node of each."""
+    system, n = full.system, full.system.n
+    open_ = start.state == SEPARATION
+    stuck = np.flatnonzero(frozen & ~open_ & full.frictional)
+    smooth = np.flatnonzero(frozen & ~open_ & full.smooth)
+    gaps = np.flatnonzero(frozen & open_ & (full.frictional | full.smooth))
+    f = system.f[stuck, None]
+    Q, P = reaction[stuck], f * reaction[n + stuck]
+    gap = back[n + gaps]
+    gap[:, -1] += system.g0[gaps]
+    rows = [Q + P, P - Q, reaction[n + smooth], gap]
+    labels = np.concatenate([2 * n + stuck, 3 * n + stuck, 2 * n + smooth, n + gaps])
+    watched = np.vstack(rows) * full.weight[labels, None]
+    return watched, labels % n

@@ -1,0 +1,118 @@
+"""Where a body with a gap comes to rest under a vanishing load, before its first elastic leg.
+
+A crowned body that is pressed beside the nodes which touch first rolls, as a rigid body and for
+nothing, until it rests below the load. With the rigid motions R c that leave the contact nodes
+where they are tangentially and the rate of the loads d it minimises the loads' potential:
+
+    min_c  (sum_k d_k r*_k) . R c   so that   g0 + w + (R c)_n >= 0,
+
+a linear program, whose multipliers are the forces that carry the first load.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.gauss_seidel.direct import RIGID_TOLERANCE, has_rigid
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, State
+
+GAIN = 1e-9
+"""Potential gained by rolling, over the loads' sum times the largest gap, below which a body rests
+already."""
+
+CLOSED = 1e-10
+"""Gap, over the largest one, up to which a node touches."""
+
+
+def at_rest(system: ContactSystem, start: ContactState, direction: Array) -> ContactState:
+    """Roll an unloaded body to where it rests under the first load.
+
+    Args:
+        system: the condensed body in 2N form.
+        start: an unloaded state. A body that is free to fall has to touch somewhere.
+        direction: (n_loads,) change of the load factors on the leg that begins here.
+
+    Returns:
+        The state from which the leg begins; ``start`` where the body rests already, or where the
+        loads carry it off: why they do is said by whatever follows the leg.
+    """
+    n, held = system.n, system.held
+    _, size, right = np.linalg.svd(system.rigid[:n][~held[:n]], full_matrices=True)
+    R = system.rigid @ right[np.count_nonzero(size > RIGID_TOLERANCE) :].T
+    pressed = direction @ system.r_star
+    gap = np.maximum(system.g0 + start.w, 0.0)
+    nodes = np.flatnonzero(~held[n:])
+    largest, force = float(gap.max(initial=0.0)), float(np.abs(pressed).sum())
+    falls = not np.any(gap[nodes] == 0.0) and has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
+    if R.shape[1] == 0 or largest == 0.0 or force == 0.0 or falls:
+        return start
+    # gaps and forces are counted in their largest
+    cost, normal, room = pressed @ R / force, R[n + nodes], gap[nodes] / largest
+    c = _lowest(cost, normal, room)
+    if c is None or cost @ c >= -GAIN:
+        return start
+    u = start.u + largest * (R @ c)
+    left = system.g0 + u[n:]
+    touching = (left <= CLOSED * largest) & ~held[n:]
+    u[n:][touching] = -system.g0[touching]
+    state = np.where(touching, State.STICK, State.SEPARATION).astype(np.int8)
+    return ContactState(u, np.zeros(2 * n), np.where(held[n:], start.state, state).astype(np.int8))
+
+
+def _lowest(cost: Array, normal: Array, room: Array) -> Array | None:
+    """Minimise cost . c with room + normal c >= 0; None where there is no lowest place.
+
+    Where the load stands just above one node the body may lean to either side: the middle of all
+    lowest places is taken.
+    """
+
+    def solve(objective: Array, **equal: Array) -> Array | None:
+        found = scipy.optimize.linprog(
+            objective, A_ub=-normal, b_ub=room, bounds=(None, None), method="highs-ds", **equal
+        )
+        return found.x if found.success else None
+
+    best = solve(cost)
+    if best is None:
+        return None
+    level = {"A_eq": cost[None], "b_eq": np.array([cost @ best])}
+    middle, widest = best, 0.0
+    for axis in np.eye(len(cost)):
+        low, high = solve(axis, **level), solve(-axis, **level)
+        if low is not None and high is not None and axis @ (high - low) > widest:
+            middle, widest = 0.5 * (low + high), axis @ (high - low)
+    on = room + normal @ middle <= CLOSED
+    # the vertex once more, without the tolerance of the program
+    return middle - np.linalg.lstsq(normal[on], room[on] + normal[on] @ middle, rcond=None)[0]
+
+
+def middle(motions: Array, gap: Array, open_: NDArray[np.bool_]) -> Array | None:
+    """Return the turn about the node on which a body balances that lays it in the middle.
+
+    It is in the middle where it can turn equally far either way until a node touches.
+
+    Args:
+        motions: (2N, k) rigid motions that leave the contact closed.
+        gap: (N,) gaps.
+        open_: (N,) nodes that do not touch.
+
+    Returns:
+        (2N,) displacement; None where there is not just one such turn, or no node on one side.
+    """
+    n = len(gap)
+    size, right = np.linalg.svd(motions[n:], full_matrices=False)[1:]
+    turns = motions @ right[size > RIGID_TOLERANCE].T
+    if turns.shape[1] != 1:
+        return None
+    turn = turns[:, 0]
+    rise, room = turn[n:][open_], np.maximum(gap[open_], 0.0)
+    up, down = rise > RIGID_TOLERANCE, rise < -RIGID_TOLERANCE
+    ends = [
+        -float((room[up] / rise[up]).min(initial=np.inf)),
+        float((room[down] / -rise[down]).min(initial=np.inf)),
+    ]
+    if not np.all(np.isfinite(ends)):
+        return None
+    return 0.5 * (ends[0] + ends[1]) * turn

@@ -1,0 +1,149 @@
+"""One static problem: the contact under a finite load, slip counted from a given state."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from receding_fenicsx.errors import NotConverged
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.tableau import (
+    BACKWARD,
+    FORWARD,
+    SEPARATION,
+    STICK,
+    SingularExchange,
+)
+from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
+from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
+from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
+from receding_fenicsx.interface.residual import (
+    largest_force,
+    local_stiffness,
+    reachable,
+    relative_residual,
+)
+from receding_fenicsx.interface.system import Array, ContactState, reactions
+
+GUESSES = 30
+"""Sets of states tried as wholes."""
+
+BRIEF_SWEEPS = 400
+LONG_SWEEPS = 20000
+"""Gauss-Seidel sweeps before and after the finite method."""
+
+STATIC_RESIDUAL = 1e-13
+"""Residual asked of Gauss-Seidel, where round-off allows it."""
+
+ACCEPTED_RESIDUAL = 1e-11
+"""Residual up to which the finite method's answer is accepted, where round-off allows it."""
+
+
+def solve_static(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    """Solve the static problem from ``start`` to ``load``; None when no solution was found.
+
+    First whole sets of states are tried, which mostly ends after a few; then Gauss-Seidel with
+    polish, then the finite method, then Gauss-Seidel with patience: a nearly incompressible body
+    takes thousands of sweeps.
+
+    Args:
+        segments: of the condensed body.
+        start: displacements that slip is counted from; its open nodes are taken as touching by the
+            finite method.
+        load: (n_loads,) load factors.
+    """
+    for attempt in (_guess_states, _sweep_briefly, _pivot, _sweep_long):
+        end = attempt(segments, start, load)
+        if end is not None:
+            return end
+    return None
+
+
+def _guess_states(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    """Solve with whole sets of states, each read from the law's natural map at the last answer.
+
+    This is Newton's method for the natural map; it has no proof of convergence with friction.
+    Only for a start without gaps, where first contact is where the node is.
+    """
+    system, n = segments.system, segments.system.n
+    if np.any((system.g0 + start.w)[~system.held[n:]] != 0.0):
+        return None
+    k_t, k_n = local_stiffness(system)
+    loose, can_open = ~system.held[:n], ~system.held[n:]
+    state = np.full(n, STICK, dtype=np.int8)
+    state[loose & (system.f == 0.0)] = FORWARD
+    seen: set[bytes] = set()
+    while len(seen) < GUESSES and state.tobytes() not in seen:
+        seen.add(state.tobytes())
+        u = solve_directly(system, load, start.u, start.v, state)
+        if u is None:
+            return None
+        r = reactions(system, load, u)
+        last, state = state, np.full(n, STICK, dtype=np.int8)
+        Q, P = r[:n] - k_t * (u[:n] - start.v), r[n:] - k_n * (system.g0 + u[n:])
+        limit = system.f * np.maximum(r[n:], 0.0)
+        state[loose & ((Q < -limit) | (system.f == 0.0))] = FORWARD
+        state[loose & (Q > limit)] = BACKWARD
+        state[can_open & (P <= 0.0)] = SEPARATION
+        if np.array_equal(state, last):
+            state[(system.f == 0.0) & (state != SEPARATION)] = STICK
+            return _accepted(segments, start, load, ContactState(u, r, state))
+    return None
+
+
+def _accepted(
+    segments: Segments, start: ContactState, load: Array, end: ContactState
+) -> ContactState | None:
+    """Return the end if it satisfies the contact law."""
+    system = segments.system
+    scale = largest_force(system, load, end.r, 0.0)
+    slip = end.v - start.v
+    residual = relative_residual(system, end, slip, local_stiffness(system), scale)
+    accepted = max(ACCEPTED_RESIDUAL, reachable(system, end.u, scale))
+    return end if residual <= accepted else None
+
+
+def _sweep_briefly(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    return _sweep(segments, start, load, BRIEF_SWEEPS)
+
+
+def _sweep_long(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    return _sweep(segments, start, load, LONG_SWEEPS)
+
+
+def _sweep(
+    segments: Segments, start: ContactState, load: Array, sweeps: int
+) -> ContactState | None:
+    options = GaussSeidelOptions(
+        max_sweeps=sweeps, stalled_sweeps=sweeps, residual_tolerance=STATIC_RESIDUAL
+    )
+    try:
+        return solve_step(segments.system, start, load, options).end
+    except NotConverged:
+        return None
+
+
+def _pivot(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    """Solve by linear complementarity, every node being undecided."""
+    system, n = segments.system, segments.system.n
+    nothing = np.zeros(0, dtype=np.intp)
+    u0 = np.concatenate([start.v, np.where(system.held[n:], start.w, -system.g0)])
+    nodes = Undecided(
+        nothing, nothing, np.flatnonzero(segments.frictional), np.flatnonzero(segments.smooth)
+    )
+    free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
+    try:
+        state = solve_states(system, reactions(system, load, u0), nodes, free_v)
+    except np.linalg.LinAlgError:  # a motion that nothing resists
+        return None
+    if state is None:
+        return None
+    state[state == 0] = STICK
+    try:
+        tableau = segments.tableau(state)
+    except SingularExchange:
+        return None
+    u = u0.copy()
+    for _ in range(3):
+        u = u + tableau.correction(reactions(system, load, u))[: 2 * n]
+    end = ContactState(u, reactions(system, load, u), state)
+    return _accepted(segments, start, load, end)

@@ -1,0 +1,80 @@
+"""The displacements of a contact whose states are given, by one linear solve."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.system import Array, ContactSystem, State, reactions
+
+RIGID_TOLERANCE = 1e-8
+"""Distance from a unit rigid motion within which a motion of the contact is rigid."""
+
+
+def neutral_motions(rigid: Array, kept: NDArray[np.bool_]) -> Array:
+    """Return (2N, k) orthonormal rigid motions that leave the kept freedoms where they are.
+
+    Args:
+        rigid: (2N, n) rigid motions that supports leave.
+        kept: (2N,) freedoms whose displacement is given.
+    """
+    if rigid.shape[1] == 0:
+        return rigid
+    _, size, right = np.linalg.svd(rigid[kept], full_matrices=True)
+    motions = rigid @ right[int(np.count_nonzero(size > RIGID_TOLERANCE)) :].T
+    return np.linalg.qr(motions)[0] if motions.size else motions
+
+
+def has_rigid(rigid: Array, motion: Array) -> bool:
+    """Return whether a motion (2N,) of the contact nodes is among the rigid ones left free."""
+    if rigid.shape[1] == 0:
+        return False
+    weights = np.linalg.lstsq(rigid, motion, rcond=None)[0]
+    return bool(np.abs(rigid @ weights - motion).max() <= RIGID_TOLERANCE)
+
+
+def solve_directly(
+    system: ContactSystem, load: Array, u: Array, v_ref: Array, state: NDArray[np.integer]
+) -> Array | None:
+    """Return the displacements in given states, from eqs. (4), (6), (8) and (10) at once.
+
+    Along a rigid motion that the states leave free, where K is round-off, the body stays where it
+    is.
+
+    Args:
+        system: the condensed body, ``kind = "frictional"``.
+        load: (n_loads,) load factors.
+        u: (2N,) displacements of the held freedoms; of the others any, from where the body does not
+            move along free rigid motions.
+        v_ref: (N,) where stuck nodes stick.
+        state: (N,) states.
+
+    Returns:
+        (2N,) displacements, None if the body has another motion without stiffness in these states.
+    """
+    n, K, held = system.n, system.K, system.held
+    u = u.copy()
+    grounded = (state != State.SEPARATION) & ~held[n:]
+    u[n:][grounded] = -system.g0[grounded]
+    stuck = (state == State.STICK) & ~held[:n]
+    u[:n][stuck] = v_ref[stuck]
+    free_t = np.flatnonzero((state != State.STICK) & ~held[:n])
+    free_n = np.flatnonzero((state == State.SEPARATION) & ~held[n:])
+    free = np.concatenate([free_t, n + free_n])
+    if len(free) == 0:
+        return u
+    motions = neutral_motions(system.rigid, np.concatenate([stuck, grounded]))
+    if motions.shape[1]:
+        K = K + float(np.abs(np.diagonal(K)).max()) * motions @ motions.T
+    sign = np.where(
+        state == State.FORWARD_SLIP, 1.0, np.where(state == State.BACKWARD_SLIP, -1.0, 0.0)
+    )
+    f = (sign * system.f)[free_t]
+    rows = np.vstack([K[free_t] + f[:, None] * K[n + free_t], K[n + free_n]])
+    r = reactions(system, load, u)
+    rhs = np.concatenate([r[free_t] + f * r[n + free_t], r[n + free_n]])
+    try:
+        u[free] -= np.linalg.solve(rows[:, free], rhs)
+    except np.linalg.LinAlgError:
+        return None
+    return u

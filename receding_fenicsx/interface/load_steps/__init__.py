@@ -1,0 +1,1 @@
+"""Evolution along a leg in load steps."""

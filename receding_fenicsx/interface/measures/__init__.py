@@ -1,0 +1,1 @@
+"""Quantities read from contact states: zones, tractions, steady state."""

@@ -1,0 +1,161 @@
+"""Zones of stick, slip and separation along the contact edge, and their widths.
+
+A zone's end lies midway between its last node and the next one; the outermost zones end at the
+outermost nodes. Axisymmetric, x is the radius and the first zone begins on the axis, unless the
+contact edge does not reach it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.system import STATE_NAMES, Array, State
+
+TOUCHING = "contact"
+"""Name of the zone that touches where there is no friction."""
+
+Zone = tuple[str, float, float]
+"""Name of the state, and the two ends."""
+
+
+def zones(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> list[Zone]:
+    """Split the contact edge into zones of equal state.
+
+    Args:
+        x: (N,) positions, increasing.
+        state: (N,) values of :class:`State`.
+        axisymmetric: x is the radius.
+
+    Returns:
+        The zones from the smallest x to the greatest; each begins where the one before ends.
+    """
+    if len(x) == 0:
+        return []
+    starts = np.flatnonzero(np.diff(state)) + 1
+    begin = [0.0] if axisymmetric and begins_on_axis(x) else x[:1]
+    ends = np.concatenate([begin, 0.5 * (x[starts - 1] + x[starts]), x[-1:]])
+    first = np.concatenate([[0], starts])
+    return [
+        (STATE_NAMES[State(int(state[i]))], float(a), float(b))
+        for i, a, b in zip(first, ends[:-1], ends[1:], strict=True)
+    ]
+
+
+def contact_zones(
+    x: Array, state: NDArray[np.integer], f: Array, axisymmetric: bool = False
+) -> list[Zone]:
+    """Zones as :func:`zones` finds them; without friction what touches is called "contact".
+
+    There nothing holds the nodes, and "stick" would tell of a limit that they do not have.
+    """
+    found = zones(x, state, axisymmetric)
+    if np.any(f > 0.0):
+        return found
+    return [(TOUCHING if name == STATE_NAMES[State.STICK] else name, a, b) for name, a, b in found]
+
+
+def contact_half_width(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> float:
+    """Half the width of a contact around the middle of the edge, as :func:`half_width` has it.
+
+    NaN also where it falls into several zones.
+    """
+    return half_width(x, contact_zone(x, state, axisymmetric), axisymmetric)
+
+
+def stick_half_width(
+    x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
+) -> float:
+    """Half the width of the stick zone around the middle of the edge, as of :func:`half_width`.
+
+    Args:
+        x: (N,) positions, increasing.
+        state: (N,) values of :class:`State`.
+        f: (N,) coefficient of friction: nodes without friction do not stick.
+        axisymmetric: x is the radius, the middle x = 0.
+    """
+    return half_width(x, stick_zone(x, state, f, axisymmetric), axisymmetric)
+
+
+NodeRange = tuple[int, int]
+"""First and last node of a zone; the last before the first where no node is of its kind."""
+NOWHERE: NodeRange = (0, -1)
+
+
+def half_width(x: Array, zone: NodeRange | None, axisymmetric: bool = False) -> float:
+    """Half the width of a zone around the middle, or its radius; 0 where no node is of its kind.
+
+    NaN where there are such nodes, but no zone of them that has a half width: see
+    :func:`central_zone`.
+    """
+    if zone is None or zone == NOWHERE:
+        return np.nan if zone is None else 0.0
+    left, right = _midway(x, *zone)
+    return right if axisymmetric and begins_on_axis(x) else 0.5 * (right - left)
+
+
+def contact_zone(
+    x: Array, state: NDArray[np.integer], axisymmetric: bool = False
+) -> NodeRange | None:
+    """First and last node of a contact in one piece, as :func:`central_zone` gives them."""
+    touches = np.asarray(state) != State.SEPARATION
+    found = central_zone(x, touches, axisymmetric)
+    whole = found is not None and found[1] - found[0] + 1 == np.count_nonzero(touches)
+    return found if whole else None
+
+
+def stick_zone(
+    x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
+) -> NodeRange | None:
+    """First and last node of the stick zone around the middle, as :func:`central_zone` gives them.
+
+    The arguments are those of :func:`stick_half_width`.
+    """
+    sticks = np.asarray(state) == State.STICK
+    if f is not None:
+        sticks &= np.asarray(f) > 0.0
+    return central_zone(x, sticks, axisymmetric)
+
+
+def central_zone(
+    x: Array, inside: NDArray[np.bool_], axisymmetric: bool = False
+) -> NodeRange | None:
+    """Find the zone of marked nodes around the middle of the edge, symmetric within a node.
+
+    Axisymmetric it begins on the axis.
+
+    Returns:
+        Its first and last node; ``NOWHERE`` when no node is marked; None when some are, but none
+        of their zones lies around the middle, or that one is not symmetric.
+    """
+    if not np.any(inside):
+        return NOWHERE
+    centre = 0.5 * (x[0] + x[-1])
+    axisymmetric = axisymmetric and begins_on_axis(x)
+    first = 0
+    for last in np.append(np.flatnonzero(np.diff(inside)), len(x) - 1):
+        low, high = _midway(x, first, last)
+        if inside[first] and (first == 0 if axisymmetric else low <= centre <= high):
+            node = max(x[last] - x[max(last - 1, 0)], x[min(first + 1, len(x) - 1)] - x[first])
+            even = axisymmetric or abs(low + high - 2.0 * centre) <= WITHIN_A_NODE * node
+            return (int(first), int(last)) if even else None
+        first = last + 1
+    return None
+
+
+WITHIN_A_NODE = 1.0 + 1e-9
+"""Difference of a zone's two halves, over the spacing of its nodes, up to which it is symmetric."""
+
+
+def _midway(x: Array, first: int, last: int) -> tuple[float, float]:
+    """Ends of the zone between two nodes."""
+    low = 0.5 * (x[max(first - 1, 0)] + x[first])
+    return float(low), float(0.5 * (x[last] + x[min(last + 1, len(x) - 1)]))
+
+
+def pattern(found: Sequence[Zone]) -> list[str]:
+    """Names of the zones in their order."""
+    return [name for name, _, _ in found]

@@ -1,0 +1,97 @@
+"""The two forms of a condensed contact: with tangential displacements, or without where f = 0."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.system import Array, ContactSystem
+
+
+def eliminate_tangential(system: ContactSystem) -> ContactSystem:
+    """Condense a frictionless contact (f = 0 at every node) to its normal displacements.
+
+    With Q = 0 eq. (11) gives v = -K_tt^+ (K_tn w + sum lambda Q*), hence
+    K = K_nn - K_nt K_tt^+ K_tn and r* = P* - K_nt K_tt^+ Q*. A body that is free to slide has a
+    rigid motion in K_tt; it is pinned at v = 0 on average, which is allowed only when no load has
+    a resultant along it.
+
+    Args:
+        system: ``kind = "frictional"``, f = 0 everywhere.
+
+    Returns:
+        The system of ``kind = "normal"`` with its ``slip_map``.
+
+    Raises:
+        InputError: if a load pushes the body along a rigid motion that nothing resists.
+    """
+    n = system.n
+    free = np.flatnonzero(~system.held[:n])
+    K_tt = system.K[np.ix_(free, free)]
+    K_tn = system.K[free, n:]
+    Q_star = system.r_star[:, free].T
+    slides = _tangential_rigid(system, free)
+    if slides is not None:
+        resultant = np.abs(slides @ Q_star)
+        # two mirrored bodies have normal reactions only
+        if np.any(resultant > SLIDE_TOLERANCE * np.abs(system.r_star).sum(axis=1)):
+            name = system.load_names[int(np.argmax(resultant))]
+            raise InputError(
+                f"load '{name}' pushes the frictionless body along, and nothing resists it: "
+                "add a [[support]] or friction"
+            )
+        K_tt = K_tt + np.outer(slides, slides) * (np.trace(K_tt) / len(free))
+    mapped = -np.linalg.solve(K_tt, np.hstack([K_tn, Q_star]))
+    slip_map = np.zeros((n, n + len(system.load_names)))
+    slip_map[free] = mapped
+    K = system.K[n:, n:] + K_tn.T @ mapped[:, :n]
+    compliance = system.load_compliance
+    if compliance.size:
+        # the loads also move through the slip that they cause by themselves
+        compliance = compliance + system.load_sign[:, None] * (Q_star.T @ mapped[:, n:])
+    return replace(
+        system,
+        K=0.5 * (K + K.T),
+        r_star=system.r_star[:, n:] + (K_tn.T @ mapped[:, n:]).T,
+        kind="normal",
+        slip_map=slip_map,
+        load_compliance=compliance,
+    )
+
+
+SLIDE_TOLERANCE = 1e-10
+"""Load resultant along a free rigid sliding, over the sum of its reactions, that counts as zero."""
+
+
+def _tangential_rigid(system: ContactSystem, free: NDArray[np.intp]) -> Array | None:
+    """Return the unit vector of a rigid motion with w = 0 on the free tangential nodes, or None."""
+    n = system.n
+    if system.rigid.shape[1] == 0:
+        return None
+    # combinations of the rigid modes whose normal part vanishes
+    _, values, right = np.linalg.svd(system.rigid[n:])
+    rank = int(np.sum(values > SLIDE_TOLERANCE * max(1.0, values.max(initial=0.0))))
+    null = right[rank:]
+    if len(null) == 0:
+        return None
+    mode = (system.rigid[:n] @ null.T)[free, 0]
+    return mode / np.linalg.norm(mode)
+
+
+def frictional_form(system: ContactSystem) -> ContactSystem:
+    """Return a system of ``kind = "normal"`` in the 2N layout that the solvers share.
+
+    The eliminated tangential degrees of freedom become held ones without stiffness or coupling.
+    """
+    if system.kind == "frictional":
+        return system
+    n, n_loads = system.n, len(system.load_names)
+    K = np.zeros((2 * n, 2 * n))
+    K[n:, n:] = system.K
+    held = system.held.copy()
+    held[:n] = True
+    r_star = np.hstack([np.zeros((n_loads, n)), system.r_star])
+    return replace(system, K=K, r_star=r_star, held=held, kind="frictional")

@@ -1,0 +1,103 @@
+"""What the arrays of a condensed body have to be, said by name before they are used."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.system import Array, ContactSystem
+
+UNSYMMETRIC = 1e-8
+"""Difference between K and its transpose, over the largest entry of K, up to which it is round-off
+of the condensation."""
+
+NOT_RIGID = 1e-8
+"""Force that a rigid motion may cause, over the largest entry of K times that of the motion."""
+
+LARGEST, SMALLEST = 1e200, 1e-200
+"""Range of forces, stiffnesses and energies that can be multiplied with each other's ratios."""
+
+
+def check_system(system: ContactSystem) -> None:
+    """Raise where an array of the system has the wrong shape or values without meaning.
+
+    Raises:
+        InputError: with the name of the array, and the node where there is one.
+    """
+    n, loads = system.n, len(system.load_names)
+    m = 2 * n if system.kind == "frictional" else n
+    shapes = {
+        "points": (n, 2),
+        "weight": (n,),
+        "K": (m, m),
+        "r_star": (loads, m),
+        "f": (n,),
+        "g0": (n,),
+        "held": (2 * n,),
+    }
+    for name, shape in shapes.items():
+        array = np.asarray(getattr(system, name))
+        if array.shape != shape:
+            raise InputError(
+                f"{name} of the contact system has shape {array.shape}, expected {shape}: "
+                f"{n} nodes, {loads} loads"
+            )
+    if system.rigid.ndim != 2 or len(system.rigid) != 2 * n:
+        raise InputError(
+            f"rigid of the contact system has shape {system.rigid.shape}, expected ({2 * n}, "
+            "number of rigid motions)"
+        )
+    for name in ("x", "weight", "f", "g0"):
+        _check_nodes(system, name, getattr(system, name), name in ("f", "g0"))
+    for name in ("K", "r_star", "rigid"):
+        if not np.all(np.isfinite(getattr(system, name))):
+            raise InputError(f"{name} of the contact system has entries that are not finite")
+    K, largest = system.K, float(np.abs(system.K).max(initial=0.0))
+    if float(np.abs(K - K.T).max(initial=0.0)) > UNSYMMETRIC * largest:
+        raise InputError("K of the contact system is not symmetric")
+    motion = system.rigid if system.kind == "frictional" else system.rigid[n:]
+    if system.kind == "frictional" and motion.size:
+        force = np.where(system.held[:, None], 0.0, K @ motion)
+        if float(np.abs(force).max()) > NOT_RIGID * largest * float(np.abs(motion).max()):
+            raise InputError(
+                "rigid of the contact system holds a motion that its K resists: K @ rigid has to "
+                "vanish"
+            )
+
+
+def check_range(system: ContactSystem, factors: Array) -> None:
+    """Raise where forces, displacements or energies would leave the range of the numbers.
+
+    Args:
+        system: the condensed body.
+        factors: (n, n_loads) load factors that it is to bear.
+
+    Raises:
+        InputError: they would.
+    """
+    force = float((np.abs(factors) @ np.abs(system.r_star)).max(initial=0.0))
+    stiffness = float(np.abs(system.K).max(initial=0.0))
+    if not force or not stiffness:
+        return
+    energy = force * (force / stiffness)
+    sizes = {"forces": force, "stiffnesses": stiffness, "energies": energy}
+    for name, size in sizes.items():
+        if not SMALLEST < size < LARGEST:
+            raise InputError(
+                f"the contact system has {name} of about {size:.0e}, beyond the range of the "
+                "computer's numbers; choose units in which they are nearer to 1"
+            )
+
+
+def _check_nodes(system: ContactSystem, name: str, values: Array, not_negative: bool) -> None:
+    """Raise where a quantity of the nodes is not finite, or negative although it may not be."""
+    wrong = ~np.isfinite(values)
+    if not_negative:
+        wrong |= np.asarray(values) < 0.0
+    if np.any(wrong):
+        i = int(np.argmax(wrong))
+        need = "finite and not negative" if not_negative else "finite"
+        raise InputError(
+            f"{name} of the contact system is {values[i]} at node {i} (x = {system.x[i]:.6g}); it "
+            f"has to be {need}"
+        )

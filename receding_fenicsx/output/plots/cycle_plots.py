@@ -1,0 +1,145 @@
+"""Quantities of whole cycles as figures (the paper's Figs. 8 and 10), and where energy goes."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, ScalarFormatter
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.series import fitted_cycles, slip_lines
+from receding_fenicsx.output.plots.units import Scales, scales_of
+from receding_fenicsx.reference.ahn_barber import DISSIPATION_RATIO, SLIP_EXPONENT
+
+METHODS = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
+MOST_LINEAR = 40
+"""Cycles up to which their axis is linear."""
+PAPER = "Ahn & Barber (2008)"
+
+
+def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
+    """Draw the slip gained in each cycle at representative nodes, and its power of N (Fig. 8).
+
+    Raises:
+        InputError: the record has too few cycles, or no node slips in all of them.
+    """
+    scales = scales or scales_of(record)
+    unit, behind = scales.slip()
+    lines = slip_lines(record, scales.length, unit)
+    if not lines:
+        raise InputError("slip per cycle: no node slips in enough cycles; run more cycles")
+    fitted = fitted_cycles(record).astype(float)
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 3.6)
+        axes = figure.subplots()
+        for line, colour in zip(lines, style.SERIES_COLOURS, strict=False):
+            label = f"{scales.x_label} $= {line.x:z.2f}$:  $N^{{{line.fit.exponent:.2f}}}$"
+            axes.loglog(line.N, line.slip, "o", color=colour, ms=2.4, label=label)
+            axes.loglog(fitted, line.at(fitted), color=colour, lw=0.8)
+        if scales.paper:
+            top = max(float(line.at(fitted[:1])[0]) for line in lines)
+            axes.loglog(
+                fitted,
+                4.0 * top * (fitted / fitted[0]) ** SLIP_EXPONENT,
+                label=f"{PAPER}:  $N^{{{SLIP_EXPONENT}}}$",
+                color="black",
+                dashes=(4, 2),
+                lw=0.9,
+            )
+        axes.set_xlabel("cycle $N$")
+        # a word for the pressure asks for a line of its own
+        between = "\n" if scales.pressure_symbol.startswith(r"\mathrm") else " "
+        axes.set_ylabel(rf"slip gained in a cycle,{between}$|\Delta v_i|{behind}$")
+        figure.legend(
+            loc="outside lower center",
+            ncols=2,
+            title=f"fitted over {fitted[0]:.0f} ≤ $N$ ≤ {fitted[-1]:.0f}",
+            title_fontsize=8.0,
+        )
+    return figure
+
+
+def dissipation_per_cycle(
+    record: Record, scales: Scales | None = None, stepped: Record | None = None
+) -> Figure:
+    """Draw the dissipation of each cycle over that of the first (Fig. 10).
+
+    Args:
+        record: the record.
+        scales: units; the record's own when left out.
+        stepped: the same history by another method, laid over it.
+
+    Returns:
+        The figure.
+    """
+    scales = scales or scales_of(record)
+    ratio = record.cycles.dissipation / record.cycles.dissipation[0]
+    N = np.arange(1, len(ratio) + 1)
+    small: dict[str, Any] = {"textcoords": "offset points", "fontsize": 8.0, "ha": "right"}
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 2.4)
+        axes = figure.subplots()
+        if scales.paper:
+            axes.axhline(DISSIPATION_RATIO, **style.GUIDE)
+            axes.annotate(
+                f"{100 * DISSIPATION_RATIO:.0f} %, {PAPER}",
+                (0.98, DISSIPATION_RATIO),
+                xycoords=("axes fraction", "data"),
+                xytext=(0, -4),
+                va="top",
+                **small,
+            )
+        label = METHODS.get(record.method, record.method)
+        axes.plot(N, ratio, "o-", color=style.SERIES_COLOURS[0], ms=2.4, lw=0.8, label=label)
+        if stepped is not None and len(stepped.cycles.dissipation):
+            other = stepped.cycles.dissipation / stepped.cycles.dissipation[0]
+            axes.plot(
+                np.arange(1, len(other) + 1),
+                other,
+                "s",
+                mfc="none",
+                mec=style.SERIES_COLOURS[1],
+                ms=4.5,
+                mew=0.7,
+                label=METHODS.get(stepped.method, stepped.method),
+            )
+            axes.legend(loc="upper right")
+        axes.annotate(f"{ratio[-1]:.4f}", (float(N[-1]), ratio[-1]), xytext=(-4, 5), **small)
+        axes.set_xlabel("cycle $N$")
+        axes.set_ylabel("dissipation, $D_N/D_1$")
+        axes.set_ylim(0.0, 1.1 * float(ratio.max()))
+        if len(ratio) > MOST_LINEAR:
+            axes.set_xscale("log")
+            axes.set_xlim(0.9, 1.15 * len(ratio))
+            axes.xaxis.set_major_formatter(ScalarFormatter())
+        else:
+            axes.set_xlim(0.0, 1.03 * len(ratio) + 0.5)
+            axes.xaxis.set_major_locator(MaxNLocator(8, integer=True))
+    return figure
+
+
+def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
+    """Draw where along the contact edge energy is dissipated, in the first and the last cycle."""
+    scales = scales or scales_of(record)
+    unit, behind = scales.dissipation_density()
+    density = record.cycles.dissipation_density / unit
+    used = record.weight > 0.0
+    x = record.x[used] / scales.length
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 2.4)
+        axes = figure.subplots()
+        rows = sorted({0, len(density) - 1})
+        for row, colour in zip(rows, style.SERIES_COLOURS, strict=False):
+            axes.plot(x, density[row][used], color=colour, label=f"cycle {row + 1}")
+        axes.set_xlim(*scales.ends(record.x))
+        axes.set_ylim(0.0, None)
+        axes.ticklabel_format(axis="y", scilimits=(-2, 3), useMathText=True)
+        axes.set_xlabel(scales.x_label)
+        axes.set_ylabel(f"dissipation density\n$d{behind}$")
+        figure.legend(loc="outside upper center", ncols=len(rows))
+    return figure

@@ -1,0 +1,227 @@
+"""The paper's Figs. 4 to 10 for any record, as PNG and PDF, one journal column wide.
+
+A figure that a record holds nothing for is left out: a monotonic history has no slip per cycle.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.backend_bases import FigureCanvasBase
+from matplotlib.figure import Figure
+
+from receding_fenicsx.atomic import make_folder, new_file
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.moment import moment_of
+from receding_fenicsx.evolution.record import Record, States
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.cycle_plots import (
+    dissipation_density,
+    dissipation_per_cycle,
+    slip_per_cycle,
+)
+from receding_fenicsx.output.plots.loop_plots import hysteresis, moving_loads, trajectories
+from receding_fenicsx.output.plots.loops import loop_of, sampled_cycles, shown_cycles, telling_nodes
+from receding_fenicsx.output.plots.series import (
+    Still,
+    first_unloading,
+    legs_of,
+    limit_without_slip,
+    slip_lines,
+)
+from receding_fenicsx.output.plots.traction_plots import tractions
+from receding_fenicsx.output.plots.units import Scales, scales_of
+from receding_fenicsx.output.plots.zone_plots import zone_maps
+
+__all__ = [
+    "dissipation_density",
+    "dissipation_per_cycle",
+    "hysteresis",
+    "plot_all",
+    "save",
+    "slip_per_cycle",
+    "tractions",
+    "trajectories",
+    "zone_maps",
+]
+
+FORMATS = ("png", "pdf")
+PAPERS_CYCLE = 9
+"""The cycle of the paper's Fig. 7."""
+LOW_LOAD = 1.0 / 3.0
+"""Part of the largest load at which the paper's Fig. 6 stands."""
+MOST_ROWS = 6
+"""Rows of the overview of sampled cycles at most; every cycle begins a row."""
+OF_THE_WHOLE = ("fig10_dissipation_per_cycle", "hysteresis")
+"""Figures that show no single contact edge."""
+MOST_PANELS = 6
+"""Panels one above the other at most."""
+MOST_LEGS = 24
+"""Legs of a cycle that are drawn in one figure at most; of more the figure says so."""
+
+
+def plot_all(
+    record: Record,
+    folder: str | Path,
+    unloading: Record | None = None,
+    stepped: Record | None = None,
+    formats: str | Iterable[str] = FORMATS,
+) -> list[Path]:
+    """Draw every figure that a record holds something for.
+
+    With several contact edges the figures of each are in a folder of the edge's name; those of the
+    whole contact stand beside the folders.
+
+    Args:
+        record: the record.
+        folder: where the files go; made when it is not there, files of the same name replaced.
+        unloading: record of a first loading and complete unloading, for Figs. 5 and 6; without it
+            they show the first unloading of ``record``.
+        stepped: record of the same history by another method, marked in Fig. 10.
+        formats: endings of the files.
+
+    Returns:
+        The files that were made.
+
+    Raises:
+        InputError: a format is unknown, or the folder cannot be made.
+    """
+    folder = Path(folder)
+    formats = (formats,) if isinstance(formats, str) else tuple(formats)
+    known = FigureCanvasBase.get_supported_filetypes()
+    for ending in formats:
+        if ending not in known:
+            raise InputError(f"format '{ending}': is unknown; use some of {', '.join(known)}")
+    made: list[Path] = []
+    edges = record.by_edge()
+    for edge, part in edges.items():
+        alone = len(edges) == 1
+        for name, figure in draw_all(part, unloading, stepped):
+            whole = alone or name in OF_THE_WHOLE
+            place = folder if whole else folder / edge.replace("/", "_")
+            make_folder(place)
+            files = [place / f"{name}.{ending}" for ending in formats]
+            if set(files) <= set(made):
+                continue
+            for path in files:
+                save(figure, path)
+            made += files
+    return made
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write a figure in the format that the path ends in; the same figure gives the same file."""
+    ending = path.suffix[1:]
+    options: dict[str, dict[str, Any]] = {
+        "pdf": {"metadata": {"CreationDate": None}},
+        "svg": {"metadata": {"Date": None}},
+        # half the time of the usual level, a fifth more bytes
+        "png": {"pil_kwargs": {"compress_level": 2}},
+    }
+    # the PDF writer warns about the dates inside some systems' fonts
+    logging.getLogger("fontTools").setLevel(logging.ERROR)
+    with mpl.rc_context(style.RC), new_file(path, overwrite=True) as beside:
+        figure.savefig(beside, format=ending, **options.get(ending, {}))
+
+
+def draw_all(
+    record: Record, unloading: Record | None = None, stepped: Record | None = None
+) -> Iterator[tuple[str, Figure]]:
+    """Yield the name and the figure of everything that :func:`plot_all` writes."""
+    scales = scales_of(record)
+    yield from _first_loading(record, scales)
+    yield from _first_unloading([unloading or record, record])
+    last = int(record.turning_points.cycle.max(initial=0))
+    if legs_of(record, PAPERS_CYCLE) and last > PAPERS_CYCLE:
+        yield f"fig07_zones_cycle_{PAPERS_CYCLE}", _all_legs(record, PAPERS_CYCLE, scales)
+    if slip_lines(record, scales.length):
+        yield "fig08_slip_per_cycle", slip_per_cycle(record, scales)
+    if legs_of(record, last) and last > 1:
+        still = limit_without_slip(record, last)
+        yield "fig09_zones_last_cycle", _all_legs(record, last, scales, still)
+    if len(sampled := [cycle for cycle in sampled_cycles(record) if cycle]) > 1:
+        columns = _columns(len(legs_of(record, sampled[0])))
+        most = MOST_ROWS // -(-len(legs_of(record, sampled[0])) // columns)
+        if most > 1:
+            several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
+            legs = [leg for cycle in several for leg in legs_of(record, cycle)]
+            yield "zones_by_cycle", zone_maps(record, legs, scales, columns=columns)
+    dissipation = record.cycles.dissipation
+    if len(dissipation) > 1 and dissipation[0] > 0.0:
+        yield "fig10_dissipation_per_cycle", dissipation_per_cycle(record, scales, stepped)
+    if np.any(record.cycles.dissipation_density > 0.0):
+        yield "dissipation_density", dissipation_density(record, scales)
+    if last > 0 and shown_cycles(record):
+        paths = [loop_of(record, cycle) for cycle in shown_cycles(record)]
+        if moving_loads(paths):
+            yield "hysteresis", hysteresis(record, scales=scales)
+        if telling_nodes(record):
+            yield "trajectories", trajectories(record, scales=scales)
+    if last > 0:
+        table = record.turning_points
+        rows = np.flatnonzero((table.cycle == last) & np.any(table.P > 0.0, axis=1))
+        if len(rows):
+            chosen = [moment_of(record, table, int(row)) for row in _spread(rows, MOST_PANELS)]
+            yield "tractions_last_cycle", tractions(record, chosen, scales)
+
+
+def _all_legs(record: Record, cycle: int, scales: Scales, still: Still | None = None) -> Figure:
+    """Map the zones along all legs of a cycle."""
+    legs = legs_of(record, cycle)
+    chosen = [legs[k] for k in _spread(range(len(legs)), MOST_LEGS)]
+    columns = 1 if len(chosen) <= MOST_PANELS else 3
+    figure = zone_maps(record, chosen, scales, still, columns)
+    if len(chosen) < len(legs):
+        figure.suptitle(f"{len(chosen)} of the {len(legs)} legs", fontsize="medium")
+    return figure
+
+
+def _columns(legs: int) -> int:
+    """Panels beside each other for a cycle of so many legs."""
+    return 2 if legs == 4 else min(legs, 3)
+
+
+def _spread(items: Iterable[int], most: int) -> list[int]:
+    """Return all items, or the first, the last and others evenly between."""
+    every = [int(item) for item in items]
+    if len(every) <= most:
+        return every
+    return [every[round(k * (len(every) - 1) / (most - 1))] for k in range(most)]
+
+
+def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure]]:
+    """Fig. 4: the turning point of cycle 0 with the largest loads."""
+    table = record.turning_points
+    rows = np.flatnonzero((table.cycle == 0) & np.any(table.P > 0.0, axis=1))
+    if len(rows):
+        size = np.abs(table.load[rows] / scales.load_max).sum(axis=1)
+        row = int(rows[np.argmax(size)])
+        yield (
+            "fig04_tractions_first_loading",
+            tractions(record, [moment_of(record, table, row)], scales),
+        )
+
+
+def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
+    """Figs. 5 and 6: zones along the first unloading, tractions where a third of it is left."""
+    places = [(record, first_unloading(record)) for record in records]
+    found = [(record, where) for record, where in places if where is not None]
+    for record, where in found[:1]:
+        if where in legs_of(record, where[0]):
+            yield "fig05_zones_first_unloading", zone_maps(record, [where])
+    instants: list[tuple[float, int, Record, States, int]] = []
+    for record, (cycle, leg) in found:
+        largest = scales_of(record).load_max
+        for table in (record.samples, record.turning_points):
+            here = (table.cycle == cycle) & (table.leg == leg) & np.any(table.P > 0.0, axis=1)
+            for row in np.flatnonzero(here):
+                off = abs(np.abs(table.load[row] / largest).max() - LOW_LOAD)
+                instants.append((off, len(instants), record, table, int(row)))
+    if instants:
+        _, _, record, table, row = min(instants, key=lambda instant: instant[:2])
+        yield "fig06_tractions_first_unloading", tractions(record, [moment_of(record, table, row)])

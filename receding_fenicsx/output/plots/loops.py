@@ -1,0 +1,142 @@
+"""Paths through a cycle as arrays: hysteresis loops, and what single nodes go through."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.record import Record, States
+from receding_fenicsx.interface.system import Array, State
+
+MOST_NODES = 4
+"""Nodes whose paths are drawn unless they are asked for."""
+FELT = 1e-6
+"""Force of a node, over the largest, below which it is round-off of a node that does not touch."""
+MOST_CYCLES = 3
+"""Cycles whose paths are drawn in one panel unless they are asked for."""
+
+
+@dataclass(frozen=True)
+class Loop:
+    """n instants of one cycle in their order, from the end of the cycle before.
+
+    Attributes:
+        cycle: the cycle.
+        load, displacement: (n, n_loads) load factors and their work-conjugate displacements.
+        load_sign: (n_loads,) -1 for forces, +1 for prescribed displacements, whose conjugates are
+            forces.
+        p, q, v, w: (n, N) tractions and displacements.
+        turning: (n,) True at turning points.
+    """
+
+    cycle: int
+    load: Array
+    displacement: Array
+    load_sign: Array
+    p: Array
+    q: Array
+    v: Array
+    w: Array
+    turning: NDArray[np.bool_]
+
+    def area(self) -> Array:
+        r"""(n_loads,) work of each load over the closed cycle.
+
+        For a force the integral of its factor times d delta; for a prescribed displacement, whose
+        conjugate delta is the force, the integral of delta times the factor's change.
+        Over a closed cycle their sum is the dissipation; the trapezoidal rule on the samples is
+        exact where no node changes its state between two of them.
+        """
+        mean = 0.5 * (self.load[1:] + self.load[:-1])
+        return -self.load_sign * np.sum(mean * np.diff(self.displacement, axis=0), axis=0)
+
+
+def sampled_cycles(record: Record) -> list[int]:
+    """Cycles that the record holds samples of."""
+    return [int(cycle) for cycle in np.unique(record.samples.cycle)]
+
+
+def check_sampled(record: Record, cycle: int) -> None:
+    """Raise InputError where a record has no samples of a cycle."""
+    known = sampled_cycles(record)
+    if cycle not in known:
+        raise InputError(
+            f"cycle {cycle}: the record has no samples of it, only of {known}; name it in [output] "
+            "cycles"
+        )
+
+
+def shown_cycles(record: Record) -> list[int]:
+    """First loading, first and last cycle, as far as there are samples."""
+    cycles = sampled_cycles(record)
+    return sorted({*cycles[:2], *cycles[-1:]})[:MOST_CYCLES]
+
+
+def loop_of(record: Record, cycle: int) -> Loop:
+    """Return a sampled cycle's path.
+
+    Raises:
+        InputError: the record holds no samples of the cycle.
+    """
+    points, samples = record.turning_points, record.samples
+    check_sampled(record, cycle)
+    parts: list[tuple[States, NDArray[np.intp], bool]] = []
+    before = np.flatnonzero(points.cycle < cycle)[-1:]
+    parts.append((points, before, True))
+    for end in np.flatnonzero(points.cycle == cycle):
+        leg = points.leg[end]
+        here = np.flatnonzero((samples.cycle == cycle) & (samples.leg == leg) & (samples.s < 1.0))
+        here = here[samples.s[here] > 0.0] if parts[0][1].size else here
+        parts.append((samples, here[np.argsort(samples.s[here], kind="stable")], False))
+        parts.append((points, np.array([end]), True))
+
+    def join(name: str) -> Array:
+        return np.vstack([getattr(table, name)[rows] for table, rows, _ in parts])
+
+    return Loop(
+        cycle=cycle,
+        load=join("load"),
+        displacement=join("load_displacement"),
+        load_sign=record.load_sign,
+        p=join("p"),
+        q=join("q"),
+        v=join("v"),
+        w=join("w"),
+        turning=np.concatenate([np.full(len(rows), turns) for _, rows, turns in parts]),
+    )
+
+
+def telling_nodes(record: Record) -> list[int]:
+    """Choose nodes whose paths differ, of the half x > 0 where half of the body was modelled.
+
+    Returns:
+        Up to ``MOST_NODES`` nodes in the order of x: of those that touch in the last sampled cycle
+        the one that dissipates most, the middle ones of those that open too and of those that
+        always stick, and others evenly between them.
+    """
+    rows = np.isin(record.samples.cycle, sampled_cycles(record)[-1:])
+    state = record.samples.state[rows]
+    force = record.samples.P[rows]
+    pressed = force > FELT * force.max(initial=0.0)
+    usable = np.any(pressed, axis=0) & (record.weight > 0.0)
+    if record.half and np.any(usable & (record.x > 0.0)):
+        usable &= record.x > 0.0
+    if not np.any(usable):
+        return []
+    chosen = set()
+    density = record.cycles.dissipation_density[-1:]
+    if np.any(density > 0.0):
+        chosen.add(int(np.argmax(np.where(usable, density[0], -1.0))))
+    for kind in (np.any(state == State.SEPARATION, axis=0), np.all(state == State.STICK, axis=0)):
+        nodes = np.flatnonzero(usable & kind)
+        chosen |= {int(nodes[len(nodes) // 2])} if len(nodes) else set()
+    between = np.flatnonzero(usable)
+    if len(chosen) > 1:
+        between = between[(between > min(chosen)) & (between < max(chosen))]
+    missing = min(MOST_NODES - len(chosen), len(between))
+    for part in (np.arange(missing) + 1.0) / (missing + 1.0):
+        chosen.add(int(between[round(part * (len(between) - 1))]))
+    return sorted(chosen, key=lambda i: float(record.x[i]))

@@ -1,0 +1,187 @@
+"""What the figures show, as arrays: legs, slip per cycle, nodes at the limit that do not slip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.evolution.record import Ints, Record
+from receding_fenicsx.interface.measures.steady import PowerLaw, fit_power_law
+from receding_fenicsx.interface.system import Array, State
+from receding_fenicsx.reference.ahn_barber import SLIP_CYCLES, SLIP_FLOOR, SLIP_NODES
+
+AT_LIMIT = 1e-6
+"""A node is at its friction limit when |Q| is within this part of f P."""
+NEGLIGIBLE_SLIP = 1e-4
+"""Range of v over a cycle, over the largest range of any node, that counts as no slip."""
+FEWEST_CYCLES = 5
+"""Cycles that a power law is fitted to at least."""
+MOST_LINES = 4
+"""Representative nodes of the slip figure."""
+
+
+@dataclass(frozen=True)
+class SlipLine:
+    """Slip per cycle of one node.
+
+    Attributes:
+        node: the node.
+        x: its position over the length scale.
+        N: cycles in which it slips by more than round-off.
+        slip: its absolute slip in them, over the slip scale.
+        fit: power law over the fitted cycles.
+        factor: value of the fit at N = 1.
+    """
+
+    node: int
+    x: float
+    N: Array
+    slip: Array
+    fit: PowerLaw
+    factor: float
+
+    def at(self, N: Array) -> Array:
+        """Values of the fit."""
+        return self.factor * N**self.fit.exponent
+
+
+@dataclass(frozen=True)
+class Still:
+    """Nodes that reach the friction limit within a cycle and do not slip.
+
+    Attributes:
+        stuck: (N,) all nodes whose slip over the cycle is negligible.
+        node, leg, s: (n,) node, and where it first reaches the limit; nodes increase.
+        strict: none of them slips at all; else some slip by less than ``NEGLIGIBLE_SLIP``.
+    """
+
+    stuck: NDArray[np.bool_]
+    node: Ints
+    leg: Ints
+    s: Array
+    strict: bool
+
+
+def leg_ends(record: Record, cycle: int, leg: int) -> tuple[Array, Array]:
+    """Load factors (n_loads,) at the start and the end of a leg."""
+    row = leg_row(record, cycle, leg)
+    end = record.turning_points.load[row]
+    return record.turning_points.load[row - 1] if row else np.zeros_like(end), end
+
+
+def leg_row(record: Record, cycle: int, leg: int) -> int:
+    """Row of the turning points at which a leg ends."""
+    table = record.turning_points
+    return int(np.flatnonzero((table.cycle == cycle) & (table.leg == leg))[0])
+
+
+def legs_of(record: Record, cycle: int) -> list[tuple[int, int]]:
+    """(cycle, leg) of a cycle's legs that the record holds samples of."""
+    table = record.samples
+    return [(cycle, int(leg)) for leg in np.unique(table.leg[table.cycle == cycle])]
+
+
+def is_unloading(record: Record, cycle: int, leg: int) -> bool:
+    """Whether the loads together fall along a leg."""
+    begin, end = leg_ends(record, cycle, leg)
+    return bool(np.abs(end).sum() < np.abs(begin).sum())
+
+
+def first_unloading(record: Record) -> tuple[int, int] | None:
+    """Cycle and leg of the first unloading; None when the load never falls."""
+    table = record.turning_points
+    for where in zip(table.cycle.tolist(), table.leg.tolist(), strict=True):
+        if is_unloading(record, *where):
+            return where
+    return None
+
+
+def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[SlipLine]:
+    """Slip per cycle at representative nodes, with fitted powers of N (the paper's Fig. 8).
+
+    Args:
+        record: the record.
+        length: length scale; nodes with 0.5 <= |x|/length <= 0.8 are representative where any of
+            them slips in every fitted cycle, otherwise all that do.
+        unit: what slip is divided by.
+
+    Returns:
+        Up to ``MOST_LINES`` nodes spread evenly; none when there are too few cycles.
+    """
+    cycles = fitted_cycles(record)
+    size = np.abs(record.cycles.slip_increment)
+    if len(cycles) < FEWEST_CYCLES or not size.any():
+        return []
+    seen = size > SLIP_FLOOR * size.max()
+    moving = np.all(seen[cycles - 1], axis=0)
+    distance = record.x / length
+    wanted = (
+        moving & (distance >= SLIP_NODES[0] - AT_LIMIT) & (distance <= SLIP_NODES[1] + AT_LIMIT)
+    )
+    nodes = np.flatnonzero(wanted if wanted.any() else moving)
+    if not len(nodes):
+        return []
+    chosen = nodes[np.unique(np.linspace(0, len(nodes) - 1, MOST_LINES).round().astype(int))]
+    lines = []
+    for i in chosen:
+        values = size[cycles - 1, i] / unit
+        fit = fit_power_law(cycles.astype(float), values)
+        factor = np.exp(np.mean(np.log(values) - fit.exponent * np.log(cycles)))
+        N = np.flatnonzero(seen[:, i]) + 1
+        slip = size[N - 1, i] / unit
+        lines.append(
+            SlipLine(int(i), float(distance[i]), N.astype(float), slip, fit, float(factor))
+        )
+    return lines
+
+
+def fitted_cycles(record: Record) -> Ints:
+    """Cycles that the powers of N are fitted to: the paper comparison's, or the later half."""
+    n = len(record.cycles.slip_increment)
+    first, last = SLIP_CYCLES
+    return np.arange(first, last + 1) if n >= last else np.arange(n // 2, n + 1)[n // 2 == 0 :]
+
+
+def limit_without_slip(record: Record, cycle: int) -> Still:
+    """Find the nodes that reach |Q| = f P within a sampled cycle and yet do not slip.
+
+    Nodes whose slip is a negligible part of the largest count as not slipping: the approach to the
+    steady state has no end.
+    """
+    table = record.samples
+    rows = np.flatnonzero(table.cycle == cycle)
+    before = np.flatnonzero(record.turning_points.cycle == cycle - 1)[-1:]
+    v = np.vstack([record.turning_points.v[before], table.v[rows]])
+    state = table.state[rows]
+    span = np.ptp(v, axis=0)
+    slips = np.any(np.isin(state, (State.FORWARD_SLIP, State.BACKWARD_SLIP)), axis=0)
+    opens = np.any(state == State.SEPARATION, axis=0)
+    stuck = ~opens & (span <= NEGLIGIBLE_SLIP * span.max(initial=0.0)) & (record.f > 0.0)
+    limit = record.f * table.P[rows]
+    at_limit = stuck & (limit > 0.0) & (np.abs(table.Q[rows]) >= (1.0 - AT_LIMIT) * limit)
+    reached = at_limit.any(axis=0)
+    if record.method == "events":
+        # a node may reach the limit between two samples and leave it at once
+        events = record.events
+        slip = np.isin(events.new, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
+        reached[events.node[(events.cycle == cycle) & slip]] = True
+    node = np.flatnonzero(reached & stuck)
+    row = rows[np.argmax(at_limit[:, node], axis=0)]
+    leg, s = table.leg[row], table.s[row].copy()
+    if record.method == "events":
+        for k, i in enumerate(node):
+            found = _first_slip(record, cycle, int(i))
+            if found is not None:
+                leg[k], s[k] = found
+    return Still(stuck, node, leg, s, not bool(np.any(slips[node])))
+
+
+def _first_slip(record: Record, cycle: int, node: int) -> tuple[int, float] | None:
+    """Leg and exact position at which a node begins to slip in a cycle."""
+    events = record.events
+    here = (events.cycle == cycle) & (events.node == node)
+    here &= np.isin(events.new, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
+    found = np.flatnonzero(here)
+    return (int(events.leg[found[0]]), float(events.s[found[0]])) if len(found) else None

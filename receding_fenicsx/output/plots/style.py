@@ -1,0 +1,155 @@
+"""The look of all pictures: one colour for each state, fonts, sizes.
+
+Nodes that move are in the two colours of the Okabe-Ito set that every kind of colour vision tells
+apart best, orange and blue; nodes that do not are in greys. Printed in grey, the four still differ.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterable
+from string import ascii_lowercase
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axis import Axis
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from receding_fenicsx.interface.measures.zones import TOUCHING
+from receding_fenicsx.interface.system import STATE_NAMES, Array, State
+
+STATE_COLOURS = {
+    State.STICK: "#c3cad3",
+    State.SEPARATION: "#f6f6f6",
+    State.FORWARD_SLIP: "#e69f00",
+    State.BACKWARD_SLIP: "#0072b2",
+}
+"""Fill colour of each state."""
+
+STATE_INKS = {
+    State.STICK: "#000000",
+    State.SEPARATION: "#000000",
+    State.FORWARD_SLIP: "#000000",
+    State.BACKWARD_SLIP: "#ffffff",
+}
+"""Colour of text on each state's fill."""
+
+STATE_LABELS = {state: f"{state.value}  {STATE_NAMES[state]}" for state in State}
+"""Number (section 2 of the paper) and name of each state."""
+
+PRESSURE_COLOUR = "#000000"
+SHEAR_COLOUR = "#d55e00"
+"""Vermilion of the Okabe-Ito set."""
+GUIDE_COLOUR = "#808080"
+"""Friction cone, published values, undeformed outlines."""
+INK_OF_GUIDES = "#505050"
+"""Text of less weight than the rest."""
+GUIDE: dict[str, Any] = {"color": GUIDE_COLOUR, "dashes": (3, 2), "lw": 0.8}
+"""A line that helps to read the others."""
+CONE: dict[str, Any] = {"fc": "#ececec", "ec": GUIDE_COLOUR, "ls": (0, (3, 2)), "lw": 0.7}
+"""What lies within the friction cone, |q| <= f p, and its boundary."""
+SERIES_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
+"""Colours of lines that stand for nothing in particular, one after the other."""
+
+COLUMN = 3.54
+"""Width in inches of one column of a journal page (90 mm)."""
+PAGE = 7.48
+"""Width in inches of a whole page (190 mm)."""
+DPI = 300
+"""Dots per inch of PNG files."""
+
+PEAKED = 10.0
+"""Per cent of the contact nodes whose tractions may be a corner's peak."""
+FAR_ABOVE = 2.5
+"""Times the largest of the other tractions up to which a peak is shown."""
+NOTEBOOK_DPI = 150
+"""Dots per inch in a notebook."""
+
+RC: dict[Any, Any] = {
+    "font.family": "STIXGeneral",
+    "mathtext.fontset": "stix",
+    "font.size": 9.0,
+    "axes.labelsize": 9.0,
+    "axes.titlesize": 9.0,
+    "axes.linewidth": 0.6,
+    "xtick.labelsize": 8.0,
+    "ytick.labelsize": 8.0,
+    "xtick.major.pad": 5.2,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "xtick.top": True,
+    "ytick.right": True,
+    "legend.fontsize": 8.0,
+    "legend.frameon": False,
+    "legend.handlelength": 1.6,
+    "lines.linewidth": 1.1,
+    "lines.markersize": 3.5,
+    "savefig.dpi": DPI,
+    "pdf.fonttype": 42,
+    "axes.unicode_minus": True,
+}
+"""Matplotlib's settings; the fonts come with Matplotlib, so a figure looks the same everywhere."""
+
+
+class PaperFigure(Figure):
+    """A figure that needs no window system and that a notebook shows by itself."""
+
+    def _repr_png_(self) -> bytes:
+        data = io.BytesIO()
+        with mpl.rc_context(RC):
+            self.savefig(data, format="png", dpi=NOTEBOOK_DPI)
+        return data.getvalue()
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """Return an empty figure of this size in inches."""
+    figure = PaperFigure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def ticks(axis: Axis, most: int = 5) -> None:
+    """Put at most this many round ticks on an axis."""
+    axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
+
+
+def focus(p: Array, others: Array) -> tuple[float, float]:
+    """Limits of an axis of tractions that a peak at a corner of the contact may run out of.
+
+    Args:
+        p: (n,) normal traction.
+        others: what else is drawn with it.
+
+    Returns:
+        The lowest and the highest value, unless few values are far above all the others.
+    """
+    touching = p[p > 0.0]
+    top = float(touching.max(initial=0.0))
+    usual = float(np.percentile(touching, 100.0 - PEAKED)) if len(touching) else 0.0
+    low = float(others.min(initial=0.0))
+    if top > FAR_ABOVE * usual > 0.0:
+        low, top = low * FAR_ABOVE * usual / top, FAR_ABOVE * usual
+    room = 0.06 * (top - low) or 1.0
+    return low - room, top + room
+
+
+def state_patches(states: Iterable[int], friction: bool = True) -> list[Patch]:
+    """Legend entries of the states that occur, in their order; nothing sticks without friction."""
+    labels = STATE_LABELS if friction else STATE_LABELS | {State.STICK: f"1  {TOUCHING}"}
+    return [
+        Patch(fc=STATE_COLOURS[State(s)], ec="black", lw=0.4, label=labels[State(s)])
+        for s in sorted({int(s) for s in states})
+    ]
+
+
+def panel_title(n: int, panels: int, text: str) -> str:
+    """Return a panel's title, lettered when there are several."""
+    return f"({ascii_lowercase[n]}) {text}" if panels > 1 else text

@@ -1,0 +1,126 @@
+"""Tractions, friction limit and states along the contact edge (the paper's Figs. 4 and 6)."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.moment import Moment
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.zones import zones
+from receding_fenicsx.interface.system import STATE_NAMES
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.units import Scales, describe_load, scales_of
+
+STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
+LONGEST_LABEL = 28
+"""Letters of the friction cone's label, as mathematics, with which three labels fit in a row."""
+NUMBERED = 0.03
+"""Part of the contact edge that a zone must cover to have its number in the band."""
+
+
+def tractions(
+    record: Record, moments: Moment | Sequence[Moment], scales: Scales | None = None
+) -> Figure:
+    """Draw tractions, the friction cone and the states along the contact edge (Figs. 4 and 6).
+
+    Args:
+        record: the record.
+        moments: instants of it, a panel each, such as ``record.at(9, "minimum")``.
+        scales: units; the record's own when left out.
+
+    Returns:
+        The figure.
+
+    Raises:
+        InputError: something else than instants was given.
+    """
+    scales = scales or scales_of(record)
+    moments = [moments] if isinstance(moments, Moment) else moments
+    if not isinstance(moments, Sequence) or {type(moment) for moment in moments} != {Moment}:
+        raise InputError(
+            "tractions: give an instant, as record.at() returns it, or a list of some, not "
+            f"{moments!r}"
+        )
+    panels = len(moments)
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels)
+        grid = figure.add_gridspec(2 * panels, 1, height_ratios=[0.09, 1.0] * panels)
+        axes: Axes | None = None
+        for n, moment in enumerate(moments):
+            band = figure.add_subplot(grid[2 * n], sharex=axes)
+            axes = figure.add_subplot(grid[2 * n + 1], sharex=band)
+            _draw_band(band, record, moment.state, scales)
+            text = describe_load(record, moment, scales)
+            band.set_title(style.panel_title(n, panels, text), pad=4.0)
+            _draw_curves(axes, record, moment, scales)
+            axes.tick_params(labelbottom=n == panels - 1)
+            if n == panels - 1:
+                axes.set_xlabel(scales.x_label)
+        p, q, cone = scales.traction_labels()
+        friction = bool(np.any(record.f > 0.0))
+        if friction:
+            curves = [
+                Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
+                Line2D([], [], color=style.SHEAR_COLOUR, label=q),
+                Patch(label=f"friction cone, {cone}", **style.CONE),
+            ]
+            # beside each other, unless what they are divided by has a long name
+            ncols = 3 if len(cone) < LONGEST_LABEL else 2
+            figure.legend(handles=curves, loc="outside upper center", ncols=ncols)
+        states = np.unique([moment.state for moment in moments])
+        patches = style.state_patches(states, friction)
+        figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
+    return figure
+
+
+def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scales) -> None:
+    """Draw the states as a band of colours with their numbers."""
+    x = record.x / scales.length
+    for name, a, b in zones(x, state, record.axisymmetric):
+        kind = STATE_OF_NAME[name]
+        axes.axvspan(a, b, fc=style.STATE_COLOURS[kind], ec="black", lw=0.4)
+        if b - a > NUMBERED * np.ptp(x):
+            axes.text(
+                0.5 * (a + b),
+                0.46,
+                str(int(kind)),
+                ha="center",
+                va="center",
+                fontsize=7.5,
+                color=style.STATE_INKS[kind],
+            )
+    axes.set_ylim(0.0, 1.0)
+    axes.tick_params(
+        left=False, right=False, bottom=False, top=False, labelleft=False, labelbottom=False
+    )
+
+
+def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> None:
+    """Draw p, q and the friction cone of the nodes that stand for a length of the edge."""
+    used = record.weight > 0.0
+    x = record.x[used] / scales.length
+    unit = scales.traction_unit(moment)
+    p, q = moment.p[used] / unit, moment.q[used] / unit
+    limit = record.f[used] * p
+    axes.axhline(0.0, color="black", lw=0.4)
+    for _, begin, _ in zones(record.x / scales.length, moment.state, record.axisymmetric)[1:]:
+        axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
+    labels = list(scales.traction_labels()[:1])
+    axes.plot(x, p, color=style.PRESSURE_COLOUR)
+    if np.any(record.f > 0.0):
+        labels = list(scales.traction_labels()[:2])
+        axes.fill_between(x, -limit, limit, **style.CONE)
+        axes.plot(x, q, color=style.SHEAR_COLOUR)
+    axes.set_xlim(*scales.ends(record.x))
+    axes.set_ylim(*style.focus(p, np.concatenate([q, limit, -limit])))
+    style.ticks(axes.yaxis, 7)
+    axes.set_ylabel(",  ".join(labels))

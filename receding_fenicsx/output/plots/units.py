@@ -1,0 +1,281 @@
+"""What the pictures' axes are divided by, and what is written on them."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+import numpy as np
+
+from receding_fenicsx.evolution.moment import Moment
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.mirror import SWAPPED
+from receding_fenicsx.interface.system import Array
+from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends
+from receding_fenicsx.reference.ahn_barber import is_papers_block
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import from_toml
+
+LONGEST_NAME = 10
+"""Letters of a load's name that labels have room for."""
+IN_MATHEMATICS = {
+    **{letter: f"\\{letter}" for letter in "_%${} "},
+    "\\": r"\backslash ",
+    "^": r"\wedge ",
+    "~": r"\sim ",
+    "#": r"\sharp ",
+    '"': "''",
+    "`": "'",
+}
+"""What stands in mathematics for letters of a name that Matplotlib would take for commands."""
+SYMMETRY_TOLERANCE = 1e-9
+"""Distance of a node from its mirror image, over the contact's length."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Units of a record's pictures.
+
+    Attributes:
+        length, length_symbol: what lengths are divided by; "h" for the height of a rectangle, or 1
+            and "".
+        pressure: traction of the only load at factor 1, in the scene's units; 1 when not known.
+        pressure_symbol: its symbol, "" when tractions are not divided by it.
+        load_max: (n_loads,) largest absolute factor of each load over the history, or 1.
+        young: Young's modulus; 0 when not known.
+        paper: the record is of the paper's block and history.
+        symmetric: every state is its own mirror image about x = 0.
+        axisymmetric: positions are radii.
+    """
+
+    length: float
+    length_symbol: str
+    pressure: float
+    pressure_symbol: str
+    load_max: Array
+    young: float
+    paper: bool
+    symmetric: bool
+    axisymmetric: bool = False
+
+    @property
+    def x_label(self) -> str:
+        """Label of the axis along the contact edge."""
+        return position_label(self.length_symbol, self.axisymmetric)
+
+    def ends(self, x: Array) -> tuple[float, float]:
+        """Range of positions x that figures show, over the length scale."""
+        first = 0.0 if self.axisymmetric and begins_on_axis(x) else float(x[0])
+        return first / self.length, float(x[-1]) / self.length
+
+    def traction_unit(self, moment: Moment) -> float:
+        """What tractions are divided by at an instant: the pressure then acting, or 1."""
+        if not self.pressure_symbol:
+            return 1.0
+        return abs(next(iter(moment.load.values()))) * self.pressure or 1.0
+
+    def peak_traction(self) -> tuple[float, str]:
+        """What tractions of many instants are divided by, and what is written behind a symbol."""
+        if not self.pressure_symbol:
+            return 1.0, ""
+        return self.pressure * float(self.load_max[0]), f"/{self._peak()}"
+
+    def traction_labels(self) -> tuple[str, str, str]:
+        """Labels of normal traction, tangential traction and friction limit."""
+        divided = f"/{self.pressure_symbol}" if self.pressure_symbol else ""
+        return f"$p{divided}$", f"$q{divided}$", rf"$\pm f p{divided}$"
+
+    def load_label(self, name: str) -> str:
+        """Label of a load over its largest value."""
+        symbol = load_symbol(name)
+        return f"{shown_name(name)} / largest" if is_word(name) else f"${symbol}/{peak(symbol)}$"
+
+    def normalised(self) -> bool:
+        """Whether displacements and energies can be given without units."""
+        return bool(self.length_symbol and self.pressure_symbol and self.young > 0.0)
+
+    def slip(self) -> tuple[float, str]:
+        """What a displacement is divided by, and what is written behind its symbol."""
+        if not self.normalised():
+            return 1.0, ""
+        p = self.pressure * float(self.load_max[0])
+        return p * self.length / self.young, rf"\,E/({self._peak()}\,{self.length_symbol})"
+
+    def load_displacement(self) -> tuple[float, str]:
+        """What a load's displacement is divided by, and what is written behind its symbol.
+
+        With a scale it becomes the displacement conjugate to the pressure, not to the factor: an
+        area per unit thickness, a volume of the full circle.
+        """
+        if not self.normalised():
+            return 1.0, ""
+        unit, _ = self.slip()
+        power = 3 if self.axisymmetric else 2
+        behind = rf"\,E/({self._peak()}\,{self.length_symbol}^{power})"
+        return self.pressure * self.length ** (power - 1) * unit, behind
+
+    def dissipation_density(self) -> tuple[float, str]:
+        """What an energy per contact area is divided by, and what is written behind its symbol."""
+        if not self.normalised():
+            return 1.0, ""
+        p = self.pressure * float(self.load_max[0])
+        peak = f"({self._peak()})^2"
+        return p * p * self.length / self.young, rf"\,E/({peak}\,{self.length_symbol})"
+
+    def _peak(self) -> str:
+        return peak(self.pressure_symbol)
+
+
+def scales_of(record: Record) -> Scales:
+    """Find the scales of a record: those of the paper where the scene has them."""
+    scene = from_toml(record.scene_toml) if record.scene_toml else None
+    length = length_of(scene)
+    pressure, symbol = pressure_of(scene, record.load_names)
+    largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)
+    return Scales(
+        length=length or 1.0,
+        length_symbol="h" if length else "",
+        pressure=pressure,
+        pressure_symbol=symbol,
+        load_max=np.where(largest > 0.0, largest, 1.0),
+        young=scene.material_of(scene.body).young if scene is not None else 0.0,
+        paper=scene is not None and is_papers_block(scene),
+        symmetric=_is_symmetric(record),
+        axisymmetric=record.axisymmetric,
+    )
+
+
+def position_label(length_symbol: str, axisymmetric: bool) -> str:
+    """Label of positions along the contact edge."""
+    symbol = "r" if axisymmetric else "x"
+    return f"${symbol}/{length_symbol}$" if length_symbol else f"${symbol}$"
+
+
+def length_of(scene: Scene | None) -> float:
+    """Height of a rectangular body; 0 when there is none."""
+    if scene is None or scene.body.mesh is not None or scene.body.shape != "rectangle":
+        return 0.0
+    return scene.body.height
+
+
+def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float, str]:
+    """Pressure of the only load at factor 1, and its symbol; 1 and "" when it is not known."""
+    if scene is None or len(load_names) != 1:
+        return 1.0, ""
+    value = scene.loads[0].pressure
+    # parts of one load on two bodies
+    if any(load.pressure != value for load in scene.loads):
+        return 1.0, ""
+    if not isinstance(value, float | int) or value <= 0.0:
+        return 1.0, ""
+    return float(value), load_symbol(load_names[0])
+
+
+def is_word(name: str) -> bool:
+    """Whether a load's name is no mathematical symbol."""
+    return load_symbol(name).startswith(r"\mathrm")
+
+
+def shown_name(name: str) -> str:
+    """A load's name as text that pictures have room for: the middle of a long one is left out."""
+    return _shortened(name).replace("$", r"\$")
+
+
+def _shortened(name: str) -> str:
+    return name if len(name) <= LONGEST_NAME else f"{name[:5]}…{name[-4:]}"
+
+
+def load_symbol(name: str) -> str:
+    """Write a load's name as mathematics: "p0" as a letter with an index, a word as a word."""
+    found = re.fullmatch(r"([A-Za-z])_?([A-Za-z0-9]*)", name)
+    if found and (len(found[2]) == 0 or found[2].isdigit()):
+        return found[1] + (f"_{{{found[2]}}}" if found[2] else "")
+    word = "".join(IN_MATHEMATICS.get(letter, letter) for letter in _shortened(name))
+    return rf"\mathrm{{{word}}}"
+
+
+def peak(symbol: str) -> str:
+    """Mathematics for the largest value of a load."""
+    return rf"{symbol}^{{\,\mathrm{{max}}}}"
+
+
+def describe_load(record: Record, moment: Moment, scales: Scales) -> str:
+    """Say at what load, in which cycle and on the way to where an instant stands."""
+    way = _way(record, moment.cycle, moment.leg)
+    factors = describe_factors(
+        record.load_names, np.array(list(moment.load.values())) / scales.load_max
+    )
+    return f"{way}, {factors}" if len(record.load_names) == 1 else f"{way}\n{factors}"
+
+
+def describe_factors(names: tuple[str, ...], parts: Array) -> str:
+    """Say which part of its largest value each load has."""
+    symbols = [load_symbol(name) for name in names]
+    return ", ".join(
+        f"{shown_name(name)} at ${part:z.3g}$ of its largest"
+        if is_word(name)
+        else f"${symbol} = {number(float(part))}{peak(symbol) if part else ''}$"
+        for name, symbol, part in zip(names, symbols, parts, strict=True)
+    )
+
+
+def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
+    """Say which leg of which cycle this is; with several loads also from where to where it goes."""
+    text = _way(record, cycle, leg)
+    if len(record.load_names) == 1:
+        return text
+    begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
+    names = [shown_name(n) if is_word(n) else f"${load_symbol(n)}$" for n in record.load_names]
+    moves = [
+        f"{name} ${a:z.3g}$ to ${b:z.3g}$"
+        for name, a, b in zip(names, begin, end, strict=True)
+        if a != b
+    ]
+    return f"{text}: " + ", ".join(moves)
+
+
+def _way(record: Record, cycle: int, leg: int) -> str:
+    table = record.turning_points
+    legs = len(np.unique(table.leg[table.cycle == cycle]))
+    plain = legs <= 2 and len(record.load_names) == 1
+    falls = is_unloading(record, cycle, leg)
+    first = falls and (cycle, leg) == first_unloading(record)
+    return name_leg(cycle, leg, falls, first, plain)
+
+
+def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str:
+    """Name a leg: "first loading", "unloading, cycle 9", "cycle 9, leg 3".
+
+    Args:
+        cycle: cycle, 0 for the first loading.
+        leg: leg within the cycle, from 0.
+        falls: the loads together fall along it.
+        first: it is the first that does.
+        plain: its cycle is one load's unloading and reloading.
+    """
+    if first:
+        return "first unloading"
+    if cycle == 0:
+        return f"first loading, leg {leg}" if leg else "first loading"
+    if not plain:
+        return f"cycle {cycle}, leg {leg}"
+    return f"{'unloading' if falls else 'reloading'}, cycle {cycle}"
+
+
+def number(value: float) -> str:
+    """A factor before a symbol: nothing for 1, a fraction for thirds, else three figures."""
+    if abs(value + 1.0) < SYMMETRY_TOLERANCE:
+        return "-"
+    for text, known in (("", 1.0), (r"\frac{1}{3}\,", 1.0 / 3.0), (r"\frac{2}{3}\,", 2.0 / 3.0)):
+        if abs(value - known) < SYMMETRY_TOLERANCE:
+            return text
+    return rf"{value:.3g}\," if value else "0"
+
+
+def _is_symmetric(record: Record) -> bool:
+    x = record.x
+    if not len(x) or np.abs(x + x[::-1]).max() > SYMMETRY_TOLERANCE * np.ptp(x):
+        return False
+    tables = (record.turning_points.state, record.samples.state)
+    return all(np.array_equal(SWAPPED[state][:, ::-1], state) for state in tables)

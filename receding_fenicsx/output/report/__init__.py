@@ -1,0 +1,1 @@
+"""Summary, tables and report of a run."""

@@ -1,0 +1,136 @@
+"""Half widths of contact and stick below node spacing, from a record."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.zone_ends import (
+    Tractions,
+    ZoneEnd,
+    contact_half_width_estimate,
+    dundurs_beta,
+    stick_half_width_estimate,
+    zone_ends,
+)
+from receding_fenicsx.interface.measures.zones import contact_half_width, stick_half_width
+from receding_fenicsx.scene.model import Material
+from receding_fenicsx.scene.toml_file import from_toml
+
+AGAINST_X = ("top", "left")
+"""Edges of a rectangle along which x runs against the tangential direction t = (n_y, -n_x)."""
+
+
+def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[str, Any]:
+    """Estimate the half widths at a turning point.
+
+    Args:
+        record: the record of one contact edge.
+        row: row of ``record.turning_points``.
+        betas: Dundurs' constants that may be right, as :func:`contact_betas` gives them. Of two
+            the interval holds what both lead to, and the value lies midway.
+
+    Returns:
+        ``contact_half_width_estimate`` and ``stick_half_width_estimate``, each with its value, an
+        interval around it, and whether it was fitted (else it is the nodes' bracket); None where
+        there is no half width.
+    """
+    found = [tractions(record, row, beta) for beta in betas or (None,)]
+    widths = {
+        "contact_half_width_estimate": [contact_half_width_estimate(at) for at in found],
+        "stick_half_width_estimate": [stick_half_width_estimate(at) for at in found],
+    }
+    bears = _bears(record, row)
+    return {
+        key: _shown(ends) if bears and np.isfinite(ends[0].value) else None
+        for key, ends in widths.items()
+    }
+
+
+def half_widths(record: Record, row: int) -> dict[str, float | None]:
+    """Return the half widths at a turning point, to within a node spacing; None without one.
+
+    A contact without any force has none: its zones are the limit of those under a load.
+    """
+    x, state = record.x, record.turning_points.state[row]
+    widths = {
+        "contact_half_width": contact_half_width(x, state, record.axisymmetric),
+        "stick_half_width": stick_half_width(x, state, record.f, record.axisymmetric),
+    }
+    bears = _bears(record, row)
+    return {key: width if bears and np.isfinite(width) else None for key, width in widths.items()}
+
+
+NO_FORCE = 1e-12
+"""Largest nodal force at an instant, over the largest of the record, that is none."""
+
+
+def _bears(record: Record, row: int) -> bool:
+    """Return whether the contact bears a force at a turning point."""
+    P = np.abs(record.turning_points.P)
+    return bool(P[row].max(initial=0.0) > NO_FORCE * P.max(initial=0.0))
+
+
+def estimated_ends(record: Record, row: int, betas: tuple[float, ...] = ()) -> list[dict[str, Any]]:
+    """Estimate each place where one zone ends and the next begins, from left to right.
+
+    Arguments and values are those of :func:`estimates`.
+    """
+    found = [zone_ends(tractions(record, row, beta)) for beta in betas or (None,)]
+    return [_shown(ends) for ends in zip(*found, strict=True)]
+
+
+def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
+    """What the ends of zones are fitted to, at a row of ``record.turning_points``."""
+    table = record.turning_points
+    return Tractions(
+        record.x,
+        record.weight,
+        table.P[row],
+        table.Q[row],
+        table.state[row],
+        record.f,
+        beta,
+        record.half,
+        record.axisymmetric,
+    )
+
+
+def contact_betas(record: Record) -> tuple[float, ...]:
+    """Dundurs' beta of a contact edge, with the sign that makes forward slip run towards x.
+
+    Both signs on a user's mesh of a body of revolution, where x is the radius on either side; none
+    where no scene tells the materials, and of several edges together.
+    """
+    numbers = set(record.edge.tolist())
+    if not record.scene_toml or len(numbers) != 1:
+        return ()
+    scene = from_toml(record.scene_toml)
+    contact = scene.contacts[numbers.pop()]
+    body, edge = scene.find_edge(contact.edge)
+    materials = [scene.material_of(body)]
+    if contact.against is not None:
+        materials.append(scene.material_of(scene.find_edge(contact.against)[0]))
+    beta = dundurs_beta(*map(_constants, materials))
+    if body.mesh is not None:
+        # x runs along t
+        return (beta, -beta) if scene.axisymmetric and beta != 0.0 else (beta,)
+    return (-beta,) if edge in AGAINST_X else (beta,)
+
+
+def _constants(material: Material) -> tuple[float, float, str]:
+    return material.young, material.poisson, material.kinematics
+
+
+def _shown(ends: Sequence[ZoneEnd]) -> dict[str, Any]:
+    return {
+        "value": sum(float(end.value) for end in ends) / len(ends),
+        "interval": [
+            min(float(end.low) for end in ends),
+            max(float(end.high) for end in ends),
+        ],
+        "fitted": all(end.fitted for end in ends),
+    }

@@ -1,0 +1,203 @@
+"""``summary.json``: a record's headline numbers, for people and for other programs."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.atomic import new_file
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
+from receding_fenicsx.interface.measures.steady import limit_of_decay
+from receding_fenicsx.interface.measures.zones import contact_zones
+from receding_fenicsx.output.plots.series import limit_without_slip
+from receding_fenicsx.output.report.half_widths import (
+    contact_betas,
+    estimated_ends,
+    estimates,
+    half_widths,
+)
+from receding_fenicsx.reference.ahn_barber import paper_table
+from receding_fenicsx.scene.cautions import warnings
+from receding_fenicsx.scene.toml_file import from_toml
+
+TREND_CYCLES = 8
+"""Cycles from which a trend of the dissipation is fitted."""
+
+FITTED_CYCLES = 20
+"""Cycles, besides the last one, at whose turning points the ends of zones are fitted: that takes
+longer than a cycle."""
+
+
+def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Make the summary of a record; lengths and tractions are in the scene's units.
+
+    Args:
+        record: the record.
+        extra: further keys, such as timings and versions; they win over the record's own.
+
+    Returns:
+        What ``summary.json`` holds: numbers, strings, lists and dictionaries.
+    """
+    scene = from_toml(record.scene_toml) if record.scene_toml else None
+    steady = record.steady
+    return {
+        "title": scene.title if scene else "",
+        "method": record.method,
+        "nodes": len(record.x),
+        "dofs": 2 * len(record.x),
+        "modelled_nodes": record.modelled_nodes,
+        "modelled_dofs": record.modelled_dofs,
+        "symmetry": _symmetry(record),
+        "turning_points": _turning_points(record),
+        "dissipation_first_loading": float(record.dissipation_first_loading),
+        "dissipation_per_cycle": record.cycles.dissipation.tolist(),
+        "slip_per_cycle_max": slip_per_cycle_max(record),
+        "steady": {
+            "reached": bool(steady.reached),
+            "cycle": int(steady.cycle),
+            "kind": steady.kind,
+            "period": int(steady.period),
+            **_trend(record),
+        },
+        "limit_without_slip": _limit_ranges(record),
+        "residual_max": float(record.residual_max),
+        "energy_error_max": float(record.energy_error_max),
+        "events": int(record.n_events),
+        "jumps": {"count": int(record.jumps), "energy_released": float(record.released)},
+        "sweeps": int(record.sweeps),
+        "paper": paper_table(record),
+        "warnings": warnings(scene) if scene else [],
+        **(extra or {}),
+    }
+
+
+def _turning_points(record: Record) -> list[dict[str, Any]]:
+    """Turning points in their order; with several contact edges one row for each, with its name."""
+    edges = record.by_edge()
+    rows = range(len(record.turning_points.s))
+    if len(edges) == 1:
+        betas = contact_betas(record)
+        return [_turning_point(record, i, betas) for i in rows]
+    parts = [(name, part, contact_betas(part)) for name, part in edges.items()]
+    return [
+        {"edge": name, **_turning_point(part, i, betas)}
+        for i in rows
+        for name, part, betas in parts
+    ]
+
+
+def _symmetry(record: Record) -> str:
+    """What spared part of the body: a mirror, an axis of revolution, or nothing."""
+    if record.axisymmetric:
+        return "axisymmetric"
+    return "mirror" if record.half else "none"
+
+
+def _trend(record: Record) -> dict[str, Any]:
+    """How the dissipation goes on, and where to, when no steady state was reached."""
+    D = record.cycles.dissipation
+    if record.steady.reached or len(D) < TREND_CYCLES:
+        return {}
+    law, value, limit = limit_of_decay(D)
+    return {"trend": law, "trend_value": value, "dissipation_limit": limit}
+
+
+def _limit_ranges(record: Record) -> list[list[Any]]:
+    """Ranges of x whose nodes reach the friction limit in the last cycle without slipping.
+
+    With several contact edges each range has the name of its edge behind it.
+    """
+    last = len(record.cycles.dissipation)
+    if not last or not np.any(record.samples.cycle == last):
+        return []
+    edges = record.by_edge()
+    ranges: list[list[Any]] = []
+    for name, part in edges.items():
+        nodes = limit_without_slip(part, last).node
+        groups = np.split(nodes, np.flatnonzero(np.diff(nodes) > 1) + 1) if len(nodes) else []
+        behind = [name] if len(edges) > 1 else []
+        ranges += [[float(part.x[g[0]]), float(part.x[g[-1]]), *behind] for g in groups]
+    return ranges
+
+
+def slip_per_cycle_max(record: Record) -> list[float]:
+    """Largest slip over each cycle of a node that touches at its start and at its end."""
+    return np.abs(record.cycles.slip_increment).max(axis=1, initial=0.0).tolist()
+
+
+def write_summary(path: Path, summary: Mapping[str, Any], overwrite: bool = False) -> None:
+    """Write a summary as JSON; values that are not finite become null."""
+    with new_file(path, overwrite) as beside:
+        text = json.dumps(_finite(summary), indent=2, ensure_ascii=False, allow_nan=False)
+        beside.write_text(text + "\n", encoding="utf-8")
+
+
+def read_summary(path: Path) -> dict[str, Any]:
+    """Read a summary.
+
+    Raises:
+        InputError: there is no such file, or it is not a summary.
+    """
+    try:
+        summary = json.loads(Path(path).read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file; give the folder of a finished run") from None
+    except (OSError, ValueError):
+        raise InputError(f"{path}: is damaged or no JSON file; run the scene again") from None
+    needed = {"title", "steady", "turning_points", "dissipation_per_cycle"}
+    if not isinstance(summary, dict) or not needed <= summary.keys():
+        raise InputError(f"{path}: is no summary of a run; run the scene again")
+    return summary
+
+
+def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
+    table = record.turning_points
+    x, state = record.x, table.state[i]
+    found = contact_zones(x, state, record.f, record.axisymmetric)
+    return {
+        "cycle": int(table.cycle[i]),
+        "leg": int(table.leg[i]),
+        "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
+        "zones": [list(zone) for zone in found],
+        **({"p_axis": float(on_axis(x, table.p[i]))} if _has_axis(record) else {}),
+        **half_widths(record, i),
+        "p_max": float(table.p[i].max()),
+        "q_min": float(table.q[i].min()),
+        "q_max": float(table.q[i].max()),
+        **(_below_spacing(record, i, betas) if _is_fitted(record, i) else {}),
+    }
+
+
+def _has_axis(record: Record) -> bool:
+    """Return whether a contact edge of a body of revolution begins on the axis."""
+    return record.axisymmetric and begins_on_axis(record.x)
+
+
+def _is_fitted(record: Record, i: int) -> bool:
+    """Return whether the ends of zones are fitted at a turning point."""
+    cycle = record.turning_points.cycle
+    return bool(cycle[i] <= FITTED_CYCLES or cycle[i] == cycle[-1])
+
+
+def _below_spacing(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
+    return {**estimates(record, i, betas), "zone_ends": estimated_ends(record, i, betas)}
+
+
+def _finite(value: Any) -> Any:
+    """The value with every number that JSON cannot hold replaced by None."""
+    if isinstance(value, Mapping):
+        return {str(key): _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value

@@ -1,0 +1,1 @@
+"""PyVista pictures, films and ParaView fields of the whole body."""

@@ -1,0 +1,80 @@
+"""XDMF files that open in ParaView as one body with all its fields, and as a series in time.
+
+DOLFINx writes every field as a grid of its own, which ParaView shows as so many blocks. Here the
+fields of an instant are put into one grid, and the instants of a folder into one temporal
+collection, ``instants.xdmf``, which holds no numbers of its own. Time counts cycles: 1 is the start
+of cycle 1, 1.5 the end of the first of two legs.
+"""
+
+from __future__ import annotations
+
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+from receding_fenicsx.atomic import new_file
+
+INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+(_.+)?\.xdmf")
+"""Names of the files of instants; of two bodies each has its own, the body's name at the end."""
+
+
+def time_of(cycle: int, leg: int, s: float, legs: int) -> float:
+    """Return the time of an instant, counted in cycles.
+
+    Args:
+        cycle: its cycle; 0 is the path from rest.
+        leg: its leg in the cycle.
+        s: its place on the leg, in [0, 1].
+        legs: number of legs of the cycle.
+    """
+    return cycle + (leg + s) / legs
+
+
+def join_fields(file: Path, time: float) -> None:
+    """Put the fields that DOLFINx has written into one grid.
+
+    Args:
+        file: the XDMF file, replaced.
+        time: time of the instant.
+    """
+    domain = ET.parse(file).getroot().find("Domain")
+    assert domain is not None
+    mesh = domain.find("Grid")
+    assert mesh is not None
+    grid = ET.Element("Grid", Name=file.stem, GridType="Uniform")
+    grid.extend([part for part in mesh if part.tag in ("Topology", "Geometry")])
+    ET.SubElement(grid, "Time", Value=repr(time))
+    grid.extend(domain.iter("Attribute"))
+    _write(file, grid)
+
+
+def join_instants(folder: Path) -> list[Path]:
+    """Write the series of a folder's instants, one for each body; return the files."""
+    series: dict[str, list[ET.Element]] = {}
+    for file in folder.glob("*.xdmf"):
+        name = INSTANT.fullmatch(file.name)
+        grid = ET.parse(file).getroot().find("Domain/Grid") if name else None
+        if name is not None and grid is not None and grid.find("Time") is not None:
+            series.setdefault(name[1] or "", []).append(grid)
+    made = []
+    for body, grids in series.items():
+        whole = ET.Element("Grid", Name=f"instants{body}", GridType="Collection")
+        whole.set("CollectionType", "Temporal")
+        whole.extend(sorted(grids, key=_time))
+        made.append(folder / f"instants{body}.xdmf")
+        _write(made[-1], whole)
+    return made
+
+
+def _time(grid: ET.Element) -> float:
+    time = grid.find("Time")
+    assert time is not None
+    return float(time.attrib["Value"])
+
+
+def _write(file: Path, grid: ET.Element) -> None:
+    root = ET.Element("Xdmf", Version="3.0")
+    ET.SubElement(root, "Domain").append(grid)
+    ET.indent(root)
+    with new_file(file, overwrite=True) as beside:
+        ET.ElementTree(root).write(beside, encoding="utf-8", xml_declaration=True)

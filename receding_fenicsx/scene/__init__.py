@@ -1,0 +1,1 @@
+"""Scenes: their dataclasses, TOML files, validation, load histories and symmetry."""

@@ -1,0 +1,95 @@
+"""Whether a scene is its own mirror image about x = 0, so that half of it will do."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.scene.model import FREE, Scene, Support, edge_points, edge_range, evaluate
+from receding_fenicsx.scene.validate import contact_samples, is_horizontal, load_samples
+
+Array = NDArray[np.float64]
+
+SYMMETRY_TOLERANCE = 1e-12
+"""Largest difference of mirrored values, over the largest value, that still counts as symmetric."""
+
+
+def is_mirror_symmetric(scene: Scene) -> bool:
+    """Say whether the whole scene is its own mirror image about x = 0, so that half of it will do.
+
+    Pressures, friction and gap must be even in x, the x-component of tractions and the initial slip
+    odd, the y-component even; every support needs its image. Expressions are compared at sample
+    points.
+
+    Args:
+        scene: a valid scene.
+
+    Returns:
+        True when mesh, supports, contact, every load by itself and the initial slip are symmetric.
+    """
+    if any(body.mesh is not None or body.position[0] != 0.0 for body in scene.bodies):
+        return False
+    for contact in scene.contacts:
+        if not is_horizontal(scene, contact.edge) or not _span_is_even(
+            scene, contact.edge, contact.span
+        ):
+            return False
+        x = contact_samples(scene, contact)
+        if not all(_is_even(evaluate(p, x)) for p in (contact.friction, contact.initial_gap)):
+            return False
+        slip = scene.history.initial_slip
+        if slip is not None and not _is_even(evaluate(slip, x), sign=-1.0):
+            return False
+    for load in scene.loads:
+        if not is_horizontal(scene, load.edge) or not _span_is_even(scene, load.edge, load.span):
+            return False
+        x, y = edge_points(scene, load.edge, load_samples(scene, load))
+        if load.pressure is not None and not _is_even(evaluate(load.pressure, x, y)):
+            return False
+        if load.traction is not None:
+            tx, ty = (evaluate(part, x, y) for part in load.traction)
+            scale = max(np.abs(tx).max(), np.abs(ty).max())
+            if not (_is_even(tx, -1.0, scale) and _is_even(ty, 1.0, scale)):
+                return False
+        if load.force is not None and load.force[0] != 0.0:
+            return False
+        if load.displacement is not None:
+            given = zip((-1.0, 1.0), load.displacement, strict=True)
+            parts = [(sign, evaluate(part, x, y)) for sign, part in given if part != FREE]
+            scale = max(np.abs(values).max() for _, values in parts)
+            if not all(_is_even(values, sign, scale) for sign, values in parts):
+                return False
+    return Counter(_support_key(scene, s) for s in scene.supports) == Counter(
+        _support_key(scene, s, mirrored=True) for s in scene.supports
+    )
+
+
+def is_half_meshed(scene: Scene) -> bool:
+    """Whether only x >= 0 is meshed: an axisymmetric body, or half of a mirror-symmetric scene."""
+    if scene.axisymmetric:
+        return True
+    return scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
+
+
+def _is_even(values: Array, sign: float = 1.0, scale: float | None = None) -> bool:
+    """Whether values at points symmetric about 0 are even (sign 1) or odd (sign -1)."""
+    scale = float(np.abs(values).max()) if scale is None else scale
+    return bool(np.all(np.abs(values - sign * values[::-1]) <= SYMMETRY_TOLERANCE * scale))
+
+
+def _span_is_even(scene: Scene, edge: str, span: tuple[float, float] | None) -> bool:
+    low, high = edge_range(scene, edge)
+    return span is None or abs(span[0] + span[1]) <= SYMMETRY_TOLERANCE * (high - low)
+
+
+def _support_key(scene: Scene, support: Support, mirrored: bool = False) -> tuple[object, ...]:
+    swap = {"left": "right", "right": "left"} if mirrored else {}
+    body, edge, point = support.body, "", support.point
+    if support.edge is not None:
+        held, edge = scene.find_edge(support.edge)
+        body, edge = held.name, swap.get(edge, edge)
+    if mirrored and isinstance(point, tuple):
+        point = (0.0 - point[0], point[1])
+    return body, edge, point, "".join(sorted(support.fix))

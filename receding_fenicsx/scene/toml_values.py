@@ -1,0 +1,145 @@
+"""Readers of single TOML values: each returns the value or says what is wrong with it."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.model import Profile, nearest
+
+
+def unknown_name(name: str, known: list[str], where: str, what: str) -> NoReturn:
+    """Raise InputError for a name that is not known, with the nearest known one."""
+    close = nearest(name, known)
+    rest = f"known are {', '.join(known)}" if known else f"the scene has no {what}"
+    hint = f"did you mean '{close}'?" if close else rest
+    raise InputError(f"{where}: unknown {what} '{name}'; {hint}")
+
+
+def _shown(value: object) -> str:
+    """A value as it stands in the file, cut short."""
+    text = json.dumps(value) if isinstance(value, bool | str) else str(value)
+    return text if len(text) <= 60 else text[:57] + "..."
+
+
+def read_string(value: object, where: str) -> str:
+    """Return the value if it is a string."""
+    if not isinstance(value, str):
+        raise InputError(f"{where}: must be a string in quotes, not {_shown(value)}")
+    if "\0" in value:
+        raise InputError(f"{where}: {_shown(value)} holds a NUL character; leave it out")
+    return value
+
+
+def _number(value: object, where: str) -> float:
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{where}: must be a number, not {_shown(value)}")
+    try:
+        number = float(value)
+    except OverflowError:
+        number = math.inf
+    if not math.isfinite(number):
+        raise InputError(f"{where}: must be a finite number, not {_shown(value)}")
+    return number
+
+
+def _whole(value: object, where: str) -> int:
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise InputError(f"{where}: must be a whole number, not {_shown(value)}")
+    return value
+
+
+def _truth(value: object, where: str) -> bool:
+    if not isinstance(value, bool):
+        raise InputError(f"{where}: must be true or false, not {_shown(value)}")
+    return value
+
+
+def _list(value: object, where: str) -> list[Any]:
+    if not isinstance(value, list):
+        raise InputError(f"{where}: must be a list in brackets, not {_shown(value)}")
+    return value
+
+
+def _numbers(value: object, where: str) -> tuple[float, ...]:
+    return tuple(_number(item, where) for item in _list(value, where))
+
+
+def _pair(value: object, where: str) -> tuple[float, float]:
+    numbers = _numbers(value, where)
+    if len(numbers) != 2:
+        raise InputError(f"{where}: must be two numbers [a, b], not {_shown(value)}")
+    return numbers[0], numbers[1]
+
+
+def _point(value: object, where: str) -> tuple[float, float] | str:
+    return value if isinstance(value, str) else _pair(value, where)
+
+
+def _rows(value: object, where: str) -> tuple[tuple[float, ...], ...]:
+    return tuple(_numbers(row, f"{where} row {i + 1}") for i, row in enumerate(_list(value, where)))
+
+
+def _names(value: object, where: str) -> tuple[str, ...]:
+    return tuple(read_string(item, where) for item in _list(value, where))
+
+
+def _profile(value: object, where: str) -> Profile:
+    if isinstance(value, str):
+        return value
+    if not isinstance(value, dict):
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            raise InputError(
+                f"{where}: must be a number, an expression in quotes or a table "
+                f"{{x = [...], value = [...]}}, not {_shown(value)}"
+            )
+        return _number(value, where)
+    for key in value:
+        if key not in ("x", "value"):
+            unknown_name(key, ["x", "value"], where, "key")
+    if set(value) != {"x", "value"}:
+        raise InputError(f"{where}: a table needs both lists, {{x = [...], value = [...]}}")
+    return {key: list(_numbers(value[key], f"{where}.{key}")) for key in ("x", "value")}
+
+
+def _parameters(value: object, where: str) -> dict[str, float]:
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: must be a table {{name = number}}, not {_shown(value)}")
+    return {name: _number(item, f"{where}.{name}") for name, item in value.items()}
+
+
+def _traction(value: object, where: str) -> tuple[Profile, Profile]:
+    if not isinstance(value, list) or len(value) != 2:
+        raise InputError(f"{where}: must be a pair [x, y] in global axes, not {_shown(value)}")
+    return _profile(value[0], f"{where}[0]"), _profile(value[1], f"{where}[1]")
+
+
+def _kept_cycles(value: object, where: str) -> tuple[int, ...] | str:
+    if value == "all":
+        return "all"
+    if not isinstance(value, list):
+        raise InputError(f'{where}: must be "all" or a list of cycles, not {_shown(value)}')
+    return tuple(_whole(item, where) for item in value)
+
+
+BY_TYPE: dict[str, Callable[[object, str], Any]] = {
+    "str": read_string,
+    "str | None": read_string,
+    "float": _number,
+    "int": _whole,
+    "bool": _truth,
+    "Profile": _profile,
+    "Profile | None": _profile,
+    "tuple[float, float]": _pair,
+    "tuple[float, float] | None": _pair,
+    "tuple[float, float] | str | None": _point,
+    "dict[str, float]": _parameters,
+    "tuple[Profile, Profile] | None": _traction,
+    "tuple[str, ...]": _names,
+    "tuple[tuple[float, ...], ...]": _rows,
+    "tuple[int, ...] | str | None": _kept_cycles,
+}
+"""The reader of each type of field."""

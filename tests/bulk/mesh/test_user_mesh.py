@@ -1,0 +1,377 @@
+"""Meshes of the user's own: read, turned, refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import CELLS, block, built
+from msh import Array, Ints, rectangle, turned, write_msh
+
+from receding_fenicsx import study
+from receding_fenicsx.bulk.from_scene import condensed
+from receding_fenicsx.bulk.mesh.meshing import make_mesh
+from receding_fenicsx.cli import main
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.storage.hdf5 import write_system
+from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, Support
+from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.timing import Timer
+
+comm = MPI.COMM_WORLD
+
+
+def system_of(scene: Scene) -> ContactSystem | None:
+    return condensed(scene, comm, Timer())[0]
+
+
+def file_of(
+    scene: Scene,
+    path: Path,
+    change: Callable[[Array], Array] = lambda points: points,
+    spots: dict[str, tuple[float, float]] | None = None,
+) -> Scene:
+    """The scene with the mesh of its rectangle, changed, as the user's file."""
+
+    def write() -> None:
+        mesh = rectangle(scene)
+        near = {
+            name: np.array([np.argmin(np.hypot(*(mesh.points - place).T))])
+            for name, place in (spots or {}).items()
+        }
+        write_msh(path, change(mesh.points), [mesh.cells], mesh.edges, near)
+
+    on_root(comm, write)
+    comm.barrier()
+    return replace(scene, body=Body(mesh=str(path)))
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 135.0])
+def test_turned_body_has_the_same_condensed_system(
+    cell: str, degree: int, degrees: float, shared_tmp_path: Path
+) -> None:
+    loads = (
+        Load("p0", "top", (-1.0, 1.0), pressure=1.0),
+        Load("side", "right", pressure={"x": [-0.5, 0.5], "value": [0.0, 1.0]}),
+    )
+    table = {"x": [-1.5, 0.0, 1.0], "value": [0.01, 0.0, 0.02]}
+    foot = Contact(span=(-1.5, 1.0), friction="0.3 + 0.1*x", initial_gap=table)
+    scene = block(cell, degree, loads=loads, contacts=(foot,))
+    mesh = shared_tmp_path / "block.msh"
+    user = file_of(scene, mesh, lambda points: turned(points, degrees, (0.3, -0.7)))
+    expected, found = system_of(scene), system_of(user)
+    if expected is None or found is None:
+        return
+    scale = np.abs(expected.K).max()
+    for name in ("x", "f", "g0"):
+        assert np.abs(getattr(found, name) - getattr(expected, name)).max() < 1e-12
+    assert np.ptp(found.f) == pytest.approx(0.25) and found.g0.max() == pytest.approx(0.02)
+    assert np.abs(found.K - expected.K).max() < 1e-12 * scale
+    assert np.abs(found.r_star - expected.r_star).max() < 1e-12
+    assert found.weight == pytest.approx(expected.weight, rel=1e-12)
+    assert found.load_compliance == pytest.approx(expected.load_compliance, rel=1e-10)
+    # a rigid motion of one is a combination of rigid motions of the other
+    left = np.linalg.lstsq(expected.rigid, found.rigid, rcond=None)[1]
+    assert found.rigid.shape == (2 * found.n, 3) and np.all(left < 1e-20)
+
+
+def test_positions_run_with_the_body_on_the_left(shared_tmp_path: Path) -> None:
+    scene = block(load=Load("p0", "right", pressure=1.0), contacts=(Contact("top", (-2.0, 1.0)),))
+    user = file_of(scene, shared_tmp_path / "block.msh")
+    upright, found = system_of(scene), system_of(user)
+    if upright is not None and found is not None:
+        assert upright.points[[0, -1], 0].tolist() == [-2.0, 1.0]
+        assert found.points[[0, -1], 0].tolist() == [2.0, -1.0]
+        assert found.x[[0, -1]].tolist() == [-2.0, 1.0]
+
+
+def test_supports_on_named_points_hold_them(shared_tmp_path: Path) -> None:
+    scene = block(supports=(Support("xy", point=(0.0, 1.0)), Support("x", point=(-2.0, 0.0))))
+    spots = {"pin": (0.0, 1.0), "corner": (-2.0, 0.0)}
+    user = file_of(scene, shared_tmp_path / "block.msh", spots=spots)
+    named = (Support("xy", point="pin"), Support("x", point="corner"))
+    expected, found = system_of(scene), system_of(replace(user, supports=named))
+    if expected is not None and found is not None:
+        assert np.array_equal(found.held, expected.held) and found.held.sum() == 1
+        assert np.abs(found.K - expected.K).max() < 1e-12 * np.abs(expected.K).max()
+        assert found.rigid.shape[1] == 0
+    with pytest.raises(InputError, match=r"no group of points 'pni'; did you mean 'pin'\?"):
+        built(replace(user, supports=(Support("x", point="pni"),)))
+
+
+GEO = """
+DefineConstant[ width = {4, Name "width"}, height = 1, contact_elements = 8 ];
+Point(1) = {-width/2, 0, 0}; Point(2) = {width/2, 0, 0};
+Point(3) = {width/2, height, 0}; Point(4) = {-width/2, height, 0};
+For i In {1 : 4}
+  Line(i) = {i, i % 4 + 1};
+EndFor
+Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1};
+Transfinite Curve{1, 3} = contact_elements + 1; Transfinite Curve{2, 4} = 5;
+Transfinite Surface{1};
+Physical Curve("foot") = {1}; Physical Curve("head") = {3}; Physical Curve(7) = {2};
+"""
+LINES = """
+Point(1) = {0, 0, 0}; Point(2) = {2, 0, 0}; Point(3) = {1, 0, 0};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 1};
+Curve Loop(1) = {1 : 3}; Plane Surface(1) = {1}; Physical Curve("foot") = {1};
+"""
+
+
+def write_text(path: Path, text: str) -> str:
+    on_root(comm, lambda: path.write_text(text))
+    comm.barrier()
+    return str(path)
+
+
+def geo_scene(path: Path, text: str = GEO, **body: object) -> Scene:
+    """A scene on a .geo file, with a third of the elements of the default."""
+    scene = block(
+        elements=24, contacts=(Contact(edge="foot"),), load=Load("p", "head", pressure=1.0)
+    )
+    return replace(scene, body=Body(mesh=write_text(path, text), **body))  # type: ignore[arg-type]
+
+
+def test_geo_file_gets_the_scenes_numbers_and_the_bodys_parameters(shared_tmp_path: Path) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo", parameters={"width": 6.0})
+    system = system_of(scene)
+    if system is not None:
+        assert system.n == 25
+        assert system.x[[0, -1]] == pytest.approx([-3.0, 3.0], rel=1e-14)
+        # the pressure on the head is carried by the foot when it moves down as a whole
+        down = np.concatenate([np.zeros(system.n), np.ones(system.n)])
+        assert system.r_star[0] @ down == pytest.approx(6.0, rel=1e-12)
+
+
+def test_scaling_factor_of_a_geo_file_counts(shared_tmp_path: Path) -> None:
+    system = system_of(geo_scene(shared_tmp_path / "my.geo", GEO + "Mesh.ScalingFactor = 0.5;"))
+    if system is not None:
+        assert system.x[[0, -1]] == pytest.approx([-1.0, 1.0], rel=1e-14)
+
+
+def test_groups_without_a_name_are_known_by_their_number(shared_tmp_path: Path) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo")
+    body = make_mesh(comm, replace(scene, supports=(Support("x", edge="7"),)), False)
+    assert set(body.groups) == {"foot", "head", "7"}
+
+
+def test_unequally_spaced_nodes_keep_their_places(shared_tmp_path: Path) -> None:
+    text = GEO.replace(
+        "Transfinite Curve{1, 3} = contact_elements + 1;",
+        (
+            "Transfinite Curve{1} = contact_elements + 1 Using Progression 1.1;"
+            "Transfinite Curve{3} = contact_elements + 1 Using Progression 1/1.1;"
+        ),
+    )
+    system = system_of(geo_scene(shared_tmp_path / "my.geo", text))
+    if system is not None:
+        assert np.diff(system.x)[1:] / np.diff(system.x)[:-1] == pytest.approx(1.1, rel=1e-6)
+        assert system.weight.sum() == pytest.approx(4.0, rel=1e-14)
+        assert system.weight[0] == pytest.approx(0.5 * np.diff(system.x)[0], rel=1e-12)
+
+
+POINTS = np.array([[0.0, 0.0], [1.0, 0.0], [2.0, 0.0], [0.0, 1.0], [1.0, 1.0], [2.0, 1.0]])
+SQUARES = np.array([[0, 1, 4, 3], [1, 2, 5, 4]])
+TRIANGLES = np.array([[0, 1, 4], [0, 4, 3], [1, 2, 5], [1, 5, 4]])
+EDGES = {"foot": np.array([[0, 1], [1, 2]]), "head": np.array([[3, 4], [4, 5]])}
+
+
+def refused(scene: Scene) -> str:
+    """The one line with which a mesh is refused, on all ranks."""
+    with pytest.raises(InputError) as caught:
+        make_mesh(comm, scene, False)
+    texts = set(comm.allgather(str(caught.value)))
+    assert len(texts) == 1 and "\n" not in str(caught.value)
+    return str(caught.value)
+
+
+def two_cells(
+    path: Path,
+    points: Array = POINTS,
+    cells: list[Ints] | None = None,
+    edges: dict[str, Ints] | None = None,
+    supports: tuple[Support, ...] = (),
+) -> Scene:
+    on_root(comm, lambda: write_msh(path, points, cells or [SQUARES], edges or EDGES))
+    comm.barrier()
+    scene = block(contacts=(Contact(edge="foot"),), load=Load("p", "head", pressure=1.0))
+    return replace(scene, supports=supports, body=Body(mesh=str(path)))
+
+
+def test_mesh_that_cannot_serve_is_refused_by_name(shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "my.msh"
+    bent = POINTS + np.array([[0.0, 0.0], [0.0, -0.1], *4 * [[0.0, 0.0]]])
+    folded = POINTS[[1, 0, 2, 3, 4, 5]]
+    apart = np.vstack([POINTS, POINTS[[0, 1, 3]] + 5.0])
+    solid = np.column_stack([POINTS, [0.0, 0.0, 0.0, 1.0, 1.0, 1.0]])
+    inside = {**EDGES, "head": np.array([[1, 4]])}
+    corner = {**EDGES, "foot": np.array([[0, 1], [1, 2], [2, 5]])}
+    shared = {**EDGES, "head": np.array([[3, 4], [1, 2]])}
+    nowhere, film = POINTS.copy(), POINTS * [1.0, 1e-9]
+    nowhere[4] = np.nan, 1.0
+    cases: list[tuple[dict, str]] = [
+        ({"edges": {"foot": EDGES["foot"], "haed": EDGES["head"]}}, "'head'; did you mean 'haed'?"),
+        ({"edges": {"head": EDGES["head"]}}, "[contact] edge: the mesh has no group of curves"),
+        ({"points": bent}, "'foot' is not straight, it strays 0.1"),
+        ({"edges": corner}, "'foot' is not straight"),
+        ({"edges": inside}, "load 'p' edge: the group 'head' lies inside the body at (1, 0.5)"),
+        ({"edges": shared}, "the groups 'foot' and 'head' overlap in 1 facets, one at (1.5, 0)"),
+        ({"cells": [SQUARES[:1], TRIANGLES[2:]]}, "mixes triangles and quadrilaterals"),
+        ({"points": folded}, "flat or folded"),
+        ({"points": apart, "cells": [TRIANGLES, np.array([[6, 7, 8]])]}, "falls into 2 parts"),
+        (
+            {
+                "points": np.vstack([POINTS, POINTS[5] + [[1, 0], [1, 1], [0, 1]]]),
+                "cells": [np.vstack([SQUARES, [5, 6, 7, 8]])],
+            },
+            "2 parts that meet in single nodes only, one at (2, 1)",
+        ),
+        ({"points": nowhere}, "node 5 is at [nan, 1.0, 0.0], which is no place"),
+        ({"points": POINTS * 1e200}, "which is no place"),
+        ({"points": film}, "2 of its cells are flat"),
+        ({"points": solid}, "not plane"),
+        ({"cells": [np.empty((0, 3), dtype=int)]}, "has no cells"),
+        ({"supports": (Support("x", edge="foot"),)}, "lies on the contact edge"),
+        ({"supports": (Support("x", edge="side"),)}, "[[support]] edge: the mesh has no group"),
+    ]
+    for change, words in cases:
+        text = refused(two_cells(path, **change))
+        assert words in text, text
+
+
+def test_span_has_to_end_at_vertices(shared_tmp_path: Path) -> None:
+    scene = two_cells(shared_tmp_path / "my.msh")
+    for span, words in [
+        ((-1.0, 0.5), "[contact] span: no vertex of the mesh lies at 0.5, the nearest at"),
+        ((-1.0, 1.5), "[contact] span: 1.5 lies beyond the edge, which runs from -1 to 1"),
+    ]:
+        assert words in refused(replace(scene, contacts=(Contact(edge="foot", span=span),)))
+    load = Load("p", "head", (-0.25, 1.0), pressure=1.0)
+    assert "load 'p' span: no vertex" in refused(replace(scene, loads=(load,)))
+
+
+def test_contacts_that_share_a_node_are_refused(shared_tmp_path: Path) -> None:
+    edges = {**EDGES, "side": np.array([[2, 5]])}
+    scene = two_cells(shared_tmp_path / "my.msh", edges=edges)
+    both = (Contact(edge="foot"), Contact(edge="side"))
+    text = refused(replace(scene, contacts=both))
+    assert "'foot' and 'side' share the node at (2, 0)" in text
+    beside = (Contact(edge="foot", span=(-1.0, 0.0)), Contact(edge="side"))
+    assert len(make_mesh(comm, replace(scene, contacts=beside), False).contacts) == 2
+
+
+def test_edge_in_pieces_is_refused(shared_tmp_path: Path) -> None:
+    points = np.vstack([POINTS, [[3.0, 0.0], [3.0, 1.0]]])
+    cells = [np.vstack([SQUARES, [[2, 6, 7, 5]]])]
+    edges = {**EDGES, "foot": np.array([[0, 1], [2, 6]])}
+    text = refused(two_cells(shared_tmp_path / "my.msh", points, cells, edges))
+    assert "'foot' is in pieces, with nothing from -0.5 to 0.5 along it" in text
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("Point(1) = {0, 0, 0};\nLine(1) = {1, };", "gmsh cannot use it"),
+        ("SetFactory(", "gmsh cannot use it"),
+        ("// nothing\n", "gmsh finds nothing in it"),
+        (LINES, "has no cells; is the outline of its surface closed, and does it enclose an area?"),
+        (GEO + "Exit;", "ends gmsh before the mesh is made (Exit); change"),
+        (GEO + 'Error("too thin"); Exit;', "gmsh cannot use it: too thin; mend"),
+        (GEO + 'SystemCall "kill -SEGV $PPID";', "gmsh crashed while reading it (SIGSEGV)"),
+        (GEO.replace("Physical Curve", "//"), "it has none, declare Physical Curve"),
+        (GEO + "Extrude {0, 0, 1} { Surface{1}; Layers{1}; }", "not plane"),
+        (GEO + "Mesh.ElementOrder = 2;", ""),
+        (GEO + 'Physical Surface("core") = {1};', ""),
+    ],
+)
+def test_geo_file_that_cannot_serve_is_refused(
+    text: str, words: str, shared_tmp_path: Path
+) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo", text)
+    if words:
+        assert words in refused(scene)
+    else:
+        assert make_mesh(comm, scene, False).cell == "triangle"
+
+
+def test_mesh_of_a_solid_is_refused(shared_tmp_path: Path) -> None:
+    corners = ["0 0 0", "1 0 0", "0 1 0", "0 0 1"]
+    nodes = [f"{i + 1} {corner}" for i, corner in enumerate(corners)]
+    lines = ["$MeshFormat", "2.2 0 8", "$EndMeshFormat", "$Nodes", "4", *nodes, "$EndNodes"]
+    lines += ["$Elements", "1", "1 4 2 1 1 1 2 3 4", "$EndElements", ""]
+    path = write_text(shared_tmp_path / "my.msh", "\n".join(lines))
+    scene = replace(two_cells(shared_tmp_path / "flat.msh"), body=Body(mesh=path))
+    assert "is a mesh of a solid" in refused(scene)
+
+
+def test_negative_friction_on_a_users_edge_is_refused(shared_tmp_path: Path) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo")
+    bad = replace(scene, contacts=(Contact("foot", friction="0.1*x"),))
+    with pytest.raises(InputError, match=r"\[contact\] friction: is -0.2 at x = -2 along 'foot'"):
+        system_of(bad)
+
+
+def test_a_saved_system_touches_where_a_fresh_one_does(shared_tmp_path: Path) -> None:
+    """A node at x = 1e-17 touches where the gap is x^2, whichever way friction and gap came in."""
+    history = HistoryOptions(cycles=1)
+
+    def nudged(points: Array) -> Array:
+        return np.where(np.abs(points) == 0.0, [1e-17, 0.0], points)
+
+    flat = file_of(block(degree=2, history=history), shared_tmp_path / "block.msh", nudged)
+    round_ = replace(flat, contacts=(Contact(friction=0.3, initial_gap="0.01*x**2"),))
+    saved = shared_tmp_path / "system.h5"
+    system, fresh = study.condense(flat, comm, whole=True), study.run(round_)
+
+    def write() -> None:
+        assert system is not None
+        assert np.sort(np.abs(system.x))[0] == 1e-17
+        write_system(saved, system)
+
+    on_root(comm, write)
+    reused = study.run(round_, system_file=saved)
+    if fresh is not None and reused is not None:
+        assert fresh.g0.min() == reused.g0.min() == 0.0 < np.sort(fresh.g0)[1]
+        for name in ("g0", "f", "x"):
+            assert getattr(fresh, name).tobytes() == getattr(reused, name).tobytes(), name
+        for name in ("state", "P", "Q", "v", "w"):
+            a, b = getattr(fresh.turning_points, name), getattr(reused.turning_points, name)
+            assert a.tobytes() == b.tobytes(), name
+
+
+def test_unknown_parameters_surfaces_and_files_are_refused(shared_tmp_path: Path) -> None:
+    path = shared_tmp_path / "my.geo"
+    text = refused(geo_scene(path, parameters={"widht": 6.0}))
+    assert "has no parameter 'widht'; did you mean 'width'?" in text
+    text = refused(geo_scene(path, GEO + 'Physical Surface("core") = {1};', surface="cor"))
+    assert "no physical surface 'cor'; did you mean 'core'?" in text
+    with_parameters = two_cells(shared_tmp_path / "my.msh")
+    body = replace(with_parameters.body, parameters={"width": 1.0})
+    assert "parameters are for .geo files" in refused(replace(with_parameters, body=body))
+    second = np.array([[0, 2, 3, 1, 4, 5]])
+    order_two = two_cells(shared_tmp_path / "two.msh", cells=[second])
+    assert "cells of higher order" in refused(order_two)
+    garbage = write_text(shared_tmp_path / "bad.msh", "no mesh")
+    assert "gmsh cannot use it" in refused(replace(order_two, body=Body(mesh=garbage)))
+
+
+def test_check_reads_the_mesh_and_counts_its_contact_nodes(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene = geo_scene(shared_tmp_path / "my.geo")
+    path = write_text(shared_tmp_path / "my.toml", to_toml(scene))
+    assert main(["check", path]) == 0
+    if comm.rank == 0:
+        assert "25 contact nodes, the whole body" in capsys.readouterr().out
+    assert main(["check", path, "--set", "contact.edge=fooot"]) == 2
+    if comm.rank == 0:
+        assert "no group of curves 'fooot'; did you mean 'foot'?" in capsys.readouterr().err

@@ -1,0 +1,328 @@
+"""Axisymmetric bodies against closed forms: patch tests, Lame's ring, Boussinesq's punch."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import CELLS, NU, ONCE, RADIUS, ROUND, YOUNG, built, cylinder
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.elasticity import STRESSES, back_substitute, build, stresses
+from receding_fenicsx.bulk.mesh.meshing import make_mesh
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.axis import on_axis
+from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.output.report.summary import summarise
+from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.model import (
+    Body,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    OutputOptions,
+    Scene,
+    SolverOptions,
+    Support,
+)
+from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.study import condense as condense_scene
+
+comm = MPI.COMM_WORLD
+Array = NDArray[np.float64]
+
+
+def evolved(scene: Scene) -> Record | None:
+    system = condense_scene(scene)
+    return None if system is None else evolve(system, scene)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_forces_and_displacements_are_those_of_the_full_circle(cell: str, degree: int) -> None:
+    p = 0.75
+    scene = cylinder(cell, degree, history=replace(ONCE, maximum=p))
+    record = evolved(scene)
+    if record is None:
+        return
+    table, area = record.turning_points, np.pi * RADIUS**2
+    assert record.weight.sum() == pytest.approx(area, rel=1e-13)
+    assert table.P[-1].sum() == pytest.approx(p * area, rel=1e-13)
+    assert table.p[-1] == pytest.approx(p, rel=1e-11)
+    assert table.v[-1] == pytest.approx(NU * p / YOUNG * record.x, abs=1e-13)
+    # work-conjugate to the pressure: the volume that the top sweeps
+    assert table.load_displacement[-1, 0] == pytest.approx(p / YOUNG * area, rel=1e-12)
+    summary = summarise(record)
+    assert summary["symmetry"] == "axisymmetric"
+    assert summary["turning_points"][-1]["contact_half_width"] == RADIUS
+    assert summary["turning_points"][-1]["zones"] == [["contact", 0.0, RADIUS]]
+    assert summary["turning_points"][-1]["p_axis"] == pytest.approx(p, rel=1e-11)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("nu", [-0.4, 0.0, 0.3, 0.49])
+def test_pressure_on_the_mantle_gives_uniform_stress(cell: str, degree: int, nu: float) -> None:
+    """Patch test: radial and hoop stress -p, u_r = -(1 - nu) p r / E; squeezed between smooth ends.
+
+    The end pressure is chosen to leave the height as it is: 2 nu p.
+    """
+    p = 0.5
+    loads = (Load("p", "right", pressure=1.0), Load("ends", "top", pressure=2.0 * nu))
+    material = replace(ROUND, poisson=nu)
+    bulk = built(cylinder(cell, degree, loads=loads, material=material), half=True)
+    system = condense(bulk)
+    u = None
+    if system is not None:
+        n = system.n
+        load = p * system.r_star.sum(axis=0)
+        u = np.zeros(2 * n)
+        free = np.flatnonzero(~system.held[:n])
+        u[free] = np.linalg.solve(system.K[np.ix_(free, free)], -load[free])
+        r = load + system.K @ u
+        assert np.abs(r[:n][~system.held[:n]]).max() < 1e-12
+        assert r[n:] == pytest.approx(2.0 * nu * p * system.weight, abs=1e-11)
+        strain = -(1.0 - nu - 2.0 * nu**2) * p / YOUNG
+        assert u[:n] == pytest.approx(strain * system.x, abs=1e-12)
+    field = back_substitute(bulk, np.array([p, p]), u)
+    found = stresses(bulk, field)
+    difference = abs(p - 2.0 * nu * p)
+    expected = (-p, -2.0 * nu * p, -p, 0.0, difference, 0.5 * difference)
+    for name, value in zip(STRESSES, expected, strict=True):
+        for function in (found.cell[name], found.nodal[name]):
+            assert np.abs(function.x.array - value).max() < 1e-11, name
+    bulk.destroy()
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_stiffness_has_the_energy_of_a_given_field(cell: str, degree: int) -> None:
+    """U . A u = 2 W of one radian, by Hooke's law and Gauss's rule on the whole rectangle."""
+    bulk = built(cylinder(cell, degree), half=True)
+    a, b, c, d = 0.3, -0.2, 0.7, 0.5
+    q, s, t = (0.4, -0.6, 0.9) if degree == 2 else (0.0, 0.0, 0.0)
+    field = fem.Function(bulk.space)
+    field.interpolate(
+        lambda x: np.array(
+            [
+                a * x[0] + x[0] * (q * x[0] + s * x[1]),
+                b + c * x[0] + d * x[1] + t * x[0] * x[1],
+            ]
+        )
+    )
+    u, force = bulk.stiffness.createVecRight(), bulk.stiffness.createVecLeft()
+    u.getArray()[:] = _dolfinx.owned_values(field)
+    bulk.stiffness.mult(u, force)
+    energy = bulk.young * u.dot(force)
+    point, weight = np.polynomial.legendre.leggauss(6)
+    r, z = np.meshgrid(1.0 + point, 0.5 + 0.5 * point)
+    weights = 0.5 * np.outer(weight, weight)
+    err, ett, ezz = a + 2.0 * q * r + s * z, a + q * r + s * z, d + t * r
+    erz = 0.5 * (s * r + c + t * z)
+    mu = 0.5 * YOUNG / (1.0 + NU)
+    lam = 2.0 * mu * NU / (1.0 - 2.0 * NU)
+    twice = lam * (err + ett + ezz) ** 2
+    twice += 2.0 * mu * (err**2 + ett**2 + ezz**2 + 2.0 * erz**2)
+    assert energy == pytest.approx(np.sum(weights * twice * r), rel=1e-12)
+    for thing in (u, force):
+        thing.destroy()
+    bulk.destroy()
+
+
+@pytest.mark.parametrize(
+    ("load", "down", "out"),
+    [
+        # integrals of r, of r^2 and of z over the edges
+        (Load("p", "top", pressure=1.0), 2.0, 0.0),
+        (Load("p", "top", (0.0, 1.0), pressure="x"), 1.0 / 3.0, 0.0),
+        (Load("p", "right", pressure="y"), 0.0, -2.0 * 0.5),
+        (Load("p", "top", (1.0, 2.0), traction=("y", "-x")), 7.0 / 3.0, 1.5),
+        (Load("p", "top", platen=True, force=(0.0, -2.0 * np.pi)), 1.0, 0.0),
+    ],
+)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_nodal_forces_are_those_of_one_radian(
+    degree: int, load: Load, down: float, out: float
+) -> None:
+    bulk = built(cylinder(degree=degree, loads=(load,)), half=True)
+    force = bulk.loads[0].getArray(readonly=True).reshape(-1, 2).sum(axis=0)
+    assert comm.allreduce(force) == pytest.approx([out, -down], abs=1e-12)
+    bulk.destroy()
+
+
+def ring(degree: int, elements: int, inner: float) -> tuple[float, float]:
+    """Largest errors of u_r and of the hoop stress at midpoints of cells, Lame's ring, p inside."""
+    width, p = 1.0, 1.0
+    scene = cylinder(
+        "quadrilateral",
+        degree,
+        body=Body(width=width, height=0.5),
+        mesh=MeshOptions(elements, "quadrilateral", degree, 1.0),
+        loads=(Load("p", "left", pressure=p),),
+    )
+    body = make_mesh(comm, replace(scene, material=Material(YOUNG, NU)), half=False)
+    body.mesh.geometry.x[:, 0] += inner + 0.5 * width
+    bulk = build(scene, body, half=False)
+    system = condense(bulk)
+    u = np.zeros(0)
+    if system is not None:
+        n = system.n
+        K, load = system.K[:n, :n], system.r_star[0, :n]
+        u = np.concatenate([np.linalg.solve(K, -p * load), np.zeros(n)])
+        assert system.rigid.shape[1] == 1
+    field = back_substitute(bulk, np.array([p]), u)
+    a, b = inner, inner + width
+    A, B = p * a**2 / (b**2 - a**2), p * a**2 * b**2 / (b**2 - a**2)
+    r = bulk.space.tabulate_dof_coordinates()[:, 0]
+    radial = ((1.0 - NU) * A * r + (1.0 + NU) * B / r) / YOUNG
+    hoop = stresses(bulk, field).cell["szz"]
+    middle = hoop.function_space.tabulate_dof_coordinates()[:, 0]
+    errors = (
+        np.abs(field.x.array[::2] - radial).max() / radial.max(),
+        np.abs(hoop.x.array - (A + B / middle**2)).max() / (A + B / a**2),
+    )
+    bulk.destroy()
+    return comm.allreduce(errors[0], MPI.MAX), comm.allreduce(errors[1], MPI.MAX)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_lame_ring_under_inner_pressure_converges(degree: int) -> None:
+    """Displacement of order degree + 1, stress at midpoints of cells of order degree."""
+    coarse, fine = (ring(degree, elements, 0.5) for elements in (16, 32))
+    orders = np.log2(np.array(coarse) / np.array(fine))
+    assert orders[0] > degree + 0.6 and orders[1] > degree - 0.25
+    assert fine[0] < (2e-3, 2e-5)[degree - 1] and fine[1] < (3e-3, 1e-3)[degree - 1]
+
+
+def punch(degree: int, elements: int) -> tuple[float, float, float]:
+    """Errors of the pressure on the axis, mean within 0.9 a, of the first node against the axis."""
+    height, force = 20.0, 1.0
+    scene = cylinder(
+        degree=degree,
+        body=Body(width=2.0 * height, height=height),
+        mesh=MeshOptions(elements, "triangle", degree, 1.15),
+        contacts=(Contact(friction=0.0, span=(0.0, 1.0)),),
+        loads=(Load("P", "top", pressure=force / (np.pi * height**2)),),
+    )
+    record = evolved(scene)
+    if record is None:
+        return 0.0, 0.0, 0.0
+    inside = record.x < 0.9
+    p, exact = record.turning_points.p[-1], 1.0 / (2.0 * np.pi)
+    shape = exact / np.sqrt(1.0 - record.x[inside] ** 2)
+    assert record.turning_points.P[-1].sum() == pytest.approx(force, rel=1e-10)
+    first = float(p[0] / on_axis(record.x, p) - 1.0)
+    axis = float(on_axis(record.x, p) / exact - 1.0)
+    return abs(axis), float(np.abs(p[inside] / shape - 1.0).mean()), abs(first)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_pressure_under_a_flat_punch_converges_to_boussinesq(degree: int) -> None:
+    """The closed form p = P / (2 pi a sqrt(a^2 - r^2)), also on the axis; order 1 by its edge."""
+    coarse, fine = (punch(degree, elements) for elements in (400, 800))
+    if comm.rank == 0:
+        assert fine[0] < 0.55 * coarse[0] < 0.045
+        assert fine[1] < 0.65 * coarse[1] < 0.06
+        assert fine[2] < min(0.4 * coarse[2], 5e-3)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_node_on_the_axis_has_a_contact_condition_only_where_it_has_weight(degree: int) -> None:
+    bulk = built(cylinder(degree=degree), half=True)
+    contact = bulk.contact
+    assert contact.x[0] == (0.0 if degree == 1 else 0.125)
+    assert contact.weight.min() > 0.0
+    assert contact.held.tolist() == [degree == 1] + [False] * (2 * len(contact.x) - 1)
+    # the axial motion alone is rigid
+    rigid = np.concatenate([np.zeros(len(contact.x)), np.ones(len(contact.x))])
+    assert contact.rigid == pytest.approx(rigid[:, None])
+    bulk.destroy()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_two_cylinders_press_each_other_uniformly(degree: int) -> None:
+    """No lateral strain is hindered, so friction carries nothing; twice the height sinks."""
+    upper, lower = (Body(name=n, width=4.0, height=1.0) for n in ("a", "b"))
+    scene = cylinder(
+        degree=degree,
+        body=upper,
+        others=(replace(lower, position=(0.0, -1.0)),),
+        contacts=(Contact(edge="a.bottom", against="b.top", friction=0.4),),
+        loads=(Load("p", "a.top", pressure=1.0),),
+        supports=(Support("y", edge="b.bottom"),),
+    )
+    record = evolved(scene)
+    if record is not None:
+        area = np.pi * RADIUS**2
+        assert record.turning_points.p[-1] == pytest.approx(1.0, rel=1e-10)
+        assert record.turning_points.P[-1].sum() == pytest.approx(area, rel=1e-11)
+        assert record.turning_points.load_displacement[-1, 0] == pytest.approx(
+            2.0 / YOUNG * area, rel=1e-11
+        )
+
+
+def test_cyclic_dissipation_by_loop_area_and_by_load_steps() -> None:
+    """Radial slip: the work of the load on the full circle, and Gauss-Seidel's steps."""
+    scene = cylinder(
+        degree=2,
+        mesh=MeshOptions(32, "triangle", 2, 1.3),
+        contacts=(Contact(friction=0.3),),
+        loads=(Load("p", "top", (0.0, 1.0), pressure=1.0),),
+        history=HistoryOptions(kind="cyclic", cycles=60, until="steady", minimum=0.1),
+    )
+    system = condense_scene(scene)
+    if system is None:
+        return
+    exact = evolve(system, replace(scene, output=OutputOptions(samples_per_leg=200)))
+    D = exact.cycles.dissipation
+    loop = loop_of(exact, len(D))
+    assert exact.energy_error_max < 1e-10
+    assert loop.area().sum() == pytest.approx(D[-1], rel=1e-3)
+    solver = SolverOptions(method="gauss-seidel", steps_per_leg=80)
+    history = replace(from_scene(scene), cycles=1)
+    stepped = evolve(system, history, solver)
+    assert stepped.cycles.dissipation[0] == pytest.approx(D[0], rel=2e-3)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_shear_vanishes_on_the_axis(degree: int) -> None:
+    top = Load("p", "top", (0.0, 1.0), pressure=1.0)
+    record = evolved(cylinder("triangle", degree, contacts=(Contact(),), loads=(top,)))
+    if record is None:
+        return
+    table = record.turning_points
+    if degree == 1:  # else the axis has no contact node
+        assert record.x[0] == 0.0 and table.q[-1, 0] == 0.0 and table.Q[-1, 0] == 0.0
+    assert np.all(np.abs(table.Q) <= record.f * table.P + 1e-11 * table.P.max())
+
+
+def test_value_on_the_axis_of_an_even_field() -> None:
+    x = np.array([0.0, 0.5, 1.0, 1.5, 2.0, 2.5, 9.0])
+    field = np.stack([3.0 - 2.0 * x**2, np.where(x == 0.0, 7.0, 1.0)])
+    assert on_axis(x, field) == pytest.approx([3.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"loads": (Load("p", "left", pressure=1.0),)}, '"left" is the axis'),
+        ({"supports": (Support("y", edge="left"),)}, '"left" is the axis'),
+        ({"supports": (Support("y", point=(-1.0, 1.0)),)}, "0 <= x <= 2"),
+        ({"contacts": (Contact(edge="right"),)}, "cannot touch a plane"),
+        ({"loads": (Load("p", "top", (-1.0, 1.0), pressure=1.0),)}, "runs from 0 to 2"),
+        ({"material": replace(ROUND, poisson=0.5)}, "below 0.5"),
+    ],
+)
+def test_what_a_body_of_revolution_has_not_is_refused(change: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        validate(cylinder(**change))

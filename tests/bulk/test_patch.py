@@ -1,0 +1,141 @@
+"""The whole way on blocks whose answer is known: uniform pressure, and sliding under shear."""
+
+from __future__ import annotations
+
+import re
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import CELLS, block, built
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.elasticity import back_substitute, stresses
+from receding_fenicsx.errors import NoEquilibrium
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.model import (
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    Scene,
+    SolverOptions,
+)
+from receding_fenicsx.scene.symmetry import is_half_meshed
+from receding_fenicsx.study import condense
+
+comm = MPI.COMM_WORLD
+Array = NDArray[np.float64]
+FRICTION = 0.35
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("kinematics", ["plane strain", "plane stress", "axisymmetric"])
+@pytest.mark.parametrize("symmetry", ["auto", "none"])
+def test_uniform_pressure_on_a_free_sliding_block_gives_uniform_stress(
+    cell: str, degree: int, kinematics: str, symmetry: str
+) -> None:
+    p, young, nu = 0.75, 2.0, 0.3
+    scene = block(
+        cell,
+        degree,
+        load=Load("p", "top", pressure=1.0),
+        material=Material(young, nu, kinematics),
+        contacts=(Contact(friction=0.0),),
+        history=HistoryOptions(kind="monotonic", maximum=p),
+        solver=SolverOptions(symmetry=symmetry),
+    )
+    system = condense(scene)
+    u = None
+    if system is not None:
+        record = evolve(system, scene)
+        table = record.turning_points
+        assert table.p[-1] == pytest.approx(p, rel=1e-11)
+        assert np.abs(table.q[-1]).max() == 0.0
+        stretch = nu * (1.0 + nu) if kinematics == "plane strain" else nu
+        slid = table.v[-1] - stretch * p / young * record.x
+        assert np.ptp(slid) < 1e-12
+        assert record.residual_max < 1e-13
+        modelled = ~mirror_of(system).left
+        u = np.concatenate([table.v[-1][modelled], table.w[-1][modelled]])
+    bulk = built(scene, is_half_meshed(scene))
+    field = stresses(bulk, back_substitute(bulk, np.array([p]), u))
+    szz = -nu * p if kinematics == "plane strain" else 0.0
+    for name, value in (("sxx", 0.0), ("syy", -p), ("szz", szz), ("sxy", 0.0)):
+        for function in (field.cell[name], field.nodal[name]):
+            assert np.abs(function.x.array - value).max() < 2e-12, name
+    bulk.destroy()
+
+
+def sheared(shear: float, poisson: float, loads: tuple[Load, ...], cell: str, degree: int) -> Scene:
+    """A block under its weight, sheared up to a multiple of f times the weight."""
+    names = ("weight", *(load.name for load in loads))
+    rows = ((1.0,) + (0.0,) * len(loads), (1.0,) + (shear,) * len(loads))
+    return block(
+        cell,
+        degree,
+        elements=32 // degree,
+        loads=(Load("weight", "top", pressure=1.0), *loads),
+        material=Material(1.0, poisson),
+        contacts=(Contact(friction=FRICTION),),
+        history=HistoryOptions(kind="table", columns=names, rows=rows),
+    )
+
+
+def sliding_factors(system: ContactSystem, scene: Scene, solver: SolverOptions) -> Array:
+    """Load factors at which gross sliding is reported."""
+    with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
+        evolve(system, from_scene(scene), solver)
+    found = re.search(r"load factors \[([^]]*)\]", str(caught.value))
+    assert found is not None
+    return np.array([float(text) for text in found[1].split(",")])
+
+
+TOP = Load("top", "top", traction=(FRICTION, 0.0))
+SIDES = (
+    Load("right", "right", traction=(0.0, FRICTION)),
+    Load("left", "left", traction=(0.0, -FRICTION)),
+)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    ("loads", "poisson"), [((TOP, *SIDES), 0.0), ((TOP,), 0.3)], ids=["uniform", "top"]
+)
+def test_block_sticks_at_99_percent_of_friction_and_slides_at_100(
+    cell: str, degree: int, loads: tuple[Load, ...], poisson: float
+) -> None:
+    """In uniform stress all of it sticks; sheared at its top only, some of it does."""
+    scene = sheared(0.99, poisson, loads, cell, degree)
+    system = condense(scene)
+    if system is None:
+        return
+    record = evolve(system, scene)
+    state, Q = record.turning_points.state[-1], record.turning_points.Q[-1]
+    assert Q.sum() == pytest.approx(-0.99 * FRICTION * 4.0, rel=1e-12)
+    assert np.any(state == State.STICK)
+    if len(loads) == 3:
+        assert np.all(state == State.STICK)
+        assert record.turning_points.q[-1] == pytest.approx(-0.99 * FRICTION, rel=1e-11)
+        assert record.turning_points.p[-1] == pytest.approx(1.0, rel=1e-11)
+    beyond = sheared(1.01, poisson, loads, cell, degree)
+    assert sliding_factors(system, beyond, beyond.solver) == pytest.approx(1.0, rel=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("loads", "poisson"), [((TOP, *SIDES), 0.0), ((TOP,), 0.3)], ids=["uniform", "top"]
+)
+def test_load_steps_say_at_which_load_the_block_slides(
+    loads: tuple[Load, ...], poisson: float
+) -> None:
+    scene = sheared(1.01, poisson, loads, "quadrilateral", 1)
+    system = condense(scene)
+    if system is not None:
+        steps = SolverOptions(method="gauss-seidel", steps_per_leg=10, max_sweeps=500)
+        assert sliding_factors(system, scene, steps) == pytest.approx(1.0, rel=1e-8)

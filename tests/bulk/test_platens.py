@@ -1,0 +1,376 @@
+"""Platens and prescribed displacements: dense algebra, closed forms, resultants, work, refusals."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import CELLS, block, built
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.elasticity import Bulk, back_substitute, build, reactions, stresses
+from receding_fenicsx.bulk.mesh.meshing import make_mesh
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.model import (
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    Scene,
+    SolverOptions,
+    Support,
+)
+from receding_fenicsx.scene.symmetry import is_mirror_symmetric
+from receding_fenicsx.study import condense as condense_scene
+
+comm = MPI.COMM_WORLD
+Array = NDArray[np.float64]
+
+PRESS = Load("P", "top", platen=True, force=(0.0, -1.0))
+SHEAR = Load("Q", "top", platen=True, force=(1.0, 0.0))
+WEIGHT = Load("p", "top", (-1.0, 1.0), pressure="1 + x")
+SIDE = Load("s", "left", (-0.25, 0.25), traction=(1.0, 0.5))
+PULL = Load("d", "right", (0.0, 0.5), displacement=(1.0, "y - 2"))
+SINK = Load("w", "top", displacement=("free", -1.0))
+
+
+def dense(bulk: Bulk) -> tuple[Array, Array, list[Array]]:
+    """Stiffness, places of the nodes and nodal forces of the loads, whole on every rank."""
+    start, end = bulk.stiffness.getOwnershipRange()
+    rows, columns = (np.arange(*ends, dtype=np.int32) for ends in ((start, end), (0, bulk.dofs)))
+    own = bulk.stiffness.getValues(rows, columns)
+    places = bulk.space.tabulate_dof_coordinates()[: (end - start) // 2, :2]
+    loads = [np.concatenate(comm.allgather(f.getArray(readonly=True))) for f in bulk.loads]
+    return np.vstack(comm.allgather(own)), np.vstack(comm.allgather(places)), loads
+
+
+def expected(scene: Scene) -> tuple[Array, Array, Array, Array]:
+    """K, r*, compliance and sign by Lagrange's multipliers on a body without ties, densely."""
+    forces = [load for load in scene.loads if load.displacement is None and not load.platen]
+    bulk = build(replace(scene, loads=tuple(forces)), make_mesh(comm, scene, False), False)
+    A, places, vectors = dense(bulk)
+    A *= bulk.young
+    x, y = places.T
+    n = len(A)
+    top = np.flatnonzero(np.isclose(y, 1.0))
+    right = np.flatnonzero(np.isclose(x, 2.0) & (y > 0.49))
+    rows, values, sign = [], [], []
+    F = np.zeros((n, len(scene.loads)))
+    taken = iter(vectors)
+    for k, load in enumerate(scene.loads):
+        if load.force is not None:
+            F[2 * top[0] : 2 * top[0] + 2, k] = load.force
+        elif load.displacement is None:
+            F[:, k] = next(taken)
+        sign.append(-1.0 if load.displacement is None else 1.0)
+    if any(load.platen for load in scene.loads):
+        for node in top[1:]:
+            for axis in (0, 1):
+                row = np.zeros(n)
+                row[2 * node + axis], row[2 * top[0] + axis] = 1.0, -1.0
+                rows.append(row)
+                values.append(np.zeros(len(scene.loads)))
+    for k, load in enumerate(scene.loads):
+        nodes = {"d": right, "w": top}.get(load.name, np.empty(0, dtype=int))
+        for node in nodes:
+            for axis in {"d": (0, 1), "w": (1,)}[load.name]:
+                row, value = np.zeros(n), np.zeros(len(scene.loads))
+                row[2 * node + axis] = 1.0
+                value[k] = {("d", 0): 1.0, ("d", 1): y[node] - 2.0, ("w", 1): -1.0}[load.name, axis]
+                rows.append(row)
+                values.append(value)
+    contact = bulk.contact.dofs
+    bulk.destroy()
+    for dof in contact:
+        row = np.zeros(n)
+        row[dof] = 1.0
+        rows.append(row)
+        values.append(np.zeros(len(scene.loads)))
+    C, d = np.array(rows), np.array(values)
+    m = len(contact)
+    system = np.block([[A, C.T], [C, np.zeros((len(C), len(C)))]])
+    right_hand = np.zeros((len(system), len(scene.loads) + m))
+    right_hand[:n, :-m], right_hand[n:, :-m] = F, d
+    right_hand[n + len(C) - m :, -m:] = np.eye(m)
+    solution = np.linalg.solve(system, right_hand)
+    # the multipliers are the forces of the body on what holds it
+    force = -solution[n:]
+    u = solution[:n]
+    compliance = np.zeros((len(sign), len(sign)))
+    for k in range(len(sign)):
+        if sign[k] < 0.0:
+            compliance[k] = F[:, k] @ u[:, :-m]
+        else:
+            compliance[k] = d[:, k] @ force[:, :-m]
+    return force[-m:, -m:], force[-m:, :-m].T, compliance, np.array(sign)
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize(
+    "loads", [(PRESS, SHEAR, WEIGHT, SIDE), (SIDE, PULL, WEIGHT), (SINK, SIDE, WEIGHT)]
+)
+def test_condensed_system_is_that_of_multipliers(
+    cell: str, degree: int, loads: tuple[Load, ...]
+) -> None:
+    scene = block(cell, degree, elements=8, loads=loads)
+    K, r_star, compliance, sign = expected(scene)
+    for route in ("schur", "solve"):
+        bulk = built(scene)
+        system = condense(bulk, route)
+        bulk.destroy()
+        if system is not None:
+            assert np.abs(system.K - K).max() < 1e-11 * np.abs(K).max()
+            assert np.abs(system.r_star - r_star).max() < 1e-11 * np.abs(r_star).max()
+            assert np.abs(system.load_compliance - compliance).max() < 1e-11
+            assert np.array_equal(system.load_sign, sign)
+
+
+def displacements(bulk: Bulk, load: Array, u: Array | None) -> Array:
+    """Displacements (n, 2) of the nodes on the top, on every rank."""
+    field = back_substitute(bulk, load, u)
+    own = _dolfinx.owned_values(field).reshape(-1, 2)
+    y = bulk.space.tabulate_dof_coordinates()[: len(own), 1]
+    return np.vstack(comm.allgather(own[np.isclose(y, 1.0)]))
+
+
+def some(system: ContactSystem | None) -> Array | None:
+    if system is None:
+        return None
+    return np.where(system.held, 0.0, np.random.default_rng(5).normal(size=2 * system.n))
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_platen_moves_rigidly_by_its_load_displacement(degree: int) -> None:
+    bulk = built(block(degree=degree, loads=(PRESS, WEIGHT, SHEAR)))
+    system = condense(bulk)
+    u, load = some(system), np.array([0.8, 0.3, -0.4])
+    moved = displacements(bulk, load, u)
+    assert np.ptp(moved, axis=0) == pytest.approx([0.0, 0.0], abs=1e-14)
+    found = reactions(bulk, load, back_substitute(bulk, load, u))
+    if system is not None:
+        assert u is not None and found is not None
+        by = system.load_compliance @ load + system.load_sign * (system.r_star @ u)
+        assert by[0] == pytest.approx(-moved[0, 1], rel=1e-11)
+        assert by[2] == pytest.approx(moved[0, 0], rel=1e-11)
+        r = load @ system.r_star + system.K @ u
+        assert np.abs(found - r).max() < 1e-11 * np.abs(r).max()
+        # the plane carries what presses and shears the platen
+        n, scale = system.n, np.abs(r).sum()
+        assert abs(r[:n].sum() - 0.4) < 1e-12 * scale
+        assert abs(r[n:].sum() - (0.8 + 0.3 * 2.0)) < 1e-12 * scale
+        # a platen does not turn
+        assert system.rigid.shape[1] == 2
+    bulk.destroy()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_edge_moves_as_prescribed_and_its_reaction_is_the_conjugate(degree: int) -> None:
+    bulk = built(block(degree=degree, loads=(WEIGHT, PULL)))
+    system = condense(bulk)
+    u, load = some(system), np.array([0.8, -0.3])
+    field = back_substitute(bulk, load, u)
+    own = _dolfinx.owned_values(field).reshape(-1, 2)
+    x, y = bulk.space.tabulate_dof_coordinates()[: len(own), :2].T
+    at = np.isclose(x, 2.0) & (y > 0.49)
+    assert own[at, 0] == pytest.approx(-0.3, abs=1e-15)
+    assert own[at, 1] == pytest.approx(-0.3 * (y[at] - 2.0), abs=1e-15)
+    # nodal forces A u less the load: only contact and prescribed nodes have any
+    u_vec, force = bulk.stiffness.createVecRight(), bulk.stiffness.createVecLeft()
+    u_vec.getArray()[:] = own.ravel()
+    bulk.stiffness.mult(u_vec, force)
+    rest = bulk.young * force.getArray() - 0.8 * bulk.loads[0].getArray()
+    rest = rest.reshape(-1, 2)
+    work = comm.allreduce(float(rest[at, 0].sum() + rest[at, 1] @ (y[at] - 2.0)))
+    pulled = comm.allreduce(rest[at].sum(axis=0))
+    if system is not None:
+        assert u is not None
+        by = system.load_compliance @ load + system.load_sign * (system.r_star @ u)
+        assert by[1] == pytest.approx(work, rel=1e-11)
+        r = load @ system.r_star + system.K @ u
+        n, scale = system.n, np.abs(r).sum()
+        assert abs(r[:n].sum() + pulled[0]) < 1e-12 * scale
+        assert abs(r[n:].sum() + pulled[1] - 0.8 * 2.0) < 1e-12 * scale
+        assert system.rigid.shape[1] == 0
+    for thing in (u_vec, force):
+        thing.destroy()
+    bulk.destroy()
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("half", [False, True])
+@pytest.mark.parametrize("kinematics", ["plane strain", "plane stress", "axisymmetric"])
+def test_top_pushed_down_over_a_smooth_plane_gives_uniform_stress(
+    cell: str, degree: int, half: bool, kinematics: str
+) -> None:
+    """Patch test: syy = -E' d / h, E' = E / (1 - nu^2) in plane strain, else E."""
+    d, young, nu = 0.5, 2.0, 0.3
+    round_body = kinematics == "axisymmetric"
+    material = Material(young, nu, kinematics)
+    bulk = built(block(cell, degree, loads=(SINK,), material=material), half or round_body)
+    system = condense(bulk)
+    u = None
+    p = d * (young / (1.0 - nu**2) if kinematics == "plane strain" else young)
+    if system is not None:
+        n = system.n
+        pinned = -1 if round_body else np.argmin(np.abs(system.x))
+        free = np.flatnonzero((np.arange(n) != pinned) & ~system.held[:n])
+        u = np.zeros(2 * n)
+        u[free] = np.linalg.solve(system.K[np.ix_(free, free)], -d * system.r_star[0, free])
+        r = d * system.r_star[0] + system.K @ u
+        assert np.abs(r[:n]).max() < 1e-11
+        assert r[n:] == pytest.approx(p * system.weight, rel=1e-10)
+        force = d * system.load_compliance[0, 0] + system.r_star[0] @ u
+        assert force == pytest.approx(p * system.weight.sum(), rel=1e-11)
+    found = stresses(bulk, back_substitute(bulk, np.array([d]), u))
+    for name, value in (("sxx", 0.0), ("syy", -p), ("sxy", 0.0)):
+        assert np.abs(found.nodal[name].x.array - value).max() < 1e-11, name
+    bulk.destroy()
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("kinematics", ["plane strain", "axisymmetric"])
+def test_platen_on_a_body_without_lateral_strain_gives_uniform_pressure(
+    degree: int, kinematics: str
+) -> None:
+    """With nu = 0 nothing hinders: p = F / area; the force is that of the whole body."""
+    area = 4.0 if kinematics == "plane strain" else np.pi * 2.0**2
+    scene = block(degree=degree, loads=(PRESS,), material=Material(2.0, 0.0, kinematics))
+    bulk = built(scene, half=True)
+    system = condense(bulk)
+    bulk.destroy()
+    if system is not None:
+        r = system.r_star[0]
+        whole = 2.0 * np.pi if kinematics == "axisymmetric" else 2.0
+        assert r[system.n :] == pytest.approx(system.weight / area, rel=1e-11)
+        assert whole * system.load_compliance[0, 0] == pytest.approx(1.0 / area / 2.0, rel=1e-11)
+
+
+def test_half_of_a_platen_is_half_of_the_whole() -> None:
+    even = replace(WEIGHT, pressure="1 + x**2")
+    history = HistoryOptions(kind="table", columns=("P", "p"), rows=((1.0, 0.2), (0.3, 0.5)))
+    scene = block(degree=2, loads=(PRESS, even), history=history)
+    tables = []
+    for symmetry in ("auto", "none"):
+        asked = replace(scene, solver=SolverOptions(symmetry=symmetry))
+        system = condense_scene(asked)
+        if system is not None:
+            assert system.half == (symmetry == "auto")
+            tables.append(evolve(system, asked).turning_points)
+    if tables:
+        half, whole = tables
+        for name in ("p", "q", "v", "load_displacement"):
+            a, b = getattr(half, name), getattr(whole, name)
+            assert np.abs(a - b).max() < 1e-9 * np.abs(b).max(), name
+
+
+@pytest.mark.parametrize(
+    ("supports", "motions"),
+    [
+        ((), 2),
+        ((Support("x", edge="top"),), 1),
+        ((Support("x", point=(2.0, 1.0)),), 1),
+        ((Support("y", point=(-2.0, 0.5)),), 1),
+        ((Support("xy", point=(0.0, 1.0)),), 0),
+    ],
+)
+def test_support_at_one_point_of_a_platen_holds_all_of_it(
+    supports: tuple[Support, ...], motions: int
+) -> None:
+    bulk = built(block(loads=(PRESS, SHEAR), supports=supports))
+    system = condense(bulk)
+    u = some(system)
+    moved = displacements(bulk, np.array([1.0, 1.0]), u)
+    assert np.ptp(moved, axis=0) == pytest.approx([0.0, 0.0], abs=1e-13)
+    for support in supports:
+        if support.point != (-2.0, 0.5):
+            axes = [{"x": 0, "y": 1}[name] for name in support.fix]
+            assert np.abs(moved[:, axes]).max() < 1e-14
+    if system is not None:
+        assert system.rigid.shape[1] == motions
+    bulk.destroy()
+
+
+def test_platen_may_be_pressed_by_a_force_and_moved_along() -> None:
+    """The fretting rig: normal force given, tangential displacement given, on one platen."""
+    move = Load("u", "top", platen=True, displacement=(1.0, "free"))
+    bulk = built(block(degree=2, loads=(PRESS, move)))
+    system = condense(bulk)
+    u, load = some(system), np.array([0.8, 0.25])
+    moved = displacements(bulk, load, u)
+    assert moved[:, 0] == pytest.approx(0.25, abs=1e-15)
+    assert np.ptp(moved[:, 1]) < 1e-14
+    if system is not None:
+        assert u is not None
+        assert system.load_sign.tolist() == [-1.0, 1.0]
+        by = system.load_compliance @ load + system.load_sign * (system.r_star @ u)
+        assert by[0] == pytest.approx(-moved[0, 1], rel=1e-11)
+        r = load @ system.r_star + system.K @ u
+        assert by[1] == pytest.approx(-r[: system.n].sum(), rel=1e-10)
+    bulk.destroy()
+
+
+@pytest.mark.parametrize("route", ["schur", "solve"])
+def test_any_number_of_ranks_gives_the_same_system(route: str) -> None:
+    apart = Load("d", "right", (-0.25, 0.25), displacement=(1.0, 0.5))
+    scene = block(degree=2, loads=(PRESS, SHEAR, apart))
+    systems = []
+    for on in (comm, MPI.COMM_SELF):
+        bulk = built(scene, comm=on)
+        systems.append(condense(bulk, route))
+        bulk.destroy()
+    together, alone = systems
+    if together is not None and alone is not None:
+        for name in ("K", "r_star", "load_compliance", "rigid", "load_sign"):
+            a, b = getattr(together, name), getattr(alone, name)
+            assert np.abs(a - b).max(initial=0.0) <= 1e-12 * np.abs(b).max(initial=1.0), name
+
+
+@pytest.mark.parametrize(
+    ("load", "symmetric"),
+    [
+        (PRESS, True),
+        (SHEAR, False),
+        (SINK, True),
+        (Load("d", "top", displacement=("x", -1.0)), True),
+        (Load("d", "top", displacement=(1.0, "free")), False),
+        (Load("d", "top", displacement=("free", "x")), False),
+        (replace(PRESS, span=(0.0, 1.0)), False),
+    ],
+)
+def test_mirror_symmetry_of_moved_edges(load: Load, symmetric: bool) -> None:
+    assert is_mirror_symmetric(block(loads=(load,))) == symmetric
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"loads": (PRESS, replace(SHEAR, span=(0.0, 1.0)))}, "meets that of load 'P'"),
+        ({"loads": (replace(PRESS, edge="right"),)}, "takes along a contact node"),
+        ({"loads": (Load("d", "right", displacement=(1.0, 0.0)),)}, "takes along a contact node"),
+        ({"loads": (replace(SINK, platen=True, displacement=("x", 0.0)),)}, "differs along"),
+        (
+            {"loads": (SINK,), "supports": (Support("y", point=(0.0, 1.0)),)},
+            "a node that a support",
+        ),
+    ],
+)
+def test_what_cannot_move_so_is_refused_on_all_ranks(change: dict, message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        built(block(**change))
+
+
+def test_edge_held_at_zero_may_touch_the_contact() -> None:
+    """A component that is prescribed as 0 is a support, also of the contact edge's last node."""
+    loads = (Load("d", "right", displacement=(0.0, "free")), WEIGHT)
+    bulk = built(block(loads=loads, contacts=(Contact(),)))
+    assert np.flatnonzero(bulk.contact.held).tolist() == [len(bulk.contact.x) - 1]
+    bulk.destroy()

@@ -1,0 +1,57 @@
+"""Tile by tile work on symmetric matrices: against whole-matrix formulas."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from receding_fenicsx.bulk.symmetric_matrix import TILE, norm, symmetrise, turn
+
+SIZES = [2, 2 * TILE, 3 * TILE + 38]
+"""One tile, whole tiles, and a part of one at the end."""
+
+
+def random(size: int) -> np.ndarray:
+    return np.random.default_rng(size).standard_normal((size, size))
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("triangle", ["lower", "upper"])
+def test_a_triangle_is_mirrored_and_the_other_forgotten(size: int, triangle: str) -> None:
+    matrix = random(size)
+    garbage = np.tri(size, k=-1, dtype=bool)
+    garbage = garbage.T if triangle == "lower" else garbage
+    kept = np.where(garbage, 0.0, matrix)
+    expected = kept + kept.T - np.diag(np.diag(matrix))
+    matrix[garbage] = np.nan
+    symmetrise(matrix, triangle)
+    assert np.array_equal(matrix, expected)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_without_a_triangle_both_are_averaged(size: int) -> None:
+    matrix = random(size)
+    expected = 0.5 * (matrix + matrix.T)
+    symmetrise(matrix)
+    assert np.array_equal(matrix, expected)
+
+
+@pytest.mark.parametrize("size", SIZES)
+@pytest.mark.parametrize("angle", [0.0, 0.3, 0.5 * np.pi, np.pi])
+def test_turning_is_a_congruence_and_keeps_symmetry_to_the_last_bit(
+    size: int, angle: float
+) -> None:
+    c, s = np.cos(angle), np.sin(angle)
+    R = np.kron([[c, s], [-s, c]], np.eye(size // 2))
+    matrix = random(size)
+    symmetrise(matrix)
+    expected = R @ matrix @ R.T
+    turn(matrix, lambda values: R @ values)
+    assert np.array_equal(matrix, matrix.T)
+    assert matrix == pytest.approx(expected, abs=1e-13 * norm(expected))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_norm_is_the_largest_row_sum(size: int) -> None:
+    matrix = random(size)
+    assert norm(matrix) == pytest.approx(np.linalg.norm(matrix, np.inf), rel=1e-14)

@@ -1,0 +1,552 @@
+"""Two elastic bodies in contact, against one body, one mesh, and an independent assembly."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import CELLS
+from models import q1_stiffness
+from msh import rectangle, turned, write_msh
+
+from receding_fenicsx import evolve, read_scene
+from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.elasticity import back_substitute, reactions
+from receding_fenicsx.bulk.mesh.meshing import make_meshes
+from receding_fenicsx.bulk.two_bodies import Pair, build_all, displacements
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots.units import pressure_of
+from receding_fenicsx.output.snapshots.fields import Fields, field_files, fields_at
+from receding_fenicsx.output.snapshots.fields import _together as together
+from receding_fenicsx.scene.model import (
+    Body,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    Scene,
+    SolverOptions,
+    Support,
+)
+from receding_fenicsx.scene.one_body import part_of
+from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.study import condense as condense_scene
+
+comm = MPI.COMM_WORLD
+Array = np.ndarray
+
+
+def pair_scene(
+    cell: str = "triangle",
+    degree: int = 1,
+    young: float = 3.0,
+    poisson: float = 0.2,
+    **parts: object,
+) -> Scene:
+    """A block of 4 by 1 on one of 8 by 2 that stands on a support."""
+    scene = Scene(
+        body=Body("upper", width=4.0, position=(0.0, 2.0)),
+        others=(Body("lower", width=8.0, height=2.0),),
+        material=Material(2.0, 0.3),
+        materials=(Material(young, poisson, name="lower"),),
+        mesh=MeshOptions(contact_elements=12, cell=cell, degree=degree, growth=1.3),
+        contacts=(Contact("upper.bottom", against="lower.top"),),
+        loads=(Load("p0", "upper.top", (-1.0, 1.0), pressure=1.0),),
+        supports=(Support("xy", edge="lower.bottom"),),
+        history=HistoryOptions(cycles=2),
+    )
+    return replace(scene, **parts)  # type: ignore[arg-type]
+
+
+def built(scene: Scene, half: bool = False) -> Pair:
+    pair = build_all(scene, make_meshes(comm, scene, half), half)
+    assert isinstance(pair, Pair)
+    return pair
+
+
+def system_of(scene: Scene, half: bool = False) -> ContactSystem | None:
+    validate(scene)
+    pair = built(scene, half)
+    system = condense(pair)
+    pair.destroy()
+    return system
+
+
+def record_of(scene: Scene) -> Record | None:
+    system = condense_scene(scene, comm)
+    if system is None:
+        return on_root(comm, lambda: None)
+    return on_root(comm, lambda: evolve(system, scene))
+
+
+# -- against one body ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("symmetry", ["auto", "none", "axis"])
+@pytest.mark.parametrize("friction", [0.0, 0.35])
+def test_mirrored_bodies_and_loads_are_one_body_on_a_frictionless_plane(
+    symmetry: str, friction: float
+) -> None:
+    round_axis = symmetry == "axis"
+    load = Load("p0", "top", (0.0 if round_axis else -1.0, 1.0), pressure=1.0)
+    one = Scene(
+        material=Material(kinematics="axisymmetric" if round_axis else "plane strain"),
+        mesh=MeshOptions(contact_elements=16),
+        contacts=(Contact(friction=0.0),),
+        loads=(load,),
+        history=HistoryOptions(cycles=2),
+        solver=SolverOptions(symmetry="auto" if round_axis else symmetry),
+    )
+    two = replace(
+        one,
+        body=Body("a"),
+        others=(Body("b", position=(0.0, -1.0)),),
+        contacts=(Contact("a.bottom", against="b.top", friction=friction),),
+        # parts of one load: nothing but their balance holds the bodies
+        loads=(replace(load, edge="a.top"), replace(load, edge="b.bottom")),
+    )
+    single, double = record_of(one), record_of(two)
+    if single is not None and double is not None:
+        a, b = single.turning_points, double.turning_points
+        scale = np.abs(a.P).max()
+        assert np.abs(a.P - b.P).max() < 1e-11 * scale
+        assert np.abs(b.Q).max() < 1e-11 * scale
+        assert np.array_equal(a.state == State.SEPARATION, b.state == State.SEPARATION)
+        gap = np.abs(a.w).max()
+        assert np.abs(2.0 * a.w - b.w).max() < 1e-10 * gap
+        assert b.load_displacement == pytest.approx(2.0 * a.load_displacement, rel=1e-10)
+
+
+@pytest.mark.parametrize("stiffer", ["upper", "lower"])
+def test_body_on_a_much_stiffer_one_is_on_a_rigid_plane(stiffer: str) -> None:
+    scene = pair_scene("quadrilateral", 2)
+    held = Support("xy", edge="upper.top")
+    ratio = 1e7
+    young = 2.0 * (ratio if stiffer == "lower" else 1.0 / ratio)
+    scene = replace(scene, materials=(Material(young, 0.3, name="lower"),))
+    if stiffer == "upper":
+        # the soft body is now the lower one, and what is stiff above has to be held
+        load = Load("p0", "lower.left", pressure=1.0)
+        scene = replace(scene, supports=(*scene.supports, held), loads=(load,))
+    soft = "upper" if stiffer == "lower" else "lower"
+    pair = built(scene)
+    system = condense(pair)
+    single = condense(pair.bulks[0 if soft == "upper" else 1])
+    pair.destroy()
+    if system is not None and single is not None:
+        scale = np.abs(single.K).max()
+        assert np.abs(system.K - single.K).max() < 10.0 / ratio * scale * system.n
+        largest = np.abs(single.r_star).max()
+        assert np.abs(system.r_star).max() == pytest.approx(largest, rel=10.0 / ratio)
+
+
+@pytest.mark.parametrize("young", [1e-9, 1e-18])
+def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> None:
+    scene = pair_scene(young=young, supports=(Support("xy", edge="lower.bottom"),))
+    with pytest.raises(SolveError, match="moduli closer together"):
+        system_of(scene)
+
+
+# -- against one mesh ----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cell", CELLS)
+@pytest.mark.parametrize("degree", [1, 2])
+def test_tied_bodies_have_the_field_of_one_mesh(
+    cell: str, degree: int, shared_tmp_path: Path
+) -> None:
+    scene = pair_scene(cell, degree, young=2.0, poisson=0.3, supports=())
+    scene = replace(
+        scene,
+        loads=(scene.loads[0], Load("side", "lower.right", traction=("y", "0.3"))),
+        supports=(Support("xy", edge="lower.bottom"),),
+    )
+
+    def write() -> Path:
+        meshes = [rectangle(part_of(scene, body)) for body in scene.bodies]
+        first, second = meshes
+        # the interface's nodes are those of both
+        keys = {tuple(p): i for i, p in enumerate(np.round(first.points, 9).tolist())}
+        number, points = [], list(first.points)
+        for place, key in zip(second.points, np.round(second.points, 9).tolist(), strict=True):
+            number.append(keys.get(tuple(key), len(points)))
+            if number[-1] == len(points):
+                points.append(place)
+        new = np.array(number)
+        edges = {
+            "load": first.edges["top"],
+            "side": new[second.edges["right"]],
+            "foot": new[second.edges["bottom"]],
+        }
+        cells = np.vstack([first.cells, new[second.cells]])
+        return write_msh(shared_tmp_path / "both.msh", np.array(points), [cells], edges)
+
+    on_root(comm, write)
+    comm.barrier()
+    whole = replace(
+        scene,
+        body=Body(mesh=str(shared_tmp_path / "both.msh")),
+        others=(),
+        materials=(),
+        contacts=(Contact("foot"),),
+        loads=(replace(scene.loads[0], edge="load"), replace(scene.loads[1], edge="side")),
+        supports=(),
+    )
+    bulk = build_all(whole, make_meshes(comm, whole, False), False)
+    pair = built(scene)
+    system = condense(pair)
+    assert not isinstance(bulk, Pair)
+    load = np.array([1.0, -0.7])
+    tied = None if system is None else np.zeros(2 * system.n)
+    foot = np.zeros(len(bulk.contact.dofs))
+    expected = values_by_place(bulk.space, back_substitute(bulk, load, foot))
+    scale = max(np.abs(value).max() for value in expected.values())
+    for part, field in displacements(pair, load, tied):
+        for place, value in values_by_place(part.space, field).items():
+            assert np.abs(value - expected[place]).max() < 1e-10 * scale
+    bulk.destroy()
+    pair.destroy()
+
+
+def values_by_place(space: object, field: object) -> dict[tuple[float, float], Array]:
+    """Nodal displacements by their (rounded) places, alike on every rank."""
+    n = space.dofmap.index_map.size_local  # type: ignore[attr-defined]
+    places = np.round(space.tabulate_dof_coordinates()[:n, :2], 7) + 0.0  # type: ignore[attr-defined]
+    values = field.x.array[: 2 * n].reshape(-1, 2).copy()  # type: ignore[attr-defined]
+    found: dict[tuple[float, float], Array] = {}
+    for part in comm.allgather((places, values)):
+        found |= {(x, y): value for (x, y), value in zip(part[0].tolist(), part[1], strict=True)}
+    return found
+
+
+@pytest.mark.parametrize("half", [False, True])
+def test_fields_hold_both_bodies_and_part_where_the_contact_opens(
+    half: bool, shared_tmp_path: Path
+) -> None:
+    pair = built(pair_scene(), half)
+    file = shared_tmp_path / "at.xdmf"
+    n = len(pair.contact.x)
+    # the contact opens towards its ends
+    u = np.concatenate([np.zeros(n), 0.01 * pair.contact.x**2])
+    fields = fields_at(pair, np.array([1.0]), u, file)
+    if fields is not None:
+        assert fields.body is not None
+        assert {f.name for f in field_files(pair, file)} == {"at_upper.xdmf", "at_lower.xdmf"}
+        assert all(f.is_file() for f in field_files(pair, file))
+        sides = []
+        for body in (0, 1):
+            on = (fields.body == body) & (np.abs(fields.points[:, 1] - 2.0) < 1e-12)
+            on &= np.abs(fields.points[:, 0]) < 2.0 + 1e-9
+            order = np.argsort(fields.points[on, 0], kind="stable")
+            sides.append((fields.points[on][order], fields.displacement[on][order]))
+        (x, upper), (same, lower) = sides
+        assert np.abs(x - same).max() < 1e-12 and abs(x[0, 0] + 2.0) < 1e-12
+        apart = np.column_stack([np.zeros(len(x)), 0.01 * x[:, 0] ** 2])
+        assert np.abs(upper - lower - apart).max() < 1e-12
+        # nothing moves below the lower body
+        assert np.all(fields.displacement[fields.points[:, 1] == 0.0] == 0.0)
+    pair.destroy()
+
+
+def test_quadrilaterals_beside_triangles_are_split_and_keep_their_area() -> None:
+    corners = np.array([[0.0, 0.0], [2.0, 0.0], [3.0, 1.0], [0.0, 1.0]])
+    none, stress = np.zeros((4, 2)), {"sxx": np.arange(4.0)}
+    quad = Fields(corners, np.array([[0, 1, 2, 3]]), none, stress)
+    triangle = Fields(corners[:3] + 5.0, np.array([[0, 1, 2]]), none[:3], {"sxx": np.ones(3)})
+    for first, second in ((quad, triangle), (triangle, quad)):
+        both = together(first, second)
+        a, b, c = both.points[both.cells].transpose(1, 2, 0)
+        area = 0.5 * ((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0])
+        # counterclockwise all, those of the square and of the triangle
+        assert np.all(area > 0.0) and area.sum() == pytest.approx(2.5 + 1.0)
+        assert both.body is not None
+        assert np.array_equal(both.body, np.repeat([0, 1], [len(first.points), len(second.points)]))
+        assert np.all(both.points[both.body == 1] == second.points)
+
+
+# -- against an independent assembly -------------------------------------------------------------
+
+
+def squares(nx: int, ny: int, h: float, left: float, low: float, young: float, nu: float) -> tuple:
+    """Points and dense stiffness of a grid of bilinear squares."""
+    node = np.arange((nx + 1) * (ny + 1)).reshape(ny + 1, nx + 1)
+    around = np.stack([node[:-1, :-1], node[:-1, 1:], node[1:, 1:], node[1:, :-1]], -1)
+    A = np.zeros((2 * node.size, 2 * node.size))
+    k = q1_stiffness(h, h, young, nu)
+    for cell in around.reshape(-1, 4):
+        dofs = (2 * cell[:, None] + np.arange(2)).ravel()
+        A[np.ix_(dofs, dofs)] += k
+    x, y = np.meshgrid(left + h * np.arange(nx + 1), low + h * np.arange(ny + 1))
+    return np.stack([x.ravel(), y.ravel()], 1), A
+
+
+@pytest.mark.parametrize("sides", [False, True])
+@pytest.mark.parametrize("young", [0.02, 3.0, 500.0])
+def test_condensed_pair_is_that_of_an_independent_assembly(young: float, sides: bool) -> None:
+    supports = [Support("xy", edge="lower.bottom")]
+    if sides:
+        # the lower body's corners lie on the interface: held on one body only
+        supports += [Support("x", edge="lower.left"), Support("x", edge="lower.right")]
+    scene = pair_scene("quadrilateral", 1, young, 0.2, supports=tuple(supports))
+    scene = replace(
+        scene,
+        body=replace(scene.body, position=(0.0, 1.0)),
+        others=(replace(scene.others[0], width=4.0, height=1.0),),
+        mesh=MeshOptions(contact_elements=8, cell="quadrilateral", degree=1, growth=1.0),
+        loads=(
+            scene.loads[0],
+            Load("s", "upper.right", traction=(0.0, 1.0)),
+            Load("b", "lower.right", traction=(0.0, 0.5)),
+        ),
+        history=HistoryOptions("monotonic", load="p0"),
+    )
+    pair = built(scene)
+    system = condense(pair)
+    pair.destroy()
+    if system is None:
+        return
+    h = 0.5
+    pa, Aa = squares(8, 2, h, -2.0, 1.0, 2.0, 0.3)
+    pb, Ab = squares(8, 2, h, -2.0, 0.0, young, 0.2)
+    na, nb = len(pa), len(pb)
+    A = np.zeros((2 * (na + nb), 2 * (na + nb)))
+    A[: 2 * na, : 2 * na], A[2 * na :, 2 * na :] = Aa, Ab
+    force = np.zeros((2 * (na + nb), 3))
+    for i in range(8):
+        ends = np.flatnonzero(pa[:, 1] == 2.0)[i : i + 2]
+        if abs(pa[ends, 0].mean()) < 1.0:
+            force[2 * ends + 1, 0] -= 0.5 * h
+    for i in range(2):
+        ends = np.flatnonzero(pa[:, 0] == 2.0)[i : i + 2]
+        force[2 * ends + 1, 1] += 0.5 * h
+        ends = na + np.flatnonzero(pb[:, 0] == 2.0)[i : i + 2]
+        force[2 * ends + 1, 2] += 0.25 * h
+    on_a = np.flatnonzero(pa[:, 1] == 1.0)
+    on_b = na + np.flatnonzero(pb[:, 1] == 1.0)
+    fixed = 2 * (na + np.flatnonzero(pb[:, 1] == 0.0))
+    fixed = np.concatenate([fixed, fixed + 1])
+    if sides:
+        fixed = np.union1d(fixed, 2 * (na + np.flatnonzero(np.abs(pb[:, 0]) == 2.0)))
+    # u_a = u_b + delta on the interface: delta takes the place of u_a
+    change = np.eye(len(A))
+    ca, cb = (np.concatenate([2 * on, 2 * on + 1]) for on in (on_a, on_b))
+    change[ca, cb] = 1.0
+    A, force = change.T @ A @ change, change.T @ force
+    inner = np.setdiff1d(np.arange(len(A)), np.concatenate([ca, fixed]))
+    solved = np.linalg.solve(
+        A[np.ix_(inner, inner)], np.hstack([A[np.ix_(inner, ca)], force[inner]])
+    )
+    m = len(ca)
+    K = A[np.ix_(ca, ca)] - A[np.ix_(ca, inner)] @ solved[:, :m]
+    r_star = A[np.ix_(ca, inner)] @ solved[:, m:] - force[ca]
+    assert np.abs(system.K - K).max() < 1e-11 * np.abs(K).max()
+    assert np.abs(system.r_star - r_star.T).max() < 1e-11 * np.abs(r_star).max()
+    compliance = force[inner].T @ solved[:, m:]
+    assert system.load_compliance == pytest.approx(compliance, rel=1e-10, abs=1e-12)
+    assert np.array_equal(system.load_sign, -np.ones(3))
+    assert not system.held.any() and system.rigid.shape[1] == 3
+
+
+@pytest.mark.parametrize("sides", [False, True])
+@pytest.mark.parametrize("young", [0.02, 3.0, 500.0])
+def test_fields_of_both_bodies_carry_the_reactions_of_the_pair(young: float, sides: bool) -> None:
+    """E A u of each body's own field, less its loads, is the force of the other: Newton's third.
+
+    Either body may be the stiffer one, whose displacements are eliminated.
+    """
+    supports = [Support("xy", edge="lower.bottom")]
+    lower = Body("lower", width=8.0, height=2.0)
+    if sides:
+        # the ends of the interface are held on the lower body only
+        lower = replace(lower, width=4.0)
+        supports += [Support("x", edge="lower.left"), Support("x", edge="lower.right")]
+    scene = pair_scene("quadrilateral", 1, young, 0.2, supports=tuple(supports), others=(lower,))
+    loads = [scene.loads[0], Load("s", "upper.right", traction=(0.3, "y"))]
+    if not sides:
+        loads.append(Load("p0", "lower.right", pressure="y"))
+    pair = built(replace(scene, loads=tuple(loads)))
+    system = condense(pair)
+    load, u, expected = np.array([0.7, -1.1]), None, None
+    if system is not None:
+        u = np.cos(1.0 + np.arange(2 * system.n) ** 2)
+        expected = load @ system.r_star + system.K @ u
+    for sign, (part, field) in zip((1.0, -1.0), displacements(pair, load, u), strict=True):
+        own = load[[pair.load_names.index(name) for name in part.load_names]]
+        found = reactions(part, own, field)
+        if expected is not None and found is not None:
+            free = np.ones(len(found), dtype=bool)
+            if sides and sign < 0.0:
+                # there the field's reaction has the support's in it
+                free[[0, system.n - 1]] = False  # type: ignore[union-attr]
+            error = np.abs(sign * found - expected)[free].max()
+            assert error < 1e-10 * np.abs(expected).max(), (part.scene.body.name, error)
+    pair.destroy()
+
+
+# -- histories -----------------------------------------------------------------------------------
+
+
+def test_half_of_a_symmetric_pair_gives_the_whole() -> None:
+    scene = pair_scene("triangle", 2)
+    records = [
+        record_of(replace(scene, solver=SolverOptions(symmetry=symmetry)))
+        for symmetry in ("auto", "none")
+    ]
+    half, whole = records
+    if half is not None and whole is not None:
+        assert half.half and not whole.half
+        scale = np.abs(whole.turning_points.P).max()
+        for name in ("P", "Q"):
+            a, b = getattr(half.turning_points, name), getattr(whole.turning_points, name)
+            assert np.abs(a - b).max() < 1e-9 * scale
+        assert half.cycles.dissipation == pytest.approx(whole.cycles.dissipation, rel=1e-8)
+        assert half.energy_error_max < 1e-10 and whole.energy_error_max < 1e-10
+
+
+@pytest.mark.parametrize("span", [None, (-1.0, 1.0)])
+def test_platen_on_a_pair_carries_what_the_contact_does(span: tuple[float, float] | None) -> None:
+    scene = pair_scene("triangle", 2)
+    table = HistoryOptions(
+        "table",
+        columns=("N", "s"),
+        rows=((1.0, 0.0), (1.0, 1.0)),
+        cycle_rows=((1.0, -1.0), (1.0, 1.0)),
+    )
+    contact = replace(scene.contacts[0], span=span)
+    scene = replace(scene, contacts=(contact,), history=replace(table, cycles=1))
+    down = Load("N", "upper.top", displacement=(0.0, -0.5))
+    aside = Load("s", "upper.top", displacement=(0.1, 0.0))
+    moved = record_of(replace(scene, loads=(down, aside)))
+    force = Load("N", "upper.top", platen=True, force=(0.0, -2.0))
+    shear = Load("s", "upper.top", platen=True, force=(0.4, 0.0))
+    pressed = record_of(replace(scene, loads=(force, shear)))
+    if moved is None or pressed is None:
+        return
+    # work-conjugate to a displacement is the force that it takes, times its size
+    points = moved.turning_points
+    assert points.load_displacement[:, 0] == pytest.approx(0.5 * points.P.sum(axis=1), rel=1e-10)
+    assert points.load_displacement[1:, 1] == pytest.approx(
+        -0.1 * points.Q.sum(axis=1)[1:], rel=1e-8
+    )
+    points = pressed.turning_points
+    assert points.P.sum(axis=1) == pytest.approx(2.0, rel=1e-10)
+    assert points.Q.sum(axis=1) == pytest.approx(-0.4 * points.load[:, 1], abs=1e-10)
+    for record in (moved, pressed):
+        assert record.energy_error_max < 1e-10
+        assert len(record.x) == (25 if span is None else 13)
+
+
+def test_turned_pair_gives_the_same_history(shared_tmp_path: Path) -> None:
+    scene = pair_scene("triangle", 1, solver=SolverOptions(symmetry="none"))
+    shear = Load("s", "upper.right", pressure=0.2)
+    scene = replace(scene, loads=(*scene.loads, shear))
+    table = HistoryOptions("table", columns=("p0", "s"), rows=((1.0, 0.0), (1.0, 1.0), (0.5, -1.0)))
+    scene = replace(scene, history=table)
+
+    def write() -> None:
+        for body in scene.bodies:
+            mesh = rectangle(part_of(scene, body))
+            points = turned(mesh.points, 30.0, (1.0, -2.0))
+            write_msh(shared_tmp_path / f"{body.name}.msh", points, [mesh.cells], mesh.edges)
+
+    on_root(comm, write)
+    comm.barrier()
+    files = [
+        Body(body.name, mesh=str(shared_tmp_path / f"{body.name}.msh")) for body in scene.bodies
+    ]
+    upright = record_of(scene)
+    oblique = record_of(replace(scene, body=files[0], others=(files[1],)))
+    if upright is not None and oblique is not None:
+        a, b = upright.turning_points, oblique.turning_points
+        assert np.abs(upright.x - oblique.x).max() < 1e-12
+        assert np.array_equal(a.state, b.state)
+        for name in ("P", "Q", "v", "w", "load_displacement"):
+            expected = getattr(a, name)
+            assert np.abs(getattr(b, name) - expected).max() < 1e-9 * np.abs(expected).max()
+        assert len(np.unique(a.state)) > 2
+
+
+def test_tractions_are_divided_by_a_pressure_only_where_its_parts_agree() -> None:
+    part = Load("p0", "upper.top", pressure=2.0)
+    for other, expected in ((2.0, (2.0, "p_{0}")), (1.0, (1.0, ""))):
+        loads = (part, Load("p0", "lower.left", pressure=other))
+        assert pressure_of(pair_scene(loads=loads), ("p0",)) == expected
+
+
+def test_axis_node_of_a_half_pair_is_held() -> None:
+    system = system_of(pair_scene(), half=True)
+    if system is not None:
+        assert np.flatnonzero(system.held).tolist() == [0]
+        assert system.rigid.shape[1] == 1
+        assert mirror_of(system).axis.sum() == 1
+
+
+def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> None:
+    demo = Path(__file__).parents[2] / "demos" / "dovetail.toml"
+    record = record_of(read_scene(demo, ["mesh.contact_elements=8", "history.cycles=1"]))
+    if record is None:
+        return
+    table, total = record.turning_points, np.zeros((3, 2))
+    for pad in record.by_edge().values():
+        t = (pad.points[-1] - pad.points[0]) / np.ptp(pad.x)
+        n = np.array([-t[1], t[0]])
+        assert np.abs(np.abs(t) - np.sqrt(0.5)).max() < 1e-12 and n[1] < 0.0
+        states = pad.turning_points
+        total += states.P.sum(axis=1)[:, None] * n + states.Q.sum(axis=1)[:, None] * t
+    assert total == pytest.approx(np.outer(table.load[:, 0], [0.0, -1.0]), abs=1e-9)
+
+
+# -- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"supports": ()}, "load 'p0' moves both bodies together, and nothing holds them"),
+        ({"supports": (Support("x", edge="lower.bottom"),)}, "load 'p0' moves both bodies"),
+        ({"contacts": (Contact("upper.bottom"),)}, "against: has to name an edge of the other"),
+        ({"contacts": (Contact("upper.bottom", against="upper.top"),)}, "edge of the other body"),
+        ({"mesh": MeshOptions(contact_elements=10, cell="hexagon")}, "cell"),
+        (
+            {"body": Body("upper", position=(0.1, 2.0))},
+            "nodes of 'upper.bottom' and 'lower.top' do not match: at (-1.9, 2) 'upper.bottom' has",
+        ),
+        ({"body": Body("upper", position=(0.0, 2.5))}, "do not lie on each other, but 0.5 apart"),
+        ({"body": Body("upper", position=(6.0, 2.0))}, "do not overlap"),
+        ({"body": Body("upper", width=3.1, position=(0.0, 2.0))}, "which has to be an even number"),
+        ({"contacts": (Contact("upper.bottom", against="lower.bottom"),)}, "on each other"),
+        ({"supports": (Support("xy", edge="lower.top"),)}, "'lower.top' lies on the contact edge"),
+        ({"supports": (Support("xy", point=(0.0, 0.0)),)}, "body: says whose the point is"),
+        (
+            {
+                "loads": (
+                    Load("p", "upper.top", pressure=1.0),
+                    Load("p", "upper.left", pressure=1.0),
+                )
+            },
+            "load 'p': 2 loads have this name",
+        ),
+        ({"others": 2 * (Body("lower"),)}, "the scene has 3, two at most"),
+    ],
+)
+def test_pairs_that_cannot_be_modelled_are_refused(change: dict, words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        system_of(pair_scene(**change))
+    assert words in str(caught.value)
+    assert len(set(comm.allgather(str(caught.value)))) == 1
+
+
+def test_load_that_is_a_force_here_and_a_displacement_there_is_refused() -> None:
+    scene = pair_scene()
+    moved = Load("p0", "lower.right", (-0.5, 0.5), displacement=(0.01, "free"))
+    with pytest.raises(InputError, match="is a force on one body and a displacement on the other"):
+        system_of(replace(scene, loads=(*scene.loads, moved)))

@@ -1,0 +1,361 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from models import block_system
+from small import cyclic, small_system, table
+
+from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import OutputOptions, SolverOptions
+
+BLOCK = block_system(40, 20)
+STEPS = SolverOptions(method="gauss-seidel", steps_per_leg=2)
+FIELDS = ("s", "load", "P", "Q", "p", "q", "v", "w", "load_displacement")
+
+
+def kept_cycles(record: Record) -> list[int]:
+    return sorted(set(record.samples.cycle.tolist()))
+
+
+def test_the_usual_cycles_and_the_last_are_sampled() -> None:
+    record = evolve(BLOCK, cyclic(12))
+    assert kept_cycles(record) == [0, 1, 2, 9, 12]
+    for cycle, legs in ((0, 1), (1, 2), (12, 2)):
+        assert np.sum(record.samples.cycle == cycle) == 40 * legs
+    assert sorted(set(record.events.cycle.tolist())) == [0, 1, 2, 9, 12]
+    assert kept_cycles(evolve(BLOCK, cyclic(2))) == [0, 1, 2]
+
+
+def test_the_last_cycle_sampled_afterwards_is_the_last_cycle_itself() -> None:
+    output = OutputOptions(samples_per_leg=15)
+    after = evolve(BLOCK, cyclic(7), output=output)
+    during = evolve(BLOCK, cyclic(7), output=replace(output, cycles="all"))
+    rows, others = (np.flatnonzero(r.samples.cycle == 7) for r in (after, during))
+    assert len(rows) == len(others) == 30
+    for field in FIELDS:
+        a, b = getattr(after.samples, field)[rows], getattr(during.samples, field)[others]
+        assert np.abs(a - b).max() <= 1e-12 * np.abs(b).max(), field
+    assert np.array_equal(after.samples.state[rows], during.samples.state[others])
+    assert np.sum(after.events.cycle == 7) == np.sum(during.events.cycle == 7) > 50
+    # and sampling it leaves no trace in what was counted
+    assert after.n_events == during.n_events
+    assert np.array_equal(after.cycles.dissipation, during.cycles.dissipation)
+
+
+def test_until_steady_stops_and_samples_the_steady_cycle() -> None:
+    record = evolve(BLOCK, replace(cyclic(500), until_steady=True))
+    last = record.steady.cycle
+    assert record.steady.reached and 20 < last < 500
+    assert len(record.cycles.dissipation) == last
+    assert kept_cycles(record) == [0, 1, 2, 9, last]
+
+
+@pytest.mark.parametrize("chosen", [(3,), (0, 2), (), (1, 99)])
+def test_listed_cycles_and_no_others_are_kept(chosen: tuple[int, ...]) -> None:
+    record = evolve(BLOCK, cyclic(4), output=OutputOptions(samples_per_leg=5, cycles=chosen))
+    assert kept_cycles(record) == [n for n in chosen if n <= 4]
+    assert set(record.events.cycle.tolist()) == {n for n in chosen if n <= 4}
+    # turning points and cycle quantities are always there
+    assert record.turning_points.cycle.tolist() == [0, 1, 1, 2, 2, 3, 3, 4, 4]
+    assert record.cycles.slip_increment.shape == (4, 81)
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_samples_are_spread_evenly_and_end_at_the_turning_points(method: str) -> None:
+    options = SolverOptions(method=method, steps_per_leg=8)
+    record = evolve(BLOCK, cyclic(2), options, OutputOptions(samples_per_leg=4, cycles="all"))
+    s, ends = record.samples, record.turning_points
+    assert s.s.tolist() == [0.25, 0.5, 0.75, 1.0] * 5
+    assert s.load[:, 0] == pytest.approx(
+        [0.25, 0.5, 0.75, 1, *[5 / 6, 2 / 3, 1 / 2, 1 / 3, 1 / 2, 2 / 3, 5 / 6, 1] * 2]
+    )
+    last = s.s == 1.0
+    for field in FIELDS:
+        a, b = getattr(s, field)[last], getattr(ends, field)
+        assert np.abs(a - b).max() <= 1e-11 * np.abs(b).max(), field
+    assert np.array_equal(s.state[last], ends.state)
+    # tractions are nodal forces over the nodes' lengths, and balance the load
+    assert s.p * record.weight == pytest.approx(s.P, abs=1e-15)
+    assert s.P.sum(axis=1) == pytest.approx(2.0 * s.load[:, 0], rel=1e-11)
+    assert np.abs(s.Q.sum(axis=1)).max() <= 1e-12
+
+
+def test_events_change_states_from_sample_to_sample() -> None:
+    record = evolve(BLOCK, cyclic(2), output=OutputOptions(samples_per_leg=10, cycles="all"))
+    s, e = record.samples, record.events
+    state = np.ones(81, dtype=np.int8)
+    k = 0
+    for j in range(len(s.s)):
+        place = (s.cycle[j], s.leg[j], s.s[j])
+        while k < len(e.s) and (e.cycle[k], e.leg[k], e.s[k]) <= place:
+            assert state[e.node[k]] == e.old[k]
+            state[e.node[k]] = e.new[k]
+            k += 1
+        assert np.array_equal(state, s.state[j]), place
+    assert k == len(e.s)
+    assert record.n_events == len(e.s)
+
+
+def test_the_load_supplies_what_friction_takes() -> None:
+    output = OutputOptions(samples_per_leg=400, cycles=(200,))
+    record = evolve(BLOCK, cyclic(200), output=output)
+    s = record.samples
+    load = np.concatenate([[1.0], s.load[:, 0]])
+    moved = np.concatenate([s.load_displacement[-1:, 0], s.load_displacement[:, 0]])
+    supplied = np.sum(0.5 * (load[1:] + load[:-1]) * np.diff(moved))
+    assert supplied == pytest.approx(record.cycles.dissipation[-1], rel=1e-4)
+
+
+def test_dissipation_is_that_of_tractions_and_slip() -> None:
+    output = OutputOptions(samples_per_leg=400, cycles=(1,))
+    record = evolve(BLOCK, cyclic(1), output=output)
+    s, start = record.samples, record.turning_points
+    Q, v = np.vstack([start.Q[:1], s.Q]), np.vstack([start.v[:1], s.v])
+    per_node = -np.sum(0.5 * (Q[1:] + Q[:-1]) * np.diff(v, axis=0), axis=0)
+    wanted = record.cycles.dissipation_density[0] * record.weight
+    assert per_node == pytest.approx(wanted, abs=2e-3 * wanted.max())
+    assert record.cycles.dissipation[0] == pytest.approx(wanted.sum(), rel=1e-12)
+    touches = np.all(record.turning_points.state[[0, -1]] != State.SEPARATION, axis=0)
+    slip = np.where(touches, v[-1] - v[0], 0.0)
+    assert record.cycles.slip_increment[0] == pytest.approx(slip, abs=1e-12)
+
+
+def test_a_monotonic_history_has_no_cycles() -> None:
+    rise = History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)))
+    record = evolve(BLOCK, rise)
+    assert len(record.cycles.dissipation) == 0 and not record.steady.reached
+    assert record.steady.kind == "not reached"
+    assert record.turning_points.cycle.tolist() == [0]
+    assert record.dissipation_first_loading > 0.0
+    # the first loading is proportional to the load: the energy of half the load is a quarter
+    half = evolve(BLOCK, replace(rise, path=0.5 * rise.path))
+    ratio = half.dissipation_first_loading / record.dissipation_first_loading
+    assert ratio == pytest.approx(0.25, rel=1e-11)
+
+
+def test_progress_hears_of_every_cycle() -> None:
+    heard: list[tuple[int, int]] = []
+    evolve(BLOCK, cyclic(3), progress=lambda n, of, _: heard.append((n, of)))
+    assert heard == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_an_error_carries_the_record_up_to_the_failed_leg() -> None:
+    loop = [1.0, 0.4, 0.8, -0.2, 1.0]
+    with pytest.raises(NoEquilibrium, match=r"^cycle 1, leg 2: lift-off") as caught:
+        evolve(BLOCK, table(BLOCK, [0.0, 1.0], loop, 3))
+    record = caught.value.record
+    assert isinstance(record, Record)
+    ends = record.turning_points
+    assert list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True)) == [
+        (0, 0),
+        (1, 0),
+        (1, 1),
+    ]
+    assert ends.load[:, 0].tolist() == [1.0, 0.4, 0.8]
+    whole = evolve(BLOCK, table(BLOCK, [0.0, 1.0], [1.0, 0.4, 0.8, 1.0], 1))
+    assert np.array_equal(ends.P, whole.turning_points.P[:3])
+    assert len(record.cycles.dissipation) == 0
+
+
+def test_a_step_that_does_not_converge_carries_the_record_too() -> None:
+    options = SolverOptions(method="gauss-seidel", steps_per_leg=1, max_sweeps=4, polish=False)
+    with pytest.raises(NotConverged, match="cycle 0, leg 0: Gauss-Seidel stopped") as caught:
+        evolve(BLOCK, cyclic(1), options)
+    assert isinstance(caught.value.record, Record)
+    assert len(caught.value.record.turning_points.s) == 0
+
+
+def test_loads_of_another_name_are_refused() -> None:
+    with pytest.raises(InputError, match=r"drives loads \['q0'\], the system has \['p0'\]"):
+        evolve(BLOCK, replace(cyclic(1), load_names=("q0",)))
+
+
+def test_an_initial_slip_of_the_wrong_length_is_refused() -> None:
+    with pytest.raises(InputError, match=r"initial_slip has shape \(5,\), expected \(41,\)"):
+        evolve(BLOCK, cyclic(1), initial_slip=np.zeros(5))
+
+
+def test_an_initial_slip_of_zero_is_none() -> None:
+    plain = evolve(BLOCK, cyclic(2))
+    zero = evolve(BLOCK, cyclic(2), initial_slip=np.zeros(41))
+    assert np.array_equal(plain.turning_points.P, zero.turning_points.P)
+    assert zero.dissipation_first_loading == plain.dissipation_first_loading
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"f": np.zeros(3)}, r"f of the contact system has shape \(3,\), expected \(2,\)"),
+        ({"f": np.array([0.1, np.nan])}, r"f of the contact system is nan at node 1 \(x = 1\)"),
+        ({"f": np.array([-0.1, 0.1])}, r"f of the contact system is -0\.1 at node 0"),
+        ({"g0": np.array([0.0, -1e-9])}, r"g0 of the contact system is -1e-09 at node 1"),
+        ({"g0": np.array([np.inf, 0.0])}, "g0 of the contact system is inf at node 0"),
+        ({"g0": 0.0 * np.eye(2)}, r"g0 of the contact system has shape \(2, 2\)"),
+        ({"held": np.zeros(2, dtype=bool)}, r"held of the contact system has shape \(2,\)"),
+        ({"K": np.eye(3)}, r"K of the contact system has shape \(3, 3\), expected \(4, 4\)"),
+        ({"K": np.diag([1, 1, np.nan, 1])}, "K of the contact system has entries"),
+        ({"K": np.eye(4) + 1e-6 * np.eye(4, k=1)}, "K of the contact system is not symmetric"),
+        ({"r_star": np.zeros((2, 4))}, "2 nodes, 1 loads"),
+        ({"r_star": np.full((1, 4), np.inf)}, "r_star of the contact system has entries"),
+        ({"rigid": np.zeros((2, 1))}, r"rigid of the contact system has shape \(2, 1\)"),
+        ({"rigid": np.ones((4, 1))}, "rigid of the contact system holds a motion that its K"),
+    ],
+)
+def test_an_array_without_meaning_is_refused_by_name(
+    change: dict[str, np.ndarray], words: str
+) -> None:
+    system = laid_down(0.3)
+    evolve(system, table(system, [0.0, 1.0]))
+    with pytest.raises(InputError, match=words):
+        evolve(replace(system, **change), table(system, [0.0, 1.0]))  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("path", "loop", "words"),
+    [
+        ([0.5, 1.0], [], r"path begins at load factors \[0\.5\]: put a row of zeros"),
+        ([0.0], [], r"path has shape \(1, 1\), expected at least 2 rows of 1 load factors"),
+        ([0.0, np.nan], [], r"row 1 of the history's path, \[nan\], is not finite"),
+        ([0.0, 1.0], [1.0, np.inf, 1.0], "row 1 of the history's loop"),
+        ([0.0, 1.0], [0.5, 0.2, 0.5], r"loop runs from \[0\.5\] to \[0\.5\]: begin and end it"),
+        ([0.0, 1.0], [1.0, 0.2], r"loop runs from \[1\.0\] to \[0\.2\]"),
+    ],
+)
+def test_a_history_that_cannot_be_played_is_refused(
+    path: list[float], loop: list[float], words: str
+) -> None:
+    system = laid_down(0.3)
+    with pytest.raises(InputError, match=words):
+        evolve(system, table(system, path, loop, 1))
+
+
+def laid_down(gap: float) -> ContactSystem:
+    """Return two nodes, the second one open; it is lowered as the first one slides forward."""
+    K = np.diag([5.0, 5.0, 3.0, 4.0])
+    K[0, 3] = K[3, 0] = 0.8
+    return small_system(K, {"p0": [0.0, 0.0, 1.0, 0.2]}, 0.4, [0.0, gap])
+
+
+METHODS = ["events", "gauss-seidel"]
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_open_node_has_no_initial_slip(method: str) -> None:
+    # node 1 hangs free: w = -(0.2 + 0.8 v0) / 4; node 0 slides back to Q = 5 v0 + 0.8 w = f P
+    system = laid_down(0.3)
+    v0 = (0.4 + 0.8 * 0.2 / 4.0) / (5.0 - 0.8**2 / 4.0)
+    for elsewhere in (0.0, -7.0):
+        record = evolve(
+            system,
+            table(system, [0.0, 1.0]),
+            SolverOptions(method=method),
+            initial_slip=np.array([1.0, elsewhere]),
+        )
+        end = record.turning_points
+        assert end.v[0] == pytest.approx([v0, 0.0], rel=1e-11, abs=1e-13)
+        assert end.w[0, 1] == pytest.approx(-(0.2 + 0.8 * v0) / 4.0, rel=1e-11)
+        assert record.dissipation_first_loading == pytest.approx(0.2 * (1.0 - v0), rel=1e-11)
+        assert record.residual_max <= 1e-11
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_a_landing_after_an_initial_slip_is_refused_by_node(method: str) -> None:
+    system = laid_down(0.01)
+    history, options = table(system, [0.0, 1.0]), SolverOptions(method=method)
+    with pytest.raises(InputError, match=r"^initial_slip: node 1 \(x = 1\) has an initial gap"):
+        evolve(system, history, options, initial_slip=np.array([1.0, 0.0]))
+    # where it lands without friction nothing depends on the place
+    smooth = replace(system, f=np.array([0.4, 0.0]))
+    end = evolve(smooth, history, options, initial_slip=np.array([1.0, 0.0])).turning_points
+    assert end.P[0, 1] > 0.0
+
+
+@pytest.mark.parametrize("method", METHODS)
+def test_an_initial_slip_of_zero_is_none_beside_a_gap(method: str) -> None:
+    system = laid_down(0.01)
+    # it lands on its way forward, and slips on
+    system = replace(system, r_star=system.r_star + np.array([0.0, -0.6, 0.0, 0.0]))
+    history, options = table(system, [0.0, 1.0, 0.3]), SolverOptions(method=method)
+    plain, zero = (
+        evolve(system, history, options, initial_slip=slip) for slip in (None, np.zeros(2))
+    )
+    assert np.array_equal(plain.turning_points.P, zero.turning_points.P)
+    assert zero.dissipation_first_loading == plain.dissipation_first_loading
+    assert zero.energy_error_max <= (1e-12 if method == "events" else 1.0)
+
+
+def test_an_initial_slip_that_is_not_finite_is_refused() -> None:
+    slip = np.zeros(41)
+    slip[7] = np.nan
+    with pytest.raises(InputError, match="initial_slip of node 7 is not finite"):
+        evolve(BLOCK, cyclic(1), initial_slip=slip)
+
+
+def test_both_methods_tell_the_same_story() -> None:
+    exact = evolve(BLOCK, cyclic(3))
+    steps = evolve(BLOCK, cyclic(3), SolverOptions(method="gauss-seidel", steps_per_leg=80))
+    assert (exact.sweeps, exact.method, steps.method) == (0, "events", "gauss-seidel")
+    assert steps.sweeps > 0
+    same = steps.turning_points.state == exact.turning_points.state
+    assert np.mean(same) > 0.97
+    assert steps.cycles.dissipation == pytest.approx(exact.cycles.dissipation, rel=2e-3)
+    gap = np.abs(steps.turning_points.P - exact.turning_points.P).max()
+    assert 0.0 < gap <= 1e-3 * exact.turning_points.P.max()
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_open_nodes_bear_exactly_nothing(method: str) -> None:
+    record = evolve(BLOCK, cyclic(10), SolverOptions(method=method, steps_per_leg=5))
+    for states in (record.turning_points, record.samples):
+        is_open = states.state == State.SEPARATION
+        assert 0 < np.sum(is_open) < is_open.size
+        for name in ("P", "Q", "p", "q"):
+            assert np.all(getattr(states, name)[is_open] == 0.0), name
+            assert np.any(getattr(states, name)[~is_open] != 0.0), name
+
+
+def test_what_holds_an_open_node_is_kept() -> None:
+    # the load lifts the node, whose tangential displacement is held by a support
+    system = small_system([[2.0, 0.5], [0.5, 1.0]], {"p0": [0.3, -1.0]}, 0.4)
+    system = replace(system, held=np.array([True, False]), f=np.zeros(1))
+    record = evolve(system, cyclic(0))
+    assert record.turning_points.state.tolist() == [[State.SEPARATION]]
+    assert record.turning_points.P.tolist() == [[0.0]]
+    # w = 1, so Q = 0.3 + 0.5 w
+    assert record.turning_points.Q == pytest.approx(np.array([[0.8]]), rel=1e-12)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("gap", [0.0, 0.3])
+def test_nothing_happens_before_the_first_load(method: str, gap: float) -> None:
+    system = laid_down(gap)
+    late, plain = (
+        evolve(system, table(system, path), SolverOptions(method=method))
+        for path in ([0.0, 0.0, 0.0, 1.0], [0.0, 1.0])
+    )
+    ends = late.turning_points
+    assert not ends.P[:2].any() and not ends.v[:2].any() and not ends.w[:2].any()
+    assert np.array_equal(ends.P[-1], plain.turning_points.P[-1])
+    assert late.dissipation_first_loading == plain.dissipation_first_loading
+
+
+def test_a_load_that_bears_on_nothing_moves_nothing() -> None:
+    system = laid_down(0.3)
+    system = replace(system, r_star=0.0 * system.r_star)
+    record = evolve(system, table(system, [0.0, 1.0, 0.5]), output=OutputOptions(samples_per_leg=3))
+    assert not record.turning_points.P.any() and not record.turning_points.v.any()
+    assert len(record.samples.s) == 6
+
+
+@pytest.mark.parametrize("solver", [SolverOptions(), STEPS], ids=lambda s: s.method)
+def test_largest_errors_are_those_of_all_legs_so_far(solver: SolverOptions) -> None:
+    path = [0.0, 1.0, 0.3, 0.9, 0.2, 0.8, 0.5]
+    records = [evolve(BLOCK, table(BLOCK, path[:k]), solver) for k in range(2, len(path) + 1)]
+    for name in ("residual_max", "energy_error_max"):
+        largest = [getattr(record, name) for record in records]
+        assert largest == sorted(largest), name
+        assert largest[0] > 0.0 or largest[-1] > 0.0

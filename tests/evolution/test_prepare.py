@@ -1,0 +1,225 @@
+"""Saved systems used for other scenes from the command line, and what is logged meanwhile."""
+
+import logging
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+from models import block_system
+
+from receding_fenicsx import cli, environment, study
+from receding_fenicsx.bulk.mesh import meshing
+from receding_fenicsx.evolution.prepare import with_profiles
+from receding_fenicsx.output.report.summary import read_summary
+from receding_fenicsx.output.storage.hdf5 import read_record, read_system, write_system
+from receding_fenicsx.scene.toml_file import read_scene
+
+BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
+SMALL = ["--set", "mesh.contact_elements=24", "--set", "history.cycles=2"]
+comm = MPI.COMM_WORLD
+root = comm.rank == 0
+
+
+@pytest.fixture
+def system(shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+    """The file of a condensed block."""
+    path = shared_tmp_path / "system.h5"
+    assert cli.main(["condense", BLOCK, *SMALL, "--out", str(path)]) == 0
+    capsys.readouterr()
+    comm.Barrier()
+    return path
+
+
+def untouched(*_: object) -> None:
+    """Stand for the meshing that must not happen."""
+    raise AssertionError("the body was meshed")
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        ["contact.friction=0.2", "history.minimum=0.5"],
+        ["contact.friction=0"],
+        ["contact.initial_gap=0.001*x**2", "solver.method=gauss-seidel", "solver.steps_per_leg=3"],
+    ],
+)
+def test_another_friction_gap_or_history_is_played_without_touching_the_body(
+    system: Path, monkeypatch: pytest.MonkeyPatch, changes: list[str]
+) -> None:
+    settings = [*SMALL, *(word for change in changes for word in ("--set", change))]
+    folder = system.parent
+    fresh, reused = (
+        ["run", BLOCK, *settings, "--pictures", "none", "--out", str(folder / "fresh")],
+        [],
+    )
+    assert cli.main(fresh) == 0
+    monkeypatch.setattr(meshing, "make_meshes", untouched)
+    comm.Barrier()
+    reused = [*fresh[:-1], str(folder / "reused"), "--system", str(system)]
+    assert cli.main(reused) == 0
+    comm.Barrier()
+    if root:
+        a, b = (read_record(folder / name / "record.h5") for name in ("fresh", "reused"))
+        for name in ("v", "w", "P", "Q", "state"):
+            x, y = getattr(a.turning_points, name), getattr(b.turning_points, name)
+            assert x.tobytes() == y.tobytes(), name
+        assert a.scene_toml == b.scene_toml
+        timings = read_summary(folder / "reused" / "summary.json")["timings"]
+        assert timings["mesh"] == timings["assemble"] == timings["condense"] == 0.0
+        # the run's own copy is that of its own scene, and serves further ones
+        own = read_system(folder / "reused" / "system.h5")
+        assert own.scene_toml == b.scene_toml and own.kind == "frictional"
+        np.testing.assert_array_equal(own.f, b.f[len(b.f) // 2 :])
+    comm.Barrier()
+    again = [*reused[:-3], str(folder / "again"), "--system", str(folder / "reused" / "system.h5")]
+    assert cli.main([*again, "--set", "contact.friction=0.35"]) == 0
+
+
+def test_the_body_is_drawn_from_a_saved_system_only_when_asked_for(
+    system: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn: list[object] = []
+    monkeypatch.setattr(study, "draw", lambda *arguments: drawn.append(arguments[-1]))
+    saved, all_, figures = (
+        ["--system", str(system)],
+        ["--pictures", "all"],
+        ["--pictures", "figures"],
+    )
+    for extra, body in (
+        (saved, [False]),
+        ([*saved, *all_], [True]),
+        ([*saved, "--pictures", "none"], []),
+        ([], [True]),
+        (figures, [False]),
+    ):
+        drawn.clear()
+        arguments = ["run", BLOCK, *SMALL, *extra, "--overwrite"]
+        assert cli.main([*arguments, "--out", str(system.parent / "run")]) == 0
+        assert drawn == body
+        comm.Barrier()
+
+
+def cut_off(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:2000])
+
+
+def truncated(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[:-2000])
+
+
+def foreign(path: Path) -> None:
+    with h5py.File(path, "w") as file:
+        file["temperature"] = np.zeros(3)
+
+
+def no_hdf5(path: Path) -> None:
+    path.write_text("title = 'a scene'\n")
+
+
+def of_another_version(path: Path) -> None:
+    with h5py.File(path, "r+") as file:
+        file.attrs["format_version"] = 99
+
+
+def of_another_scene(path: Path) -> None:
+    system = read_system(path)
+    text = system.scene_toml.replace("poisson = 0.3", "poisson = 0.25")
+    write_system(path, replace(system, scene_toml=text), overwrite=True)
+
+
+def missing(path: Path) -> None:
+    path.unlink()
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (cut_off, "damaged or no HDF5 file"),
+        (truncated, "damaged or no HDF5 file"),
+        (foreign, "is no receding_fenicsx contact system"),
+        (no_hdf5, "damaged or no HDF5 file"),
+        (of_another_version, "has format version 99"),
+        (of_another_scene, "another [material] poisson"),
+        (missing, "no such file"),
+    ],
+)
+def test_files_that_cannot_serve_are_refused_in_one_line(
+    system: Path,
+    capsys: pytest.CaptureFixture[str],
+    spoil: Callable[[Path], None],
+    words: str,
+) -> None:
+    if root:
+        spoil(system)
+    comm.Barrier()
+    out = system.parent / "run"
+    assert cli.main(["run", BLOCK, *SMALL, "--system", str(system), "--out", str(out)]) == 2
+    captured = capsys.readouterr()
+    comm.Barrier()
+    assert not {"run", "run.part"} & set(os.listdir(system.parent))
+    if root:
+        assert captured.err.count("\n") == 1
+        assert str(system) in captured.err and words in captured.err
+
+
+@pytest.mark.skipif(comm.size > 1, reason="one process is enough")
+def test_reuse_needs_neither_dolfinx_nor_petsc_nor_gmsh(system: Path) -> None:
+    arguments = ["run", BLOCK, *SMALL, "--system", str(system), "--pictures", "none"]
+    code = (
+        "import sys\n"
+        "for name in ('dolfinx', 'petsc4py', 'gmsh', 'ufl', 'basix', 'pyvista'):\n"
+        "    sys.modules[name] = None\n"  # makes importing it fail
+        "from receding_fenicsx import cli\n"
+        f"sys.exit(cli.main({[*arguments, '--out', str(system.parent / 'run')]!r}))\n"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        env=environment.child_environment(),
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 0, done.stderr
+    assert "written to" in done.stdout
+
+
+def test_verbose_logs_stages_cycles_and_their_figures(
+    system: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    arguments = ["run", BLOCK, *SMALL, "--system", str(system), "--pictures", "none", "--out"]
+    assert cli.main([*arguments, str(system.parent / "one"), "--verbose"]) == 0
+    once = capsys.readouterr().err
+    assert cli.main([*arguments, str(system.parent / "two"), "-vv"]) == 0
+    twice = capsys.readouterr().err
+    assert cli.main([*arguments, str(system.parent / "three")]) == 0
+    assert capsys.readouterr().err == ""
+    if not root:
+        assert once == twice == ""
+        return
+    line = r"\d\d:\d\d:\d\d cycle 2 of 2: \d+ events, residual \d\.\de-\d+, dissipation 0\.\d+"
+    assert re.search(line, once), once
+    assert re.search(r"evolve: \d+\.\d+ s", once)
+    assert "forward slip to stick" in twice and "forward slip to stick" not in once
+    events = read_record(system.parent / "two" / "record.h5").events
+    # of the modelled half
+    assert twice.count("node ") == np.sum(events.node >= 24)
+    assert not logging.getLogger("receding_fenicsx").propagate
+
+
+def test_node_that_a_support_holds_normally_has_no_friction() -> None:
+    scene = read_scene(BLOCK, ["contact.friction=0.2 + 0.1*x**2"])
+    held = block_system(8, 4, half=False)
+    held.held[held.n + 3] = True
+    found = with_profiles(scene, held)
+    expected = 0.2 + 0.1 * held.x**2
+    expected[3] = 0.0
+    assert found.f == pytest.approx(expected, rel=1e-14)

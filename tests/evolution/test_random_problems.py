@@ -1,0 +1,387 @@
+"""Random problems: nothing is accepted that breaks a law, nothing refused that has a solution."""
+
+from collections.abc import Callable
+from dataclasses import fields, replace
+from functools import cache
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from equations import BACKWARD, FORWARD, OPEN, STICK, Body
+from problems import (
+    ACCEPTED,
+    FALSE,
+    REFUSED,
+    STEPS,
+    WRONG,
+    Outcome,
+    Problem,
+    judge,
+    play,
+    problem,
+    table_of,
+)
+from problems import verdict as verdict_of
+from replay import objections
+from small import small_system, table
+
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.mpi import on_all
+from receding_fenicsx.scene.model import OutputOptions, SolverOptions
+
+COUNT, BLOCKS = 300, 10
+
+
+@pytest.mark.parametrize("block", range(BLOCKS))
+def test_accepted_answers_keep_the_laws_and_refusals_are_true(block: int) -> None:
+    numbers = range(block + BLOCKS * MPI.COMM_WORLD.rank, COUNT, BLOCKS * MPI.COMM_WORLD.size)
+
+    def judged() -> None:
+        found = {number: judge(problem(number)) for number in numbers}
+        bad = {k: o for k, o in found.items() if o.verdict in (WRONG, FALSE)}
+        assert not bad, f"{bad}\n{table_of(found.values())}"
+
+    on_all(MPI.COMM_WORLD, judged)
+
+
+def test_legs_that_are_taken_on_the_exact_path_after_all_keep_the_laws() -> None:
+    """Load steps lead to a jump, the exact path from the leg's start does not: it is recorded."""
+    assert judge(problem(20076)).verdict == ACCEPTED
+
+
+@pytest.mark.parametrize(
+    "number", [202838, 300652, 401437, 402286, 402484, 403564, 403946, 414070, 414102]
+)
+def test_rigid_motions_that_the_contact_leaves_free_break_no_law(number: int) -> None:
+    """Near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies."""
+    assert judge(problem(number)).verdict in (ACCEPTED, REFUSED)
+
+
+@pytest.mark.parametrize("number", [1036, 1527])
+def test_jumps_inside_load_steps_dissipate_nothing(number: int) -> None:
+    p = problem(number)
+    record = play(p)
+    assert record.jumps > 0 and verdict_of(p, record) == Outcome(ACCEPTED, "with jumps")
+    record = copied(record)
+    record.cycles.dissipation_density[0] *= 2.0
+    record.cycles.dissipation[0] *= 2.0
+    assert objected(p.system, p.history, record, "dissipation is off")
+
+
+def copied(record: Record) -> Record:
+    """Return a copy whose tables can be spoiled."""
+    parts = {
+        name: replace(part, **{f.name: np.array(getattr(part, f.name)) for f in fields(part)})
+        for name in ("turning_points", "samples", "events", "cycles")
+        for part in [getattr(record, name)]
+    }
+    return replace(record, **parts)
+
+
+@cache
+def slider() -> tuple[Any, Any, Record]:
+    """Return three coupled nodes with a gap under two loads, and their record."""
+    system = small_system(
+        np.kron([[3.0, 0.5], [0.5, 2.0]], np.eye(3)) + 0.2,
+        {"press": [0.3, -0.2, 0.1, 1.0, 1.2, 0.8], "push": [-1.0, -0.7, -0.9, 0.1, -0.2, 0.2]},
+        [0.4, 0.5, 0.3],
+        [0.0, 0.3, 0.0],
+    )
+    path = [[0.0, 0.0], [1.0, 0.0], [1.0, 0.8]]
+    history = table(system, path, [[1.0, 0.8], [0.7, -0.9], [1.0, 0.8]], 2)
+    record = evolve(system, history, None, OutputOptions(10, "all"))
+    return system, history, record
+
+
+def one_node() -> tuple[Any, Any]:
+    """Return the node of strong coupling whose path ends, and loads along which it does."""
+    system = small_system([[2, 1.5], [1.5, 2]], {"a": [1.0, 1.0], "b": [0.0, -1.0]}, 2.0)
+    return system, table(system, [[0, 0], [1, 0], [0.25, 1]])
+
+
+@cache
+def jumper() -> tuple[Any, Any, Record]:
+    system, history = one_node()
+    record = evolve(system, history, SolverOptions(on_jump="static"), OutputOptions(10, "all"))
+    assert record.jumps == 1
+    return system, history, record
+
+
+@cache
+def stepper() -> tuple[Any, Any, Record]:
+    system, history, _ = slider()
+    options = SolverOptions(method="gauss-seidel", steps_per_leg=STEPS)
+    return system, history, evolve(system, history, options, OutputOptions(STEPS, "all"))
+
+
+def test_records_that_are_right_meet_no_objection() -> None:
+    for system, history, record in (slider(), jumper(), stepper()):
+        assert objections(system, history, record) == []
+        assert record.n_events > 0
+
+
+def slips(record: Record) -> tuple[int, int]:
+    """Return row and node of a sample that slips backward, or forward."""
+    state = record.samples.state
+    rows, nodes = np.nonzero((state == FORWARD) | (state == BACKWARD))
+    return int(rows[len(rows) // 2]), int(nodes[len(rows) // 2])
+
+
+def sticks(record: Record) -> tuple[int, int]:
+    rows, nodes = np.nonzero((record.samples.state == STICK) & (record.samples.s[:, None] < 1.0))
+    return int(rows[len(rows) // 2]), int(nodes[len(rows) // 2])
+
+
+def opens(record: Record) -> tuple[int, int]:
+    rows, nodes = np.nonzero((record.samples.state == OPEN) & (record.samples.s[:, None] < 1.0))
+    return int(rows[0]), int(nodes[0])
+
+
+def turn_Q(record: Record) -> None:
+    record.samples.Q[slips(record)] *= -1.0
+
+
+def turn_slip(record: Record) -> None:
+    for states in (record.samples.state, record.turning_points.state, record.events.old):
+        states[states >= FORWARD] = 7 - states[states >= FORWARD]
+    new = record.events.new
+    new[new >= FORWARD] = 7 - new[new >= FORWARD]
+
+
+def turn_slip_and_forces(record: Record) -> None:
+    turn_slip(record)
+    for part in (record.samples, record.turning_points):
+        slipping = part.state >= FORWARD
+        part.Q[slipping] *= -1.0
+        part.q[slipping] *= -1.0
+
+
+def drop_event(record: Record) -> None:
+    middle = len(record.events.s) // 2
+    for f in fields(record.events):
+        setattr(record.events, f.name, np.delete(getattr(record.events, f.name), middle, axis=0))
+    record.n_events -= 1
+
+
+def swap_events(record: Record) -> None:
+    e = record.events
+    same_leg = (np.diff(e.cycle) == 0) & (np.diff(e.leg) == 0)
+    first = int(np.flatnonzero((np.diff(e.s) > 0.0) & same_leg)[0])
+    for f in fields(record.events):
+        column = getattr(record.events, f.name)
+        column[[first, first + 1]] = column[[first + 1, first]]
+
+
+def move_event(record: Record) -> None:
+    j = int(np.flatnonzero((record.events.s > 0.1) & (record.events.s < 0.9))[0])
+    record.events.s[j] += 1e-7  # part of the leg: 5e-8 of a gap, which all laws forbid
+
+
+def slide_a_stuck_node(record: Record) -> None:
+    record.samples.v[sticks(record)] += 1e-9
+
+
+def lift_sample(record: Record) -> None:
+    row, node = slips(record)
+    record.samples.w[row, node] -= 1e-9
+
+
+def press_open(record: Record) -> None:
+    record.samples.P[opens(record)] += 1e-9
+
+
+def pass_the_limit(record: Record) -> None:
+    record.samples.Q[slips(record)] *= 1.0 + 1e-9
+
+
+def miss_dissipation(record: Record) -> None:
+    record.cycles.dissipation[1] *= 1.0 + 1e-6
+
+
+def miss_much_dissipation(record: Record) -> None:
+    record.cycles.dissipation[1] *= 1.1
+
+
+def miss_first_dissipation(record: Record) -> None:
+    record.dissipation_first_loading *= 1.0 + 1e-6
+
+
+def shift_dissipation(record: Record) -> None:
+    record.cycles.dissipation_density[0, [0, 2]] += [1e-6, -1e-6]
+
+
+def turn_dissipation(record: Record) -> None:
+    record.cycles.dissipation *= -1.0
+
+
+def miss_slip(record: Record) -> None:
+    record.cycles.slip_increment[0, 0] += 1e-12
+
+
+def misplace_load(record: Record) -> None:
+    record.samples.load[3, 0] += 1e-9
+
+
+def mistake_traction(record: Record) -> None:
+    record.samples.p[slips(record)] *= 1.0 + 1e-9
+
+
+def hold_as_nan(record: Record) -> None:
+    record.samples.v[slips(record)] = np.nan
+
+
+def skip_turning_point(record: Record) -> None:
+    t = record.turning_points
+    for f in fields(t):
+        setattr(t, f.name, getattr(t, f.name)[:-1])
+
+
+SPOILS: list[tuple[Callable[[Record], None], str]] = [
+    (turn_Q, "equilibrium fails"),
+    (turn_slip, "a slipping node is off its limit"),
+    (turn_slip_and_forces, "slips against its direction"),
+    (drop_event, "do not lead to the states|the node is in"),
+    (swap_events, "an event stands after a later one"),
+    (move_event, "lies beyond its place"),
+    (slide_a_stuck_node, "what states and events lead to"),
+    (lift_sample, "a node penetrates"),
+    (press_open, "an open node is pressed"),
+    (pass_the_limit, "a slipping node is off its limit"),
+    (miss_dissipation, "dissipation is off"),
+    (miss_first_dissipation, "dissipation is off"),
+    (shift_dissipation, "dissipation is off"),
+    (turn_dissipation, "the energy identity fails"),
+    (miss_slip, "a slip increment is not v's"),
+    (misplace_load, "is not the history's"),
+    (mistake_traction, "p is not P over weight"),
+    (hold_as_nan, "equilibrium fails"),
+    (skip_turning_point, "not the ends of the history's legs"),
+]
+
+
+def objected(system: Any, history: Any, record: Record, words: str) -> bool:
+    found = objections(system, history, record)
+    return any(word in line for line in found for word in words.split("|"))
+
+
+@pytest.mark.parametrize(("spoil", "words"), [pytest.param(*s, id=s[0].__name__) for s in SPOILS])
+def test_a_spoilt_record_meets_its_objection(spoil: Callable, words: str) -> None:
+    system, history, record = slider()
+    record = copied(record)
+    spoil(record)
+    assert objected(system, history, record, words), objections(system, history, record)
+
+
+@pytest.mark.parametrize("name", ["K", "r_star", "f", "g0"])
+def test_a_record_of_another_body_meets_objections(name: str) -> None:
+    system, history, record = slider()
+    for sign in (1.0, -1.0):
+        other = replace(system, **{name: getattr(system, name) * (1.0 + sign * 1e-8)})
+        assert objections(other, history, record)
+
+
+def test_a_jump_that_is_not_counted_is_seen() -> None:
+    system, history, record = jumper()
+    assert objected(system, history, replace(record, jumps=0), "no jump is counted")
+    assert objected(system, history, replace(record, jumps=2), "counts 2 jumps, there are 1")
+    off = replace(record, released=record.released * (1.0 + 1e-5))
+    assert objected(system, history, off, "released energy is off")
+
+
+def test_a_jump_where_a_way_on_exists_is_seen() -> None:
+    """The states after the jump are taken on half-way before the place where the path ends."""
+    system, history, record = jumper()
+    body, leg = Body(system), 1
+    s_0 = 0.5 * record.events.s[record.events.leg == leg][-1]
+    early = copied(record)
+    early.events.s[early.events.leg == leg] = s_0
+    early.events.load[early.events.leg == leg] = [1.0 - 0.75 * s_0, s_0]
+    opened = body.states(np.array([OPEN]))
+    for j in np.flatnonzero((early.samples.leg == leg) & (early.samples.s > s_0)):
+        u = opened.solve(early.samples.load[j].astype(np.longdouble), np.zeros(1), np.zeros(2))
+        early.samples.v[j], early.samples.w[j] = u[0], u[1]
+        for name in ("P", "Q", "p", "q"):
+            getattr(early.samples, name)[j] = 0.0
+        early.samples.state[j] = OPEN
+    p = replace(problem(0), system=system, history=history)
+    said = verdict_of(p, early)
+    assert said.verdict == WRONG
+
+
+@pytest.mark.parametrize(
+    ("spoil", "words"),
+    [
+        (turn_Q, "equilibrium fails"),
+        (turn_slip, "slips against its state"),
+        (slide_a_stuck_node, "slips against its state"),
+        (lift_sample, "a node penetrates"),
+        (miss_much_dissipation, "dissipation is off"),
+        (drop_event, "the events are not the changes"),
+    ],
+)
+def test_a_spoilt_record_in_load_steps_meets_its_objection(spoil: Callable, words: str) -> None:
+    system, history, record = stepper()
+    record = copied(record)
+    spoil(record)
+    assert objected(system, history, record, words), objections(system, history, record)
+
+
+def test_a_load_step_that_jumps_silently_is_seen() -> None:
+    """A record in steps that sticks up to where the path ends, and is open from there on."""
+    system, history = one_node()
+    weak = replace(system, f=np.array([1.2]))
+    options = SolverOptions(method="gauss-seidel", steps_per_leg=STEPS)
+    record = copied(evolve(weak, history, options, OutputOptions(STEPS, "all")))
+    p = replace(problem(0), history=history, solver=options)
+    body, samples = Body(system), record.samples
+    ends = np.flatnonzero((samples.leg == 1) & (samples.s > 4.0 / 11.0))
+    sticks = np.flatnonzero((samples.leg == 1) & (samples.s <= 4.0 / 11.0))
+    fills = (samples, sticks, STICK), (samples, ends, OPEN), (record.turning_points, [1], OPEN)
+    for part, rows, state in fills:
+        for j in rows:
+            load = part.load[j].astype(np.longdouble)
+            u = body.states(np.array([state])).solve(load, np.zeros(1), np.zeros(2))
+            part.v[j], part.w[j], part.state[j] = u[0], u[1], state
+            r = body.reactions(load, u) if state == STICK else np.zeros(2)
+            part.Q[j], part.P[j] = part.q[j], part.p[j] = r
+    for f in fields(record.events):
+        setattr(record.events, f.name, getattr(record.events, f.name)[:0])
+    event = {"cycle": 0, "leg": 1, "s": samples.s[ends[0]], "node": 0, "old": STICK, "new": OPEN}
+    for name, value in event.items():
+        setattr(record.events, name, np.array([value]))
+    record.events.load = samples.load[ends[:1]]
+    record.n_events = 1
+    assert objections(system, history, record) == []
+    assert "jumps silently" in verdict_of(replace(p, system=system), record).reason
+
+
+def test_a_refusal_with_a_way_on_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
+    import problems
+
+    from receding_fenicsx.errors import NoQuasiStaticContinuation
+
+    system, history, record = slider()
+    p = replace(problem(0), system=system, history=history)
+
+    def refuse(_: Problem) -> Record:
+        t = copied(record).turning_points
+        for f in fields(t):
+            setattr(t, f.name, getattr(t, f.name)[:1])
+        error = NoQuasiStaticContinuation("no way on (s = 0.5 of the leg)")
+        error.record = replace(record, turning_points=t)
+        raise error
+
+    monkeypatch.setattr(problems, "play", refuse)
+    assert judge(p).verdict == FALSE
+
+
+def test_a_path_that_ends_is_refused_truly_at_its_place() -> None:
+    system, history = one_node()
+    p = replace(problem(0), system=system, history=history, solver=SolverOptions())
+    said = judge(p)
+    assert said.verdict == "refused" and "s = 0.363636364" in said.said
+    with pytest.raises(Exception, match="no quasi-static continuation"):
+        play(p)

@@ -1,0 +1,618 @@
+import copy
+import dataclasses
+import errno
+import json
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from models import block_system
+from small import cyclic, small_system, table
+
+from receding_fenicsx.atomic import new_file
+from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.replay import state_at
+from receding_fenicsx.interface.measures.zones import zones
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.output.plots.series import Still, slip_lines
+from receding_fenicsx.output.plots.units import describe_factors
+from receding_fenicsx.output.report import summary as summary_module
+from receding_fenicsx.output.report.html import report_html
+from receding_fenicsx.output.report.summary import read_summary, summarise, write_summary
+from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.output.storage.hdf5 import (
+    digest,
+    read_record,
+    read_system,
+    write_record,
+    write_system,
+)
+from receding_fenicsx.reference.ahn_barber import is_papers_block, paper_table
+from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+
+BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
+SHORT = ["history.cycles=3", "solver.method=events", "output.samples_per_leg=8"]
+
+
+def system_of(text: str, half: bool = True, elements: int = 80) -> ContactSystem:
+    """The paper's block with this many elements on the contact edge of the whole body."""
+    modelled = elements // 2 if half else elements
+    return dataclasses.replace(block_system(modelled, elements // 4, half=half), scene_toml=text)
+
+
+def evolved(*overrides: str, half: bool = True, elements: int = 80) -> tuple[ContactSystem, Record]:
+    scene = from_toml(BLOCK, [*SHORT, *overrides])
+    system = system_of(to_toml(scene), half, elements)
+    return system, evolve(system, scene)
+
+
+@pytest.fixture(scope="module")
+def record() -> Record:
+    return evolved()[1]
+
+
+def differences(a: object, b: object, path: str = "") -> list[str]:
+    """Names of the fields in which two nested dataclasses are not bitwise equal."""
+    if dataclasses.is_dataclass(a):
+        return [
+            name
+            for f in dataclasses.fields(a)
+            for name in differences(getattr(a, f.name), getattr(b, f.name), f"{path}/{f.name}")
+        ]
+    if isinstance(a, np.ndarray) and isinstance(b, np.ndarray):
+        same = a.dtype == b.dtype and a.shape == b.shape and a.tobytes() == b.tobytes()
+    else:
+        same = type(a) is type(b) and a == b
+    return [] if same else [path]
+
+
+# -- record.h5 -----------------------------------------------------------------------------------
+
+
+def test_record_reads_back_bitwise(record: Record, tmp_path: Path) -> None:
+    write_record(tmp_path / "record.h5", record)
+    assert differences(record, read_record(tmp_path / "record.h5")) == []
+    assert os.listdir(tmp_path) == ["record.h5"]
+
+
+def test_record_of_a_monotonic_history_reads_back(tmp_path: Path) -> None:
+    _, short = evolved("history.kind=monotonic", "output.cycles=[]")
+    assert len(short.cycles.dissipation) == 0
+    write_record(tmp_path / "record.h5", short)
+    assert differences(short, read_record(tmp_path / "record.h5")) == []
+
+
+def test_record_file_has_the_agreed_layout(record: Record, tmp_path: Path) -> None:
+    write_record(tmp_path / "record.h5", record)
+    n, loads = len(record.x), 1
+    with h5py.File(tmp_path / "record.h5") as file:
+        assert {"x", "points", "f", "g0", "weight"} <= set(file["nodes"])
+        assert file["nodes/points"].shape == (n, 2)
+        for name in ("turning_points", "samples"):
+            rows = len(file[name]["s"])
+            assert rows > 0
+            for key in ("cycle", "leg"):
+                assert file[name][key].shape == (rows,)
+            for key in ("state", "P", "Q", "p", "q", "v", "w"):
+                assert file[name][key].shape == (rows, n)
+            for key in ("load", "load_displacement"):
+                assert file[name][key].shape == (rows, loads)
+        assert {"cycle", "leg", "s", "load", "node", "old", "new"} <= set(file["events"])
+        assert file["cycles/dissipation"].shape == (3,)
+        assert file["cycles/dissipation_density"].shape == (3, n)
+        assert file["cycles/slip_increment"].shape == (3, n)
+        assert list(file.attrs["load_names"]) == ["p0"]
+        assert from_toml(file.attrs["scene_toml"]).title == "Ahn & Barber block"
+        assert file.attrs["format_version"] == 1
+
+
+def test_long_scene_texts_fit(record: Record, tmp_path: Path) -> None:
+    text = record.scene_toml + "# " + 100_000 * "x" + "\n"
+    long = dataclasses.replace(record, scene_toml=text)
+    write_record(tmp_path / "record.h5", long)
+    assert read_record(tmp_path / "record.h5").scene_toml == text
+
+
+def test_files_are_not_overwritten_unless_asked(record: Record, tmp_path: Path) -> None:
+    path = tmp_path / "record.h5"
+    path.write_text("precious")
+    with pytest.raises(InputError, match="is there already"):
+        write_record(path, record)
+    assert path.read_text() == "precious"
+    write_record(path, record, overwrite=True)
+    assert read_record(path).method == "events"
+
+
+def test_failed_writing_leaves_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "file"
+    path.write_text("old")
+    with pytest.raises(
+        RecedingError, match=r"cannot be written \(No space left\); make room"
+    ) as full:
+        with new_file(path, overwrite=True):
+            raise OSError(errno.ENOSPC, "No space left")
+    assert full.value.exit_code == 1
+    with pytest.raises(RuntimeError), new_file(path, overwrite=True) as beside:
+        beside.write_text("half of the new")
+        raise RuntimeError
+    assert path.read_text() == "old"
+    assert os.listdir(tmp_path) == ["file"]
+
+
+def test_places_that_cannot_be_written_are_refused(record: Record, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="folder does not exist"):
+        write_record(tmp_path / "none" / "record.h5", record)
+    with pytest.raises(InputError, match="is a folder"):
+        write_record(tmp_path, record)
+
+
+def test_damaged_and_foreign_files_are_refused(record: Record, tmp_path: Path) -> None:
+    path = tmp_path / "record.h5"
+    with pytest.raises(InputError, match="no such file"):
+        read_record(path)
+    write_record(path, record)
+    whole = path.read_bytes()
+    for length in (0, 100, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"record\.h5: is damaged"):
+            read_record(path)
+    path.write_text("no HDF5 at all\n")
+    with pytest.raises(InputError, match="is damaged or no HDF5 file"):
+        read_record(path)
+    with h5py.File(path, "w") as file:
+        file["x"] = [1.0]
+    with pytest.raises(InputError, match="is no receding_fenicsx record"):
+        read_record(path)
+    write_system(path, system_of(""), overwrite=True)
+    with pytest.raises(InputError, match="is no receding_fenicsx record"):
+        read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda file: file.__delitem__("samples"), "'/samples' is missing"),
+        (lambda file: file["samples"].__delitem__("P"), "'/samples/P' is missing"),
+        (lambda file: file.attrs.__delitem__("method"), "'/method' is missing"),
+        (lambda file: file.attrs.modify("format_version", 99), "format version 99"),
+    ],
+)
+def test_incomplete_records_are_refused(
+    record: Record, tmp_path: Path, change: Callable[[h5py.File], None], words: str
+) -> None:
+    write_record(tmp_path / "record.h5", record)
+    with h5py.File(tmp_path / "record.h5", "r+") as file:
+        change(file)
+    with pytest.raises(InputError, match=words) as caught:
+        read_record(tmp_path / "record.h5")
+    assert "record.h5" in str(caught.value)
+
+
+def test_tables_of_unequal_lengths_are_refused(record: Record, tmp_path: Path) -> None:
+    table = dataclasses.replace(record.samples, w=record.samples.w[:, 1:])
+    write_record(tmp_path / "record.h5", dataclasses.replace(record, samples=table))
+    with pytest.raises(InputError, match=r"'/samples/w' has a wrong shape"):
+        read_record(tmp_path / "record.h5")
+
+
+# -- condensed systems ---------------------------------------------------------------------------
+
+
+def test_system_reads_back_bitwise(tmp_path: Path) -> None:
+    for half in (True, False):
+        system = system_of(to_toml(from_toml(BLOCK)), half)
+        write_system(tmp_path / "system.h5", system, overwrite=True)
+        assert differences(system, read_system(tmp_path / "system.h5")) == []
+
+
+def test_system_without_a_scene_and_of_normal_kind_reads_back(tmp_path: Path) -> None:
+    system = system_of("")
+    n = system.n
+    normal = dataclasses.replace(
+        system, K=system.K[n:, n:], kind="normal", slip_map=np.ones((n, n + 1))
+    )
+    write_system(tmp_path / "system.h5", normal)
+    assert differences(normal, read_system(tmp_path / "system.h5")) == []
+
+
+def test_system_serves_scenes_of_the_same_body_and_no_others(tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    write_system(path, system_of(to_toml(from_toml(BLOCK))))
+    for same in ("history.cycles=5", "solver.method=events", "title=other", "output.cycles=all"):
+        assert read_system(path, from_toml(BLOCK, [same])).n == 41
+    for other, named in (
+        ("body.width=5", r"\[body\] width"),
+        ("material.young=2", r"\[material\] young"),
+        ("material.poisson=0.2", r"\[material\] poisson"),
+        ("mesh.growth=1.5", r"\[mesh\] growth"),
+        ("contact.span=[-1.5, 1.5]", r"\[contact\] span"),
+        ("load.p0.span=[-0.5, 0.5]", r"\[load\] span"),
+        ("solver.symmetry=none", "symmetry"),
+        ("history.initial_slip=1e-3", "symmetry"),
+        ("contact.friction=0.3 + 0.01*x", "symmetry"),
+    ):
+        with pytest.raises(InputError, match=f"another {named}; condense this scene again"):
+            read_system(path, from_toml(BLOCK, [other]))
+    write_system(path, system_of(""), overwrite=True)
+    with pytest.raises(InputError, match="made by hand"):
+        read_system(path, from_toml(BLOCK))
+
+
+def test_system_takes_the_scene_s_own_friction_and_gap(tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    stored = system_of(to_toml(from_toml(BLOCK)))
+    write_system(path, stored)
+    scene = from_toml(BLOCK, ["contact.friction=0.2 + 0.1*abs(x)", "contact.initial_gap=0.01*x**2"])
+    system = read_system(path, scene)
+    np.testing.assert_allclose(system.f, 0.2 + 0.1 * np.abs(stored.x), rtol=1e-14)
+    np.testing.assert_allclose(system.g0, 0.01 * stored.x**2, rtol=1e-14)
+    assert system.scene_toml == to_toml(scene)
+    smooth = read_system(path, from_toml(BLOCK, ["contact.friction=0"]))
+    assert smooth.kind == "normal" and smooth.K.shape == (41, 41)
+    # and what has lost its tangential displacements cannot serve friction
+    write_system(path, smooth, overwrite=True)
+    with pytest.raises(InputError, match=r"system.h5: the system has no tangential"):
+        read_system(path, from_toml(BLOCK))
+
+
+def test_digest_does_not_depend_on_how_the_scene_was_written() -> None:
+    assert digest(from_toml(BLOCK)) == digest(from_toml(to_toml(from_toml(BLOCK))))
+
+
+def test_damaged_systems_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    write_system(path, system_of(""))
+    with h5py.File(path, "r+") as file:
+        del file["held"]
+    with pytest.raises(InputError, match="held"):
+        read_system(path)
+    write_system(path, dataclasses.replace(system_of(""), K=np.eye(3)), overwrite=True)
+    with pytest.raises(InputError, match="do not fit together"):
+        read_system(path)
+
+
+def test_cut_off_and_foreign_systems_are_refused(record: Record, tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    with pytest.raises(InputError, match=r"system\.h5: no such file"):
+        read_system(path)
+    write_system(path, system_of(to_toml(from_toml(BLOCK))))
+    whole = path.read_bytes()
+    for length in (0, 7, 100, len(whole) // 3, len(whole) // 2, len(whole) - 1):
+        path.write_bytes(whole[:length])
+        with pytest.raises(InputError, match=r"system\.h5: is damaged or no HDF5 file"):
+            read_system(path)
+    with h5py.File(path, "w") as file:
+        file["K"] = np.eye(4)
+    with pytest.raises(InputError, match="is no receding_fenicsx contact system"):
+        read_system(path)
+    write_record(path, record, overwrite=True)
+    with pytest.raises(InputError, match="is no receding_fenicsx contact system"):
+        read_system(path)
+
+
+@pytest.mark.parametrize("name", ["K", "x", "r_star", "weight"])
+def test_a_single_wrong_byte_in_a_system_is_refused(name: str, tmp_path: Path) -> None:
+    path = tmp_path / "system.h5"
+    write_system(path, system_of(to_toml(from_toml(BLOCK))))
+    with h5py.File(path) as file:
+        chunk = file[name].id.get_chunk_info(0)
+    whole = bytearray(path.read_bytes())
+    whole[chunk.byte_offset + chunk.size // 2] ^= 1
+    path.write_bytes(whole)
+    with pytest.raises(InputError, match=r"system\.h5: is damaged"):
+        read_system(path)
+
+
+def change_stiffness(file: h5py.File) -> None:
+    file["K"][1, 2] *= 1.0 + 1e-15
+
+
+def swap_nodes(file: h5py.File) -> None:
+    file["x"][...] = file["x"][()][::-1]
+
+
+def lose_an_option(file: h5py.File) -> None:
+    file.move("edge", "egde")
+
+
+def change_a_number(file: h5py.File) -> None:
+    file.attrs["half"] = not file.attrs["half"]
+
+
+@pytest.mark.parametrize("change", [change_stiffness, swap_nodes, lose_an_option, change_a_number])
+def test_a_system_that_was_changed_behind_hdf5_s_checksums_is_refused(
+    tmp_path: Path, change: Callable[[h5py.File], None]
+) -> None:
+    path, scene = tmp_path / "system.h5", from_toml(BLOCK)
+    system = system_of(to_toml(scene))
+    write_system(path, dataclasses.replace(system, edge=np.zeros(system.n, dtype=np.int64)))
+    read_system(path, scene)
+    with h5py.File(path, "r+") as file:
+        change(file)
+    for asked in (None, scene):
+        with pytest.raises(InputError, match=r"system\.h5: is damaged; make it again"):
+            read_system(path, asked)
+
+
+# -- summary.json --------------------------------------------------------------------------------
+
+
+def test_summary_has_every_agreed_key_as_a_number(record: Record, tmp_path: Path) -> None:
+    extra = {
+        "timings": dict.fromkeys(("mesh", "assemble", "condense", "evolve", "pictures"), 1.0),
+        "peak_memory_MB": 1.0,
+        "versions": {},
+    }
+    write_summary(tmp_path / "summary.json", summarise(record, extra))
+    summary = read_summary(tmp_path / "summary.json")
+    keys = (
+        "title method nodes dofs modelled_nodes modelled_dofs symmetry turning_points "
+        "dissipation_first_loading dissipation_per_cycle slip_per_cycle_max steady residual_max "
+        "events sweeps timings peak_memory_MB versions"
+    )
+    assert set(keys.split()) <= set(summary)
+    assert (summary["nodes"], summary["dofs"]) == (81, 162)
+    assert (summary["modelled_nodes"], summary["modelled_dofs"]) == (41, 81)
+    assert [p["cycle"] for p in summary["turning_points"]] == [0, 1, 1, 2, 2, 3, 3]
+    assert [p["load"]["p0"] for p in summary["turning_points"]][:3] == [1.0, 1 / 3, 1.0]
+    assert len(summary["dissipation_per_cycle"]) == len(summary["slip_per_cycle_max"]) == 3
+    point = summary["turning_points"][1]
+    for key in ("contact_half_width", "stick_half_width", "p_max", "q_min", "q_max"):
+        assert isinstance(point[key], float), key
+    assert summary["steady"]["reached"] is False
+    assert summary["steady"]["kind"] == "not reached"
+    table = record.turning_points
+    assert point["p_max"] == table.p[1].max()
+    assert (point["q_min"], point["q_max"]) == (table.q[1].min(), table.q[1].max())
+    assert [tuple(zone) for zone in point["zones"]] == zones(record.x, table.state[1])
+
+
+def test_summary_of_half_and_whole_models_agree() -> None:
+    half, whole = (summarise(evolved(half=half)[1]) for half in (True, False))
+    assert (half["symmetry"], whole["symmetry"]) == ("mirror", "none")
+    assert half["nodes"] == whole["nodes"]
+    np.testing.assert_allclose(
+        half["dissipation_per_cycle"], whole["dissipation_per_cycle"], rtol=1e-9
+    )
+    np.testing.assert_allclose(half["slip_per_cycle_max"], whole["slip_per_cycle_max"], rtol=1e-9)
+    for a, b in zip(half["turning_points"], whole["turning_points"], strict=True):
+        assert [name for name, *_ in a["zones"]] == [name for name, *_ in b["zones"]]
+        for key in ("contact_half_width", "stick_half_width", "p_max", "q_min", "q_max"):
+            np.testing.assert_allclose(a[key], b[key], rtol=1e-9)
+
+
+def test_limit_reached_without_slip_is_told_zone_by_zone(
+    record: Record, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes = np.array([3, 4, 5, 7, 40])
+    still = Still(np.zeros(0, bool), nodes, 0 * nodes, 0.0 * nodes, True)
+    monkeypatch.setattr(summary_module, "limit_without_slip", lambda *_: still)
+    found = summarise(record)["limit_without_slip"]
+    assert found == [[record.x[a], record.x[b]] for a, b in ((3, 5), (7, 7), (40, 40))]
+
+
+def test_pressure_on_the_axis_is_that_of_its_neighbours() -> None:
+    """Nodes that know nothing of each other under an even pressure; that of the axis is off."""
+    r = np.arange(7.0)
+    weight = np.where(r > 0.0, r, 0.1)
+    P = weight * np.where(r > 0.0, 3.0 - 0.05 * r**2, 1.0)
+    system = small_system(np.eye(14), {"a": [*np.zeros(7), *P]}, 0.3)
+    system = dataclasses.replace(system, x=r, weight=weight, axisymmetric=True)
+    (point,) = summarise(evolve(system, table(system, [0.0, 2.0])))["turning_points"]
+    assert point["p_axis"] == pytest.approx(2.0 * 3.0, rel=1e-12)
+
+
+def test_extremes_of_tractions_are_those_of_an_unsymmetric_contact() -> None:
+    """Nodes that know nothing of each other and stick: P and Q are the held reactions."""
+    weight, Q, P = np.array([0.5, 2.0, 4.0]), [0.1, -0.3, 0.2], [1.0, 2.0, 3.0]
+    system = small_system(np.eye(6), {"a": [*Q, *P]}, 0.9)
+    system = dataclasses.replace(system, weight=weight)
+    (point,) = summarise(evolve(system, table(system, [0.0, 2.0])))["turning_points"]
+    assert point["p_max"] == pytest.approx(2.0 * 1.0 / 0.5)
+    assert point["q_max"] == pytest.approx(2.0 * 0.1 / 0.5)
+    assert point["q_min"] == pytest.approx(2.0 * -0.3 / 2.0)
+
+
+def test_motion_of_nodes_that_are_open_at_an_end_of_a_cycle_is_no_slip(record: Record) -> None:
+    table = record.turning_points
+    ends = [np.flatnonzero(table.cycle == n)[-1] for n in range(4)]
+    found = record.cycles.slip_increment
+    for n in (1, 2, 3):
+        moved = table.v[ends[n]] - table.v[ends[n - 1]]
+        touches = np.all(table.state[[ends[n - 1], ends[n]]] != 2, axis=0)
+        # the ends of the block have lifted off, and move more than many nodes slip
+        assert np.abs(moved[~touches]).max() > 0.1 * np.abs(moved[touches]).max() > 0.0
+        assert np.array_equal(found[n - 1], np.where(touches, moved, 0.0))
+    assert summarise(record)["slip_per_cycle_max"] == np.abs(found).max(axis=1).tolist()
+
+
+def test_slip_per_cycle_is_shown_of_nodes_that_touch() -> None:
+    long = evolve(block_system(40, 20), cyclic(12))
+    ends = long.turning_points.load[:, 0] == 1.0
+    touches = np.all(long.turning_points.state[ends] != 2, axis=0)
+    # the length is such that representative nodes would lie beyond the end of the contact too
+    lines = slip_lines(long, length=2.4)
+    assert np.any(~touches & (np.abs(long.x / 2.4 - 0.65) < 0.15))
+    assert len(lines) >= 3 and all(touches[line.node] for line in lines)
+
+
+def test_numbers_that_json_cannot_hold_become_null(record: Record, tmp_path: Path) -> None:
+    bad = summarise(dataclasses.replace(record, residual_max=float("nan")))
+    write_summary(tmp_path / "s.json", bad)
+    assert json.loads((tmp_path / "s.json").read_text())["residual_max"] is None
+
+
+def test_damaged_summaries_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "summary.json"
+    with pytest.raises(InputError, match="no such file"):
+        read_summary(path)
+    for text in ('{"title": ', "[]", "{}"):
+        path.write_text(text)
+        with pytest.raises(InputError, match=r"summary\.json: is"):
+            read_summary(path)
+
+
+def test_no_number_that_rounds_to_zero_has_a_sign(record: Record) -> None:
+    summary = copy.deepcopy(summarise(record))
+    for point in summary["turning_points"]:
+        point["load"] = {"p0": -0.0}
+        point["contact_half_width"] = point["q_max"] = -1e-9
+        point["zones"] = [["stick", -1e-9, -0.0], ["separation", -0.0, 2.0]]
+        point["q_min"] = point["p_max"] = -1e-9
+        point["stick_half_width_estimate"] = {
+            "value": -1e-9, "interval": [-0.0, 1e-9], "fitted": True
+        }  # fmt: skip
+    summary["limit_without_slip"] = [[-0.0, 1.0]]
+    minus_zero = r"-0(\.0*)?(?![.\de])"
+    assert re.search(minus_zero, "to -0.0000 (") and not re.search(minus_zero, "-0.5 -0e-5")
+    for text in (run_table(summary), report_html(summary)):
+        assert "separation to 2.0" in text
+        assert not re.search(minus_zero, re.sub(r"<style>.*?</style>", "", text, flags=re.S))
+    factors = describe_factors(("p0", "torque"), np.array([-0.0, -0.0]))
+    assert not re.search(minus_zero, factors)
+
+
+@pytest.mark.parametrize(("metre", "pascal"), [(1e-3, 1e8), (1e-2, 1e-7), (1e3, 1e-3)])
+def test_table_shows_as_many_figures_in_any_units(
+    record: Record, metre: float, pascal: float
+) -> None:
+    shown = summarise(record)
+    other = copy.deepcopy(shown)
+    for point in other["turning_points"]:
+        for key in ("contact_half_width", "stick_half_width"):
+            point[key] *= metre
+            below = point.get(f"{key}_estimate")
+            if below and below["fitted"]:
+                below["value"] *= metre
+                below["interval"] = [metre * end for end in below["interval"]]
+        for key in ("p_max", "q_min", "q_max"):
+            point[key] *= pascal
+        point["zones"] = [[name, metre * a, metre * b] for name, a, b in point["zones"]]
+
+    def numbers(summary: dict[str, Any]) -> list[list[float]]:
+        rows = [line.split("  ") for line in run_table(summary).splitlines()[2:5]]
+        cells = [[cell.strip() for cell in row if cell.strip()] for row in rows]
+        return [[float(cell[k]) for k in (2, 4, -3, -2)] for cell in cells]
+
+    scales = np.array([metre, metre, pascal, pascal])
+    once, again = np.array(numbers(shown)), np.array(numbers(other)) / scales
+    assert np.all(once.max(axis=0) > 0.0)
+    assert np.abs(once - again).max(axis=0) == pytest.approx(0.0, abs=1.1e-4)
+
+
+# -- comparison with the paper -------------------------------------------------------------------
+
+
+def test_papers_block_shows_the_papers_behaviour() -> None:
+    # an independent finite-element block: the paper's numbers, not this package's
+    _, record = evolved("history.cycles=20", elements=160)
+    rows = {row["quantity"].split(" ")[0]: row for row in paper_table(record)}
+    assert len(paper_table(record)) == 4
+    assert rows["dissipation"]["paper"] == 0.56
+    assert rows["exponent"]["paper"] == -3.1
+    assert all(row["agrees"] for row in paper_table(record)), paper_table(record)
+    table = run_table(summarise(record))
+    assert table.count("agrees") == 4 and "DIFFERS" not in table
+    assert "stick to" in table and "not reached" in table
+
+
+def test_disagreement_with_the_paper_is_said(record: Record) -> None:
+    half = dataclasses.replace(
+        record.cycles,
+        dissipation=np.linspace(1.0, 0.5, 20),
+        slip_increment=np.outer(np.arange(1.0, 21.0) ** -2.0, np.ones(81)),
+    )
+    rows = paper_table(dataclasses.replace(record, cycles=half))
+    np.testing.assert_allclose([rows[2]["ours"], rows[3]["ours"]], [0.5, -2.0], rtol=1e-12)
+    assert [row["agrees"] for row in rows] == [True, True, False, False]
+
+
+def test_too_few_cycles_are_not_compared(record: Record) -> None:
+    rows = paper_table(record)
+    assert [row["agrees"] for row in rows] == [True, True, None, None]
+    assert "too few cycles" in run_table(summarise(record))
+
+
+@pytest.mark.parametrize(
+    "override",
+    [
+        "contact.friction=0.5",
+        "material.poisson=0.2",
+        "material.kinematics=plane stress",
+        "body.width=5",
+        "load.p0.span=[-0.5, 0.5]",
+        "load.p0.pressure=1 - x**2",
+        "history.minimum=0.5",
+        "history.kind=monotonic",
+        "contact.initial_gap=0.01",
+        "history.initial_slip=0.01*x",
+    ],
+)
+def test_other_scenes_are_not_compared_with_the_paper(record: Record, override: str) -> None:
+    scene = from_toml(BLOCK, [override])
+    assert not is_papers_block(scene)
+    assert paper_table(dataclasses.replace(record, scene_toml=to_toml(scene))) == []
+    assert paper_table(dataclasses.replace(record, scene_toml="")) == []
+
+
+def test_papers_block_is_known_in_any_units() -> None:
+    scaled = (
+        "body.width=0.08",
+        "body.height=0.02",
+        "load.p0.span=[-0.02, 0.02]",
+        "load.p0.pressure=1e6",
+        "material.young=210e9",
+        "history.maximum=3",
+        "history.minimum=1",
+    )
+    assert is_papers_block(from_toml(BLOCK, scaled))
+
+
+# -- replay --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+@pytest.mark.parametrize("half", [True, False])
+def test_replayed_states_are_the_recorded_ones(method: str, half: bool) -> None:
+    overrides = [f"solver.method={method}", "solver.steps_per_leg=8", "output.cycles=all"]
+    system, record = evolved(*overrides, half=half)
+    scene = from_toml(record.scene_toml)
+    right = ~mirror_of(system).left
+    table = record.samples
+    assert len(table.s) >= 7 * 8
+    for i in range(len(table.s)):
+        where = int(table.cycle[i]), int(table.leg[i]), float(table.s[i])
+        found = state_at(record, system, from_scene(scene), scene.solver, where)
+        np.testing.assert_array_equal(found.state.state, table.state[i][right])
+        scale = np.abs(table.v[i]).max()
+        np.testing.assert_allclose(found.v, table.v[i][right], atol=1e-11 * scale)
+        np.testing.assert_allclose(found.state.w, table.w[i][right], atol=1e-11 * scale)
+        np.testing.assert_allclose(found.load, table.load[i], rtol=1e-14)
+
+
+def test_replay_begins_at_rest_and_goes_from_turning_point_to_turning_point() -> None:
+    system, record = evolved()
+    scene = from_toml(record.scene_toml)
+
+    def at(cycle: int, leg: int, s: float) -> np.ndarray:
+        return state_at(record, system, from_scene(scene), scene.solver, (cycle, leg, s)).state.u
+
+    assert not np.any(at(0, 0, 0.0))
+    np.testing.assert_array_equal(at(0, 0, 1.0), at(1, 0, 0.0))
+    np.testing.assert_array_equal(at(2, 0, 1.0), at(2, 1, 0.0))
+    np.testing.assert_allclose(at(0, 0, 0.5), 0.5 * at(0, 0, 1.0), rtol=1e-9, atol=1e-12)
+    for where in ((4, 0, 1.0), (1, 2, 1.0), (-1, 0, 1.0)):
+        with pytest.raises(InputError, match="cycles 0 to 3"):
+            at(*where)
+    for s in (-0.1, 1.1, float("nan")):
+        with pytest.raises(InputError, match="between 0 and 1"):
+            at(1, 0, s)

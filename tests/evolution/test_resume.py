@@ -1,0 +1,253 @@
+"""Runs that are interrupted, killed and gone on with, as a whole: folders, ranks, signals."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+
+from receding_fenicsx import cli, environment, study
+from receding_fenicsx.errors import InputError, Interrupted
+from receding_fenicsx.evolution import journal
+from receding_fenicsx.output.report.summary import read_summary
+from receding_fenicsx.output.storage.hdf5 import read_record
+from receding_fenicsx.output.storage.run_folder import is_finished
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import read_scene
+
+BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
+SMALL = ["mesh.contact_elements=24", "output.checkpoint_cycles=5"]
+MODULE = ("-m", "receding_fenicsx")
+comm = MPI.COMM_WORLD
+
+
+def small(*overrides: str) -> Scene:
+    scene = read_scene(BLOCK, [*SMALL, *overrides])
+    return replace(scene, history=replace(scene.history, until=None))
+
+
+def same_bits(a: Path, b: Path) -> None:
+    """Fail unless two runs' records hold the same arrays, bit by bit."""
+    seen = []
+    with h5py.File(a / "record.h5") as one, h5py.File(b / "record.h5") as other:
+
+        def compare(name: str, item: object) -> None:
+            if isinstance(item, h5py.Dataset):
+                x, y = item[()], other[name][()]
+                assert x.shape == y.shape and x.tobytes() == y.tobytes(), name
+                seen.append(name)
+
+        one.visititems(compare)
+        for name in ("dissipation_first_loading", "residual_max", "n_events", "sweeps"):
+            assert one.attrs[name] == other.attrs[name], name
+    assert {f"turning_points/{k}" for k in ("v", "w", "P", "Q", "state")} <= set(seen)
+    assert {"cycles/dissipation", "cycles/slip_increment", "events/node", "samples/p"} <= set(seen)
+
+
+def stop_at(cycle: int) -> Callable[[str], None]:
+    """Return a listener that interrupts once a cycle has been passed."""
+
+    def say(text: str) -> None:
+        if text.startswith(f"evolve: cycle {cycle} "):
+            raise KeyboardInterrupt
+
+    return say
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
+    shared_tmp_path: Path, method: str
+) -> None:
+    scene = small(f"solver.method={method}", "solver.steps_per_leg=4", "history.cycles=14")
+    whole, out = shared_tmp_path / "whole", shared_tmp_path / "run"
+    study.run(scene, whole, comm, pictures=False)
+    with pytest.raises(Interrupted, match=r"after cycle 12 of 14.*run.part.*--resume") as caught:
+        study.run(scene, out, comm, pictures=False, progress=stop_at(12))
+    assert caught.value.exit_code == 130
+    comm.Barrier()
+    part = shared_tmp_path / "run.part"
+    assert sorted(os.listdir(shared_tmp_path)) == ["run.part", "whole"]
+    if comm.rank == 0:
+        record, undisturbed = read_record(part / "record.h5"), read_record(whole / "record.h5")
+        np.testing.assert_array_equal(
+            record.cycles.dissipation, undisturbed.cycles.dissipation[:12]
+        )
+        assert read_summary(part / "summary.json")["failure"] == "interrupted after cycle 12 of 14"
+    comm.Barrier()
+    heard: list[str] = []
+    study.run(scene, out, comm, pictures=False, resume=True, progress=heard.append)
+    comm.Barrier()
+    assert sorted(os.listdir(shared_tmp_path)) == ["run", "whole"]
+    if comm.rank == 0:
+        # neither meshed nor condensed again, and only the cycles after the checkpoint
+        assert not any(text.startswith(("mesh", "assemble", "condense")) for text in heard)
+        assert [t.split()[2] for t in heard if "cycle" in t] == ["11", "12", "13", "14"]
+        same_bits(out, whole)
+        assert "failure" not in read_summary(out / "summary.json")
+    comm.Barrier()
+
+
+def test_finished_run_goes_on_for_more_cycles(shared_tmp_path: Path) -> None:
+    whole, out = shared_tmp_path / "whole", shared_tmp_path / "run"
+    study.run(small("history.cycles=17"), whole, comm, pictures=False)
+    study.run(small("history.cycles=12"), out, comm, pictures=False)
+    comm.Barrier()
+    study.run(small("history.cycles=17"), out, comm, pictures=False, resume=True)
+    comm.Barrier()
+    if comm.rank == 0:
+        same_bits(out, whole)
+        assert read_record(out / "record.h5").scene_toml.count("cycles = 17") == 1
+    # nothing is left to do but samples of another cycle
+    wanted = replace(small("history.cycles=17").output, cycles=(4,))
+    asked = replace(small("history.cycles=17"), output=wanted)
+    if comm.rank == 0:
+        assert not is_finished(out, asked)
+    comm.Barrier()
+    study.run(asked, out, comm, pictures=False, resume=True)
+    comm.Barrier()
+    if comm.rank == 0:
+        assert is_finished(out, asked)
+        record = read_record(out / "record.h5")
+        assert set(record.samples.cycle) == {4} and len(record.cycles.dissipation) == 17
+    with pytest.raises(InputError, match=r"begun with another \[contact\] friction"):
+        study.run(small("contact.friction=0.2"), out, comm, pictures=False, resume=True)
+
+
+def test_resuming_from_the_command_line(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = shared_tmp_path / "run"
+    arguments = ["run", str(BLOCK), "--out", str(out), "--pictures", "none", "--resume"]
+    for setting in (*SMALL, "history.cycles=6"):
+        arguments += ["--set", setting]
+    assert cli.main(arguments) == 0
+    captured = capsys.readouterr()
+    if comm.rank == 0:
+        assert captured.err.count("\n") == 1 and "nothing to resume" in captured.err
+        assert f"written to {out}" in captured.out
+    comm.Barrier()
+    assert cli.main(arguments) == 0
+    captured = capsys.readouterr()
+    if comm.rank == 0:
+        assert "this run was finished already" in captured.out and captured.err == ""
+    comm.Barrier()
+    assert cli.main([*arguments, "--set", "history.cycles=9"]) == 0
+    assert ("written to" in capsys.readouterr().out) == (comm.rank == 0)
+    comm.Barrier()
+    for extra, words in (
+        (["--set", "mesh.growth=1.2"], "begun with another [mesh] growth"),
+        (["--overwrite"], "give one of them"),
+        (["--system", "x.h5"], "give one of them"),
+    ):
+        assert cli.main([*arguments, *extra]) == 2
+        err = capsys.readouterr().err
+        if comm.rank == 0:
+            assert words in err and err.count("\n") == 1
+        comm.Barrier()
+
+
+KILLED = """
+import os, signal, sys
+from receding_fenicsx import cli, long_run
+from receding_fenicsx.output import journal
+
+journal.WRITING_SHARE = float("inf")  # however slow the disk, every checkpoint is written
+write, told, blocks = journal.JournalFile._append, long_run._Pace.__call__, []
+
+def die():
+    os.kill(os.getpid(), signal.SIGKILL)
+
+def append(self, data):
+    blocks.append(data)
+    if sys.argv[1] == "block" and len(blocks) == int(sys.argv[2]):
+        write(self, data[: len(data) // 2])
+        die()
+    write(self, data)
+
+def tell(self, cycle, cycles, message):
+    told(self, cycle, cycles, message)
+    if sys.argv[1] == "cycle" and cycle == int(sys.argv[2]):
+        die()
+
+journal.JournalFile._append, long_run._Pace.__call__ = append, tell
+sys.exit(cli.main(sys.argv[3:]))
+"""
+"""A run that is killed in the middle of writing a block of its journal, or after a cycle."""
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_killed_again_and_again_the_run_ends_in_the_same_bits(
+    mpirun: Callable[..., Any], tmp_path: Path, ranks: int
+) -> None:
+    settings = [*SMALL, "history.cycles=60", "solver.steady_tolerance=1e-15"]
+    arguments = ["--pictures", "none"]
+    for setting in settings:
+        arguments += ["--set", setting]
+    whole, out = tmp_path / "whole", tmp_path / "run"
+    done = mpirun(ranks, *MODULE, "run", BLOCK, "--out", whole, *arguments)
+    assert done.returncode == 0, done.stderr
+    arguments = ["run", str(BLOCK), "--out", str(out), "--resume", *arguments]
+    part = tmp_path / "run.part" / journal.JOURNAL
+    script = tmp_path / "killed.py"
+    script.write_text(KILLED)
+    sizes = []
+    # first the title and the checkpoints after cycles 0 and 5, the second of which is cut off
+    for moment, number in (("block", 3), ("cycle", 43)):
+        done = mpirun(ranks, script, moment, str(number), *arguments)
+        assert done.returncode != 0
+        assert not out.exists()
+        sizes.append(part.stat().st_size)
+    assert 2.0 * sizes[0] < sizes[1]
+    done = mpirun(ranks, *MODULE, *arguments)
+    assert done.returncode == 0, done.stderr
+    same_bits(out, whole)
+
+
+@pytest.mark.skipif(comm.size > 1, reason="sends signals to a process of its own")
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
+def test_signals_leave_a_run_that_can_be_gone_on_with(
+    tmp_path: Path, number: signal.Signals, code: int
+) -> None:
+    out, part = tmp_path / "run", tmp_path / "run.part"
+    arguments = ["run", str(BLOCK), "--out", str(out), "--pictures", "none"]
+    settings = ["mesh.contact_elements=40", "history.cycles=100000", "history.until=steady"]
+    settings += ["solver.steady_tolerance=1e-16"]
+    for setting in settings:
+        arguments += ["--set", setting]
+    process = subprocess.Popen(
+        [sys.executable, *MODULE, *arguments, "--verbose"],
+        env=environment.child_environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        bufsize=0,
+        # a test run in the background is deaf to SIGINT, and its children would be
+        preexec_fn=lambda: signal.signal(signal.SIGINT, signal.SIG_DFL),
+    )
+    try:
+        # logged cycle by cycle: byte by byte, so that nothing is read beyond
+        assert any(b"cycle 3 of" in line for line in process.stderr)  # type: ignore[union-attr]
+        process.send_signal(number)
+        stdout, stderr = process.communicate(timeout=300)
+    finally:
+        process.kill()
+    assert process.returncode == code
+    assert stdout == b""
+    told = [x for x in stderr.decode().splitlines() if not re.match(r"\d\d:\d\d:\d\d ", x)]
+    assert len(told) == 1, told
+    assert "interrupted after cycle" in told[0] and f"{part} holds the record" in told[0]
+    assert os.listdir(tmp_path) == ["run.part"]
+    reached = len(read_record(part / "record.h5").cycles.dissipation)
+    assert reached >= 3
+    more = reached + 3
+    assert cli.main([*arguments, "--resume", "--set", f"history.cycles={more}"]) == 0
+    assert len(read_record(out / "record.h5").cycles.dissipation) == more

@@ -1,0 +1,141 @@
+"""Scenes played on a body that is condensed already, as ``evolve(system, scene)``."""
+
+from __future__ import annotations
+
+import dataclasses
+import shutil
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from receding_fenicsx import condense, evolve, history_from_scene, read_scene, run
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import to_toml
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process is enough")
+
+ROOT = Path(__file__).parents[2]
+COARSE = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_leg=3"]
+CHANGES = {
+    "friction": ["contact.friction=0.2 + 0.1*abs(x)"],
+    "no friction": ["contact.friction=0.0"],
+    "gap": ["contact.initial_gap=0.01*x**2"],
+    "history": ["history.minimum=0.7", "history.maximum=2.0"],
+    "solver": ["solver.method=gauss-seidel", "solver.steps_per_leg=6"],
+    "output": ["output.samples_per_leg=5", "output.cycles=[1]"],
+    "initial slip": ["history.initial_slip=0.02*x"],
+}
+
+
+def block(*changes: str) -> Scene:
+    return read_scene(ROOT / "demos" / "block.toml", [*COARSE, *changes])
+
+
+@cache
+def body() -> ContactSystem:
+    system = condense(block())
+    assert system is not None
+    return system
+
+
+def arrays(record: Record) -> dict[str, Any]:
+    """All tables of a record, and what it says of itself."""
+    plain = dataclasses.asdict(record)
+    return {
+        f"{name}.{inner}" if inner else name: value
+        for name, part in plain.items()
+        for inner, value in (part.items() if isinstance(part, dict) else {"": part}.items())
+    }
+
+
+@pytest.mark.parametrize("change", CHANGES)
+def test_a_scene_on_a_condensed_body_is_the_whole_run_of_that_scene(change: str) -> None:
+    scene = block(*CHANGES[change])
+    whole = run(scene)
+    assert whole is not None
+    again = evolve(body(), scene)
+    assert again.scene_toml == to_toml(scene)
+    wanted, found = arrays(whole), arrays(again)
+    for name, value in wanted.items():
+        np.testing.assert_array_equal(found[name], value, err_msg=name)
+    # and the change has changed something
+    plain = evolve(body(), block())
+    ends = plain.turning_points.P.tobytes(), plain.samples.s.tobytes()
+    assert ends != (again.turning_points.P.tobytes(), again.samples.s.tobytes())
+
+
+def test_a_scene_counts_whatever_stands_in_the_system() -> None:
+    other = replace(body(), f=np.full(body().n, 0.9), g0=np.full(body().n, 0.1))
+    record = evolve(other, block())
+    assert np.all(record.f == 0.35) and np.all(record.g0 == 0.0)
+
+
+def test_a_path_of_load_factors_claims_no_scene() -> None:
+    record = evolve(body(), history_from_scene(block("contact.friction=0.9")))
+    assert np.all(record.f == 0.35)
+    assert record.scene_toml == ""
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("material.poisson=0.2", "another [material] poisson"),
+        ("body.height=1.5", "another [body] height"),
+        ("mesh.contact_elements=28", "another [mesh] contact_elements"),
+        ("load.p0.span=[-0.5, 0.5]", "another [load] span"),
+        ("contact.span=[-1.0, 1.0]", "another [contact] span"),
+        # half of it is condensed
+        ("contact.friction=0.3 + 0.01*x", "another symmetry"),
+        ("solver.symmetry=none", "another symmetry"),
+    ],
+)
+def test_a_scene_of_another_body_is_refused(change: str, words: str) -> None:
+    with pytest.raises(InputError) as refused:
+        evolve(body(), block(change))
+    text = str(refused.value)
+    assert words in text and "condense" in text and "\n" not in text
+
+
+def test_a_mesh_file_of_another_content_is_another_body(tmp_path: Path) -> None:
+    geometry = (ROOT / "meshes" / "punch.geo").read_text()
+    scenes = []
+    for name, text in (("a", geometry), ("b", geometry), ("c", geometry + "\n// another\n")):
+        shutil.copy(ROOT / "demos" / "punch.toml", tmp_path / f"{name}.toml")
+        (tmp_path / f"{name}.geo").write_text(text)
+        changes = [f'body.mesh="{name}.geo"', "mesh.contact_elements=16", "contact.friction=0.3"]
+        scenes.append(read_scene(tmp_path / f"{name}.toml", changes))
+    system = condense(scenes[0])
+    assert system is not None
+    assert evolve(system, scenes[1]).scene_toml == to_toml(scenes[1])
+    with pytest.raises(InputError, match="another mesh file"):
+        evolve(system, scenes[2])
+
+
+def test_what_is_neither_a_scene_nor_a_path_or_doubly_given_is_refused() -> None:
+    scene = block()
+    with pytest.raises(InputError, match="plays a Scene or a History, not a str"):
+        evolve(body(), "demos/block.toml")  # type: ignore[arg-type]
+    for given in (
+        {"solver": scene.solver},
+        {"output": scene.output},
+        {"initial_slip": np.zeros(body().n)},
+    ):
+        with pytest.raises(InputError, match="brings its own solver, output and initial slip"):
+            evolve(body(), scene, **given)
+    with pytest.raises(InputError, match="made by hand, for no scene"):
+        evolve(replace(body(), scene_toml=""), scene)
+    smooth = condense(block("contact.friction=0.0"))
+    assert smooth is not None
+    with pytest.raises(InputError, match="has no tangential displacements"):
+        evolve(smooth, scene)
+    with pytest.raises(InputError, match=r"\[contact\] friction"):
+        evolve(body(), replace(scene, contacts=(replace(scene.contacts[0], friction=-0.1),)))

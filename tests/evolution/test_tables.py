@@ -1,0 +1,193 @@
+"""A record asked by names, and as labelled tables."""
+
+from dataclasses import replace
+from functools import cache
+
+import models
+import numpy as np
+import pytest
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution import tables
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record, States
+from receding_fenicsx.scene.history import History
+
+LOOP = np.array([[1.0], [0.25], [1.0]])
+
+
+@cache
+def record() -> Record:
+    system = models.block_system(20, 10, half=True)
+    return evolve(system, History(("p0",), np.array([[0.0], [1.0]]), LOOP, 3))
+
+
+def test_turning_points_are_found_by_the_size_of_the_load() -> None:
+    found, table = record(), record().turning_points
+    for cycle in (1, 2, 3):
+        rows = np.flatnonzero(table.cycle == cycle)
+        low, high = found.at(cycle, "minimum"), found.at(cycle, "maximum")
+        assert (low.load["p0"], high.load["p0"]) == (0.25, 1.0)
+        assert np.array_equal(low.p, table.p[rows[0]])
+        assert np.array_equal(high.v, table.v[rows[1]])
+        assert high.load_displacement["p0"] == table.load_displacement[rows[1], 0]
+        assert np.array_equal(found.at(cycle).state, high.state)
+
+
+def test_negative_cycles_count_from_the_last() -> None:
+    found = record()
+    for back in (1, 2, 3, 4):
+        assert found.at(-back).cycle == 4 - back
+
+
+def test_stored_instants_are_found_by_load_or_by_position() -> None:
+    found, samples = record(), record().samples
+    for row in np.flatnonzero((samples.cycle == 1) & (samples.s > 0.0))[::7]:
+        leg, s = int(samples.leg[row]), float(samples.s[row])
+        by_s = found.at(1, leg=leg, s=s)
+        by_load = found.at(1, load=float(samples.load[row, 0]), leg=leg)
+        for moment in (by_s, by_load):
+            assert (moment.leg, moment.s) == (leg, s)
+            assert np.array_equal(moment.Q, samples.Q[row])
+
+
+def test_zones_of_an_instant_cover_the_contact_edge() -> None:
+    moment = record().at(2, "minimum")
+    assert moment.zones[0][1] == moment.x[0]
+    assert moment.zones[-1][2] == moment.x[-1]
+    assert all(a[2] == b[1] for a, b in zip(moment.zones, moment.zones[1:], strict=False))
+
+
+@pytest.mark.parametrize(
+    ("asked", "said"),
+    [
+        ({"cycle": 4}, "holds cycles 0 to 3"),
+        ({"cycle": -5}, "holds cycles 0 to 3"),
+        ({"cycle": 1, "leg": 2}, "numbered from 0 to 1"),
+        ({"cycle": 1.5}, "cycle = 1.5: must be a whole number"),
+        ({"cycle": 1, "leg": "loading"}, "leg = 'loading': must be a whole number"),
+        ({"cycle": 1, "leg": 0, "s": "half"}, "s = 'half': must be a number"),
+        ({"cycle": 1, "load": "least"}, "minimum"),
+        ({"cycle": 1, "load": 0.123, "leg": 0}, "the nearest is leg 0"),
+        ({"cycle": 1, "load": 0.5 * (1.0 + 0.25)}, "say which leg"),
+        ({"cycle": 1, "s": 0.5}, "say which leg"),
+    ],
+)
+def test_what_is_not_stored_or_not_unique_is_refused(asked: dict, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        record().at(**asked)
+
+
+def test_columns_of_a_table_stand_beside_their_node_and_instant() -> None:
+    found = record()
+    n = len(found.x)
+    table = found.to_table("samples")
+    assert {len(column) for column in table.values()} == {n * len(found.samples.s)}
+    row, node = 17, 5
+    k = row * n + node
+    assert table["x"][k] == found.x[node]
+    assert table["s"][k] == found.samples.s[row]
+    assert table["load.p0"][k] == found.samples.load[row, 0]
+    assert table["load_displacement.p0"][k] == found.samples.load_displacement[row, 0]
+    assert table["q"][k] == found.samples.q[row, node]
+    assert table["state"][k] == found.samples.state[row, node]
+
+
+CLASHING = ("P", "x", "cycle", "load", "node", "s")
+
+
+def loaded_by(names: tuple[str, ...]) -> Record:
+    """The block's record, its load driven together with others that do nothing."""
+    found = record()
+    n = len(names)
+
+    def widened(table: States) -> States:
+        factors = table.load * np.arange(1.0, n + 1.0)
+        return replace(table, load=factors, load_displacement=-factors)
+
+    events = replace(found.events, load=found.events.load * np.arange(1.0, n + 1.0))
+    return replace(
+        found,
+        load_names=names,
+        turning_points=widened(found.turning_points),
+        samples=widened(found.samples),
+        events=events,
+    )
+
+
+@pytest.mark.parametrize("which", ["turning_points", "samples", "events"])
+def test_no_load_hides_a_column_of_its_name_or_is_hidden(which: str) -> None:
+    found = loaded_by(CLASHING)
+    table, plain = found.to_table(which), record().to_table(which)
+    for name, column in plain.items():
+        if "." not in name:
+            assert np.array_equal(table[name], column), name
+    rows = len(plain["s"])
+    for k, name in enumerate(CLASHING):
+        factors = getattr(found, which).load[:, k]
+        assert np.array_equal(table[f"load.{name}"], np.repeat(factors, rows // len(factors)))
+
+
+def test_no_load_hides_a_variable_of_a_data_set() -> None:
+    pytest.importorskip("xarray")
+    found = loaded_by(CLASHING)
+    data = found.to_xarray()
+    assert np.array_equal(data.P.values, found.turning_points.P)
+    assert np.array_equal(data.x.values, found.x)
+    for k, name in enumerate(CLASHING):
+        assert np.array_equal(data[f"load.{name}"].values, found.turning_points.load[:, k])
+        assert np.array_equal(data.load_factor.sel(load=name), found.turning_points.load[:, k])
+        assert np.array_equal(
+            data[f"load_displacement.{name}"], found.turning_points.load_displacement[:, k]
+        )
+
+
+def test_table_of_cycles_sums_to_the_dissipation() -> None:
+    found = record()
+    table = found.to_table("cycles")
+    weights = np.tile(found.weight, 3)
+    for cycle, total in enumerate(found.cycles.dissipation, 1):
+        here = table["cycle"] == cycle
+        assert np.sum((table["dissipation_density"] * weights)[here]) == pytest.approx(total)
+        assert np.all(table["dissipation"][here] == total)
+
+
+def test_events_are_a_table_of_their_own_length() -> None:
+    table = record().to_table("events")
+    assert {len(column) for column in table.values()} == {len(record().events.s)}
+    assert np.array_equal(table["new"], record().events.new)
+
+
+def test_unknown_table_is_refused() -> None:
+    with pytest.raises(InputError, match="turning_points"):
+        record().to_table("nodes")
+
+
+def test_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    def missing(name: str) -> None:
+        raise ModuleNotFoundError(name)
+
+    monkeypatch.setattr(tables, "import_module", missing)
+    major = int(np.__version__.split(".")[0])
+    for method, name in ((record().to_pandas, "pandas"), (record().to_xarray, "xarray")):
+        with pytest.raises(InputError, match=f'pip install "numpy<{major + 1}" {name}'):
+            method()
+
+
+def test_frame_answers_as_the_record_does() -> None:
+    pytest.importorskip("pandas")
+    found = record()
+    frame = found.to_pandas()
+    low = frame[(frame.cycle == 2) & (frame["load.p0"] == 0.25)].sort_values("x")
+    assert np.array_equal(low.p.to_numpy(), found.at(2, "minimum").p)
+
+
+def test_dataset_answers_as_the_record_does() -> None:
+    pytest.importorskip("xarray")
+    found = record()
+    data = found.to_xarray()
+    low = data.isel(instant=int(np.flatnonzero((data.cycle == 2) & (data.leg == 0))[0]))
+    assert np.array_equal(low.q.values, found.at(2, "minimum").q)
+    assert float(low.load_factor.sel(load="p0")) == 0.25
+    assert found.to_xarray("cycles").dissipation.sel(cycle=3) == found.cycles.dissipation[2]
+    assert dict(data.sizes) == {"instant": 7, "node": len(found.x), "load": 1}

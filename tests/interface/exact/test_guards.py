@@ -1,0 +1,237 @@
+"""Guards of the exact path against round-off: spoiled just above and just below each of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from law import random_system
+from models import block_system
+from small import small_system, table
+
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.exact import static
+from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
+from receding_fenicsx.interface.exact.segments import (
+    RATE_IMBALANCE,
+    RATE_TOLERANCE,
+    REFINEMENTS,
+    RENEWAL,
+    Segment,
+    Segments,
+)
+from receding_fenicsx.interface.exact.tableau import (
+    RENEWED,
+    SINGULAR,
+    A,
+    B,
+    SingularExchange,
+    Tableau,
+    V,
+    W,
+)
+from receding_fenicsx.interface.exact.walk import Walk
+from receding_fenicsx.interface.system import ContactState, State
+
+STICK, OPEN, FORWARD, BACKWARD = (int(state) for state in State)
+UP = np.array([1.0])
+BLOCK = block_system(40, 20)
+
+Spoil = Callable[[Segments, np.ndarray, np.ndarray], None]
+"""Changes rates (4N,) made for given states."""
+
+
+def spoil_rates(monkeypatch: pytest.MonkeyPatch, spoil: Spoil) -> None:
+    """Change all rates as they leave the tableau, refined as they are."""
+    make = Segments._rates
+
+    def spoiled(self: Segments, state: np.ndarray, direction: np.ndarray) -> np.ndarray:
+        q = make(self, state, direction).copy()
+        spoil(self, state, q)
+        return q
+
+    monkeypatch.setattr(Segments, "_rates", spoiled)
+
+
+@pytest.mark.parametrize("part", [0.5, 2.0])
+@pytest.mark.parametrize(("kind", "state"), [(A, STICK), (B, STICK), (W, OPEN), (V, FORWARD)])
+def test_a_rate_counts_above_its_part_of_all_rates_only(
+    monkeypatch: pytest.MonkeyPatch, part: float, kind: int, state: int
+) -> None:
+    node = BLOCK.n // 2
+    label = kind * BLOCK.n + node
+
+    def slow(segments: Segments, _: np.ndarray, q: np.ndarray) -> None:
+        q[label] = 0.0
+        size = np.linalg.norm(q * segments.weight)
+        q[label] = -part * RATE_TOLERANCE * size / segments.weight[label]
+
+    spoil_rates(monkeypatch, slow)
+    states = np.full(BLOCK.n, STICK, dtype=np.int8)
+    states[node] = state
+    segment = Segments(BLOCK).at(states, UP)
+    found = node in segment.reversed_nodes if kind == V else label in segment.falling
+    assert found == (part > 1.0)
+    if found and kind != V:
+        place = segment.falling.tolist().index(label)
+        assert segment.time[place] == pytest.approx(-1.0 / segment.q[label])
+
+
+@pytest.mark.parametrize("part", [0.5, 2.0])
+def test_a_path_whose_forces_do_not_balance_is_refused(
+    monkeypatch: pytest.MonkeyPatch, part: float
+) -> None:
+    """A node is lifted off the plane on which it sticks, against a stiffness of 3."""
+    system = small_system(np.diag([2.0, 2.0, 3.0, 3.0]), {"a": [0.0, 0.1, 1.0, 1.0]}, 0.5)
+
+    def lift(_: Segments, state: np.ndarray, q: np.ndarray) -> None:
+        # on the second leg, from 1 to 2, at whose end the largest force is 2
+        q[W * 2] = part * EVENT_RESIDUAL * 2.0 / 3.0
+
+    history = table(system, [0.0, 1.0, 2.0])
+    assert evolve(system, history).residual_max < 1e-15
+    spoil_rates(monkeypatch, lift)
+    if part > 1.0:
+        with pytest.raises(SolveError, match=r"cycle 0, leg 1: the exact path lost accuracy"):
+            evolve(system, history)
+    else:
+        assert evolve(system, history).residual_max <= EVENT_RESIDUAL
+
+
+def test_round_off_of_a_walk_is_cleared_on_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Displacements that run away from their forces, a little at each event, are brought back."""
+    advance = Walk._advance
+
+    def drifting(self: Walk, segment: Segment, ds: float) -> None:
+        advance(self, segment, ds)
+        slips = (self.state == FORWARD) | (self.state == BACKWARD)
+        error = 0.03 * EVENT_RESIDUAL * self.sums.force_scale
+        # neighbours in opposite directions: a common motion meets hardly any stiffness
+        error = np.where(np.arange(BLOCK.n) % 2, error, -error) / self.segments.weight[: BLOCK.n]
+        self.y[: BLOCK.n] += np.where(slips, error, 0.0)
+
+    history = table(BLOCK, [0.0, 1.0, 1.0 / 3.0])
+    exact = evolve(BLOCK, history)
+    assert exact.n_events > 60
+    monkeypatch.setattr(Walk, "_advance", drifting)
+    cleared = evolve(BLOCK, history)
+    assert cleared.residual_max <= EVENT_RESIDUAL
+    found, expected = cleared.turning_points, exact.turning_points
+    assert np.array_equal(found.state, expected.state)
+    assert found.P == pytest.approx(expected.P, abs=1e-9 * expected.P.max())
+    monkeypatch.setattr(Walk, "_clear_if_due", lambda _: None)
+    with pytest.raises(SolveError, match="lost accuracy"):
+        evolve(BLOCK, history)
+
+
+@pytest.mark.parametrize("error", [0.1 * RATE_IMBALANCE, 1e-10, 1e-7])
+def test_rates_that_do_not_balance_are_refined(
+    monkeypatch: pytest.MonkeyPatch, error: float
+) -> None:
+    states = np.full(BLOCK.n, STICK, dtype=np.int8)
+    states[5:12], states[12:20], states[20:] = FORWARD, BACKWARD, OPEN
+    plain = Segments(BLOCK)
+    expected = plain.at(states, UP).q
+    assert plain.refinements == 0
+    rates = Tableau.rates
+
+    def wrong(self: Tableau, direction: np.ndarray) -> np.ndarray:
+        q = rates(self, direction)
+        free = q != 0.0
+        free[2 * BLOCK.n :] = False
+        forces = np.linalg.norm((q * plain.weight)[2 * BLOCK.n :])
+        sign = np.where(np.arange(len(q)) % 2, 1.0, -1.0)
+        return q + np.where(free, error * sign * forces / plain.weight / np.sqrt(free.sum()), 0.0)
+
+    monkeypatch.setattr(Tableau, "rates", wrong)
+    segments = Segments(BLOCK)
+    found = segments.at(states, UP).q
+    assert (segments.refinements > 0) == (error > RATE_IMBALANCE)
+    # one step does for displacements and forces alike
+    assert segments.refinements <= 1
+    size = np.linalg.norm(expected * plain.weight)
+    assert np.abs((found - expected) * plain.weight).max() <= 2.0 * RATE_IMBALANCE * size
+
+
+def test_a_tableau_that_needs_much_refining_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = random_system(1, 6, 0.4)
+    segments, direction = Segments(system), np.array([1.0, 0.2])
+    states = np.array([STICK, FORWARD, OPEN, STICK, BACKWARD, STICK], dtype=np.int8)
+    expected = segments.at(states, direction).q
+    tableau = segments.tableau(states)
+    before = tableau.rebuilds
+    tableau.load_rates *= 1.0 + 1e-9
+    for k in range(40):
+        segments.at(states, direction * 2.0**k)
+        if tableau.rebuilds > before:
+            break
+        assert segments.refinements <= RENEWAL * 2 * system.n + REFINEMENTS
+    assert tableau.rebuilds == before + 1
+    n = segments.refinements
+    assert segments.at(states, 3.0 * direction).q == pytest.approx(3.0 * expected, rel=1e-13)
+    assert segments.refinements == n == 0
+
+
+def test_a_tableau_is_renewed_after_many_exchanges() -> None:
+    system = random_system(2, 6, 0.4)
+    one = np.array([STICK, FORWARD, OPEN, STICK, BACKWARD, STICK], dtype=np.int8)
+    other = one.copy()
+    other[0] = FORWARD
+    tableau = Tableau(system, one)
+    fresh, direction = Tableau(system, one).rates(np.array([1.0, 0.2])), np.array([1.0, 0.2])
+    # an error that exchanges carry on for ever
+    tableau._T *= 1.0 + 1e-9
+    tableau.load_rates *= 1.0 + 1e-9
+    limit = RENEWED * 2 * system.n
+    for k in range(1, limit + 3):
+        tableau.move_to(other if k % 2 else one)
+        assert tableau.rebuilds == (1 if k <= limit + 1 else 2), k
+    tableau.move_to(one)
+    assert tableau.rates(direction) == pytest.approx(fresh, rel=1e-13, abs=1e-15)
+
+
+@pytest.mark.parametrize("part", [0.5, 2.0])
+def test_states_with_almost_no_stiffness_are_singular(part: float) -> None:
+    """Forward slip of node 0 meets the stiffness K_tt + f K_nt, next to one of order 1."""
+    unit, f = 2.0, 0.5  # a power of two beyond the median of the diagonal
+    left = part * SINGULAR * unit
+    K = np.diag([0.5 + left, 2.0, 2.0, 1.0])
+    K[0, 2] = K[2, 0] = -1.0
+    system = small_system(K, {"a": [0.0, 0.1, 1.0, 1.0]}, f)
+    stuck, slips = np.full(2, STICK, dtype=np.int8), np.full(2, FORWARD, dtype=np.int8)
+    tableau = Tableau(system, stuck)
+    if part < 1.0:
+        with pytest.raises(SingularExchange):
+            tableau.move_to(slips)
+        with pytest.raises(SingularExchange):
+            Segments(system).tableau(slips)
+    else:
+        tableau.move_to(slips)
+        v = tableau.rates(UP)[:2]
+        # Q + f P of the load, over the stiffness
+        assert v == pytest.approx([-0.5 / left, -0.6 / 2.0], rel=1e-4)
+
+
+@pytest.mark.parametrize("error", [1e-14, 1e-8])
+def test_a_guessed_static_answer_is_taken_only_where_it_satisfies_the_law(
+    monkeypatch: pytest.MonkeyPatch, error: float
+) -> None:
+    segments, n = Segments(BLOCK), BLOCK.n
+    rest = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.full(n, STICK, dtype=np.int8))
+    expected = static.solve_static(segments, rest, UP)
+    assert expected is not None
+    solve, tried = static.solve_directly, []
+
+    def off(*given: object) -> np.ndarray | None:
+        u = solve(*given)  # type: ignore[arg-type]
+        tried.append(u)
+        return None if u is None else u + error * np.abs(u).max() * np.cos(np.arange(2.0 * n))
+
+    monkeypatch.setattr(static, "solve_directly", off)
+    found = static.solve_static(segments, rest, UP)
+    assert found is not None and len(tried) > 1
+    # the wrong one is not believed, another method finds the right one
+    assert np.array_equal(found.state, expected.state)
+    assert np.abs(found.r - expected.r).max() < 1e-11 * np.abs(expected.r).max()

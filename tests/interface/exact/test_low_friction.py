@@ -1,0 +1,75 @@
+"""Friction near zero: in the limit every node slips as without it, and D = f sum P |dv|."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from models import block_system
+from replay import objections
+from small import cyclic
+
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.tableau import BACKWARD, FORWARD, A, B
+from receding_fenicsx.interface.system import State
+from receding_fenicsx.scene.model import OutputOptions, SolverOptions
+
+WHOLE = block_system(32, 6, half=False)
+ALL = OutputOptions(samples_per_leg=16, cycles="all")
+
+
+@pytest.mark.parametrize("f", [1e-2, 1e-4, 1e-5, 1e-6])
+def test_a_block_unloaded_to_zero_dissipates_f_times_its_frictionless_slip(f: float) -> None:
+    slip = evolve(replace(WHOLE, f=np.zeros(WHOLE.n)), cyclic(0)).turning_points
+    v = slip.v[0] - slip.v[0, WHOLE.n // 2]
+    # P and v grow with the load: a leg to or from zero takes half of the product at its end
+    leg = 0.5 * f * float(np.sum(slip.P[0] * np.abs(v)))
+    system = replace(WHOLE, f=np.full(WHOLE.n, f))
+    record = evolve(system, cyclic(2, minimum=0.0), output=ALL)
+    assert objections(system, cyclic(2, minimum=0.0), record) == []
+    assert record.energy_error_max <= 1e-10
+    assert record.dissipation_first_loading == pytest.approx(leg, rel=30.0 * f)
+    assert record.cycles.dissipation == pytest.approx([2.0 * leg] * 2, rel=30.0 * f)
+
+
+@pytest.mark.parametrize("on_jump", ["stop", "static"])
+@pytest.mark.parametrize("minimum", [0.0, 1.0 / 3.0])
+@pytest.mark.parametrize("f", [1e-8, 1e-10, 1e-12])
+def test_friction_lost_in_round_off_is_named(f: float, minimum: float, on_jump: str) -> None:
+    system = replace(WHOLE, f=np.full(WHOLE.n, f))
+    try:
+        record = evolve(system, cyclic(1, minimum), SolverOptions(on_jump=on_jump), ALL)
+    except SolveError as error:
+        # neither does the body lift off, nor does it jump
+        assert not isinstance(error, NoEquilibrium | NoQuasiStaticContinuation)
+        assert f"f = {f:.2g} of node" in str(error)
+    else:
+        assert objections(system, cyclic(1, minimum), record) == [] and record.jumps == 0
+
+
+def test_rates_of_little_friction_are_as_exact_as_the_pressure() -> None:
+    """Distances 2 f P from the limit of the other direction, against P of a solve of its own."""
+    f = 1e-4
+    system = replace(WHOLE, f=np.full(WHOLE.n, f))
+    n = WHOLE.n
+    x = np.abs(WHOLE.x)
+    state = np.where(x < 1e-9, State.STICK, np.where(WHOLE.x < 0.0, BACKWARD, FORWARD))
+    state = np.where(x > 1.3, State.SEPARATION, state).astype(np.int8)
+    q = Segments(system).at(state, np.array([1.0])).q
+    # open: P = Q = 0; slipping: w = 0, Q = -+ f P; the middle sticks
+    sign = np.where(state == FORWARD, 1.0, np.where(state == BACKWARD, -1.0, 0.0))
+    open_ = state == State.SEPARATION
+    K, r = system.K, system.r_star[0]
+    rows = np.vstack([K[:n] + (sign * f)[:, None] * K[n:], K[n:]])
+    rhs = -np.concatenate([r[:n] + sign * f * r[n:], r[n:]])
+    free = np.concatenate([np.arange(n) != n // 2, open_])
+    u = np.zeros(2 * n)
+    u[free] = np.linalg.solve(rows[np.ix_(free, free)], rhs[free])
+    P = r[n:] + K[n:] @ u
+    largest = np.abs(P).max()
+    for direction, kind in ((FORWARD, B), (BACKWARD, A)):
+        nodes = np.flatnonzero(state == direction)
+        assert len(nodes) > 5
+        found = q[kind * n + nodes] / (2.0 * f)
+        assert np.abs(found - P[nodes]).max() < 1e-10 * largest

@@ -1,0 +1,152 @@
+from dataclasses import replace
+from itertools import product
+
+import numpy as np
+import pytest
+from models import block_system
+
+from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
+from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
+from receding_fenicsx.interface.lcp.lemke import (
+    ENUMERATED,
+    enumerate_all,
+    is_solution,
+    lemke,
+    solve,
+)
+from receding_fenicsx.interface.system import ContactState, State, reactions
+
+NONE = np.zeros(0, dtype=np.intp)
+
+
+def all_solutions(M: np.ndarray, q: np.ndarray) -> list[np.ndarray]:
+    """Go through all complementary bases, written out apart from the package."""
+    n, found = len(q), []
+    for basis in product([False, True], repeat=n):
+        on = np.array(basis)
+        z = np.zeros(n)
+        if on.any():
+            if abs(np.linalg.det(M[np.ix_(on, on)])) < 1e-12:
+                continue
+            z[on] = np.linalg.solve(M[np.ix_(on, on)], -q[on])
+        if z.min() >= -1e-10 and (M @ z + q).min() >= -1e-10:
+            found.append(z)
+    return found
+
+
+def p_matrix(rng: np.random.Generator, n: int) -> np.ndarray:
+    """Return an unsymmetric matrix whose principal minors are positive: x M x > 0."""
+    G, S = rng.standard_normal((2, n, n))
+    return G @ G.T / n + 0.1 * np.eye(n) + 2.0 * (S - S.T)
+
+
+@pytest.mark.parametrize("n", [1, 2, 4, 7])
+def test_lemke_finds_the_one_solution_of_a_p_matrix(n: int) -> None:
+    rng = np.random.default_rng(n)
+    for _ in range(40):
+        M, q = p_matrix(rng, n), rng.standard_normal(n)
+        (wanted,) = all_solutions(M, q)
+        z = lemke(M, q, rng.uniform(0.1, 1.0, n))
+        assert z is not None
+        assert z == pytest.approx(wanted, abs=1e-9)
+        assert solve(M, q, [np.ones(n)]) == pytest.approx(wanted, abs=1e-9)
+
+
+def test_lemke_processes_copositive_matrices() -> None:
+    # M >= 0 with a positive diagonal is strictly copositive: a solution exists for every q
+    rng = np.random.default_rng(3)
+    several = 0
+    for _ in range(200):
+        n = int(rng.integers(2, 7))
+        M = rng.uniform(0.0, 1.0, (n, n)) * rng.choice([0.0, 3.0], (n, n)) + 0.3 * np.eye(n)
+        q = rng.standard_normal(n)
+        solutions = all_solutions(M, q)
+        z = lemke(M, q, np.ones(n))
+        assert z is not None and is_solution(M, q, z)
+        assert any(np.abs(z - one).max() <= 1e-8 for one in solutions)
+        several += len(solutions) > 1
+    assert several > 10
+
+
+def test_lemke_survives_degenerate_ties() -> None:
+    # equal ratios everywhere: without the lexicographic rule pivots may go round in circles
+    rng = np.random.default_rng(4)
+    for _ in range(50):
+        n = 6
+        G = rng.integers(-1, 2, (n, n)).astype(float)
+        M = G @ G.T + np.eye(n)
+        q = -rng.integers(0, 2, n).astype(float)
+        z = lemke(M, q, np.ones(n))
+        assert z is not None and is_solution(M, q, z)
+
+
+def test_a_problem_without_solution_ends_on_a_ray() -> None:
+    M, q = np.array([[-1.0, 0.0], [0.0, 1.0]]), np.array([-1.0, 1.0])
+    assert all_solutions(M, q) == []
+    assert lemke(M, q, np.ones(2)) is None
+    assert solve(M, q, [np.ones(2), np.array([0.2, 1.0])]) is None
+    assert list(enumerate_all(M, q)) == []
+
+
+def test_enumeration_lists_what_an_independent_search_finds() -> None:
+    rng = np.random.default_rng(5)
+    counts = set()
+    for _ in range(80):
+        n = int(rng.integers(1, 6))
+        M, q = rng.standard_normal((n, n)), rng.standard_normal(n)
+        wanted = all_solutions(M, q)
+        found = list(enumerate_all(M, q))
+        assert len(found) == len(wanted)
+        for z in found:
+            assert min(np.abs(z - one).max() for one in wanted) <= 1e-9
+        counts.add(len(found))
+        assert (solve(M, q, [np.ones(n)]) is None) == (not wanted)
+    assert {0, 1, 2} <= counts
+
+
+def test_solve_is_indifferent_to_the_unit_of_each_pair() -> None:
+    rng = np.random.default_rng(6)
+    for _ in range(30):
+        n = ENUMERATED + 4
+        M, q = p_matrix(rng, n), rng.standard_normal(n)
+        z = solve(M, q, [np.ones(n)])
+        d = 10.0 ** rng.uniform(-6, 6, n)
+        scaled = solve(d[:, None] * M * d, d * q, [d])
+        assert z is not None and scaled is not None
+        assert scaled * d == pytest.approx(z, rel=1e-6, abs=1e-8)
+
+
+@pytest.mark.parametrize("f", [0.05, 0.2, 0.35, 0.7, 1.0, 1.5])
+def test_the_static_states_are_those_of_gauss_seidel(f: float) -> None:
+    system = block_system(24, 12, f=f)
+    n = system.n
+    start = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
+    load = np.ones(1)
+    end = solve_step(system, start, load, GaussSeidelOptions()).end
+    loose = np.flatnonzero(~system.held[:n])
+    nodes = Undecided(NONE, NONE, loose, np.flatnonzero(system.held[:n]))
+    state = solve_states(system, reactions(system, load, np.zeros(2 * n)), nodes, NONE)
+    assert state is not None
+    assert np.array_equal(state, end.state)
+    # separation at little friction only: more of it holds the edges down
+    assert np.any(state == State.SEPARATION) == (f < 0.5)
+    assert {State.STICK, State.FORWARD_SLIP} <= set(state.tolist())
+
+
+def test_nodes_known_to_be_on_one_side_of_the_cone_keep_one_pair() -> None:
+    # Rates of two sliders without coupling: v is free to grow at A = 0, or the node sticks
+    system = block_system(4, 2, f=0.3, half=False)
+    one = np.array([1], dtype=np.intp)
+    K = np.diag([2.0, 2.0, 2.0, 2.0, 2.0, 5.0, 5.0, 5.0, 5.0, 5.0])
+    plain = replace(system, K=K)
+    push = np.zeros(10)
+    for sign, undecided, slips in (
+        (-1.0, Undecided(one, NONE, NONE, NONE), State.FORWARD_SLIP),
+        (1.0, Undecided(NONE, one, NONE, NONE), State.BACKWARD_SLIP),
+    ):
+        push[1] = sign
+        onward = solve_states(plain, push, undecided, NONE)
+        back = solve_states(plain, -push, undecided, NONE)
+        assert onward is not None and back is not None
+        assert (onward[1], back[1]) == (slips, State.STICK)
+        assert not np.delete(onward, 1).any()

@@ -1,0 +1,238 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from law import random_system
+from models import block_system
+from small import cyclic, table, walker
+
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.measures.steady import (
+    SteadyWatch,
+    fit_power_law,
+    limit_of_decay,
+    slip_exponents,
+)
+from receding_fenicsx.scene.model import SolverOptions
+
+SMALL = block_system(40, 20)
+
+
+def test_an_exact_power_law_is_found() -> None:
+    N = np.arange(2.0, 60.0)
+    for exponent in (-3.1, -1.0, 0.5):
+        fit = fit_power_law(N, -7.0 * N**exponent)
+        assert fit.exponent == pytest.approx(exponent, abs=1e-12)
+        assert fit.uncertainty < 1e-12
+
+
+def test_the_uncertainty_covers_the_noise() -> None:
+    N = np.arange(5.0, 65.0)
+    rng = np.random.default_rng(0)
+    misses = []
+    for _ in range(400):
+        fit = fit_power_law(N, N**-3.1 * np.exp(0.1 * rng.standard_normal(len(N))))
+        misses.append(abs(fit.exponent + 3.1) / fit.uncertainty)
+    # a standard error: about 68 % within one, 95 % within two
+    assert 0.6 < np.mean(np.array(misses) < 1.0) < 0.76
+    assert 0.91 < np.mean(np.array(misses) < 2.0) < 0.985
+
+
+def test_zeros_do_not_enter_a_power_law_and_three_values_are_needed() -> None:
+    N = np.arange(1.0, 9.0)
+    y = np.where(N % 2 == 0, 0.0, N**-2.0)
+    assert fit_power_law(N, y).exponent == pytest.approx(-2.0)
+    with pytest.raises(ValueError, match="at least three non-zero values"):
+        fit_power_law(N, np.where(N < 3, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.9])
+def test_a_geometric_decay_is_summed_to_its_limit(ratio: float) -> None:
+    n = np.arange(30)
+    name, rate, limit = limit_of_decay(4.0 + 3.0 * ratio**n)
+    assert name == "rate"
+    assert rate == pytest.approx(ratio, rel=1e-6)
+    assert limit == pytest.approx(4.0, abs=1e-6)
+
+
+def test_a_power_decay_is_summed_to_its_limit() -> None:
+    # sum of N^-2 to pi^2/6, of N^-3 to zeta(3)
+    for m, limit in ((2, np.pi**2 / 6), (3, 1.2020569031595942)):
+        values = np.cumsum(np.arange(1, 400) ** -float(m))
+        name, exponent, found = limit_of_decay(values)
+        assert name == "power"
+        assert exponent == pytest.approx(-m, rel=0.02)
+        # far closer than the last term of the sequence itself
+        assert abs(found - limit) < 0.02 * abs(values[-1] - limit)
+
+
+def test_a_decay_without_limit_has_none() -> None:
+    assert np.isnan(limit_of_decay(np.cumsum(1.0 / np.sqrt(np.arange(1, 100))))[2])
+    assert np.isnan(limit_of_decay(1.1 ** np.arange(40.0))[2])
+
+
+def test_a_sequence_that_stands_is_its_own_limit() -> None:
+    assert limit_of_decay(np.full(20, 2.5))[2] == 2.5
+
+
+# -- steady states from made-up ends of cycles ----------------------------------------------------
+
+R = np.array([3.0, -1.0, 2.0, 5.0])
+V = np.array([0.4, -0.2])
+
+
+def watch(
+    ends: list[tuple[np.ndarray, np.ndarray]], slip_range: float = 0.1, D: float = 1.0
+) -> SteadyWatch:
+    watching = SteadyWatch(1e-8)
+    watching.start(*ends[0])
+    for r, v in ends[1:]:
+        watching.add(r, v, slip_range, D, 1.0)
+    return watching
+
+
+def test_a_decaying_response_is_steady_after_two_quiet_cycles() -> None:
+    ends = [(R * (1 + 10.0**-n), V) for n in range(12)]
+    found = watch(ends)
+    # A_n = 9 10^-n /(1 + 10^-n): below 1e-8 at n = 9 and 10
+    assert (found.cycle, found.period, found.kind) == (10, 1, "cyclic slip")
+    assert found.change[2] == pytest.approx(9e-3 / 1.001)
+
+
+def test_no_slip_or_no_dissipation_is_shakedown() -> None:
+    assert watch([(R, V)] * 4, slip_range=0.0, D=0.0).kind == "shakedown"
+    assert watch([(R, V)] * 4, slip_range=0.1, D=0.9e-6).kind == "shakedown"
+    assert watch([(R, V)] * 4, slip_range=0.1, D=1.1e-6).kind == "cyclic slip"
+
+
+def test_a_displacement_gained_every_cycle_is_ratchetting() -> None:
+    assert watch([(R, V + 0.03 * n) for n in range(5)]).kind == "ratchetting"
+    assert watch([(R, V + 0.9e-7 * n) for n in range(5)]).kind == "cyclic slip"
+    assert watch([(R, V + 1.1e-7 * n) for n in range(5)]).kind == "ratchetting"
+
+
+def test_displacements_that_are_no_sliding_are_not_ratchetting() -> None:
+    # slip that dies away: each cycle gains as much as its whole range, a part of it uniform
+    ends = [(R, V + 0.5**n * np.array([1e-9, 0.2e-9])) for n in range(5)]
+    assert watch(ends, slip_range=1e-9, D=1e-9).kind == "shakedown"
+
+
+def test_a_drift_that_decays_is_not_steady_before_it_is_small() -> None:
+    # cycle n gains 0.1 * 0.9^(n-1) under constant forces: below 1e-6 of the range 0.1 from n = 133
+    ends = [(R, V - 0.9**n) for n in range(140)]
+    found = watch(ends)
+    assert (found.cycle, found.kind) == (134, "cyclic slip")
+    assert watch(ends[:134]).kind == "not reached"
+
+
+def test_slips_that_die_with_the_forces_delay_no_steady_state() -> None:
+    N = np.arange(1.0, 1500.0)
+    decay = np.cumsum(N**-3.0)
+    # forces change by 0.001 N^-3 of the largest, below 1e-8 from N = 47 (cycle 46) on; slips by
+    # 0.045 N^-3 of their range
+    ends = [(R * (1.0 + 1e-3 * a), V + 1.5e-3 * R[:2] * a) for a in decay]
+    found = watch(ends, slip_range=0.1)
+    assert (found.cycle, found.kind) == (47, "cyclic slip")
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_a_walk_on_a_faint_ground_spring_is_ratchetting_and_on_a_strong_one_not_steady(
+    method: str,
+) -> None:
+    """Two feet gain 0.4/k a cycle, as in test_events; a spring to the ground hardly slows them."""
+    body, solver = walker(k=2.0), SolverOptions(method=method, steps_per_leg=8)
+    path = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, 0.5, 0.9]]
+    loop = [[1, 0.5, 0.9], [1, 0.5, -0.9], [1, 0.5, 0.9]]
+    kinds = {}
+    for spring in (0.0, 1e-10, 1e-9, 1e-8, 1e-6, 1e-3, 1e-1):
+        held = body.K + np.diag([2.0 * spring, 2.0 * spring, 0.0, 0.0])
+        rigid = body.rigid if spring == 0.0 else body.rigid[:, :0]
+        on_spring = replace(body, K=held, rigid=rigid)
+        record = evolve(on_spring, table(on_spring, path, loop, 30), solver)
+        kinds[spring] = record.steady.kind
+        if spring <= 1e-8:
+            assert record.cycles.slip_increment[1:] == pytest.approx(0.2, rel=1e-6)
+            assert record.steady.cycle == 2
+    walks, stops = "ratchetting", "not reached"
+    assert list(kinds.values()) == [walks] * 4 + [stops] * 3
+
+
+def test_strong_friction_shakes_down_though_its_last_slips_go_one_way() -> None:
+    record = evolve(replace(SMALL, f=np.full(SMALL.n, 1.0)), cyclic(100))
+    D = record.cycles.dissipation
+    assert D[-1] <= 1e-6 * D[0]
+    assert record.steady.reached and record.steady.kind == "shakedown"
+
+
+def test_two_cycles_in_turn_are_a_period_of_two() -> None:
+    found = watch([(R + (n % 2), V + 0.01 * (n % 2)) for n in range(8)])
+    assert (found.period, found.kind) == (2, "cyclic slip")
+    # change over two cycles is known from cycle 2 on, and two periods are four cycles
+    assert found.cycle == 5
+    walking = watch([(R + (n % 2), V + 0.01 * (n % 2) + 0.02 * n) for n in range(8)])
+    assert (walking.period, walking.kind) == (2, "ratchetting")
+
+
+def test_a_response_that_keeps_changing_is_not_reached() -> None:
+    found = watch([(R * (1 + 1e-6 * n), V) for n in range(30)])
+    assert (found.cycle, found.kind) == (-1, "not reached")
+    # one quiet cycle is not two
+    ends = [(R * (1 + 1e-6 * (n // 2)), V) for n in range(30)]
+    assert watch(ends).cycle == -1
+
+
+@pytest.mark.parametrize("left", [0.0, 1e-17, 1e-13])
+def test_cycles_that_end_without_force_are_told_by_the_force_within(left: float) -> None:
+    rng = np.random.default_rng(1)
+    watching = SteadyWatch(1e-8, stiffness=2.0)
+    watching.start(left * rng.standard_normal(4), V)
+    for _ in range(4):
+        watching.add(left * rng.standard_normal(4), V, 0.1, 0.3, 0.3, force=5.0)
+    assert (watching.cycle, watching.kind) == (2, "cyclic slip")
+    # what such a cycle dissipates is round-off
+    still = SteadyWatch(1e-8, stiffness=2.0)
+    still.start(np.zeros(4), V)
+    for _ in range(2):
+        still.add(np.zeros(4), V, 1e-15, 1e-15, 1e-15, force=5.0)
+    assert still.kind == "shakedown"
+
+
+def test_a_held_contact_unloaded_in_every_cycle_is_found_steady() -> None:
+    unloaded = 0
+    for seed in range(12):
+        system = random_system(seed, 6, 0.4)
+        loop = [[-0.7, 0.0], [1.0, 0.0], [1.0, 0.5], [-0.7, 0.0]]
+        history = table(system, [[0.0, 0.0], *loop[1:]], loop, 30)
+        record = evolve(system, replace(history, until_steady=True))
+        if record.turning_points.P[-1].any():
+            continue
+        # nothing is remembered where nothing touches
+        unloaded += 1
+        assert record.steady.reached and record.steady.cycle <= 3, seed
+        D = record.cycles.dissipation
+        assert D[-1] == pytest.approx(D[-2], rel=1e-9)
+    assert unloaded >= 3
+
+
+# -- the block ------------------------------------------------------------------------------------
+
+
+def test_the_block_reaches_cyclic_slip_and_its_limit_is_foreseen() -> None:
+    record = evolve(SMALL, cyclic(150))
+    D = record.cycles.dissipation
+    assert record.steady.kind == "cyclic slip"
+    n = record.steady.cycle
+    assert np.all(record.steady.change[n - 2 : n] < 1e-8)
+    assert record.steady.change[n - 3] >= 1e-8
+    name, _, limit = limit_of_decay(D[:40])
+    assert name == "rate"
+    assert abs(limit - D[-1]) < 0.2 * abs(D[39] - D[-1])
+
+
+def test_slip_exponents_fit_every_node_that_moves_in_every_cycle() -> None:
+    N = np.arange(1, 41, dtype=float)
+    rows = np.stack([N**-3.1, np.zeros(40), -2 * N**-2.5, np.where(N == 20, 0, N**-1.0)], axis=1)
+    fits = slip_exponents(rows, (5, 60), np.array([True, True, True, True]))
+    assert [fit.exponent for fit in fits] == pytest.approx([-3.1, -2.5])
+    (only,) = slip_exponents(rows, (5, 15), np.array([False, False, False, True]))
+    assert only.exponent == pytest.approx(-1.0)

@@ -1,0 +1,59 @@
+"""Tractions between nodes, from forces that shape functions give exactly."""
+
+import numpy as np
+import pytest
+
+from receding_fenicsx.interface.measures.tractions import cell_means, midside_nodes, traction_at
+from receding_fenicsx.interface.system import Array
+
+
+def laid_out(degree: int, elements: int) -> tuple[Array, Array, Array]:
+    """Nodes, weights and nodal forces of cos(2 x) on an edge with unequal elements."""
+    s = np.linspace(0.0, 1.0, elements + 1)
+    ends = s + 0.3 * s**2
+    x = ends if degree == 1 else np.sort(np.append(ends, 0.5 * (ends[1:] + ends[:-1])))
+    points, weights = np.polynomial.legendre.leggauss(6)
+    t, dt = 0.5 * (points + 1.0), 0.5 * weights
+    shapes = (
+        [1 - t, t] if degree == 1 else [(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)]
+    )
+    weight, force = np.zeros(len(x)), np.zeros(len(x))
+    for i in range(0, len(x) - 1, degree):
+        length = x[i + degree] - x[i]
+        for j, shape in enumerate(shapes):
+            weight[i + j] += length * np.sum(dt * shape)
+            force[i + j] += length * np.sum(dt * shape * np.cos(2.0 * (x[i] + t * length)))
+    return x, weight, force
+
+
+def test_midside_nodes_are_seen_in_the_weights() -> None:
+    for elements in (8, 9):
+        x, weight, _ = laid_out(1, elements)
+        assert len(midside_nodes(x, weight)) == 0
+        x, weight, _ = laid_out(2, elements)
+        assert list(midside_nodes(x, weight)) == list(range(1, 2 * elements, 2))
+        # round the axis, where the axis itself has no weight, or no node
+        around = weight * x
+        assert list(midside_nodes(x, around, True))[1:] == list(range(3, 2 * elements, 2))
+        assert list(midside_nodes(x[1:], around[1:], True)) == list(range(2, 2 * elements - 1, 2))
+
+
+@pytest.mark.parametrize(("degree", "order"), [(1, 1.8), (2, 2.8)])
+def test_means_over_cells_converge(degree: int, order: float) -> None:
+    errors = []
+    for elements in (20, 40, 80):
+        x, weight, force = laid_out(degree, elements)
+        left, right, mean = cell_means(x, weight, force, midside_nodes(x, weight))
+        exact = (np.sin(2.0 * right) - np.sin(2.0 * left)) / (2.0 * (right - left))
+        errors.append(np.abs(mean - exact)[1:-1].max())
+    assert np.log2(errors[0] / errors[2]) / 2.0 > order
+    assert errors[-1] < 1e-3
+
+
+def test_tractions_between_nodes_are_closer_than_the_lumped_ones() -> None:
+    x, weight, force = laid_out(2, 40)
+    inside = np.linspace(0.2, 1.1, 50)
+    off = np.abs(traction_at(x, weight, force, inside) - np.cos(2.0 * inside)).max()
+    lumped = np.abs(force / weight - np.cos(2.0 * x))[4:-4].max()
+    assert off < 2e-5
+    assert off < 0.2 * lumped

@@ -1,0 +1,230 @@
+"""Ends of zones below node spacing: exact tractions laid on nodes, and exact half widths."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import leggauss
+from scipy.integrate import quad
+
+from receding_fenicsx.interface.measures.zone_ends import (
+    Tractions,
+    contact_half_width_estimate,
+    dundurs_beta,
+    stick_half_width_estimate,
+    zone_end,
+    zone_ends,
+)
+from receding_fenicsx.interface.system import Array, State
+
+STICK, OPEN, FORWARD, BACKWARD = (
+    State.STICK,
+    State.SEPARATION,
+    State.FORWARD_SLIP,
+    State.BACKWARD_SLIP,
+)
+SHIFTS = np.linspace(0.0, 1.0, 13)
+
+
+def edge(degree: int, elements: int, stretch: float = 0.0) -> Array:
+    """Nodes of the edge |x| < 1, wider towards its ends by the factor 1 + stretch."""
+    s = np.linspace(-1.0, 1.0, elements + 1)
+    x = (s + stretch * s**3 / 3.0) / (1.0 + stretch / 3.0)
+    if degree == 1:
+        return x
+    return np.sort(np.concatenate([x, 0.5 * (x[1:] + x[:-1])]))
+
+
+def forces(x: Array, degree: int, traction) -> Array:  # type: ignore[no-untyped-def]
+    """Integrals of a traction times each shape function, by Gauss's rule in many pieces."""
+    total = np.zeros(len(x))
+    points, weights = leggauss(8)
+    cuts = np.linspace(0.0, 1.0, 201)
+    t = (cuts[:-1, None] + 0.5 * (points + 1.0) * np.diff(cuts)[:, None]).ravel()
+    dt = (0.5 * weights * np.diff(cuts)[:, None]).ravel()
+    shapes = (
+        [1.0 - t, t]
+        if degree == 1
+        else [(1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)]
+    )
+    for i in range(0, len(x) - 1, degree):
+        length = x[i + degree] - x[i]
+        values = traction(x[i] + t * length)
+        for j, shape in enumerate(shapes):
+            total[i + j] += length * np.sum(dt * values * shape)
+    return total
+
+
+def pressed(c: float, m: float, degree: int, x: Array, f: float = 0.0) -> Tractions:
+    """Lay p = (1 + x^2) (c^2 - x^2)^m on an edge, slipping outwards where there is friction."""
+    P = forces(x, degree, lambda s: (1.0 + s**2) * np.maximum(c**2 - s**2, 0.0) ** m)
+    touching = np.abs(x) < c
+    slip = np.where(x > 0, FORWARD, BACKWARD) if f else np.full(len(x), STICK)
+    state = np.where(touching, slip, OPEN)
+    weight = forces(x, degree, np.ones_like)
+    return Tractions(x, weight, P, -f * np.sign(x) * P, state, np.full(len(x), f), beta=0.25)
+
+
+@pytest.mark.parametrize(("degree", "stretch"), [(1, 0.0), (2, 0.0), (2, 0.5), (1, 0.5)])
+def test_contact_ends_of_exact_pressures_are_found_within_hundredths_of_node_spacing(
+    degree: int, stretch: float
+) -> None:
+    x = edge(degree, 200 // degree, stretch)
+    for shift in SHIFTS:
+        c = 0.7 + 0.02 * shift
+        spacing = np.diff(x)[np.searchsorted(x, c) - 1]
+        found = contact_half_width_estimate(pressed(c, 0.5, degree, x))
+        assert found.fitted
+        assert found.low < c < found.high
+        assert abs(found.value - c) < 0.04 * spacing
+
+
+@pytest.mark.parametrize("f", [0.3, 1.0])
+def test_power_of_the_pressure_is_that_of_outward_and_inward_slip(f: float) -> None:
+    x = edge(2, 100)
+    shift = math.atan(0.25 * f) / math.pi
+    outwards = pressed(0.712, 0.5 - shift, 2, x, f)
+    found = contact_half_width_estimate(outwards)
+    assert abs(found.value - 0.712) < 0.04 * (x[1] - x[0])
+    inwards = pressed(0.712, 0.5 + shift, 2, x, f)
+    swapped = np.select(
+        [inwards.state == FORWARD, inwards.state == BACKWARD], [BACKWARD, FORWARD], inwards.state
+    )
+    inwards = Tractions(x, inwards.weight, inwards.P, -inwards.Q, swapped, inwards.f, inwards.beta)
+    found = contact_half_width_estimate(inwards)
+    assert abs(found.value - 0.712) < 0.04 * (x[1] - x[0])
+
+
+@pytest.mark.parametrize("f_beta", [-0.4, -0.05, 0.1, 0.6])
+def test_power_of_a_slipping_contact_solves_the_integral_equation(f_beta: float) -> None:
+    # contact on a rigid plane, slip outwards: (1/pi) int p(s)/(x - s) ds = -f beta p(x). With
+    # p = t^m, 0 < t < 1, from its end and all terms that are regular there taken off
+    m = 0.5 - math.atan(f_beta) / math.pi
+    for d in (0.02, 0.1):
+        principal = quad(lambda t: t**m, 0.0, 2.0 * d, weight="cauchy", wvar=d)[0]
+        principal += quad(lambda t, d=d: t**m / (t - d), 2.0 * d, 1.0)[0]
+        regular = sum(d**k / (m - k) for k in range(60))
+        assert (principal - regular) / math.pi == pytest.approx(-f_beta * d**m, abs=1e-7)
+
+
+def test_stick_ends_of_cattaneo_and_mindlin_are_found() -> None:
+    x = edge(2, 100)
+    a, f = 0.8, 0.4
+
+    def arc(s: Array, end: float) -> Array:
+        return np.sqrt(np.maximum(end**2 - s**2, 0.0))
+
+    for c in np.linspace(0.4, 0.44, 9):
+        state = np.full(len(x), OPEN)
+        state[np.abs(x) < a] = FORWARD
+        state[np.abs(x) < c] = STICK
+        at = Tractions(
+            x,
+            forces(x, 2, np.ones_like),
+            forces(x, 2, lambda s: arc(s, a)),
+            -f * forces(x, 2, lambda s, c=c: arc(s, a) - arc(s, c)),
+            state,
+            np.full(len(x), f),
+            beta=0.0,
+        )
+        found = stick_half_width_estimate(at)
+        assert found.fitted
+        assert found.low < c < found.high
+        assert abs(found.value - c) < 0.04 * (x[1] - x[0])
+
+
+def test_estimates_converge_with_node_spacing_at_hundredths_of_it() -> None:
+    elements = np.array([40, 80, 160, 320])
+    errors = []
+    for n in elements:
+        x, c = edge(2, n), 0.618 + SHIFTS / n
+        found = [contact_half_width_estimate(pressed(value, 0.5, 2, x)).value for value in c]
+        errors.append(np.abs(np.array(found) - c).max())
+    spacing = 1.0 / elements
+    assert np.all(errors < spacing * np.array([0.5, 0.04, 0.04, 0.04]))
+    assert np.polyfit(np.log(spacing), np.log(errors), 1)[0] > 1.0
+
+
+def test_where_the_outer_zone_sticks_there_is_the_nodal_bracket_only() -> None:
+    x = edge(2, 100)
+    at = pressed(0.7123, 0.5, 2, x, f=0.3)
+    stuck = np.where(at.state == OPEN, OPEN, STICK)
+    at = Tractions(x, at.weight, at.P, 0.0 * at.Q, stuck, at.f, at.beta)
+    last = int(np.flatnonzero(stuck == STICK)[-1])
+    end = zone_end(at, last, 1)
+    assert not end.fitted
+    assert end.value == 0.5 * (x[last] + x[last + 1])
+    assert end.low <= x[last] < x[last + 1] <= end.high
+    assert end.high - end.low < 1.7 * (x[last + 1] - x[last])
+
+
+def test_unknown_constants_give_the_bracket_under_friction_and_a_fit_without() -> None:
+    x = edge(2, 100)
+    for f, fitted in ((0.0, True), (0.3, False)):
+        at = pressed(0.7123, 0.5, 2, x, f)
+        at = Tractions(x, at.weight, at.P, at.Q, at.state, at.f, beta=None)
+        assert contact_half_width_estimate(at).fitted is fitted
+
+
+def test_contact_over_the_whole_edge_ends_at_the_edges_ends() -> None:
+    x = edge(2, 100)
+    at = pressed(1.5, 0.5, 2, x)
+    found = contact_half_width_estimate(at)
+    assert (found.value, found.low, found.high) == (1.0, 1.0, 1.0)
+
+
+def test_left_end_is_the_mirror_image_of_the_right_end() -> None:
+    x = edge(2, 100)
+    at = pressed(0.7123, 0.5 - math.atan(0.3 * 0.25) / math.pi, 2, x, f=0.3)
+    touching = np.flatnonzero(at.state != OPEN)
+    right, left = zone_end(at, touching[-1], 1), zone_end(at, touching[0], -1)
+    assert right.fitted
+    assert left.value == pytest.approx(-right.value, abs=1e-9)
+    assert left.low == pytest.approx(-right.high, abs=1e-9)
+
+
+def test_every_end_of_a_zone_is_estimated_from_the_side_where_tractions_vanish() -> None:
+    x = edge(2, 100)
+    a, c, f = 0.803, 0.437, 0.3
+    m = math.atan(0.25 * f) / math.pi
+    at = pressed(a, 0.5 - m, 2, x, f)
+    # stick for |x| < c, where the shear is less than f p by a part with its own power
+    less = forces(x, 2, lambda s: np.sign(s) * np.maximum(c**2 - s**2, 0.0) ** (0.5 + m))
+    state = np.where(np.abs(x) < c, STICK, at.state)
+    at = Tractions(x, at.weight, at.P, at.Q + less, state, at.f, at.beta)
+    ends = zone_ends(at)
+    assert [end.fitted for end in ends] == [True] * 4
+    spacing = x[1] - x[0]
+    for end, exact in zip(ends, (-a, -c, c, a), strict=True):
+        assert end.low < exact < end.high
+        assert abs(end.value - exact) < 0.05 * spacing
+    half = zone_ends(replace(at, half=True))
+    assert [end.value for end in half] == pytest.approx([end.value for end in ends], abs=1e-9)
+    # between two slips of opposite direction nothing is known but the nodes
+    opposite = np.where(x < 0.0, BACKWARD, FORWARD)
+    (end,) = zone_ends(replace(at, state=opposite))
+    assert not end.fitted and end.low < 0.0 < end.high
+
+
+def test_few_nodes_in_contact_give_the_bracket() -> None:
+    x = edge(2, 20)
+    assert not contact_half_width_estimate(pressed(0.33, 0.5, 2, x)).fitted
+    none = pressed(0.33, 0.5, 2, x)
+    none = Tractions(x, none.weight, 0 * none.P, none.Q, np.full(len(x), OPEN), none.f)
+    assert contact_half_width_estimate(none).value == 0.0
+
+
+def test_dundurs_constant_of_known_pairs() -> None:
+    # incompressible against rigid: 0; nu = 0 against rigid, plane strain: 1/2; equal bodies: 0
+    assert dundurs_beta((1.0, 0.5, "plane strain")) == pytest.approx(0.0, abs=1e-15)
+    assert dundurs_beta((3.0, 0.0, "plane strain")) == pytest.approx(0.5)
+    a, b = (2.0, 0.3, "plane strain"), (5.0, 0.1, "plane strain")
+    assert dundurs_beta(a, a) == pytest.approx(0.0, abs=1e-15)
+    assert dundurs_beta(a, b) == pytest.approx(-dundurs_beta(b, a))
+    stiff = (1e12, 0.2, "plane strain")
+    assert dundurs_beta(a, stiff) == pytest.approx(dundurs_beta(a), rel=1e-9)
+    # plane stress is plane strain with nu / (1 + nu)
+    assert dundurs_beta((1.0, 0.3, "plane stress")) == pytest.approx(
+        dundurs_beta((1.0, 0.3 / 1.3, "plane strain"))
+    )

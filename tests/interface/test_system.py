@@ -1,0 +1,174 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from models import block_system
+from small import cyclic, small_system, table
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.normal_form import eliminate_tangential, frictional_form
+from receding_fenicsx.interface.residual import (
+    largest_force,
+    law_residual,
+    local_stiffness,
+    reachable,
+    round_off,
+)
+from receding_fenicsx.interface.system import ContactSystem, friction_margin, reactions
+
+F = 0.3
+
+
+def four_nodes() -> tuple[ContactSystem, np.ndarray, np.ndarray, np.ndarray]:
+    """Return a system and valid r, u and slip: stick, separation, forward and backward slip."""
+    system = small_system(np.eye(8) * 3.0, {"load": np.zeros(8)}, F, [0.0, 0.1, 0.2, 0.4])
+    P = np.array([2.0, 0.0, 0.7, 1.3])
+    Q = np.array([-0.5, 0.0, -F * 0.7, F * 1.3])
+    w = np.array([0.0, 0.05, -0.2, -0.4])
+    slip = np.array([0.0, 0.8, 0.3, -0.6])
+    return system, np.concatenate([Q, P]), np.concatenate([slip, w]), slip
+
+
+def test_residual_of_valid_states_is_exactly_zero() -> None:
+    system, r, u, slip = four_nodes()
+    for scale in (1.0, 1e-9, 3e7):
+        now = law_residual(system, scale * r, u, slip, local_stiffness(system))
+        if scale == 1.0:
+            assert not now.any()
+        assert now.max() <= 4e-16 * scale
+
+
+@pytest.mark.parametrize(
+    ("what", "entry", "value", "residual", "at"),
+    [
+        ("stick beyond the cone", "r", -0.9, 0.9 - F * 2.0, 0),  # |Q| - f P
+        ("slip of a stuck node", "slip", 0.01, 0.03, 0),  # k dv, inside the cone
+        ("open node under shear", "r", 0.2, 0.2, 1),  # |Q|, no pressure
+        ("closed gap under pressure below zero", "r", -0.4, 0.4, 4),
+        ("pressure across a gap", "r", 0.1, 0.1, 5),  # min(P, k gap) = min(0.1, 0.45)
+        ("penetration", "u", -0.25, 0.45, 5),  # k |gap| = 3 * 0.15
+        ("slip along the friction", "slip", -0.05, 0.15, 2),  # k |dv|
+        ("slip under too little friction", "r", 0.1, 0.1 + F * 0.7, 2),
+        ("backward slip that goes forward", "slip", 0.02, 0.06, 3),
+    ],
+)
+def test_residual_measures_each_violation(
+    what: str, entry: str, value: float, residual: float, at: int
+) -> None:
+    system, r, u, slip = four_nodes()
+    where = {"r": r, "u": u, "slip": slip}[entry]
+    where[at] = value
+    now = law_residual(system, r, u, slip, local_stiffness(system))
+    assert now[at] == pytest.approx(residual, rel=1e-13), what
+    assert now.argmax() % 4 == at % 4
+
+
+def test_the_shear_of_a_slipping_node_has_no_play() -> None:
+    system, r, u, slip = four_nodes()
+    rng = np.random.default_rng(1)
+    for _ in range(500):
+        nudge = 1e-6 * rng.uniform(0.5, 1.0, 4) * rng.choice([-1.0, 1.0], 4)
+        sheared = r + np.concatenate([nudge, np.zeros(4)])
+        now = law_residual(system, sheared, u, slip, local_stiffness(system))
+        # more friction than f P breaks the law, and less does while the node slips
+        assert now[1:4] == pytest.approx(np.abs(nudge[1:]), rel=1e-6)
+
+
+def test_held_freedoms_have_no_residual() -> None:
+    system, r, u, slip = four_nodes()
+    held = np.zeros(8, dtype=bool)
+    held[[0, 6]] = True
+    r[0], r[6] = 99.0, -99.0
+    now = law_residual(replace(system, held=held), r, u, slip, local_stiffness(system))
+    assert now[0] == 0.0 and now[6] == 0.0
+
+
+def test_reactions_by_hand() -> None:
+    K = [[4.0, 1.0], [1.0, 3.0]]
+    system = small_system(K, {"a": [1.0, 2.0], "b": [-1.0, 0.5]}, 0.2)
+    r = reactions(system, np.array([2.0, 3.0]), np.array([0.1, -0.2]))
+    # Q = 2 - 3 + 0.4 - 0.2, P = 4 + 1.5 + 0.1 - 0.6
+    assert r == pytest.approx([-0.8, 5.0])
+
+
+def test_an_open_contact_takes_its_force_scale_from_the_held_reactions() -> None:
+    system = small_system(np.eye(2), {"a": [0.0, 50.0]}, 0.2)
+    load = np.array([2.0])
+    assert largest_force(system, load, np.array([0.0, 0.1]), 0.0) == pytest.approx(1.0)
+    assert largest_force(system, load, np.array([-7.0, 3.0]), 0.0) == 7.0
+    assert largest_force(system, load, np.array([0.0, 3.0]), 8.0) == 8.0
+
+
+def test_round_off_bounds_the_error_of_the_product() -> None:
+    rng = np.random.default_rng(2)
+    K = rng.standard_normal((8, 8)) * 10.0 ** rng.uniform(-3, 3, 8)
+    system = small_system(K + K.T, {"a": np.zeros(8)}, 0.2)
+    u = rng.standard_normal(8)
+    exact = (system.K.astype(np.longdouble) * u.astype(np.longdouble)).sum(axis=1)
+    error = np.abs(reactions(system, np.zeros(1), u) - exact).max()
+    assert 0.0 < error <= 8 * round_off(system, u, 1.0)
+    assert round_off(system, u, 0.0) == 0.0
+
+
+def test_a_body_far_away_excuses_no_residual() -> None:
+    whole = block_system(24, 6, half=False)
+    moved = whole.rigid @ np.array([1.0, 3.0, 1.0])
+    assert reachable(whole, moved, 1.0) < 1e-12
+    # round-off of K u alone is then as large as any force
+    assert round_off(whole, 1e16 * moved, 1.0) > 1.0
+    assert reachable(whole, 1e16 * moved, 1.0) <= 1e-6
+
+
+def test_frictionless_contact_needs_no_tangential_freedoms() -> None:
+    whole = block_system(40, 10, f=0.0, half=False)
+    # without friction, three-point bending of an off-centre pressure would rotate but not slide
+    small = evolve(eliminate_tangential(whole), cyclic(2))
+    full = evolve(block_system(20, 10, f=0.0), cyclic(2))
+    for field in ("P", "w", "v"):
+        a, b = getattr(small.samples, field), getattr(full.samples, field)
+        assert np.abs(a - b).max() <= 1e-10 * np.abs(b).max()
+    assert small.modelled_dofs == 41 and full.modelled_dofs > 21
+    assert not small.samples.Q.any() and np.ptp(small.samples.state) == 1
+
+
+def test_frictional_form_holds_the_eliminated_freedoms() -> None:
+    normal = eliminate_tangential(block_system(20, 10, f=0.0))
+    form = frictional_form(normal)
+    assert form.K.shape == (42, 42) and form.r_star.shape == (1, 42)
+    assert form.held[:21].all() and not form.held[21:].any()
+    assert np.array_equal(form.K[21:, 21:], normal.K) and not form.K[:21].any()
+    assert frictional_form(form) is form
+
+
+def test_pushing_a_frictionless_body_along_the_plane_is_refused() -> None:
+    K = np.kron(np.eye(2), [[1.0, -1.0], [-1.0, 1.0]]) + np.diag([0.0, 0.0, 1.0, 1.0])
+    rigid = [[1.0, 1.0, 0.0, 0.0]]
+    pushed = small_system(K, {"down": [0, 0, 1, 1], "along": [-1, -1, 0, 0]}, 0.0, rigid=rigid)
+    with pytest.raises(InputError, match=r"load 'along' pushes .* add a \[\[support\]\]"):
+        eliminate_tangential(pushed)
+    squeezed = small_system(K, {"down": [0.2, -0.2, 1, 1]}, 0.0, rigid=rigid)
+    record = evolve(eliminate_tangential(squeezed), table(squeezed, [[0.0], [1.0]]))
+    # v1 - v2 = d with Q1 = 0.2 + d = 0, the mean of v staying at zero
+    assert record.turning_points.v[0] == pytest.approx([-0.1, 0.1])
+
+
+def test_load_displacement_goes_over_into_the_frictionless_one() -> None:
+    slight, none = block_system(20, 10, f=1e-9), block_system(20, 10, f=0.0)
+    history = table(none, [0.0, 1.0])
+    a = evolve(slight, history).turning_points.load_displacement[0, 0]
+    b = evolve(eliminate_tangential(none), history).turning_points.load_displacement[0, 0]
+    assert abs(a - b) < 1e-6 * abs(b)
+
+
+def test_friction_margin_is_that_of_the_node_where_it_is_largest() -> None:
+    K = np.diag([2.0, 4.0, 5.0, 1.0, 1.0, 1.0])
+    for i, coupling in enumerate((0.5, -1.0, 3.0)):
+        K[i, 3 + i] = K[3 + i, i] = coupling
+    system = small_system(K, {"load": np.zeros(6)}, [0.8, 0.6, 0.1])
+    # f |K_tn| / K_tt: 0.2, 0.15, 0.06
+    assert friction_margin(system) == pytest.approx(0.2)
+    # what is held tangentially has no slip that could feed itself
+    system.held[0] = True
+    assert friction_margin(system) == pytest.approx(0.15)
+    assert friction_margin(eliminate_tangential(replace(system, f=np.zeros(3)))) == 0.0

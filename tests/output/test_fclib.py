@@ -1,0 +1,224 @@
+import ctypes
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+from models import block_system
+from small import small_system
+
+from receding_fenicsx import cli, study
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.gauss_seidel.compliance_form import solve_problem, step_problem
+from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
+from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.output.storage.export import export
+from receding_fenicsx.output.storage.fclib import write_fclib
+from receding_fenicsx.output.storage.hdf5 import write_system
+from receding_fenicsx.scene.toml_file import read_scene
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.rank > 0, reason="one process is enough")
+
+BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
+LOAD = np.array([1.0])
+
+
+def held_system() -> ContactSystem:
+    """A block on springs: no rigid motion is left."""
+    system = block_system(16, 8)
+    K = system.K + 0.02 * np.diag(~system.held).astype(float) * np.abs(system.K).max()
+    return replace(system, K=K, rigid=np.zeros((2 * system.n, 0)))
+
+
+def unloading(system: ContactSystem) -> tuple[ContactState, np.ndarray]:
+    """The state under the full load and the load of the next step."""
+    n = system.n
+    rest = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, dtype=np.int8))
+    return solve_step(system, rest, LOAD, GaussSeidelOptions()).end, np.array([0.8])
+
+
+def read_matrix(group: h5py.Group) -> np.ndarray:
+    """Read a matrix as FCLIB does: compressed rows, columns or triplets."""
+    m, n, nz = (int(group[key][0]) for key in ("m", "n", "nz"))
+    p, i, x = (group[key][()] for key in ("p", "i", "x"))
+    assert nz == -2 and len(p) == m + 1 and len(x) == len(i) == int(group["nzmax"][0])
+    matrix = np.zeros((m, n))
+    for row in range(m):
+        for k in range(p[row], p[row + 1]):
+            matrix[row, i[k]] += x[k]
+    return matrix
+
+
+def projected_gauss_seidel(
+    W: np.ndarray, q: np.ndarray, mu: np.ndarray, V: np.ndarray, s: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Solve the local problem by projections on the cone; rigid motions by Uzawa's method."""
+    r, rho = np.zeros(len(q)), np.zeros(len(s))
+    # an augmented Lagrangian of V^T r + s = 0, which at its solution changes nothing
+    weight = np.trace(W) / max(np.trace(V @ V.T), 1.0)
+    A = W + weight * V @ V.T
+    for _ in range(2000):
+        b = q + V @ (rho + weight * s)
+        for _ in range(100):
+            before = r.copy()
+            for k in range(len(mu)):
+                N, T = 2 * k, 2 * k + 1
+                r[N] = max(0.0, r[N] - (A[N] @ r + b[N]) / A[N, N])
+                limit = mu[k] * r[N]
+                r[T] = np.clip(r[T] - (A[T] @ r + b[T]) / A[T, T], -limit, limit)
+            change = np.abs(r - before).max() / np.abs(r).max()
+            if change < 1e-13:
+                break
+        excess = V.T @ r + s
+        rho = rho + weight * excess
+        if change < 1e-13 and np.abs(excess).max(initial=0.0) < 1e-11 * np.abs(r).max():
+            break
+    return r, W @ r + V @ rho + q
+
+
+@pytest.mark.parametrize("free", [True, False])
+@pytest.mark.parametrize("first", [True, False])
+def test_file_alone_leads_to_the_same_reactions(tmp_path: Path, free: bool, first: bool) -> None:
+    system = block_system(16, 8) if free else held_system()
+    start, load = (None, LOAD) if first else unloading(system)
+    path = tmp_path / "step.hdf5"
+    write_fclib(path, step_problem(system, load, start), solve_problem(system, load, start))
+    with h5py.File(path) as file:
+        local = file["fclib_local"]
+        assert int(local["spacedim"][0]) == 2
+        W, (q, mu) = read_matrix(local["W"]), (local["vectors"][k][()] for k in ("q", "mu"))
+        V, s = np.zeros((len(q), 0)), np.zeros(0)
+        assert ("V" in local) == free
+        if free:
+            V, s = read_matrix(local["V"]), local["vectors/s"][()]
+            assert not np.any(read_matrix(local["R"]))
+        r, u = projected_gauss_seidel(W, q, mu, V, s)
+        ours_r, ours_u = file["solution/r"][()], file["solution/u"][()]
+    np.testing.assert_allclose(r, ours_r, atol=1e-9 * np.abs(ours_r).max())
+    np.testing.assert_allclose(u, ours_u, atol=1e-9 * np.abs(ours_u).max())
+    assert (np.abs(u[1::2]) > 1e-9).any()
+    assert (u[0::2] > 1e-9).any() == free  # the springs keep the contact closed
+
+
+def test_step_of_one_node_by_hand() -> None:
+    # k = 2 both ways, pressed by 3 and pushed by 1: sticks at f = 0.5, slips at f = 0.2
+    system = small_system(np.diag([2.0, 2.0]), {"a": [-1.0, 3.0]}, 0.5, g0=0.25)
+    problem = step_problem(system, LOAD)
+    np.testing.assert_array_equal(problem.W, np.diag([0.5, 0.5]))
+    np.testing.assert_array_equal(problem.q, [0.25 - 1.5, 0.5])
+    np.testing.assert_allclose(solve_problem(system, LOAD).r, [2.5, -1.0], rtol=1e-12)
+    slipping = solve_problem(replace(system, f=np.array([0.2])), LOAD)
+    np.testing.assert_allclose(slipping.r, [2.5, -0.5], rtol=1e-12)
+    np.testing.assert_allclose(slipping.u, [0.0, 0.25], atol=1e-12)
+
+
+def test_nodes_held_normally_are_no_contacts_and_nodes_held_sideways_have_no_friction() -> None:
+    system = block_system(16, 8)
+    assert system.held[0] and step_problem(system, LOAD).mu[0] == 0.0
+    held = system.held.copy()
+    held[system.n + 5] = True
+    problem = step_problem(replace(system, held=held, rigid=np.zeros((2 * system.n, 0))), LOAD)
+    assert 5 not in problem.nodes and len(problem.mu) == system.n - 1
+
+
+def test_fclib_s_own_library_reads_the_file(tmp_path: Path) -> None:
+    try:
+        library = ctypes.CDLL("libfclib.so.0")
+    except OSError:
+        pytest.skip("FCLIB's library is not installed (apt install libfclib0)")
+    system = block_system(16, 8)
+    path = tmp_path / "step.hdf5"
+    problem = step_problem(system, LOAD)
+    write_fclib(path, problem, solve_problem(system, LOAD))
+
+    class Matrix(ctypes.Structure):
+        _fields_ = (
+            *((key, ctypes.c_int) for key in ("nzmax", "m", "n")),
+            *((key, ctypes.POINTER(ctypes.c_int)) for key in ("p", "i")),
+            ("x", ctypes.POINTER(ctypes.c_double)),
+            ("nz", ctypes.c_int),
+        )
+
+    class Local(ctypes.Structure):
+        _fields_ = (
+            *((key, ctypes.POINTER(Matrix)) for key in ("W", "V", "R")),
+            *((key, ctypes.POINTER(ctypes.c_double)) for key in ("mu", "q", "s")),
+            ("spacedim", ctypes.c_int),
+        )
+
+    class Solution(ctypes.Structure):
+        _fields_ = tuple((key, ctypes.POINTER(ctypes.c_double)) for key in ("v", "u", "r", "l"))
+
+    library.fclib_read_local.restype = ctypes.POINTER(Local)
+    library.fclib_read_solution.restype = ctypes.POINTER(Solution)
+    read = library.fclib_read_local(str(path).encode()).contents
+    n = len(problem.q)
+    assert (read.spacedim, read.W.contents.m, read.W.contents.nz) == (2, n, -2)
+    np.testing.assert_array_equal(read.W.contents.x[: n * n], problem.W.ravel())
+    np.testing.assert_array_equal(read.V.contents.x[: problem.V.size], problem.V.ravel())
+    np.testing.assert_array_equal(read.q[:n], problem.q)
+    np.testing.assert_array_equal(read.mu[: n // 2], problem.mu)
+    found = library.fclib_read_solution(str(path).encode()).contents
+    np.testing.assert_array_equal(found.r[:n], solve_problem(system, LOAD).r)
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_siconos_finds_the_same_reactions(first: bool) -> None:
+    numerics: Any = pytest.importorskip(
+        "siconos.numerics", reason="Siconos is not installed (apt install python3-siconos)"
+    )
+    system = held_system()
+    start, load = (None, LOAD) if first else unloading(system)
+    problem = step_problem(system, load, start)
+    ours = solve_problem(system, load, start)
+    theirs = numerics.FrictionContactProblem(2, problem.W, problem.q, problem.mu)
+    options = numerics.SolverOptions(numerics.SICONOS_FRICTION_2D_NSGS)
+    options.iparam[numerics.SICONOS_IPARAM_MAX_ITER] = 100000
+    options.dparam[numerics.SICONOS_DPARAM_TOL] = 1e-13
+    r, u = np.zeros(len(problem.q)), np.zeros(len(problem.q))
+    assert numerics.fc2d_driver(theirs, r, u, options) == 0
+    np.testing.assert_allclose(r, ours.r, atol=1e-9 * np.abs(ours.r).max())
+    np.testing.assert_allclose(u, ours.u, atol=1e-9 * np.abs(ours.u).max())
+
+
+def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
+    settings = ["mesh.contact_elements=24", "history.cycles=2", "solver.steps_per_leg=400"]
+    scene = read_scene(BLOCK, settings)
+    record = study.run(scene, tmp_path / "run", MPI.COMM_SELF, pictures=False)
+    assert record is not None
+    path = tmp_path / "step.hdf5"
+    text = export(tmp_path / "run", path, (1, "unloading", 1.0))
+    assert "cycle 1, leg 0, from s = 0.9975 to 1: 25 contacts, 1 rigid" in text
+    row = np.flatnonzero((record.turning_points.cycle == 1) & (record.turning_points.leg == 0))[0]
+    P = record.turning_points.P[row][24:].copy()
+    P[0] *= 0.5  # half of the axis node's
+    with h5py.File(path) as file:
+        r = file["solution/r"][()]
+        assert file["fclib_local/info/title"][()] == b"Ahn & Barber block"
+    # a step is the exact path up to what changes within it
+    np.testing.assert_allclose(r[0::2], P, atol=1e-6 * P.max())
+    with pytest.raises(InputError, match="is there already"):
+        export(tmp_path / "run", path)
+    assert "from s = 0 to 1" in export(tmp_path / "run", path, overwrite=True)
+    for where, since, words in (
+        ((1, "unloading", 0.0), None, "--at 0"),
+        ((1, "unloading", 0.5), 0.6, "--since 0.6"),
+        ((7, "unloading", 0.5), None, "cycle 7"),
+    ):
+        with pytest.raises(InputError, match=words):
+            export(tmp_path / "run", tmp_path / "x.hdf5", where, since)
+
+
+def test_export_of_a_saved_system_from_the_command_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    write_system(tmp_path / "system.h5", block_system(16, 8))
+    arguments = ["export", str(tmp_path / "system.h5"), "--out", str(tmp_path / "x.hdf5")]
+    if MPI.COMM_WORLD.size == 1:
+        assert cli.main(arguments) == 0
+        assert "17 contacts, 1 rigid motion(s)" in capsys.readouterr().out
+        assert cli.main([*arguments[:1], str(tmp_path / "none.h5"), *arguments[2:]]) == 2

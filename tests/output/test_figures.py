@@ -1,0 +1,639 @@
+"""Figures: the arrays behind them, what is drawn of them, and which are drawn of which record."""
+
+import io
+import re
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import models
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import PolyCollection
+from matplotlib.colors import to_hex, to_rgb, to_rgba_array
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+from PIL import Image
+from small import cyclic, small_system
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.output.plots import figures, series, style
+from receding_fenicsx.output.plots.series import first_unloading, limit_without_slip, slip_lines
+from receding_fenicsx.output.plots.units import describe_factors, load_symbol, scales_of
+from receding_fenicsx.output.plots.zone_map import (
+    FLICKER,
+    Timeline,
+    fill_strip,
+    steadied,
+    timeline,
+    zone_map,
+)
+from receding_fenicsx.output.plots.zone_plots import load_axis
+from receding_fenicsx.output.report.summary import summarise
+from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import Load, OutputOptions, Scene, SolverOptions
+from receding_fenicsx.scene.toml_file import to_toml
+
+PAPER = Scene(loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
+LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
+CYCLIC = ((0.0, 1.0), LOOP, 10)
+UNLOADING = ((0.0, 1.0, 0.0), np.zeros((0, 1)), 0)
+MONOTONIC = ((0.0, 1.0), np.zeros((0, 1)), 0)
+
+STICK, OPEN, FORWARD, BACKWARD = State
+
+
+@cache
+def record(
+    kind: str = "cyclic", method: str = "events", half: bool = True, paper: bool = True
+) -> Record:
+    """Return a record of the paper's block on a coarse mesh."""
+    path, loop, cycles = {"cyclic": CYCLIC, "unloading": UNLOADING, "monotonic": MONOTONIC}[kind]
+    system = models.block_system(40 if half else 80, 20, half=half)
+    history = History(("p0",), np.array(path)[:, None], loop, cycles)
+    found = evolve(system, history, SolverOptions(method=method))
+    return replace(found, scene_toml=to_toml(PAPER)) if paper else found
+
+
+def area(polygon: np.ndarray) -> float:
+    """Return the area of a simple polygon by the shoelace formula."""
+    x, y = polygon.T
+    return 0.5 * abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1)))
+
+
+LEGS = [
+    ("cyclic", 1, 0),
+    ("cyclic", 1, 1),
+    ("cyclic", 9, 0),
+    ("cyclic", 10, 1),
+    ("unloading", 0, 1),
+]
+
+
+@pytest.mark.parametrize("half", [True, False])
+@pytest.mark.parametrize(("kind", "cycle", "leg"), LEGS)
+def test_zone_map_from_events_agrees_with_every_sample(
+    kind: str, cycle: int, leg: int, half: bool
+) -> None:
+    found = record(kind, half=half)
+    drawn = zone_map(found, cycle, leg)
+    table, events = found.samples, found.events
+    rows = np.flatnonzero((table.cycle == cycle) & (table.leg == leg) & (table.s < 1.0))
+    assert len(rows) > 30
+    for row in rows:
+        s = float(table.s[row])
+        # a sample taken at the very instant of a change may show either state
+        changing = events.node[
+            (events.cycle == cycle) & (events.leg == leg) & (np.abs(events.s - s) < 1e-9)
+        ]
+        settled = np.setdiff1d(np.arange(len(found.x)), changing)
+        assert np.array_equal(drawn.states(s)[settled], table.state[row][settled])
+
+
+@pytest.mark.parametrize(("kind", "cycle", "leg"), LEGS)
+def test_zone_map_covers_the_leg_once(kind: str, cycle: int, leg: int) -> None:
+    found = record(kind)
+    drawn = zone_map(found, cycle, leg)
+    total = sum(area(polygon) for _, polygon in drawn.pieces)
+    islands = sum(area(polygon) for _, polygon in drawn.pieces if len(polygon) == 3)
+    # islands lie on top of the zone around them
+    assert total - islands == pytest.approx(np.ptp(found.x), rel=1e-12)
+    corners = np.vstack([polygon for _, polygon in drawn.pieces])
+    assert corners[:, 1].min() == 0.0
+    assert corners[:, 1].max() == 1.0
+
+
+def test_only_short_lone_excursions_between_stick_and_slip_are_left_out() -> None:
+    quiet = timeline(STICK, [(0.5, FORWARD)])
+    lone = timeline(STICK, [(0.2, FORWARD), (0.25, STICK), (0.5, FORWARD)])
+    cleaned = steadied([quiet, lone, quiet], 0.06)
+    assert np.array_equal(cleaned[1].state, quiet.state)
+    assert np.array_equal(cleaned[1].s, quiet.s)
+    opened = timeline(STICK, [(0.2, OPEN), (0.25, STICK)])
+    shared = [lone, lone, quiet]
+    for kept in ([quiet, opened, quiet], shared):
+        for before, after in zip(kept, steadied(kept, 0.06), strict=True):
+            assert np.array_equal(before.state, after.state)
+            assert np.array_equal(before.s, after.s)
+    assert np.array_equal(steadied([quiet, lone, quiet], 0.04)[1].s, lone.s)
+
+
+def test_drawn_zones_differ_from_the_events_nowhere_for_longer_than_a_flicker() -> None:
+    found = record("cyclic", half=False)
+    for cycle, leg in ((1, 0), (1, 1), (9, 0), (10, 1)):
+        exact = zone_map(found, cycle, leg)
+        drawn = zone_map(found, cycle, leg, flicker=FLICKER)
+        for a, b in zip(exact.timelines, drawn.timelines, strict=True):
+            assert b.at(0.0) == a.at(0.0)
+            assert b.at(1.0) == a.at(1.0)
+            cuts = np.union1d(a.s, b.s)
+            middle = 0.5 * (cuts[1:] + cuts[:-1])
+            different = a.at(middle) != b.at(middle)
+            assert np.all(np.diff(cuts)[different] <= FLICKER)
+
+
+def test_boundaries_of_zones_pass_through_the_events() -> None:
+    found = record("unloading")
+    drawn = zone_map(found, 0, 1)
+    ends = drawn.boundaries.reshape(-1, 2)
+    events, checked = found.events, 0
+    for i, line in enumerate(drawn.timelines):
+        here = (events.cycle == 0) & (events.leg == 1) & (events.node == i)
+        for s in line.s[1:-1]:
+            assert np.abs(events.s[here] - s).min() == 0.0
+            assert np.hypot(*(ends - [found.x[i], s]).T).min() == 0.0
+            checked += 1
+    assert checked > 100
+
+
+def test_stepped_zone_map_lies_within_a_step_of_the_exact_one() -> None:
+    exact, stepped = record(), record(method="gauss-seidel")
+    step = 1.0 / SolverOptions().steps_per_leg
+    for cycle, leg in ((1, 0), (1, 1)):
+        a, b = (zone_map(found, cycle, leg) for found in (exact, stepped))
+        s = np.linspace(0.0, 1.0, 400)
+        differ = np.array(
+            [x.at(s) != y.at(s) for x, y in zip(a.timelines, b.timelines, strict=True)]
+        )
+        changes = sum(len(line.state) - 1 for line in a.timelines)
+        # each change of an exact timeline is found at most about a step early or late
+        assert differ.mean() * differ.shape[0] < step * changes
+        assert differ.mean() < 0.02
+
+
+def test_timeline_leaves_out_states_that_do_not_last() -> None:
+    line = timeline(3, [(0.0, 1), (0.25, 4), (0.25, 1), (0.5, 2), (1.0, 1)])
+    assert line.state.tolist() == [1, 2]
+    assert line.s.tolist() == [0.0, 0.5, 1.0]
+
+
+def test_change_of_one_node_only_tapers_midway_to_its_neighbour() -> None:
+    pieces: list = []
+    lines: list = []
+    alone = Timeline(np.array([1, 3, 1], np.int8), np.array([0.0, 0.2, 0.6, 1.0]))
+    never = Timeline(np.array([1], np.int8), np.array([0.0, 1.0]))
+    fill_strip(alone, never, 0.0, 1.0, pieces, lines)
+    (outer, whole), (inner, island) = pieces
+    assert (outer, inner) == (State.STICK, State.FORWARD_SLIP)
+    assert area(whole) == 1.0
+    # a triangle with its base on the node and its tip halfway
+    assert area(island) == pytest.approx(0.5 * 0.4 * 0.5)
+
+
+def test_tractions_are_divided_by_no_pressure_that_no_scene_tells() -> None:
+    # the load p0 may stand for any pressure; here it is one of 3
+    system = models.block_system(20, 10)
+    scales = scales_of(evolve(replace(system, r_star=3.0 * system.r_star), cyclic(1)))
+    assert scales.peak_traction() == (1.0, "")
+    assert scales.traction_labels()[:2] == ("$p$", "$q$")
+    assert not scales.normalised()
+
+
+def test_slip_lines_find_the_power_that_the_slip_follows() -> None:
+    found = record()
+    N = np.arange(1.0, 31.0)
+    slip = 1e-3 * np.outer(N**-2.5, np.where(np.abs(found.x) < 1.0, 1.0 + found.x, 0.0))
+    cycles = replace(
+        found.cycles, slip_increment=slip, dissipation=N, dissipation_density=np.zeros_like(slip)
+    )
+    lines = slip_lines(replace(found, cycles=cycles), unit=2.0)
+    assert [line.x for line in lines] == pytest.approx([0.5, 0.6, 0.7, 0.8])
+    for line in lines:
+        assert line.fit.exponent == pytest.approx(-2.5, abs=1e-12)
+        assert line.at(line.N) == pytest.approx(line.slip)
+        assert line.slip[0] == pytest.approx(0.5e-3 * (1.0 + line.x))
+
+
+def test_node_at_the_limit_that_never_moves_is_found_where_it_reaches_it() -> None:
+    found = record(method="gauss-seidel")
+    table = found.samples
+    rows = np.flatnonzero(table.cycle == 10)
+    node, when = len(found.x) // 2 + 3, rows[len(rows) // 4]
+    state, Q, v = table.state.copy(), table.Q.copy(), table.v.copy()
+    state[rows[:, None], np.arange(len(found.x))] = State.STICK
+    v[rows] = found.turning_points.v[found.turning_points.cycle == 9][-1]
+    v[rows, 0] += np.linspace(0.0, 1.0, len(rows))
+    Q[rows] = 0.5 * found.f * table.P[rows]
+    Q[when, node] = found.f[node] * table.P[when, node]
+    still = limit_without_slip(replace(found, samples=replace(table, state=state, Q=Q, v=v)), 10)
+    assert still.node.tolist() == [node]
+    assert still.leg.tolist() == [table.leg[when]]
+    assert still.s.tolist() == [table.s[when]]
+    assert still.strict
+    assert not still.stuck[0]
+
+
+def test_first_unloading_is_the_first_leg_along_which_the_load_falls() -> None:
+    assert first_unloading(record("monotonic")) is None
+    assert first_unloading(record("unloading")) == (0, 1)
+    assert first_unloading(record()) == (1, 0)
+
+
+def test_colours_of_the_states_differ_for_every_colour_vision() -> None:
+    """Complete colour-vision deficiencies after Machado, Oliveira & Fernandes (2009), table 1."""
+    seen = {
+        "usual": np.eye(3),
+        "no red cones": [
+            [0.152286, 1.052583, -0.204868],
+            [0.114503, 0.786281, 0.099216],
+            [-0.003882, -0.048116, 1.051998],
+        ],
+        "no green cones": [
+            [0.367322, 0.860646, -0.227968],
+            [0.280085, 0.672501, 0.047413],
+            [-0.011820, 0.042940, 0.968881],
+        ],
+        "no blue cones": [
+            [1.255528, -0.076749, -0.178779],
+            [-0.078411, 0.930809, 0.147602],
+            [0.004733, 0.691367, 0.303900],
+        ],
+    }
+    for name, matrix in seen.items():
+        found = [lab(np.array(matrix) @ linear(c)) for c in style.STATE_COLOURS.values()]
+        for i, a in enumerate(found):
+            for b in found[:i]:
+                assert np.linalg.norm(a - b) > 15.0, name
+                # printed in grey
+                assert name != "usual" or abs(a[0] - b[0]) > 8.0
+
+
+def linear(colour: str) -> np.ndarray:
+    """Linear light of an sRGB colour."""
+    c = np.array(to_rgb(colour))
+    return np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+
+
+def lab(rgb: np.ndarray) -> np.ndarray:
+    """CIE L*a*b* of linear light, white point D65."""
+    to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
+    t = np.array(to_xyz) @ np.clip(rgb, 0.0, 1.0) / [0.9505, 1.0, 1.089]
+    f = np.where(t > 0.008856, np.cbrt(t), 7.787 * t + 16.0 / 116.0)
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+def test_loads_that_are_symbols_are_written_as_such() -> None:
+    assert load_symbol("p0") == "p_{0}"
+    assert load_symbol("Q") == "Q"
+    assert load_symbol("bolt_force") == r"\mathrm{bolt\_force}"
+    assert load_symbol("tightening_torque") == r"\mathrm{tight…rque}"
+
+
+@pytest.mark.parametrize(
+    ("part", "said"),
+    [
+        (1.0, "p = p^"),
+        (-1.0, "p = -p^"),
+        (1.0 / 3.0, r"p = \frac{1}{3}\,p^"),
+        (2.0 / 3.0, r"p = \frac{2}{3}\,p^"),
+        (0.5, r"p = 0.5\,p^"),
+        (0.0, "p = 0$"),
+    ],
+)
+def test_parts_of_the_largest_load_are_written_as_they_are(part: float, said: str) -> None:
+    assert describe_factors(("p",), np.array([part])).startswith(f"${said}")
+    assert describe_factors(("torque",), np.array([part])).startswith(f"torque at ${part:.3g}$")
+
+
+@pytest.mark.parametrize("name", ["pressure", "normal pressure on the upper edge"])
+def test_labels_stay_on_the_page_whatever_the_load_is_called(name: str) -> None:
+    scene = replace(PAPER, loads=(replace(PAPER.loads[0], name=name),))
+    found = replace(record(), load_names=(name,), scene_toml=to_toml(scene))
+    for figure in (
+        figures.tractions(found, found.at(1)),
+        figures.slip_per_cycle(found),
+        figures.hysteresis(found),
+        figures.trajectories(found, [45, 60, 75]),
+    ):
+        figure.canvas.draw()
+        labels = [text for legend in figure.legends for text in legend.get_texts()]
+        for axes in figure.axes:
+            labels += [axes.xaxis.label, axes.yaxis.label, axes.title]
+        for text in filter(Text.get_text, labels):
+            box, page = text.get_window_extent(), figure.bbox
+            slack = 0.01 * page.width
+            assert page.x0 - slack <= box.x0 and box.x1 <= page.x1 + slack, text
+            assert page.y0 - slack <= box.y0 and box.y1 <= page.y1 + slack, text
+
+
+def test_tractions_are_drawn_over_the_load_that_acts() -> None:
+    found = record()
+    row = int(np.flatnonzero(found.turning_points.cycle == 1)[0])
+    assert found.turning_points.load[row, 0] == 1.0 / 3.0
+    figure = figures.tractions(found, [found.at(1, "minimum")])
+    lines = {line.get_color(): line for line in figure.axes[1].lines}
+    p = lines[style.PRESSURE_COLOUR]
+    q = lines[style.SHEAR_COLOUR]
+    assert np.array_equal(p.get_xdata(), found.x)
+    assert np.allclose(p.get_ydata(), 3.0 * found.turning_points.p[row], rtol=1e-14)
+    assert np.allclose(q.get_ydata(), 3.0 * found.turning_points.q[row], rtol=1e-14)
+
+
+def names_of_colours(figure: Figure) -> dict[str, str]:
+    """Name of each state by the colour that the legend of a figure gives it."""
+    patches = [patch for legend in figure.legends for patch in legend.get_patches()]
+    labels = {to_hex(patch.get_facecolor()): str(patch.get_label()) for patch in patches}
+    return {colour: label[3:] for colour, label in labels.items() if label[0].isdigit()}
+
+
+def moves_of(found: Record, s: float) -> dict[str, np.ndarray]:
+    """Nodes by what they do halfway between two samples of cycle 1's unloading, from v, w, p."""
+    table = found.samples
+    rows = np.flatnonzero((table.cycle == 1) & (table.leg == 0))
+    row = rows[np.searchsorted(table.s[rows], s)]
+    before, after = (np.stack([table.v[k], table.w[k]]) for k in (row - 1, row))
+    (dv, _), open_ = after - before, (before[1] > 0.0) & (after[1] > 0.0)
+    moving = 1e-6 * np.abs(dv[~open_]).max()
+    pressed = (table.p[row - 1] > 0.0) & (table.p[row] > 0.0)
+    return {
+        "separation": open_,
+        "stick": pressed & (dv == 0.0),
+        "forward slip": pressed & (dv > moving),
+        "backward slip": pressed & (dv < -moving),
+    }
+
+
+def amid(nodes: np.ndarray) -> np.ndarray:
+    """Nodes both of whose neighbours are among them too."""
+    return nodes & np.append(nodes[1:], False) & np.append(False, nodes[:-1])
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_colours_of_zones_are_those_of_the_legend(half: bool) -> None:
+    """What the nodes do is taken from how they move, not from the states."""
+    found = record(half=half)
+    figure = figures.zone_maps(found, [(1, 0)])
+    named = names_of_colours(figure)
+    (drawn,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
+    colours = [to_hex(colour) for colour in to_rgba_array(drawn.get_facecolor())]
+    seen = set()
+    for s in (0.3, 0.6, 0.9):
+        load = 1.0 - (s - 0.0125) * 2.0 / 3.0  # samples are 0.025 apart
+        for name, nodes in moves_of(found, s).items():
+            # the figure shows the right half; a zone's end may lie between the two samples
+            for x in found.x[amid(nodes) & (found.x > 0.1)] + 0.25 * np.diff(found.x).min():
+                over = [k for k, p in enumerate(drawn.get_paths()) if p.contains_point((x, load))]
+                assert named[colours[over[-1]]] == name, (s, x)
+                seen.add(name)
+    assert len(seen) == 4
+
+
+def test_colours_and_numbers_of_the_band_are_those_of_the_legend() -> None:
+    found = record()
+    figure = figures.tractions(found, found.at(1, "minimum"))
+    named, band = names_of_colours(figure), figure.axes[0]
+    spans = [
+        (p.get_transform().transform_path(p.get_path()).get_extents(), to_hex(p.get_facecolor()))
+        for p in band.patches
+    ]
+
+    def name_at(x: float) -> str:
+        dots = float(band.transData.transform((x, 0.0))[0])
+        (colour,) = [colour for box, colour in spans if box.x0 <= dots < box.x1]
+        return named[colour]
+
+    for name, nodes in moves_of(found, 1.0).items():
+        assert {name_at(x) for x in found.x[amid(nodes)]} == {name}
+    # the number in the band is that of the legend's text
+    labels = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
+    for text in band.texts:
+        assert f"{text.get_text()}  {name_at(text.get_position()[0])}" in labels
+
+
+def test_zone_map_shows_half_of_a_symmetric_contact_against_the_load() -> None:
+    found = record("unloading")
+    figure = figures.zone_maps(found, [(0, 1)])
+    axes = figure.axes[0]
+    assert axes.get_xlim() == (0.0, 2.0)
+    assert axes.get_ylim() == (0.0, 1.0)
+    assert load_axis(found, 0, 1, scales_of(found))[:2] == (1.0, 0.0)
+    (drawn,) = (c for c in axes.collections if isinstance(c, PolyCollection))
+    path = np.asarray(drawn.get_paths()[-1].vertices)
+    assert path[:, 1].min() >= 0.0
+    assert path[:, 1].max() <= 1.0
+    numbers = {text.get_text() for text in axes.texts}
+    assert numbers == {"1", "2", "3", "4"}
+
+
+@pytest.mark.parametrize("paper", [True, False])
+def test_no_text_lies_on_another_or_beyond_the_page(paper: bool) -> None:
+    unloading = record("unloading", paper=paper)
+    for name, figure in figures.draw_all(record(paper=paper), unloading):
+        boxes = text_boxes(figure)
+        page = figure.bbox
+        for i, (text, box) in enumerate(boxes):
+            assert page.x0 <= box.x0, f"{name}: {text}"
+            assert box.x1 <= page.x1, f"{name}: {text}"
+            assert page.y0 <= box.y0, f"{name}: {text}"
+            assert box.y1 <= page.y1, f"{name}: {text}"
+            for other, beside in boxes[:i]:
+                assert not box.overlaps(beside), f"{name}: '{text}' on '{other}'"
+
+
+def text_boxes(figure: Figure) -> list:
+    """Return every text that is drawn with its box in dots."""
+    figure.canvas.draw()
+    hidden = {id(label) for axes in figure.axes for label in labels_beyond(axes)}
+    found = []
+    for text in figure.findobj(Text):
+        shown = text.get_visible() and text.get_text().strip() and id(text) not in hidden
+        box = text.get_window_extent()
+        if shown and box.width > 0.0:
+            found.append((text.get_text(), box))
+    return found
+
+
+def labels_beyond(axes: Axes) -> list[Text]:
+    """Return the labels of ticks that lie beyond the axes' limits: they are not drawn."""
+    found = []
+    for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        low, high = sorted(limits)
+        slack = 1e-9 * (high - low)
+        for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()]:
+            if not low - slack <= tick.get_loc() <= high + slack:
+                found += [tick.label1, tick.label2]
+    return found
+
+
+def test_figures_are_those_that_the_record_holds_something_for() -> None:
+    def names(found: Record, *others: Record) -> list[str]:
+        return [name for name, _ in figures.draw_all(found, *others)]
+
+    assert names(record("monotonic")) == ["fig04_tractions_first_loading"]
+    assert names(record("unloading")) == [
+        "fig04_tractions_first_loading",
+        "fig05_zones_first_unloading",
+        "fig06_tractions_first_unloading",
+    ]
+    wide = {"zones_by_cycle", "hysteresis", "trajectories"}
+    drawn = dict(figures.draw_all(record(), record("unloading"), record(method="gauss-seidel")))
+    assert list(drawn) == [
+        "fig04_tractions_first_loading",
+        "fig05_zones_first_unloading",
+        "fig06_tractions_first_unloading",
+        "fig07_zones_cycle_9",
+        "fig08_slip_per_cycle",
+        "fig09_zones_last_cycle",
+        "zones_by_cycle",
+        "fig10_dissipation_per_cycle",
+        "dissipation_density",
+        "hysteresis",
+        "trajectories",
+        "tractions_last_cycle",
+    ]
+    for name, figure in drawn.items():
+        width = style.PAGE if name in wide else style.COLUMN
+        assert figure.get_figwidth() == pytest.approx(width, rel=0.01), name
+    # the other record and the other method are what is drawn of them
+    unloading = drawn["fig05_zones_first_unloading"].axes[0]
+    assert unloading.get_ylim() == (0.0, 1.0)
+    exact, stepped = drawn["fig10_dissipation_per_cycle"].axes[0].lines[-2:]
+    for line, method in ((exact, "events"), (stepped, "gauss-seidel")):
+        D = record(method=method).cycles.dissipation
+        assert np.array_equal(np.asarray(line.get_ydata()), D / D[0])
+    assert (exact.get_label(), stepped.get_label()) == ("exact events", "Gauss-Seidel")
+
+
+def test_first_figures_stand_at_the_largest_load_and_where_a_third_of_it_is_left() -> None:
+    system = models.block_system(20, 10)
+    path = np.array([[0.0], [0.4], [1.0], [0.0]])
+    found = evolve(system, History(("p0",), path, np.zeros((0, 1)), 0))
+    drawn = dict(figures.draw_all(found))
+
+    def part(name: str) -> float:
+        """Load of a figure of tractions over the largest, from its title."""
+        title = drawn[name].axes[0].get_title()
+        said = re.search(r"\$p_\{0\} = (.*?)(\\,)?p_\{0\}\^", title)
+        assert said is not None, title
+        return float(said[1] or 1.0)
+
+    assert part("fig04_tractions_first_loading") == 1.0
+    # samples are a fortieth of the leg apart
+    assert part("fig06_tractions_first_unloading") == 0.325
+
+
+def test_the_same_record_gives_the_same_files_of_the_width_asked_for(tmp_path: Path) -> None:
+    """A file is written a second time over the first."""
+    made = figures.plot_all(record("monotonic"), tmp_path)
+    first = [path.read_bytes() for path in made]
+    assert [path.name for path in made] == [
+        f"fig04_tractions_first_loading.{ending}" for ending in ("png", "pdf")
+    ]
+    assert first[1].startswith(b"%PDF")
+    assert [p.read_bytes() for p in figures.plot_all(record("monotonic"), tmp_path)] == first
+    image = Image.open(made[0])
+    assert image.size[0] == pytest.approx(style.COLUMN * style.DPI, abs=12)
+    # states and curves are in it: their colours are
+    pixels = np.asarray(image.convert("RGB")).reshape(-1, 3)
+    colours = [style.STATE_COLOURS[s] for s in (STICK, FORWARD, BACKWARD)] + [style.SHEAR_COLOUR]
+    for colour in colours:
+        assert np.all(pixels == np.round(255.0 * np.array(to_rgb(colour))), axis=1).sum() > 100
+
+
+def test_figures_are_drawn_of_what_is_asked_by_names_and_show_in_a_notebook() -> None:
+    found = record()
+    both = figures.zone_maps(found, 9)
+    assert len(both.axes) == 2
+    alone = figures.tractions(found, found.at(9, "minimum"))
+    image = Image.open(io.BytesIO(alone._repr_png_()))  # type: ignore[attr-defined]
+    assert image.size[0] == pytest.approx(style.COLUMN * style.NOTEBOOK_DPI, abs=2)
+    with pytest.raises(InputError, match="cycle 5"):
+        figures.zone_maps(found, 5)
+
+
+@pytest.mark.parametrize(
+    ("name", "asked", "said"),
+    [
+        ("zone_maps", "nine", "cycle 'nine': must be a whole number"),
+        ("zone_maps", (1, 0), "list of (cycle, leg), legs from 0"),
+        ("zone_maps", [(1, 7)], "cycle 1, leg 7: has no such leg, only [0, 1]"),
+        ("zone_maps", [(5, 0)], "cycle 5: the record has no samples of it"),
+        ("zone_maps", [], "none is asked for"),
+        ("tractions", 9, "give an instant, as record.at() returns it"),
+        ("tractions", [], "give an instant, as record.at() returns it"),
+        ("hysteresis", 5, "cycle 5: the record has no samples of it"),
+        ("hysteresis", [], "cycles: name some of [0, 1"),
+        ("trajectories", [-1], "nodes [-1]: name some of 0 to"),
+        ("trajectories", 0.5, "node 0.5: must be a whole number"),
+    ],
+)
+def test_what_cannot_be_drawn_is_refused_in_one_line(name: str, asked: Any, said: str) -> None:
+    with pytest.raises(InputError, match=re.escape(said)) as caught:
+        getattr(figures, name)(record(), asked)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("mu", [0.0, 0.3])
+def test_nothing_sticks_where_there_is_no_friction(mu: float) -> None:
+    system = models.block_system(40, 20)
+    system = replace(system, f=np.full_like(system.f, mu))
+    path, loop = np.array([[0.0], [1.0]]), np.array([[1.0], [0.5], [1.0]])
+    found = evolve(system, History(("p0",), path, loop, 2))
+    low = found.at(1, "minimum")
+    touching = low.zones[len(low.zones) // 2][0]
+    assert touching == ("stick" if mu else "contact")
+    shown = summarise(found)
+    assert ("contact to" in run_table(shown)) != bool(mu)
+    assert ("stick to" in run_table(shown)) == bool(mu)
+    for figure in (figures.tractions(found, low), figures.zone_maps(found, 1)):
+        texts = [text.get_text() for text in figure.findobj(Text)]
+        assert ("1  stick" in texts) == bool(mu)
+        assert ("1  contact" in texts) != bool(mu)
+    axes = figures.tractions(found, low).axes[1]
+    assert len([line for line in axes.lines if np.size(line.get_xdata()) > 2]) == (2 if mu else 1)
+    assert bool(axes.collections) == bool(mu)
+
+
+@pytest.mark.parametrize("legs", [2, 4, 5, 7, 30])
+def test_no_leg_is_left_out_of_the_zone_maps_unless_they_say_so(legs: int) -> None:
+    angle = np.linspace(0.0, 2.0 * np.pi, legs + 1)
+    loop = np.stack([1.0 + 0.3 * np.cos(angle), 0.2 * np.sin(angle)], axis=1)
+    loop[-1] = loop[0]
+    system = two_nodes()
+    history = History(("a", "b"), np.array([[0.0, 0.0], loop[0]]), loop, 2)
+    found = evolve(system, history, output=OutputOptions(samples_per_leg=2, cycles="all"))
+    drawn = dict(figures.draw_all(found))
+    last = drawn["fig09_zones_last_cycle"]
+    told = [text.get_text() for text in last.findobj(Text) if "of the 30 legs" in text.get_text()]
+    assert told == (["24 of the 30 legs"] if legs == 30 else [])
+    assert len([axes for axes in last.axes if axes.axison]) == min(legs, 24)
+    if legs == 30:
+        assert "zones_by_cycle" not in drawn
+        return
+    overview = [axes for axes in drawn["zones_by_cycle"].axes if axes.axison]
+    places = [re.sub(r"\(\w+\) |:.*", "", axes.get_title()) for axes in overview]
+    expected = [f"cycle {cycle}, leg {leg}" for cycle in (1, 2) for leg in range(legs)]
+    unloading = series.first_unloading(found)
+    assert unloading is not None
+    expected[(unloading[0] - 1) * legs + unloading[1]] = "first unloading"
+    assert places == expected
+
+
+def test_unknown_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"format 'xyz': is unknown; use some of .*png"):
+        figures.plot_all(record(), tmp_path / "figures", formats="xyz")
+    assert not (tmp_path / "figures").exists()
+
+
+def two_nodes() -> ContactSystem:
+    """Two nodes that know nothing of each other, under two loads."""
+    loads = {"a": np.repeat([0.1, 1.0], 2), "b": np.repeat([0.2, 0.5], 2)}
+    return small_system(np.kron([[2.0, 0.3], [0.3, 1.0]], np.eye(2)), loads, 0.5)
+
+
+def test_legs_are_counted_from_0_as_in_the_record() -> None:
+    path, loop = (
+        np.array([[0.0, 0.0], [1.0, 0.5]]),
+        [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]],
+    )
+    system = two_nodes()
+    history = History(("a", "b"), path, np.array(loop), 2)
+    found = evolve(system, history, output=OutputOptions(cycles="all"))
+    titles = [axes.get_title() for axes in figures.zone_maps(found, 2).axes[:3]]
+    assert [re.findall(r"cycle 2, leg (\d): ", title) for title in titles] == [["0"], ["1"], ["2"]]

@@ -1,0 +1,157 @@
+"""Half widths below node spacing of a record: the same body on either side of its edge."""
+
+from pathlib import Path
+
+import pytest
+from bodies import block
+from models import block_system, pushed_block
+from small import cyclic, table
+
+from receding_fenicsx import study
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
+from receding_fenicsx.output.plots.series import slip_lines
+from receding_fenicsx.output.report.half_widths import contact_betas, estimates
+from receding_fenicsx.output.report.html import report_html
+from receding_fenicsx.output.report.summary import FITTED_CYCLES, summarise, write_summary
+from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.reference import closed_forms
+from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
+from receding_fenicsx.scene.toml_file import read_scene
+
+BETA = dundurs_beta((2.0, 0.3, "plane strain"))
+KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
+
+
+def record_of(edge: str, opposite: str, elements: int = 160, growth: float = 1.3) -> Record | None:
+    scene = block(
+        degree=2,
+        elements=elements,
+        growth=growth,
+        load=Load("p0", opposite, (-1.0, 1.0), pressure=1.0),
+        contacts=(Contact(edge, friction=0.35),),
+        history=HistoryOptions(cycles=1),
+    )
+    return study.run(scene)
+
+
+def test_a_block_hanging_from_the_plane_has_the_widths_of_one_lying_on_it() -> None:
+    lying, hanging = record_of("bottom", "top"), record_of("top", "bottom")
+    if lying is None or hanging is None:
+        return
+    assert contact_betas(lying) == pytest.approx((BETA,))
+    assert contact_betas(hanging) == pytest.approx((-BETA,))
+    for key in KEYS:
+        one = estimates(lying, 0, contact_betas(lying))[key]
+        other = estimates(hanging, 0, contact_betas(hanging))[key]
+        assert one["fitted"] and other["fitted"]
+        assert other["value"] == pytest.approx(one["value"], abs=1e-9)
+        assert other["interval"] == pytest.approx(one["interval"], abs=1e-9)
+
+
+def test_two_signs_of_beta_give_an_interval_that_holds_both() -> None:
+    record = record_of("bottom", "top")
+    if record is None:
+        return
+    for key in KEYS:
+        each = [estimates(record, 0, (beta,))[key] for beta in (BETA, -BETA)]
+        both = estimates(record, 0, (BETA, -BETA))[key]
+        assert each[0]["value"] != each[1]["value"]
+        assert both["interval"] == [
+            min(one["interval"][0] for one in each),
+            max(one["interval"][1] for one in each),
+        ]
+        assert (
+            each[0]["value"]
+            != both["value"]
+            == pytest.approx(0.5 * (each[0]["value"] + each[1]["value"]))
+        )
+
+
+def test_estimates_stand_in_the_summary_beside_the_nodal_widths() -> None:
+    record = record_of("bottom", "top")
+    if record is None:
+        return
+    point = summarise(record)["turning_points"][0]
+    spacing = max(record.x[1:] - record.x[:-1])
+    for key in KEYS:
+        low, high = point[key]["interval"]
+        assert low < point[key]["value"] < high
+        assert high - low < 1.5 * spacing
+        assert abs(point[key]["value"] - point[key.removesuffix("_estimate")]) < 1.5 * spacing
+    # the ends of all zones, as many as there are between them
+    ends = point["zone_ends"]
+    assert len(ends) == len(point["zones"]) - 1
+    for end, zone in zip(ends, point["zones"][:-1], strict=True):
+        assert abs(end["value"] - zone[2]) < 1.5 * spacing
+    assert ends[-1]["value"] == pytest.approx(point[KEYS[0]]["value"], abs=1e-12)
+    # not the frictionless width, which is that of another contact
+    assert abs(point[KEYS[0]]["value"] - closed_forms.BLOCK.half_width) > 10 * spacing
+
+
+def test_long_histories_have_fitted_ends_at_their_beginning_and_end() -> None:
+    points = summarise(evolve(block_system(16, 4), cyclic(FITTED_CYCLES + 5)))["turning_points"]
+    fitted = [point["cycle"] for point in points if "zone_ends" in point]
+    assert sorted(set(fitted)) == [*range(FITTED_CYCLES + 1), FITTED_CYCLES + 5]
+    assert all((KEYS[0] in point) == ("zone_ends" in point) for point in points)
+
+
+def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) -> None:
+    body = pushed_block()
+    summary = summarise(evolve(body, table(body, [[0, 0], [1, 0], [1, 0.45]])))
+    pressed, pushed = summary["turning_points"]
+    assert pressed["contact_half_width"] > pressed["stick_half_width"] > 0.0
+    assert all(pressed[key] is not None for key in KEYS)
+    stick = [zone for zone in pushed["zones"] if zone[0] == "stick"]
+    # what sticks lies on one side of the middle
+    assert len(stick) == 1 and stick[0][1] * stick[0][2] >= 0.0
+    for key in KEYS:
+        assert pushed[key] is pushed[key.removesuffix("_estimate")] is None
+    write_summary(tmp_path / "summary.json", summary)
+    assert '"stick_half_width": null' in (tmp_path / "summary.json").read_text()
+    shown = run_table(summary).splitlines()[3]
+    assert shown.split()[3:7] == ["-"] * 4
+    assert report_html(summary).count("<td>\u2013</td>") >= 2
+
+
+def test_a_lap_joint_sticks_off_the_middle_and_slips_where_it_touches() -> None:
+    scene = Path(__file__).parents[1] / "trials" / "lap_joint.toml"
+    record = study.run(read_scene(scene, ["mesh.contact_elements=80", "history.cycles=8"]))
+    if record is None:
+        return
+    clamped, *pulled = summarise(record)["turning_points"]
+    # clamped on 12 to 24 and not pulled yet, it is symmetric about 18
+    assert clamped["contact_half_width"] == clamped["stick_half_width"] > 6.0
+    for point in pulled:
+        assert point["stick_half_width"] is None
+        ((_, left, right),) = (zone for zone in point["zones"] if zone[0] == "stick")
+        assert 11.0 < left < 13.0 and 17.0 < right < 22.0
+    lines = slip_lines(record, length=4.0)
+    assert len(lines) >= 3 and all(10.0 < record.x[line.node] < 24.0 for line in lines)
+
+
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_a_contact_without_force_has_no_half_width(method: str) -> None:
+    solver = SolverOptions(method=method, steps_per_leg=10)
+    record = evolve(block_system(16, 4), cyclic(1, minimum=0.0), solver)
+    loaded, unloaded, again = summarise(record)["turning_points"]
+    for key in KEYS:
+        assert unloaded[key] is unloaded[key.removesuffix("_estimate")] is None
+        for point in (loaded, again):
+            assert point[key]["value"] > 0.0 and point[key.removesuffix("_estimate")] > 0.0
+
+
+def test_intervals_on_a_coarse_mesh_hold_the_widths_of_a_fine_one_under_friction() -> None:
+    coarse, fine = (record_of("bottom", "top", n, 1.1) for n in (160, 480))
+    if coarse is None or fine is None:
+        return
+    betas, spacing = contact_betas(coarse), coarse.x[1] - coarse.x[0]
+    # loaded, unloaded to a third, loaded again
+    for row in range(3):
+        for key in KEYS:
+            one, other = estimates(coarse, row, betas)[key], estimates(fine, row, betas)[key]
+            assert one["fitted"] and other["fitted"]
+            low, high = one["interval"]
+            assert low <= other["value"] <= high
+            assert abs(one["value"] - other["value"]) < 0.3 * spacing

@@ -1,0 +1,243 @@
+"""The report: complete in itself, its numbers those of the summary."""
+
+import base64
+import io
+import re
+from functools import cache
+from html import unescape
+from html.parser import HTMLParser
+from pathlib import Path
+
+import models
+import numpy as np
+import pytest
+from PIL import Image
+
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.output.report.html import CAPTIONS, report_html, write_report
+from receding_fenicsx.output.report.summary import read_summary, summarise, write_summary
+from receding_fenicsx.output.report.text import extremes_of
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import Load, Scene
+from receding_fenicsx.scene.toml_file import to_toml
+
+EMPTY = {"meta", "img", "br"}
+"""Elements without an end."""
+SCENE = Scene(title="a < b & c", loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
+COSTS = {
+    "timings": {"mesh": 0.125, "evolve": 2.5, "pictures": 1.0},
+    "peak_memory_MB": 321.0,
+    "ranks": 2,
+    "versions": {"numpy": "1.2.3"},
+    "friction_margin": 0.0684,
+}
+
+
+class Page(HTMLParser):
+    """Elements in their nesting, the texts of table rows, every reference."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__(convert_charrefs=True)
+        self.open: list[str] = []
+        self.rows: list[list[str]] = []
+        self.references: list[str] = []
+        self.text = ""
+        self.headings: list[str] = []
+        self.feed(text)
+        self.close()
+        assert not self.open, f"{self.open} do not end"
+
+    def handle_starttag(self, tag: str, attrs: list) -> None:
+        self.references += [value for key, value in attrs if key in ("src", "href", "srcset")]
+        if tag not in EMPTY:
+            self.open.append(tag)
+        if tag == "tr":
+            self.rows.append([])
+        if tag in ("td", "th"):
+            self.rows[-1].append("")
+        if tag == "h2":
+            self.headings.append("")
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open, f"{tag} ends that did not begin"
+        assert self.open.pop() == tag, f"{tag} ends within another element"
+
+    def handle_data(self, data: str) -> None:
+        if self.open and self.open[-1] not in ("style", "html", "head", "body"):
+            self.text += data
+        if self.open and self.open[-1] in ("td", "th"):
+            self.rows[-1][-1] += data
+        if self.open and self.open[-1] == "h2":
+            self.headings[-1] += data
+
+
+@cache
+def run(cycles: int = 22) -> tuple:
+    system = models.block_system(20, 10, half=True)
+    loop = np.array([[1.0], [1.0 / 3.0], [1.0]])
+    record = evolve(system, History(("p0",), np.array([[0.0], [1.0]]), loop, cycles))
+    record.scene_toml = to_toml(SCENE)
+    return record, summarise(record, COSTS)
+
+
+def test_captions_claim_no_load_that_other_histories_do_not_have() -> None:
+    captions = dict(CAPTIONS)
+    for name in ("fig04", "fig05", "fig06"):
+        assert not re.search(r"third|\d|maximum|the end of", captions[name]), captions[name]
+
+
+PICTURES = {
+    "figures/fig04_tractions_first_loading": "Tractions, friction cone and states",
+    "figures/fig05_zones_first_unloading": "Zones",
+    "figures/fig07_zones_cycle_9": "Zones along the ninth cycle",
+    "figures/fig08_slip_per_cycle": "power of N",
+    "figures/fig10_dissipation_per_cycle": "Dissipation",
+    "figures/zones_by_cycle": "all cycles that were sampled",
+    "figures/dissipation_density": "Where along the contact edge",
+    "figures/hysteresis": "work-conjugate displacement",
+    "figures/trajectories": "What single nodes go through",
+    "figures/tractions_last_cycle": "the last cycle's turning points",
+    "snapshots/cycle0022_leg1_s1.000_max_shear": "Cycle 22, leg 1, s = 1. Isochromatic fringes",
+    "snapshots/cycle0022_leg1_s0.250_von_mises": "Cycle 22, leg 1, s = 0.25. Equivalent stress",
+}
+"""Pictures in the order of the page, and words that stand below each."""
+
+
+def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
+    tmp_path: Path,
+) -> None:
+    record, summary = run()
+    shades = {}
+    for k, name in enumerate(PICTURES):
+        path = tmp_path / f"{name}.png"
+        path.parent.mkdir(exist_ok=True)
+        # each of a grey of its own; two are as wide as the page
+        shades[path.stem] = 20 * k
+        size = (2244, 30) if "snapshots" in name or "hysteresis" in name else (1060, 40)
+        Image.new("RGB", size, (20 * k,) * 3).save(path)
+    write_summary(tmp_path / "summary.json", summary)
+    text = write_report(tmp_path, record.scene_toml).read_text(encoding="utf-8")
+    page = Page(text)
+    assert len(page.references) == len(PICTURES)
+    shown = re.findall(
+        r'<figure( class="page")?><img alt="(.*?)" src="data:image/(png|jpeg);base64,(.*?)">'
+        r"<figcaption>(.*?)</figcaption>",
+        text,
+    )
+    assert [alt for _, alt, *_ in shown[:-2]] == [Path(name).name for name in PICTURES][:-2]
+    words = {Path(name).name: said for name, said in PICTURES.items()}
+    for wide, name, kind, data, caption in shown:
+        with Image.open(io.BytesIO(base64.b64decode(data))) as image:
+            pixels = np.asarray(image.convert("L"))
+            assert image.format == kind.upper()
+        assert np.abs(pixels.astype(int) - shades[name]).max() <= 2, name
+        assert words[name] in unescape(caption), name
+        assert bool(wide) == (kind == "jpeg" or name == "hysteresis"), name
+        if name.startswith("fig") and name[3:5] != "zo":
+            assert caption.endswith(f"The paper&#x27;s Fig. {int(name[3:5])}."), name
+    assert {kind for _, name, kind, *_ in shown if name.startswith("cycle0022")} == {"jpeg"}
+    assert not re.search(r"https?://|@import|url\(|<script|<link", text)
+    assert page.headings[:5] == [
+        "Against the paper",
+        "Turning points",
+        "Figures",
+        "The body",
+        "Cycles",
+    ]
+
+
+def test_round_off_is_no_traction() -> None:
+    point = {"p_max": 2.0e7, "q_min": -1.3e-8, "q_max": 3.0}
+    assert extremes_of(point) == [2.0e7, 0.0, 3.0]
+    assert extremes_of({"p_max": 0.0, "q_min": 0.0, "q_max": 0.0}) == [0.0, 0.0, 0.0]
+
+
+def test_numbers_of_the_report_are_those_of_the_summary(tmp_path: Path) -> None:
+    _, summary = run()
+    write_summary(tmp_path / "summary.json", summary)
+    written = read_summary(tmp_path / "summary.json")
+    page = Page(report_html(written))
+    rows = {row[0]: row for row in page.rows if row}
+    D, slip = written["dissipation_per_cycle"], written["slip_per_cycle_max"]
+    for cycle in (1, 2, 9, 22):
+        number, *shown = next(row for row in page.rows if len(row) == 4 and row[0] == str(cycle))
+        assert int(number) == cycle
+        wanted = [D[cycle - 1], D[cycle - 1] / D[0], slip[cycle - 1]]
+        assert [float(value) for value in shown] == pytest.approx(wanted, rel=1e-7)
+    points = [p for p in written["turning_points"] if p["cycle"] in (0, 1, 22)]
+    found = [row for row in page.rows if len(row) == 10][1:]
+    assert len(found) == len(points) == 5
+    for row, point in zip(found, points, strict=True):
+        assert row[1] == f"p0 = {point['load']['p0']:.6g}"
+        keys = {2: "contact_half_width", 4: "stick_half_width", 6: "p_max", 7: "q_min", 8: "q_max"}
+        for column, key in keys.items():
+            assert float(row[column]) == pytest.approx(point[key], rel=1e-4)
+    for row in written["paper"]:
+        verdict = {True: "agrees", False: "differs", None: "too few cycles"}[row["agrees"]]
+        assert rows[row["quantity"]][3] == verdict
+        if isinstance(row["ours"], float):
+            assert float(rows[row["quantity"]][2]) == pytest.approx(row["ours"], rel=1e-4)
+    assert float(rows["largest relative error of a leg's energy balance"][1]) == pytest.approx(
+        written["energy_error_max"], rel=0.01
+    )
+    assert f"{written['residual_max']:.1e}" in page.text
+    assert rows["evolve, seconds"][1] == "2.500"
+    assert rows["numpy"][1] == "1.2.3"
+
+
+def test_texts_of_the_scene_cannot_break_the_page() -> None:
+    _, summary = run()
+    scene = 'title = "</pre><script>alert(1)</script>"'
+    text = report_html({**summary, "title": "a < b & c", "failure": "lift-off at 2 < 3"}, scene)
+    page = Page(text)
+    assert "<script" not in text
+    assert scene in page.text
+    assert "a < b & c" in page.text
+    assert "The run ended early: lift-off at 2 < 3" in page.text
+
+
+def test_report_says_what_is_wrong_with_space_errors() -> None:
+    _, summary = run()
+    for key in ("errors_warning", "errors_failure"):
+        page = Page(report_html({**summary, key: f"the {key} of a < b"}))
+        assert f"the {key} of a < b" in page.text
+
+
+def test_run_without_cycles_or_costs_has_a_report_too() -> None:
+    system = models.block_system(20, 10, half=True)
+    history = History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)), 0)
+    page = Page(report_html(summarise(evolve(system, history))))
+    assert page.headings == ["Turning points", "How far to trust it"]
+    assert "Untitled run" in page.text
+
+
+def test_every_edge_of_several_has_its_rows_and_its_figures(tmp_path: Path) -> None:
+    _, summary = run()
+    points = [
+        {"edge": edge, **point} for point in summary["turning_points"] for edge in ("left", "right")
+    ]
+    for edge in ("left", "right"):
+        (tmp_path / "figures" / edge).mkdir(parents=True)
+        Image.new("RGB", (8, 8)).save(tmp_path / "figures" / edge / "fig05_zones.png")
+    limits = [[-0.5, 0.25, "left"]]
+    errors = {"dissipation_ratio": {"value": 0.5, "error": 1e-4}}
+    several = {
+        **summary,
+        "turning_points": points,
+        "limit_without_slip": limits,
+        "errors": errors,
+        "paper": [],
+    }
+    write_summary(tmp_path / "summary.json", several)
+    page = Page(write_report(tmp_path, "").read_text(encoding="utf-8"))
+    found = [row for row in page.rows if row[0] in ("left", "right")]
+    assert [row[0] for row in found] == ["left", "right"] * 5
+    for row in found:
+        # all zones of the edge, not those of one half
+        assert row[-1].split()[0] == f"{points[0]['zones'][0][1]:.4f}"
+    assert page.text.count("On left: Zones of stick") == 1
+    assert "the paper" not in page.text.lower()
+    rows = {row[0]: row[1] for row in page.rows if len(row) == 2}
+    limit = "friction limit reached without slip in the last cycle, x from"
+    assert rows[limit] == "-0.5 to 0.25 on left"
+    assert rows["dissipation ratio 0.5, estimated space error"] == "1.0e-04"

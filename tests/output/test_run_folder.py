@@ -1,0 +1,197 @@
+import os
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from receding_fenicsx.environment import child_environment
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.journal import JOURNAL
+from receding_fenicsx.output.storage.run_folder import SCENE, SYSTEM, has_run, part_of, run_folder
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import read_scene
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.rank > 0, reason="one process is enough")
+
+BLOCK_FILE = Path(__file__).parents[2] / "demos" / "block.toml"
+BLOCK = read_scene(BLOCK_FILE)
+LOCK = f"""
+import pathlib, sys, time
+from receding_fenicsx.output.storage.run_folder import run_folder
+from receding_fenicsx.scene.toml_file import read_scene
+with run_folder(pathlib.Path(sys.argv[1]), read_scene({str(BLOCK_FILE)!r}), resume=True):
+    print("locked", flush=True)
+    while True:
+        time.sleep(1)
+"""
+
+
+class Killed(BaseException):
+    """Stands for what ends a process between two instructions."""
+
+
+def fill(folder: Path, text: str = "{}") -> None:
+    """Put into a folder what a run leaves there."""
+    (folder / SYSTEM).write_text(text)
+    (folder / JOURNAL).write_bytes(bytes(100))
+    (folder / "summary.json").write_text(text)
+
+
+def interrupt(out: Path, scene: Scene = BLOCK, **how: bool) -> None:
+    """Work in a run's folder until killed."""
+    with pytest.raises(Killed), run_folder(out, scene, **how) as folder:
+        fill(folder)
+        raise Killed
+
+
+def test_folder_appears_whole_or_not_at_all(tmp_path: Path) -> None:
+    out = tmp_path / "deep" / "run"
+    with pytest.raises(RuntimeError), run_folder(out, BLOCK) as folder:
+        (folder / "summary.json").write_text("{}")
+        raise RuntimeError
+    assert not out.exists()
+    assert os.listdir(out.parent) == []
+    with run_folder(out, BLOCK) as folder:
+        (folder / "summary.json").write_text("{}")
+        assert not out.exists()
+        assert folder == tmp_path / "deep" / "run.part"
+    assert sorted(os.listdir(out)) == [SCENE, "summary.json"]
+    assert os.listdir(out.parent) == ["run"]
+
+
+def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    out.mkdir()
+    with run_folder(out, BLOCK) as folder:  # an empty folder holds nothing to lose
+        (folder / "summary.json").write_text("first")
+    with pytest.raises(InputError, match=r"is there already.*--overwrite"), run_folder(out, BLOCK):
+        pass
+    with pytest.raises(RuntimeError), run_folder(out, BLOCK, overwrite=True) as folder:
+        raise RuntimeError
+    assert (out / "summary.json").read_text() == "first"
+    with run_folder(out, BLOCK, overwrite=True) as folder:
+        (folder / "summary.json").write_text("second")
+    assert (out / "summary.json").read_text() == "second"
+    (tmp_path / "thesis").mkdir()
+    (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
+    with (
+        pytest.raises(InputError, match="holds no earlier run"),
+        run_folder(tmp_path / "thesis", BLOCK, overwrite=True),
+    ):
+        pass
+    assert (tmp_path / "thesis" / "chapter.tex").exists()
+    (tmp_path / "file").write_text("")
+    with (
+        pytest.raises(InputError, match="is a file"),
+        run_folder(tmp_path / "file", BLOCK, overwrite=True),
+    ):
+        pass
+
+
+def test_interrupted_run_is_neither_forgotten_nor_taken_for_finished(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    assert not has_run(out)
+    interrupt(out)
+    assert os.listdir(tmp_path) == ["run.part"]
+    assert has_run(out)
+    with pytest.raises(InputError, match=r"interrupted run.*--resume.*--overwrite"):
+        interrupt(out)
+    with run_folder(out, BLOCK, resume=True) as folder:
+        assert folder == part_of(out) and (folder / SYSTEM).exists()
+    assert os.listdir(tmp_path) == ["run"]
+    interrupt(out, overwrite=True)
+    assert sorted(os.listdir(tmp_path)) == ["run", "run.part"]
+    with run_folder(out, BLOCK, overwrite=True) as folder:
+        assert os.listdir(folder) == [SCENE]
+        fill(folder, "new")
+    assert (out / SYSTEM).read_text() == "new"
+
+
+def test_run_without_a_checkpoint_is_kept_only_if_a_signal_ended_it(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with pytest.raises(InputError), run_folder(out, BLOCK) as folder:
+        (folder / SYSTEM).write_text("condensed")
+        raise InputError("its first leg fails, and would again")
+    assert os.listdir(tmp_path) == []
+    with pytest.raises(Killed), run_folder(out, BLOCK) as folder:
+        (folder / SYSTEM).write_text("condensed")
+        raise Killed
+    assert os.listdir(tmp_path) == ["run.part"]
+
+
+def test_finished_run_stays_until_the_longer_one_is_finished_too(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    with run_folder(out, BLOCK) as folder:
+        fill(folder, "short")
+    longer = replace(BLOCK, history=replace(BLOCK.history, cycles=900))
+    with pytest.raises(Killed), run_folder(out, longer, resume=True) as folder:
+        assert sorted(os.listdir(folder)) == [JOURNAL, SCENE, SYSTEM]
+        raise Killed
+    assert (out / SYSTEM).read_text() == "short"
+    with run_folder(out, longer, resume=True) as folder:
+        fill(folder, "long")
+    assert (out / SYSTEM).read_text() == "long"
+    assert "cycles = 900" in (out / SCENE).read_text()
+
+
+@pytest.mark.parametrize(
+    ("table", "change", "named"),
+    [
+        ("material", {"poisson": 0.25}, r"\[material\] poisson"),
+        ("solver", {"method": "gauss-seidel"}, r"\[solver\] method"),
+        ("output", {"checkpoint_cycles": 7}, r"\[output\] checkpoint_cycles"),
+        ("output", {"samples_per_leg": 3}, r"\[output\] samples_per_leg"),
+        ("history", {"minimum": 0.5}, r"\[history\] minimum"),
+        ("mesh", {"growth": 1.2}, r"\[mesh\] growth"),
+    ],
+)
+def test_run_of_another_scene_is_not_resumed(
+    tmp_path: Path, table: str, change: dict[str, object], named: str
+) -> None:
+    interrupt(tmp_path / "run")
+    other = replace(BLOCK, **{table: replace(getattr(BLOCK, table), **change)})
+    with pytest.raises(InputError, match=f"begun with another {named}"):
+        interrupt(tmp_path / "run", other, resume=True)
+    for free in (
+        replace(BLOCK, title="another"),
+        replace(BLOCK, history=replace(BLOCK.history, cycles=3, until=None)),
+        replace(BLOCK, output=replace(BLOCK.output, cycles="all")),
+    ):
+        interrupt(tmp_path / "run", free, resume=True)
+
+
+def test_differing_load_and_contact_are_named(tmp_path: Path) -> None:
+    interrupt(tmp_path / "run")
+    load = replace(BLOCK.loads[0], pressure=2.0)
+    contact = replace(BLOCK.contacts[0], friction="0.3 + 0*x")
+    for other, named in (
+        (replace(BLOCK, loads=(load,)), r"\[load\] pressure"),
+        (replace(BLOCK, loads=(load, load)), "load"),
+        (replace(BLOCK, contacts=(contact,)), r"\[contact\] friction"),
+    ):
+        with pytest.raises(InputError, match=f"begun with another {named}"):
+            interrupt(tmp_path / "run", other, resume=True)
+
+
+def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
+    out = tmp_path / "run"
+    interrupt(out)
+    # a lock belongs to a process: another one takes it
+    child = subprocess.Popen(
+        [sys.executable, "-c", LOCK, str(out)], stdout=subprocess.PIPE, env=child_environment()
+    )
+    assert child.stdout is not None
+    try:
+        assert child.stdout.readline() == b"locked\n"
+        ways: tuple[dict[str, bool], ...] = ({"resume": True}, {"overwrite": True}, {})
+        for how in ways:
+            with pytest.raises(InputError, match="another run is working there"):
+                interrupt(out, BLOCK, **how)
+    finally:
+        child.kill()
+        child.communicate()
+    interrupt(out, resume=True)

@@ -1,0 +1,339 @@
+"""What a picture of the body shows, as numbers: units, parity, gaps, colours against the legend."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection, PolyCollection
+from matplotlib.colors import to_hex, to_rgba_array
+from matplotlib.figure import Figure
+
+from receding_fenicsx import evolve, read_scene, study
+from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.replay import turning_point
+from receding_fenicsx.interface.measures.zones import zones
+from receding_fenicsx.interface.system import State
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.snapshots.draw import QUANTITIES, colours_of, scaled
+from receding_fenicsx.output.snapshots.fields import Fields, fields_at
+from receding_fenicsx.output.snapshots.layout import compose, layout_of
+from receding_fenicsx.output.snapshots.view import Arrows, Strip, View, view_of
+from receding_fenicsx.pictures import picture_body
+from receding_fenicsx.scene.model import (
+    Body,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    Scene,
+    SolverOptions,
+)
+
+COMM = MPI.COMM_WORLD
+PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
+"""Where they are all 1, what divides by the wrong one looks the same."""
+
+BLOCK = Scene(
+    body=Body(width=4.0 * HEIGHT, height=HEIGHT),
+    material=Material(young=YOUNG),
+    mesh=MeshOptions(contact_elements=16, degree=2, growth=1.4),
+    contacts=(Contact(friction=0.35, initial_gap="0.002*x**2"),),
+    loads=(Load("p0", "top", (-HEIGHT, HEIGHT), pressure=PRESSURE),),
+    history=HistoryOptions(maximum=LARGEST, minimum=LARGEST / 3.0, cycles=1),
+)
+
+
+def seen(scene: Scene, row: int = 1) -> tuple[View, Fields, Record] | None:
+    """View, fields and record of a turning point, on rank 0."""
+    system = study.condense(scene, COMM)
+
+    def make() -> tuple[Record, Instant]:
+        assert system is not None
+        record = evolve(system, scene)
+        table, state = record.turning_points, turning_point(record, system, row)
+        cycle, leg = int(table.cycle[row]), int(table.leg[row])
+        return record, Instant(cycle, leg, 1.0, table.load[row], state.v, state)
+
+    record, now = COMM.bcast(on_root(COMM, make))
+    bulk = picture_body(scene, COMM)
+    try:
+        found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
+        return None if found is None else (view_of(bulk, found, now), found, record)
+    finally:
+        bulk.destroy()
+
+
+@pytest.mark.parametrize("symmetry", ["auto", "none"])
+def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> None:
+    made = seen(replace(BLOCK, solver=SolverOptions(symmetry=symmetry)))
+    if made is None:
+        return
+    view, fields, record = made
+    acting = PRESSURE * LARGEST / 3.0
+    table = record.turning_points
+    assert record.half == (symmetry == "auto")
+    assert view.x == pytest.approx(record.x / HEIGHT, rel=1e-14)
+    assert view.points.min(axis=0) == pytest.approx([-2.0, 0.0], abs=1e-14)
+    assert view.points.max(axis=0) == pytest.approx([2.0, 1.0], abs=1e-14)
+    # the record's tractions: normal even, tangential odd
+    assert view.p == pytest.approx(table.p[1] / acting, rel=1e-9)
+    assert view.q == pytest.approx(table.q[1] / acting, abs=1e-9)
+    assert np.abs(view.q).max() > 0.05
+    assert view.p == pytest.approx(view.p[::-1], rel=1e-8)
+    assert view.q == pytest.approx(-view.q[::-1], abs=1e-8)
+    for name, value in fields.stress.items():
+        if name != "sxy":  # that of the axis is made zero
+            assert view.stress[name].min() == pytest.approx(value.min() / acting, rel=1e-12)
+            assert view.stress[name].max() == pytest.approx(value.max() / acting, rel=1e-12)
+    # below the load the body is pressed by the pressure
+    above = np.isclose(view.points[:, 1], 1.0) & (np.abs(view.points[:, 0]) < 0.8)
+    assert view.stress["syy"][above] == pytest.approx(-1.0, abs=0.1)
+    assert (view.length_symbol, view.pressure_symbol) == ("h", "p_{0}")
+    assert view.caption == r"first unloading, $p_{0} = \frac{1}{3}\,p_{0}^{\,\mathrm{max}}$"
+    (load,) = view.arrows
+    # the largest load's arrow is 0.24 of the height long
+    assert load.heads - load.tails == pytest.approx(
+        np.broadcast_to([0.0, -0.08], load.heads.shape), abs=1e-12
+    )
+    # forward is where the record slips forward
+    assert np.array_equal(view.state, table.state[1])
+
+
+def test_arrows_end_on_the_deformed_edge_that_they_press() -> None:
+    made = seen(BLOCK)
+    if made is None:
+        return
+    view, *_ = made
+    top = np.flatnonzero(np.isclose(view.points[:, 1], 1.0))
+    top = top[np.argsort(view.points[top, 0])]
+    # the load sinks into the edge by more than the arrows' room
+    assert np.ptp(view.moved[top, 1]) > 0.02
+    (load,) = view.arrows
+    edge = view.moved[top]
+    expected = np.interp(load.heads[:, 0], edge[:, 0], edge[:, 1]) + 0.02
+    assert load.heads[:, 1] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize("symmetry", ["auto", "none"])
+def test_gaps_and_displacements_are_exaggerated_alike(symmetry: str) -> None:
+    made = seen(replace(BLOCK, solver=SolverOptions(symmetry=symmetry)))
+    if made is None:
+        return
+    view, fields, record = made
+    (strip,) = view.strips
+    # a round number by which the largest displacement is a tenth of the height, or less
+    largest = np.linalg.norm(fields.displacement, axis=1).max() / HEIGHT
+    assert 0.05 < view.factor * largest <= 0.1
+    assert float(f"{view.factor:.0e}") == view.factor != 1.0
+    assert record.g0 == pytest.approx(0.002 * record.x**2, abs=1e-12)
+    assert strip.gap == pytest.approx(view.factor * record.g0 / HEIGHT, rel=1e-9, abs=1e-14)
+    table = record.turning_points
+    moved = np.stack([table.v[1], table.w[1]], axis=1)
+    shown = (strip.moved - strip.place) * HEIGHT / view.factor
+    vertices = slice(None, None, 2)  # between them a picture's edge is straight
+    assert shown[vertices] == pytest.approx(moved[vertices], abs=1e-9 * np.abs(moved).max())
+    # so that what touches lies on the plane in the picture too, and nothing below it
+    height = (strip.moved[:, 1] + strip.gap)[vertices]
+    open_ = table.state[1][vertices] == State.SEPARATION
+    size = view.factor * np.abs(moved).max() / HEIGHT
+    assert np.abs(height[~open_]).max() < 1e-9 * size
+    assert height[open_].min() > 0.0 and open_.any()
+
+
+# -- the page ------------------------------------------------------------------------------------
+
+STATES = np.array([2, 4, 4, 1, 1, 1, 3, 3, 2], dtype=np.int8)
+"""From the left: open, backward slip, stick, forward slip, open."""
+
+
+def made_up(rigid: bool = True) -> View:
+    """A block of 2 by 1 that stands on a plane, or on another body, in known states."""
+    x = np.linspace(-1.0, 1.0, 9)
+    place = np.stack([x, np.zeros(9)], axis=1)
+    open_ = STATES == State.SEPARATION
+    moved = place + np.stack([0.0 * x, np.where(open_, 0.05, 0.0)], axis=1)
+    gap = 0.01 * (1.0 + np.abs(x))
+    strip = Strip("bottom", x, place, moved, np.array([0.0, 1.0]), gap, STATES)
+    corners = np.array([[-1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [-1.0, 1.0]])
+    p = np.where(open_, 0.0, 1.0 - x**2)
+    return View(
+        points=corners,
+        moved=corners + np.array([0.0, 0.05]),
+        cells=np.array([[0, 1, 2, 3]]),
+        edges=np.array([[0, 1], [1, 2], [2, 3], [0, 3]]),
+        stress={"max_shear": np.array([0.0, 1.0, 0.5, 0.25])},
+        factor=20.0,
+        size=1.0,
+        near=False,
+        strips=(strip,),
+        rigid=rigid,
+        p=p,
+        q=np.where(STATES == 3, -0.3, np.where(STATES == 4, 0.3, 0.1)) * p,
+        f=np.full(9, 0.3),
+        arrows=[Arrows(np.array([[0.0, 1.3]]), np.array([[0.0, 1.1]]), True)],
+        length_symbol="h",
+        pressure_symbol="p_{0}",
+        caption="a caption",
+        axisymmetric=False,
+    )
+
+
+def page_of(view: View) -> Figure:
+    """The page around an empty field."""
+    fringes = next(q for q in QUANTITIES if q.name == "max_shear")
+    colours, _ = colours_of(scaled(view, fringes), fringes, view.pressure_symbol)
+    with mpl.rc_context(style.RC):
+        layout = layout_of(view, dpi=50.0)
+        empty = np.zeros((*layout.pixels[::-1], 4), dtype=np.uint8)
+        return compose(view, layout, empty, colours)
+
+
+def hexes(colours: Any) -> list[str]:
+    """Colours of a collection as text."""
+    return [to_hex(colour) for colour in to_rgba_array(colours)]
+
+
+def names_of_colours(figure: Figure) -> dict[str, str]:
+    """Name of each state by the colour that the legend gives it."""
+    (legend,) = figure.legends
+    return {
+        to_hex(patch.get_facecolor()): text.get_text()[3:]
+        for patch, text in zip(legend.get_patches(), legend.get_texts(), strict=True)
+    }
+
+
+def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> None:
+    view = made_up()
+    figure = page_of(view)
+    named, body = names_of_colours(figure), figure.axes[0]
+    assert len(named) == 4
+    (boxes,) = [c for c in body.collections if isinstance(c, PolyCollection)]
+    found = []
+    for path, colour in zip(boxes.get_paths(), hexes(boxes.get_facecolor()), strict=True):
+        x, y = np.asarray(path.vertices).T
+        found.append((named[colour], x.min(), x.max()))
+        # below the plane
+        assert y.max() < -view.strips[0].gap.max()
+    assert [name for name, *_ in found] == [
+        "separation",
+        "backward slip",
+        "stick",
+        "forward slip",
+        "separation",
+    ]
+    expected = [end for _, *ends in zones(view.x, STATES) for end in ends]
+    assert [end for _, *ends in found for end in ends] == pytest.approx(expected)
+
+
+def test_line_between_two_bodies_has_the_colours_of_the_legend_where_the_states_are() -> None:
+    view = made_up(rigid=False)
+    figure = page_of(view)
+    named = names_of_colours(figure)
+    (line,) = [
+        c
+        for c in figure.axes[0].collections
+        if isinstance(c, LineCollection) and hexes(c.get_colors())[0] in named
+    ]
+    found = [
+        (named[colour], *np.asarray(path.vertices)[[0, -1], 0])
+        for path, colour in zip(line.get_paths(), hexes(line.get_colors()), strict=True)
+    ]
+    assert found == [
+        (name, pytest.approx(a), pytest.approx(b)) for name, a, b in zones(view.x, STATES)
+    ]
+    # along the first body's deformed edge
+    middle = np.asarray(line.get_paths()[2].vertices)
+    assert middle[:, 1] == pytest.approx(0.0, abs=1e-12)
+    assert np.asarray(line.get_paths()[0].vertices)[0, 1] == pytest.approx(0.05)
+
+
+def lines_by_label(axes: Axes) -> dict[str, np.ndarray]:
+    """Data of the lines by the label that the legend shows beside their colour."""
+    legend = axes.get_legend()
+    assert legend is not None
+    shown = {
+        text.get_text(): to_hex(line.get_color())
+        for line, text in zip(legend.get_lines(), legend.get_texts(), strict=True)
+    }
+    assert len(set(shown.values())) == len(shown)
+    return {
+        label: np.asarray(line.get_xydata())
+        for label, colour in shown.items()
+        for line in axes.lines
+        if len(np.asarray(line.get_xdata())) > 2 and to_hex(line.get_color()) == colour
+    }
+
+
+def test_tractions_stand_below_their_places_and_are_named_by_their_colours() -> None:
+    view = made_up()
+    figure = page_of(view)
+    body, tractions, bar = figure.axes
+    lines = lines_by_label(tractions)
+    assert lines["$p/p_{0}$"] == pytest.approx(np.stack([view.x, view.p], axis=1))
+    assert lines["$q/p_{0}$"] == pytest.approx(np.stack([view.x, view.q], axis=1))
+    assert tractions.get_xlim() == pytest.approx(body.get_xlim())
+    assert (tractions.get_xlabel(), tractions.get_ylabel()) == ("$x/h$", "$p/p_{0}$,  $q/p_{0}$")
+    assert bar.get_ylabel() == r"$2\tau_\mathrm{max}/p_{0}$"
+    assert bar.get_ylim() == pytest.approx((0.0, 2.0))
+    texts = [text.get_text() for text in figure.texts]
+    assert texts == ["a caption", r"one fringe 0.2$\,p_{0}$, displacements × 20"]
+
+
+def test_plane_lies_an_exaggerated_gap_below_the_edge_as_it_was() -> None:
+    view = made_up()
+    body = page_of(view).axes[0]
+    (plane,) = [line for line in body.lines if len(np.asarray(line.get_xdata())) > 2]
+    x, y = np.asarray(plane.get_xydata()).T
+    # as far below as the line is thick; beyond the edge it goes on level
+    assert y == pytest.approx(-0.01 * (1.0 + np.minimum(np.abs(x), 1.0)) - 0.01)
+    assert (x[0], x[-1]) == pytest.approx((-1.05, 1.05))
+    before, after = [c for c in body.collections if isinstance(c, LineCollection)][:2]
+    for lines, points in ((before, view.points), (after, view.moved)):
+        ends = [np.asarray(path.vertices) for path in lines.get_paths()]
+        assert np.array_equal(ends, points[view.edges])
+
+
+@pytest.mark.parametrize("scale", [1.0, 1e6])
+def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> None:
+    """Photoelasticity: light of a crossed polariscope counts 2 tau_max, the stress difference."""
+    view = made_up()
+    view = replace(view, stress={"max_shear": scale * view.stress["max_shear"]})
+    fringes = next(q for q in QUANTITIES if q.name == "max_shear")
+    values = scaled(view, fringes)
+    assert values == pytest.approx(2.0 * view.stress["max_shear"])
+    colours, levels = colours_of(values, fringes, "p_0")
+    apart = 0.2 * scale  # the largest, 2, has ten
+    assert colours.note == rf"one fringe {apart:g}$\,p_0$"
+    assert colours.limits == (0.0, pytest.approx(2.0 * scale)) and len(levels) == 0
+    at = np.linspace(*colours.limits, len(colours.table))
+    for order in range(10):
+        for part, grey in ((0.0, 1.0), (0.25, 0.5), (0.5, 0.0), (0.75, 0.5)):
+            shown = [np.interp((order + part) * apart, at, c) for c in colours.table.T]
+            assert shown == pytest.approx([grey] * 3, abs=0.01), (order, part)
+
+
+def test_small_contact_is_shown_from_near_by() -> None:
+    demo = Path(__file__).parents[2] / "demos" / "punch.toml"
+    punch = read_scene(demo, ["mesh.contact_elements=16"])
+    made = seen(punch, row=0)
+    if made is None:
+        return
+    view, *_ = made
+    assert view.near
+    left, right, bottom, top = layout_of(view).window
+    length = float(np.ptp(view.x))
+    # the contact is a third of the page wide, and what is far away is not shown
+    assert length > 0.3 * (right - left)
+    assert np.ptp(view.points, axis=0).max() > 10.0 * length
+    assert left < view.x[0] and view.x[-1] < right and top - bottom < 4.0 * length

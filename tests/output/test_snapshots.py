@@ -1,0 +1,294 @@
+"""Fields of the body, and pictures of them, on any number of ranks."""
+
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from matplotlib.colors import to_rgb
+from PIL import Image
+
+from receding_fenicsx import read_scene, study
+from receding_fenicsx.bulk import elasticity
+from receding_fenicsx.bulk.mesh import meshing
+from receding_fenicsx.errors import RecedingError
+from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.replay import turning_point
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.snapshots.draw import QUANTITIES, colours_of, fringe_value, snapshot
+from receding_fenicsx.output.snapshots.fields import Fields, fields_at
+from receding_fenicsx.output.snapshots.render import Picture, Renderer, renderer
+from receding_fenicsx.output.snapshots.view import view_of
+from receding_fenicsx.pictures import picture_body
+from receding_fenicsx.scene.model import Load, Material, Scene
+
+BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
+COMM = MPI.COMM_WORLD
+
+
+def small_block(symmetry: str) -> Scene:
+    """Return the block on a coarse mesh, loaded once."""
+    text = ["mesh.contact_elements=16", "history.cycles=1", f'solver.symmetry="{symmetry}"']
+    return read_scene(BLOCK, text)
+
+
+def instant(scene: Scene) -> Instant | None:
+    """Return the block at one third of the load, on rank 0."""
+    system = study.condense(scene, COMM)
+
+    def make() -> Instant:
+        assert system is not None
+        record = evolve(system, scene)
+        state = turning_point(record, system, 1)
+        return Instant(1, 0, 1.0, record.turning_points.load[1], state.v, state)
+
+    return on_root(COMM, make)
+
+
+def fields(symmetry: str) -> Fields | None:
+    """Return the fields of the whole body from a half or a whole model."""
+    scene = small_block(symmetry)
+    now = COMM.bcast(instant(scene))
+    half = symmetry == "auto"
+    bulk = elasticity.build(scene, meshing.make_mesh(COMM, scene, half), half)
+    try:
+        return fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
+    finally:
+        bulk.destroy()
+
+
+def by_place(found: Fields) -> dict[str, np.ndarray]:
+    """Return all fields in the order of the points, those on the axis once."""
+    points = np.round(found.points, 9) + 0.0
+    _, first = np.unique(points, axis=0, return_index=True)
+    values = {name: value[first] for name, value in found.stress.items()}
+    return {"points": points[first], "u": found.displacement[first], **values}
+
+
+def test_fields_of_the_half_body_mirrored_are_those_of_the_whole_body() -> None:
+    half, whole = fields("auto"), fields("none")
+    if COMM.rank == 0:
+        assert half is not None
+        assert whole is not None
+        a, b = by_place(half), by_place(whole)
+        off_axis = a["points"][:, 0] != 0.0
+        assert np.array_equal(a["points"], b["points"])
+        scale = np.abs(b["u"]).max()
+        assert np.abs(a["u"] - b["u"]).max() < 1e-9 * scale
+        for name in ("sxx", "syy", "sxy", "von_mises"):
+            # beside the axis a half model averages over the cells of one side only
+            difference = np.abs(a[name] - b[name])[off_axis]
+            assert difference.max() < 1e-9 * np.abs(b[name]).max()
+
+
+def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Path) -> None:
+    chosen = tuple(q for q in QUANTITIES if q.name in ("syy", "max_shear"))
+    scene = small_block("auto")
+    now = instant(scene)
+    bulk = picture_body(scene, COMM)
+    try:
+        made = snapshot(bulk, now, shared_tmp_path / "snapshots", chosen)
+    finally:
+        bulk.destroy()
+    if COMM.rank != 0:
+        assert made is None
+        return
+    assert made is not None
+    pictures = [path for path in made if path.suffix == ".png"]
+    assert [path.name for path in pictures] == [
+        f"cycle0001_leg0_s1.000_{quantity.name}.png" for quantity in chosen
+    ]
+    for path in pictures:
+        image = Image.open(path).convert("RGB")
+        assert image.size[0] == round(style.PAGE * style.DPI)
+        pixels = np.asarray(image)
+        body = pixels[pixels.shape[0] // 4 : pixels.shape[0] // 2]
+        assert body.std() > 10.0, f"{path} is blank where the body should be"
+        # at one third on unloading all four states occur (paper, Fig. 5)
+        for state, colour in style.STATE_COLOURS.items():
+            wanted = np.round(255.0 * np.array(to_rgb(colour)))
+            found = np.all(pixels == wanted, axis=2).sum()
+            assert found > 2000, f"{path}: state {state} does not show"
+    text = (shared_tmp_path / "fields" / "cycle0001_leg0_s1.000.xdmf").read_text()
+    for name in ("displacement", "von_mises", "max_shear"):
+        assert name in text
+    assert not any(name.startswith("vtkmodules") for name in sys.modules)
+
+
+def test_rendered_field_has_the_colours_of_its_values() -> None:
+    def check() -> None:
+        """A square whose field is x: black at the left, white at the right, a line at 3/4."""
+        square = Picture(
+            points=np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
+            cells=np.array([[0, 1, 2], [0, 2, 3]]),
+            values=np.array([0.0, 1.0, 1.0, 0.0]),
+            limits=(0.0, 1.0),
+            colours=np.repeat(np.linspace(0.0, 1.0, 256)[:, None], 3, axis=1),
+            levels=np.array([0.75]),
+            window=(-0.5, 1.5, -0.5, 1.5),
+            size=(400, 400),
+        )
+        pixels = renderer.draw(square)
+        assert pixels.shape == (400, 400, 4)
+        edge = 3  # pixels that antialiasing may touch
+        assert np.all(pixels[: 100 - edge, :, 3] == 0), "beyond the body the picture is not clear"
+        assert np.all(pixels[100 + edge : 300 - edge, 100 + edge : 300 - edge, 3] == 255)
+        row = pixels[200, 100:300, 0].astype(float)
+        expected = 255.0 * (np.arange(200) + 0.5) / 200
+        line = np.abs(np.arange(200) - 150) < edge
+        assert np.abs(row - expected)[~line][edge:-edge].max() < 4.0
+        assert row[line].min() < 0.75 * 255.0 - 40.0, "the contour line does not show"
+
+    on_root(COMM, check)
+
+
+def test_renderer_that_crashes_is_said_and_replaced() -> None:
+    def check() -> None:
+        square = Picture(
+            points=np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+            cells=np.array([[0, 1, 2]]),
+            values=np.zeros(3),
+            limits=(0.0, 1.0),
+            colours=np.zeros((2, 3)),
+            levels=np.empty(0),
+            window=(0.0, 1.0, 0.0, 1.0),
+            size=(40, 40),
+        )
+        own = Renderer()
+        try:
+            assert own.draw(square).shape == (40, 40, 4)
+            assert own.process is not None
+            own.process.kill()
+            own.process.wait()
+            with pytest.raises(RecedingError, match=r"ended with status -9.*libosmesa6"):
+                own.draw(square)
+            assert own.draw(square).shape == (40, 40, 4)
+            with pytest.raises(RecedingError, match="off-screen rendering failed"):
+                own.draw(replace(square, values=np.zeros(2)))
+        finally:
+            own.close()
+
+    on_root(COMM, check)
+
+
+def test_view_is_of_the_whole_body_without_a_seam() -> None:
+    scene = small_block("auto")
+    now = COMM.bcast(instant(scene))
+    bulk = picture_body(scene, COMM)
+    try:
+        found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
+        if COMM.rank != 0:
+            return
+        assert found is not None
+        view = view_of(bulk, found, now)
+    finally:
+        bulk.destroy()
+    width, height = 4.0, 1.0
+    ends = view.points[view.edges]
+    # the outline is the rectangle's, so the axis is none of it
+    assert np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum() == pytest.approx(
+        2.0 * (width + height), rel=1e-12
+    )
+    _, twice = np.unique(np.round(view.points, 9), axis=0, return_counts=True)
+    assert twice.max() == 1
+    on_axis = view.points[:, 0] == 0.0
+    assert np.abs(view.stress["sxy"][on_axis]).max() == 0.0
+    # p0 is carried by the contact: the integral of p over it is that of the load
+    (load,) = view.arrows
+    assert np.sum(0.5 * (view.p[1:] + view.p[:-1]) * np.diff(view.x)) == pytest.approx(
+        2.0, rel=0.02
+    )
+    assert np.abs(load.heads[[0, -1], 0]) == pytest.approx([1.0, 1.0], abs=0.05)
+    assert np.all(load.tails[:, 1] > load.heads[:, 1])
+    assert view.caption == r"first unloading, $p_{0} = \frac{1}{3}\,p_{0}^{\,\mathrm{max}}$"
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        Load("p0", "top", platen=True, force=(0.0, -1.0)),
+        Load("p0", "top", (0.0, 1.0), traction=("x", -1.0)),
+        Load("p0", "top", displacement=("free", -1.0)),
+    ],
+)
+def test_loads_on_a_cylinder_are_drawn_on_both_sides_of_its_axis(load: Load) -> None:
+    scene = small_block("auto")
+    scene = replace(scene, loads=(load,), material=Material(kinematics="axisymmetric"))
+    now = COMM.bcast(instant(scene))
+    bulk = picture_body(scene, COMM)
+    try:
+        found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
+        view = None if found is None else view_of(bulk, found, now)
+    finally:
+        bulk.destroy()
+    if view is None:
+        return
+    if load.displacement is not None:
+        assert view.arrows == []
+        return
+    (arrows,) = view.arrows
+    ends = np.hstack([arrows.tails, arrows.heads])
+    assert ends == pytest.approx(ends[::-1] * [-1.0, 1.0, -1.0, 1.0], abs=1e-12)
+    length = arrows.heads - arrows.tails
+    reach = np.abs(arrows.tails[[0, -1], 0]) if load.platen else np.abs(arrows.heads[[0, -1], 0])
+    assert reach == pytest.approx(2.0 if load.platen else 1.0, abs=0.3)
+    assert length[:, 1] == pytest.approx(length[0, 1]) and length[0, 1] < 0.0
+    assert np.all(np.diff(length[:, 0]) > 0.0) != load.platen
+
+
+@pytest.mark.parametrize(
+    ("largest", "expected"), [(1.0, 0.1), (1.99, 0.1), (2.0, 0.2), (7e6, 5e5), (0.0, 1.0)]
+)
+def test_value_of_a_fringe_is_round_and_leaves_ten(largest: float, expected: float) -> None:
+    assert fringe_value(largest) == pytest.approx(expected)
+
+
+def test_colours_of_a_signed_stress_are_pale_at_zero_only() -> None:
+    values = np.linspace(-1.0, 0.1, 2001)
+    quantity = next(q for q in QUANTITIES if q.name == "syy")
+    colours, levels = colours_of(values, quantity, "p_0")
+    low, high = colours.limits
+    assert low == pytest.approx(-1.0, abs=0.01)
+    assert high == pytest.approx(0.1, abs=0.01)
+    brightest = np.argmax(colours.table[:, :3].sum(axis=1))
+    assert abs(low + brightest / 255.0 * (high - low)) < 0.01
+    assert colours.extend == "both"
+    assert len(levels) > 5
+    # as strong as the larger of both signs: a tenth of it is pale
+    at = np.linspace(low, high, len(colours.table))
+    for value, part in ((-1.0, 0.0), (-0.5, 0.25), (0.0, 0.5), (0.1, 0.55)):
+        shown = [np.interp(value, at, column) for column in colours.table.T]
+        assert shown == pytest.approx(mpl.colormaps["RdBu_r"](part), abs=0.03), value
+
+
+def test_missing_renderer_is_said_before_vtk_is_loaded(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    import ctypes.util
+
+    scene = small_block("auto")
+    now = instant(scene)
+    monkeypatch.setattr(ctypes.util, "find_library", lambda name: None)
+    bulk = picture_body(scene, COMM)
+    try:
+        with pytest.raises(RecedingError, match="no off-screen renderer"):
+            snapshot(bulk, now, shared_tmp_path / "snapshots")
+    finally:
+        bulk.destroy()
+
+
+def test_half_of_the_area_lies_below_the_middle_colour_however_fine_the_mesh_is() -> None:
+    """A field x on [0, 1] with nine tenths of the vertices in the last tenth of the area."""
+    x = np.concatenate([np.linspace(0.0, 0.9, 100), np.linspace(0.9, 1.0, 901)[1:]])
+    areas = np.gradient(x)
+    von_mises = next(q for q in QUANTITIES if q.name == "von_mises")
+    weighted, _ = colours_of(x, von_mises, "", areas)
+    plain, _ = colours_of(x, von_mises, "")
+    assert weighted.limits[1] == pytest.approx(0.995, abs=1e-3)
+    assert plain.limits[1] == pytest.approx(0.9995, abs=1e-3)

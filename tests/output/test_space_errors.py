@@ -1,0 +1,343 @@
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from receding_fenicsx import study
+from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import State
+from receding_fenicsx.output.report import space_errors
+from receding_fenicsx.output.report.summary import read_summary, summarise
+from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.reference.closed_forms import BLOCK
+from receding_fenicsx.scene.model import Load, OutputOptions, Scene
+from receding_fenicsx.scene.toml_file import read_scene
+
+DEMOS = Path(__file__).parents[2] / "demos"
+
+
+def scene_of(elements: int = 64, *overrides: str) -> Scene:
+    wanted = [f"mesh.contact_elements={elements}", "history.cycles=3", *overrides]
+    scene = read_scene(DEMOS / "block.toml", wanted)
+    return replace(scene, history=replace(scene.history, until=None))
+
+
+def solve(scene: Scene) -> Record:
+    system = study.condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    return evolve(system, replace(scene, output=OutputOptions(1, ())))
+
+
+# -- the formula ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("factors", [(2.0, 2.5, 4.0), (2.5, 4.0), (2.0,), (2.0, 2.25, 5.0)])
+def test_an_error_of_first_order_is_estimated_exactly(factors: tuple[float, ...]) -> None:
+    limit, slope = 3.0, -0.07
+    coarse = [(r, limit + slope * r) for r in factors]
+    assert space_errors.estimate(limit + slope, coarse) == pytest.approx(abs(slope), rel=1e-12)
+
+
+@pytest.mark.parametrize("order", [1.5, 2.0, 3.0])
+def test_an_error_of_higher_order_is_overestimated(order: float) -> None:
+    coarse = [(r, 3.0 + 0.01 * r**order) for r in (2.0, 2.5, 4.0)]
+    assert 0.01 < space_errors.estimate(3.01, coarse) < 0.01 * 4.0**order
+
+
+def test_an_error_that_vanishes_by_chance_is_seen_on_coarser_pairs() -> None:
+    # the run and the next mesh agree by chance
+    assert space_errors.estimate(1.0, [(2.0, 1.0), (4.0, 1.2)]) == pytest.approx(0.1)
+    # all nested meshes agree by chance
+    assert space_errors.estimate(1.0, [(2.0, 1.0), (2.5, 1.3), (4.0, 1.0)]) == pytest.approx(0.2)
+
+
+def test_noise_between_meshes_of_nearly_the_same_size_is_not_enlarged() -> None:
+    # not 0.04, their difference over that of their sizes
+    assert space_errors.estimate(1.0, [(2.0, 1.0), (2.25, 1.01)]) == pytest.approx(0.01 / 1.25)
+
+
+def test_nothing_is_known_without_a_coarser_mesh() -> None:
+    assert np.isnan(space_errors.estimate(1.0, []))
+
+
+# -- coarser meshes -------------------------------------------------------------------------------
+
+
+def test_all_sizes_of_a_coarser_mesh_are_enlarged_alike() -> None:
+    coarse = space_errors.coarser(scene_of(64, "mesh.growth=1.3"), 32).mesh
+    # dx + (growth - 1) y
+    assert (coarse.contact_elements, coarse.growth) == (32, pytest.approx(1.6))
+    assert space_errors.coarser(scene_of(64, "mesh.growth=1.0"), 16).mesh.growth == 1.0
+    # gmsh's geometry ends at 3
+    assert space_errors.coarser(scene_of(64, "mesh.growth=2.5"), 16).mesh.growth == 3.0
+
+
+@pytest.fixture
+def made_up(monkeypatch: pytest.MonkeyPatch) -> Callable[[Scene], Any]:
+    """Make records whose only number has an error of the first order in the mesh size."""
+    monkeypatch.setattr(space_errors, "headline", lambda record: record)
+    return lambda scene: {"a": space_errors.Number(1.0 + 1.0 / scene.mesh.contact_elements)}
+
+
+FOUND = {"a": {"value": 1.0 + 1.0 / 64.0, "error": pytest.approx(1.0 / 64.0)}}
+
+
+def test_meshes_that_do_not_fit_the_scene_are_passed_over(
+    made_up: Callable[[Scene], Any],
+) -> None:
+    tried = []
+
+    def solve_some(scene: Scene) -> Any:
+        tried.append(scene.mesh.contact_elements)
+        if scene.mesh.contact_elements in (32, 16):
+            raise InputError("no vertex")
+        return made_up(scene)
+
+    assert space_errors.space_errors(scene_of(64), made_up(scene_of(64)), solve_some) == FOUND
+    assert tried == [32, 30, 24, 16, 14]
+
+
+def test_no_mesh_is_solved_on_twice(made_up: Callable[[Scene], Any]) -> None:
+    tried = []
+
+    def solve_some(scene: Scene) -> Any:
+        tried.append(scene.mesh.contact_elements)
+        if scene.mesh.contact_elements > 24:
+            raise InputError("no vertex")
+        return made_up(scene)
+
+    assert space_errors.space_errors(scene_of(64), made_up(scene_of(64)), solve_some) == FOUND
+    assert tried == [32, 30, 28, 26, 24, 22, 16]
+
+
+def test_no_estimate_claims_more_than_meshes_can_tell(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(space_errors, "headline", lambda record: record)
+    own: Any = {"same": space_errors.Number(-2.0), "missing": space_errors.Number(1.0)}
+    coarse: Any = {"same": space_errors.Number(-2.0)}
+    found = space_errors.space_errors(scene_of(64), own, lambda _: coarse)
+    assert found["same"]["error"] == pytest.approx(2e-6)
+    assert np.isnan(found["missing"]["error"])
+
+
+def test_one_comparison_is_left_when_the_coarsest_mesh_has_no_answer(
+    made_up: Callable[[Scene], Any],
+) -> None:
+    def solve_some(scene: Scene) -> Any:
+        if scene.mesh.contact_elements < 32:
+            raise NotConverged("too coarse")
+        return made_up(scene)
+
+    scene = scene_of(64)
+    assert space_errors.space_errors(scene, made_up(scene), solve_some) == FOUND
+    with pytest.raises(NotConverged):
+        space_errors.space_errors(scene, made_up(scene), solve_nothing)
+
+
+def solve_nothing(_: Scene) -> Any:
+    raise NotConverged("too coarse")
+
+
+def test_meshes_that_cannot_be_made_coarser_are_refused() -> None:
+    with pytest.raises(InputError, match="contact_elements = 14"):
+        space_errors.check(scene_of(14))
+    scene = scene_of()
+    with pytest.raises(InputError, match="mesh from a file"):
+        space_errors.check(replace(scene, body=replace(scene.body, mesh="own.msh")))
+
+
+# -- true errors ----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_errors_of_the_frictionless_block_are_within_twice_the_estimate(
+    cell: str, degree: int
+) -> None:
+    # the limit is known without finite elements
+    scene = scene_of(
+        128 // degree,
+        f'mesh.cell="{cell}"',
+        f"mesh.degree={degree}",
+        "contact.friction=0.0",
+        f"load.p0.span=[{-BLOCK.load}, {BLOCK.load}]",
+    )
+    record = solve(scene)
+    found = space_errors.space_errors(scene, record, solve)
+    known = {"centre_pressure": BLOCK.p[0], "contact_half_width": BLOCK.half_width}
+    for name, limit in known.items():
+        true = abs(found[name]["value"] - limit)
+        floor = 0.5 * np.diff(record.x).max() if name == "contact_half_width" else 0.0
+        assert true <= 2.0 * found[name]["error"] + floor
+        assert found[name]["error"] <= 0.25 * limit
+    assert "dissipation_first_cycle" not in found
+
+
+SHEARED_D = 1.629e-3
+"""Dissipation of ``sheared_polygon.toml``: 480 triangles or quadrilaterals of order 2 along the
+contact give 1.6285e-3 and 1.6287e-3 (growth 1.1), 400 quadrilaterals 1.6298e-3."""
+
+
+@pytest.mark.parametrize(("cell", "elements"), [("quadrilateral", 112), ("triangle", 128)])
+def test_the_estimate_holds_where_the_dissipation_converges_in_stairs(
+    cell: str, elements: int
+) -> None:
+    # a corner sticks on one node of all these meshes: D stands still over them, 2 % off
+    wanted = [f"mesh.contact_elements={elements}", f'mesh.cell="{cell}"', "history.cycles=1"]
+    scene = read_scene(DEMOS / "sheared_polygon.toml", wanted)
+    scene = replace(scene, history=replace(scene.history, until=None))
+    record = solve(scene)
+    found = space_errors.space_errors(scene, record, solve)["dissipation_first_cycle"]
+    true = abs(found["value"] - SHEARED_D)
+    assert 0.01 * SHEARED_D < true <= 2.0 * found["error"] < 0.1 * SHEARED_D
+    assert space_errors.narrowest_zone(record) == 1
+
+
+def round_scene(elements: int, *overrides: str) -> Scene:
+    """Return the block as a body of revolution."""
+    return scene_of(elements, 'material.kinematics="axisymmetric"', "history.cycles=1", *overrides)
+
+
+@pytest.mark.parametrize(
+    ("elements", "cell", "growth", "friction", "poisson"),
+    [(128, "triangle", 1.3, 0.6, 0.3), (48, "quadrilateral", 1.25, 0.1, 0.45)],
+)
+def test_the_estimate_holds_for_the_pressure_of_linear_elements_on_an_axis(
+    elements: int, cell: str, growth: float, friction: float, poisson: float
+) -> None:
+    shared = [f"contact.friction={friction}", f"material.poisson={poisson}", "load.p0.span=[0, 1]"]
+
+    def round_block(elements: int, cell: str, degree: int, growth: float) -> Scene:
+        mesh = f'mesh.cell="{cell}"', f"mesh.degree={degree}", f"mesh.growth={growth}"
+        scene = round_scene(elements, *shared, *mesh)
+        if poisson == 0.3:
+            return scene
+        platen = Load("p0", "top", platen=True, force=(0.0, -6.0))
+        return replace(scene, loads=(platen,))
+
+    # quadrilaterals of order 2 are wrong by less than 1e-3 of it
+    fine = round_block(160, "quadrilateral", 2, 1.1)
+    limit = space_errors.headline(solve(fine))["centre_pressure"].value
+    scene = round_block(elements, cell, 1, growth)
+    found = space_errors.space_errors(scene, solve(scene), solve)["centre_pressure"]
+    true = abs(found["value"] - limit)
+    assert 0.003 * limit < true <= 2.0 * found["error"] < 0.1 * limit
+
+
+def test_the_centre_of_a_round_contact_is_the_axis_and_that_of_a_ring_its_middle() -> None:
+    disc = solve(round_scene(24, "load.p0.span=[0, 1]"))
+    axis = summarise(disc)["turning_points"][0]["p_axis"]
+    assert space_errors.headline(disc)["centre_pressure"].value == axis
+    # a slender ring is nearly plane
+    ring = solve(round_scene(24, "body.position=[50, 0]", "load.p0.span=[48, 52]"))
+    plane = solve(scene_of(24, "load.p0.span=[-2, 2]", "history.cycles=1"))
+    pressures = [space_errors.headline(record)["centre_pressure"].value for record in (ring, plane)]
+    assert pressures[0] == pytest.approx(pressures[1], rel=0.01)
+
+
+def test_the_estimate_shows_that_linear_triangles_lock_near_incompressibility() -> None:
+    def error(degree: int) -> float:
+        scene = scene_of(64 // degree, "material.poisson=0.499", f"mesh.degree={degree}")
+        found = space_errors.space_errors(scene, solve(scene), solve)["dissipation_first_cycle"]
+        return found["error"] / found["value"]
+
+    # with as many nodes; no residual tells that the linear elements' answer is meaningless
+    assert error(1) > 0.1
+    assert error(2) < 0.05
+
+
+def test_an_error_is_no_less_than_what_the_number_is_known_to_on_its_own_mesh() -> None:
+    scene = scene_of(32)
+    record = solve(scene)
+    # all meshes give the same numbers: nothing is known of their errors but the widths' intervals
+    found = space_errors.space_errors(scene, record, lambda _: record)
+    end_of_loading = summarise(record)["turning_points"][0]
+    for name in ("contact_half_width", "stick_half_width"):
+        low, high = end_of_loading[f"{name}_estimate"]["interval"]
+        assert high > low
+        assert found[name]["error"] >= 0.5 * (high - low) * (1.0 - 1e-12)
+
+
+def test_centre_of_a_body_of_revolution_is_its_axis() -> None:
+    """A disc pressed in the middle: the pressure falls from the axis to nothing."""
+    axis = ['material.kinematics="axisymmetric"', "load.p0.span=[0.0, 1.0]", "mesh.degree=1"]
+    scene = scene_of(32, *axis)
+    record = solve(scene)
+    found = space_errors.space_errors(scene, record, lambda _: record)["centre_pressure"]["value"]
+    first = record.turning_points
+    assert found == pytest.approx(first.p[0][record.x < 0.3].mean(), rel=0.1)
+    assert found > 1.3 * np.interp(0.5 * record.x[-1], record.x, first.p[0])
+
+
+# -- in a run -------------------------------------------------------------------------------------
+
+
+def test_a_run_writes_and_prints_its_errors(shared_tmp_path: Path) -> None:
+    comm = MPI.COMM_WORLD
+    record = study.run(scene_of(32), shared_tmp_path / "run", comm, pictures=False, error=True)
+    if record is None:
+        return
+    summary = read_summary(shared_tmp_path / "run" / "summary.json")
+    numbers = space_errors.headline(record)
+    assert list(summary["errors"]) == list(numbers) == list(space_errors.NAMES)
+    for name, found in summary["errors"].items():
+        assert found["value"] == numbers[name].value
+        assert 0.0 < found["error"] < abs(found["value"])
+    D = record.cycles.dissipation
+    assert summary["errors"]["dissipation_ratio"]["value"] == D[-1] / D[0]
+    assert summary["timings"]["errors"] > 0.0
+    printed = run_table(summary)
+    for name in space_errors.NAMES:
+        error = summary["errors"][name]["error"]
+        assert f"{name.replace('_', ' ')} {summary['errors'][name]['value']:.6g}" in printed
+        assert f"estimated space error {error:.1e}" in printed
+
+
+def test_a_zone_of_few_nodes_is_named_as_a_reason_for_stairs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    scene = scene_of(32)
+    record = solve(scene)
+    table = record.turning_points
+    monkeypatch.setattr(space_errors, "space_errors", lambda *_: {})
+    assert space_errors.narrowest_zone(record) > space_errors.NARROW
+    assert "errors_warning" not in space_errors.errors_of_run(scene, record, MPI.COMM_SELF)
+    for width, words in ((1, "is 1 node wide"), (2, "is 2 nodes wide"), (3, "")):
+        state = np.full_like(table.state, State.STICK)
+        state[-1, 10 : 10 + width] = State.SEPARATION
+        narrow = replace(record, turning_points=replace(table, state=state))
+        assert space_errors.narrowest_zone(narrow) == width
+        found = space_errors.errors_of_run(scene, narrow, MPI.COMM_SELF)
+        assert words in found.get("errors_warning", "")
+        assert ("errors_warning" in found) == bool(words)
+        printed = run_table({**summarise(record), **found})
+        assert words in printed and ("do not converge in order" in printed) == bool(words)
+
+
+def test_a_run_without_an_answer_on_coarser_meshes_says_so(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def refuse(*_: object) -> None:
+        raise NotConverged("too coarse")
+
+    scene = scene_of(32)
+    record = solve(scene)
+    monkeypatch.setattr(study, "condense", refuse)
+    found = space_errors.errors_of_run(scene, record, MPI.COMM_SELF)
+    assert found == {"errors": {}, "errors_failure": "on a coarser mesh: too coarse"}
+    printed = run_table({**summarise(record), **found})
+    assert "space errors are not known: on a coarser mesh: too coarse" in printed
+
+
+def test_errors_asked_of_a_mesh_too_coarse_are_refused_before_the_run(
+    shared_tmp_path: Path,
+) -> None:
+    with pytest.raises(InputError, match="at least 16"):
+        study.run(scene_of(14), shared_tmp_path / "run", MPI.COMM_WORLD, error=True)
+    assert not (shared_tmp_path / "run").exists()

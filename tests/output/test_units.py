@@ -1,0 +1,265 @@
+"""Every axis of every figure, of a run whose pressure, height, modulus and largest load differ.
+
+Where they are all 1 a figure that divides by the wrong one of them looks the same.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from functools import cache
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from matplotlib.axes import Axes
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from receding_fenicsx import study
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.output.plots import figures
+from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.scene.model import (
+    Body,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    OutputOptions,
+    Scene,
+)
+
+PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
+CYCLES = 10
+KINEMATICS = ("plane strain", "axisymmetric")
+
+
+def scene_of(kinematics: str, p: float, h: float, E: float, largest: float) -> Scene:
+    """The paper's block, or a cylinder of the same section, in other units."""
+    begin = 0.0 if kinematics == "axisymmetric" else -h
+    return Scene(
+        body=Body(width=4.0 * h, height=h),
+        material=Material(young=E, kinematics=kinematics),
+        mesh=MeshOptions(contact_elements=40, degree=1, growth=1.4),
+        loads=(Load("p0", "top", (begin, h), pressure=p),),
+        history=HistoryOptions(maximum=largest, minimum=largest / 3.0, cycles=CYCLES),
+        output=OutputOptions(samples_per_leg=10),
+    )
+
+
+@cache
+def run(kinematics: str, *units: float) -> Record:
+    """Condense and play a scene; in units 1, 1, 1, 1 unless others are given."""
+    scene = scene_of(kinematics, *(units or (1.0, 1.0, 1.0, 1.0)))
+    system = study.condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    return evolve(system, scene)
+
+
+def odd(kinematics: str) -> Record:
+    """The run whose units are no ones."""
+    return run(kinematics, PRESSURE, HEIGHT, YOUNG, LARGEST)
+
+
+def drawn_in(figure: Figure) -> tuple[list[str], list[np.ndarray]]:
+    """All texts of a figure, and the data of all that is drawn of numbers."""
+    texts = [text.get_text() for text in figure.findobj(Text) if "$" in text.get_text()]
+    shapes: list[np.ndarray] = []
+    for axes in figure.axes:
+        shapes += [np.array([*axes.get_xlim(), *axes.get_ylim()])]
+        shapes += [np.asarray(line.get_xydata(), dtype=float) for line in axes.lines]
+        for collection in axes.collections:
+            shapes += [np.asarray(path.vertices) for path in collection.get_paths()]
+        shapes += [np.asarray(patch.get_path().vertices) for patch in axes.patches]
+    return texts, shapes
+
+
+def some_of_each(record: Record) -> list[Figure]:
+    """One figure of each kind."""
+    return [
+        figures.tractions(record, record.at(1, "minimum")),
+        figures.zone_maps(record, [(1, 0)]),
+        figures.slip_per_cycle(record),
+        figures.dissipation_per_cycle(record),
+        figures.dissipation_density(record),
+        figures.hysteresis(record, CYCLES),
+        figures.trajectories(record, 3 * len(record.x) // 4, CYCLES),
+    ]
+
+
+@pytest.mark.parametrize("kinematics", KINEMATICS)
+def test_figures_without_units_are_the_same_in_all_units(kinematics: str) -> None:
+    ones, others = (some_of_each(record) for record in (run(kinematics), odd(kinematics)))
+    for figure, other in zip(ones, others, strict=True):
+        (texts, shapes), (other_texts, other_shapes) = drawn_in(figure), drawn_in(other)
+        assert texts == other_texts
+        for a, b in zip(shapes, other_shapes, strict=True):
+            assert a.shape == b.shape, texts
+            assert b == pytest.approx(a, rel=1e-6, abs=1e-8), texts
+
+
+def factor(label: str, symbol: str, now: float = np.nan) -> float:
+    r"""What a label says its quantity is multiplied by, "$v\,E/(p_{0}^{max}\,h)$" of v."""
+    text = label.strip("$")
+    assert text.startswith(symbol), (label, symbol)
+    text = text[len(symbol) :].replace(r"p_{0}^{\,\mathrm{max}}", "peak").replace("p_{0}", "now")
+    text = text.replace(r"\,", "*").replace("^", "**")
+    known = {"peak": PRESSURE * LARGEST, "now": PRESSURE * now, "h": HEIGHT, "E": YOUNG}
+    assert set(re.findall(r"\w+", text)) <= {*known, "2", "3"}, label
+    return float(eval(f"1.0{text}", known))
+
+
+def curve(axes: Axes, n: int) -> np.ndarray:
+    """Points of the n-th line of axes."""
+    return np.asarray(axes.lines[n].get_xydata(), dtype=float)
+
+
+def close(found: np.ndarray, expected: np.ndarray) -> bool:
+    """Whether arrays agree to round-off of their largest value, which is not zero."""
+    size = float(np.abs(expected).max())
+    return size > 0.0 and float(np.abs(found - expected).max()) < 1e-12 * size
+
+
+@pytest.mark.parametrize("kinematics", KINEMATICS)
+def test_tractions_are_over_the_pressure_that_acts(kinematics: str) -> None:
+    record = odd(kinematics)
+    position = {"plane strain": "x", "axisymmetric": "r"}[kinematics]
+    for load, part in (("minimum", 1.0 / 3.0), ("maximum", 1.0)):
+        moment = record.at(1, load)  # type: ignore[arg-type]
+        axes = figures.tractions(record, moment).axes[1]
+        labels = axes.get_ylabel().split(",  ")
+        for label, symbol, n, values in zip(
+            labels, "pq", (-2, -1), (moment.p, moment.q), strict=True
+        ):
+            x, y = curve(axes, n).T
+            assert close(x, record.x * factor(axes.get_xlabel(), position))
+            assert close(y, values * factor(label, symbol, part * LARGEST))
+        # the cone reaches from -f p to f p at every node
+        (cone,) = (np.asarray(c.get_paths()[0].vertices) for c in axes.collections)
+        limit = record.f * moment.p * factor(labels[0], "p", part * LARGEST)
+        for x, y in zip(record.x * factor(axes.get_xlabel(), position), limit, strict=True):
+            at = cone[np.abs(cone[:, 0] - x) < 1e-12, 1]
+            assert (at.min(), at.max()) == pytest.approx((-y, y), abs=1e-12)
+
+
+@pytest.mark.parametrize("kinematics", KINEMATICS)
+def test_slip_and_dissipation_are_in_the_units_that_the_labels_say(kinematics: str) -> None:
+    record = odd(kinematics)
+    position = {"plane strain": "x", "axisymmetric": "r"}[kinematics]
+    axes = figures.slip_per_cycle(record).axes[0]
+    label = axes.get_ylabel().removeprefix("slip gained in a cycle, ")
+    slip = np.abs(record.cycles.slip_increment) * factor(label, r"|\Delta v_i|")
+    names = [str(line.get_label()) for line in axes.lines]
+    told = [re.match(rf"\$({position}/h)\$ \$= (\d\.\d\d)\$", name) for name in names]
+    lines = [(n, found) for n, found in enumerate(told) if found]
+    assert lines
+    for n, found in lines:
+        x = record.x * factor(found[1], position)
+        (node,) = np.flatnonzero(np.abs(x - float(found[2])) < 0.0051)
+        N, y = curve(axes, n).T
+        assert close(y, slip[N.astype(int) - 1, node])
+    figure = figures.dissipation_density(record)
+    label = figure.axes[0].get_ylabel().split("\n")[1]
+    for n, row in ((0, 0), (1, CYCLES - 1)):
+        expected = record.cycles.dissipation_density[row] * factor(label, "d")
+        assert close(curve(figure.axes[0], n)[:, 1], expected)
+        # per unit of contact area: with the nodes' weights it makes up the dissipation
+        total = record.cycles.dissipation_density[row] @ record.weight
+        assert total == pytest.approx(record.cycles.dissipation[row], rel=1e-12)
+
+
+@pytest.mark.parametrize("kinematics", KINEMATICS)
+def test_loops_are_of_the_pressure_and_its_work_conjugate(kinematics: str) -> None:
+    record = odd(kinematics)
+    axes = figures.hysteresis(record, CYCLES).axes[0]
+    x, y = curve(axes, 0).T
+    path = loop_of(record, CYCLES)
+    # the record's displacement is conjugate to the load factor, the figure's to the pressure
+    conjugate = path.displacement[:, 0] / PRESSURE
+    assert close(x, conjugate * factor(axes.get_xlabel(), r"\delta_{p_{0}}"))
+    assert close(y, path.load[:, 0] * PRESSURE * factor(f"$q{axes.get_ylabel()[6:]}", "q"))
+    # no units are left: force times displacement is an energy, per length in the plane
+    dimension = 3 if record.axisymmetric else 2
+    assert f"h^{dimension}" in axes.get_xlabel()
+
+
+def telling(w: np.ndarray, p: np.ndarray) -> int:
+    """A node that touches for a time and opens for a time."""
+    return int(np.flatnonzero((w.max(axis=0) > 0.0) & (p.max(axis=0) > 0.0))[-1])
+
+
+@pytest.mark.parametrize("kinematics", KINEMATICS)
+def test_paths_of_nodes_are_over_the_largest_pressure(kinematics: str) -> None:
+    record = odd(kinematics)
+    path = loop_of(record, CYCLES)
+    node = telling(path.w, path.p)
+    axes = figures.trajectories(record, node, CYCLES).axes
+    for panel, (a, b) in zip(axes, (("q", "p"), ("v", "w")), strict=True):
+        x, y = curve(panel, 0).T
+        assert close(x, getattr(path, a)[:, node] * factor(panel.get_xlabel(), a))
+        assert close(y, getattr(path, b)[:, node] * factor(panel.get_ylabel(), b))
+    where = re.fullmatch(r"\$([xr]/h) = (\d\.?\d*)\$", axes[0].get_title())
+    assert where is not None
+    assert record.x[node] * factor(where[1], where[1][0]) == pytest.approx(
+        float(where[2]), rel=5e-3
+    )
+
+
+@pytest.mark.parametrize("kinematics", KINEMATICS)
+def test_zone_maps_run_from_load_to_load_over_the_largest(kinematics: str) -> None:
+    record = odd(kinematics)
+    unloading, loading = figures.zone_maps(record, 1).axes
+    for axes in (unloading, loading):
+        assert axes.get_ylim() == pytest.approx((1.0 / 3.0, 1.0), rel=1e-14)
+        assert axes.get_xlim() == pytest.approx((0.0, record.x[-1] / HEIGHT), rel=1e-14)
+    assert unloading.get_ylabel() == r"$p_{0}/p_{0}^{\,\mathrm{max}}$"
+    # an event of the unloading is on a boundary, where its load is
+    events = record.events
+    here = (events.cycle == 1) & (events.leg == 0) & (record.x[events.node] > 0.0)
+    here &= (events.s > 1e-6) & (events.s < 1.0 - 1e-6)
+    (lines,) = [c for c in unloading.collections if isinstance(c, LineCollection)]
+    ends = np.vstack([np.asarray(path.vertices) for path in lines.get_paths()])
+    assert np.count_nonzero(here) > 5
+    for k in np.flatnonzero(here):
+        place = [record.x[events.node[k]] / HEIGHT, events.load[k, 0] / LARGEST]
+        assert np.abs(ends - place).sum(axis=1).min() < 1e-12
+
+
+def test_what_cannot_be_made_free_of_units_is_in_those_of_the_scene() -> None:
+    """Two loads: no one pressure to divide by."""
+    scene = scene_of("plane strain", PRESSURE, HEIGHT, YOUNG, LARGEST)
+    second = Load("t", "right", traction=(0.0, 0.1))
+    table = HistoryOptions(
+        "table", columns=("p0", "t"), rows=((4.0, 0.0),), cycle_rows=((3.0, 1.0), (4.0, 0.0))
+    )
+    scene = replace(scene, loads=(*scene.loads, second), history=replace(table, cycles=CYCLES))
+    system = study.condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    record = evolve(system, scene)
+    moment = record.at(1, "minimum")
+    axes = figures.tractions(record, moment).axes[1]
+    assert axes.get_ylabel() == "$p$,  $q$"
+    assert np.array_equal(curve(axes, -2)[:, 1], moment.p)
+    assert np.array_equal(curve(axes, -1)[:, 1], moment.q)
+    density = figures.dissipation_density(record).axes[0]
+    assert density.get_ylabel() == "dissipation density\n$d$"
+    assert np.array_equal(curve(density, 0)[:, 1], record.cycles.dissipation_density[0])
+    loops = figures.hysteresis(record, CYCLES)
+    path = loop_of(record, CYCLES)
+    for n, name in enumerate(("p_{0}", "t")):
+        left = loops.axes[2 * n]
+        assert left.get_xlabel() == rf"$\delta_{{{name}}}$"
+        largest = np.abs(record.turning_points.load[:, n]).max()
+        assert left.get_ylabel() == rf"${name}/{name}^{{\,\mathrm{{max}}}}$"
+        assert close(curve(left, 0)[:, 0], path.displacement[:, n])
+        assert close(curve(left, 0)[:, 1], path.load[:, n] / largest)
+    node = telling(path.w, path.p)
+    forces, places = figures.trajectories(record, node, CYCLES).axes
+    assert (forces.get_xlabel(), forces.get_ylabel()) == ("$q$", "$p$")
+    assert (places.get_xlabel(), places.get_ylabel()) == ("$v$", "$w$")
+    assert close(curve(forces, 0)[:, 1], path.p[:, node])
+    assert close(curve(places, 0)[:, 1], path.w[:, node])

@@ -1,0 +1,119 @@
+"""Closed forms and values by themselves: forces from tractions, limits, quadratures."""
+
+import numpy as np
+import pytest
+from numpy.polynomial import polynomial
+from scipy.integrate import trapezoid
+from scipy.optimize import brentq
+
+from receding_fenicsx.interface.system import Array
+from receding_fenicsx.reference import closed_forms
+from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz, bilateral_pressure
+
+
+def integral_of_arcs(values, end: float) -> float:  # type: ignore[no-untyped-def]
+    """Integrate over |x| < end a function that ends like a square root (x = end sin t)."""
+    t = np.linspace(-0.5 * np.pi, 0.5 * np.pi, 20001)
+    return float(trapezoid(values(end * np.sin(t)) * end * np.cos(t), t))
+
+
+@pytest.mark.parametrize("known", [closed_forms.BLOCK, *closed_forms.LAYERS])
+def test_pressures_carry_the_load(known: closed_forms.Pressed) -> None:
+    # p / sqrt(1 - s^2), s = x / c, is smooth and even: a polynomial in s^2 through all six values
+    s = np.array(known.x)
+    smooth = polynomial.polyfit(s**2, np.array(known.p) / np.sqrt(1.0 - s**2), len(s) - 1)
+    carried = known.half_width * integral_of_arcs(
+        lambda x: np.sqrt(np.maximum(1.0 - x**2, 0.0)) * polynomial.polyval(x**2, smooth), 1.0
+    )
+    assert carried == pytest.approx(2.0 * known.load, rel=1e-3)
+
+
+def test_bilateral_pressure_changes_sign_at_filons_value() -> None:
+    zero = brentq(lambda x: float(bilateral_pressure(x)), 1.2, 1.5, xtol=1e-10)
+    assert zero == pytest.approx(closed_forms.FILON_ZERO, abs=2e-7)
+
+
+@pytest.mark.parametrize("load", [0.0, 0.5, 2.0])
+def test_bilateral_pressure_carries_the_load_and_has_no_moment_beyond(load: float) -> None:
+    x = np.linspace(0.0, 12.0, 601)
+    assert 2.0 * trapezoid(bilateral_pressure(x, load), x) == pytest.approx(1.0, abs=1e-4)
+
+
+def test_bilateral_pressure_under_a_wide_load_is_the_loads() -> None:
+    assert bilateral_pressure(0.0, 8.0) * 16.0 == pytest.approx(1.0, abs=1e-4)
+    assert bilateral_pressure([1.0], 1e-6) == pytest.approx(bilateral_pressure([1.0]), abs=1e-10)
+
+
+def test_hertz_pressure_carries_the_force_and_follows_the_gap() -> None:
+    hertz = Hertz(force=2.0, radius=30.0, modulus=7.0)
+    assert integral_of_arcs(hertz.pressure, hertz.a) == pytest.approx(2.0, rel=1e-7)
+    assert hertz.p0 == pytest.approx(np.sqrt(2.0 * 7.0 / (np.pi * 30.0)))
+    assert hertz.pressure(2.0 * hertz.a) == 0.0
+    # deflection of a half-plane, u' = -(2 / (pi E*)) int p(s) / (x - s) ds = -x / R inside
+    for x in (0.3 * hertz.a, 0.7 * hertz.a):
+        t = (np.arange(4000) + 0.5) * np.pi / 4000
+        s = hertz.a * np.cos(t)
+        regular = np.sum((hertz.pressure(s) - hertz.pressure(x)) / (x - s) * hertz.a * np.sin(t))
+        log = np.log((hertz.a + x) / (hertz.a - x)) * hertz.pressure(x)
+        slope = 2.0 / (np.pi * 7.0) * (regular * np.pi / 4000 + log)
+        assert slope == pytest.approx(x / 30.0, rel=1e-4)
+
+
+HERTZ = Hertz(force=1.3, radius=20.0, modulus=5.0)
+F = 0.4
+FULL = F * HERTZ.force
+MINDLIN = CattaneoMindlin(HERTZ, F, largest=0.7 * FULL)
+
+
+def integrated(Q: float, leg: str) -> float:
+    return integral_of_arcs(lambda x: MINDLIN.traction(x, Q, leg), HERTZ.a)
+
+
+@pytest.mark.parametrize(
+    ("leg", "forces"),
+    [
+        ("loading", [0.0, 0.3, 0.7]),
+        ("unloading", [0.69, 0.2, 0.0, -0.5, -0.7]),
+        ("reloading", [-0.69, -0.2, 0.0, 0.5, 0.7]),
+    ],
+)
+def test_shear_tractions_carry_the_force_within_the_friction_limit(
+    leg: str, forces: list[float]
+) -> None:
+    x = np.linspace(-1.1 * HERTZ.a, 1.1 * HERTZ.a, 2001)
+    limit = F * HERTZ.pressure(x)
+    for part in forces:
+        assert integrated(part * FULL, leg) == pytest.approx(part * FULL, abs=1e-5 * FULL)
+        q = MINDLIN.traction(x, part * FULL, leg)
+        assert np.all(np.abs(q) <= limit + 1e-12)
+        slips = np.abs(x) > MINDLIN.stick_half_width(part * FULL, leg)
+        sign = -1.0 if leg == "unloading" else 1.0
+        np.testing.assert_allclose(q[slips], sign * limit[slips], atol=1e-12)
+
+
+def test_legs_join_at_the_reversals() -> None:
+    x = np.linspace(-HERTZ.a, HERTZ.a, 101)
+
+    def q(part: float, leg: str) -> Array:
+        return MINDLIN.traction(x, part * FULL, leg)
+
+    np.testing.assert_allclose(q(0.7, "unloading"), q(0.7, "loading"), atol=1e-12)
+    np.testing.assert_allclose(q(-0.7, "unloading"), -q(0.7, "loading"), atol=1e-12)
+    np.testing.assert_allclose(q(0.7, "reloading"), q(0.7, "loading"), atol=1e-12)
+    assert MINDLIN.stick_half_width(0.7 * FULL, "unloading") == HERTZ.a
+    end = MINDLIN.stick_half_width(-0.7 * FULL, "unloading")
+    assert end == pytest.approx(MINDLIN.stick_half_width(0.7 * FULL, "loading"))
+    assert end == pytest.approx(HERTZ.a * np.sqrt(0.3))
+
+
+def test_full_sliding_leaves_no_stick_zone() -> None:
+    assert MINDLIN.stick_half_width(FULL, "loading") == 0.0
+    sliding = MINDLIN.traction(0.2 * HERTZ.a, FULL, "loading")
+    assert sliding == pytest.approx(F * HERTZ.pressure(0.2 * HERTZ.a))
+
+
+def test_stick_of_the_punch_grows_with_friction_and_lies_below_the_uncoupled_value() -> None:
+    for ratios in closed_forms.PUNCH_STICK.values():
+        # lateral tendency falls with nu: at (0, 0.5) friction is highest over it
+        assert ratios[0.0, 0.5] > ratios[0.2, 0.3] > ratios[0.3, 0.2] > 0.0
+    assert closed_forms.PUNCH_STICK["plane strain"][0.0, 0.5] < np.sqrt(0.5)

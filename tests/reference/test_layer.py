@@ -1,0 +1,36 @@
+"""The layer's integral equation by itself, and against values computed elsewhere."""
+
+import pytest
+
+from receding_fenicsx.reference.closed_forms import FILON_ZERO, LAYER_ON_HALF_PLANE, LAYERS
+from receding_fenicsx.reference.layer import contact_half_width
+
+
+@pytest.mark.parametrize("known", LAYERS)
+def test_half_widths_on_a_rigid_plane_are_the_tabulated_ones(known) -> None:  # type: ignore[no-untyped-def]
+    assert contact_half_width(known.load) == pytest.approx(known.half_width, rel=1e-7)
+
+
+@pytest.mark.parametrize(("case", "c"), LAYER_ON_HALF_PLANE.items())
+def test_half_widths_on_a_half_plane_are_the_tabulated_ones(
+    case: tuple[float, str], c: float
+) -> None:
+    alpha, load = case
+    ratio = (1.0 - alpha) / (1.0 + alpha)
+    assert contact_half_width(0.0 if load == "line load" else 0.5, ratio) == pytest.approx(
+        c, rel=1e-7
+    )
+
+
+def test_contact_grows_with_the_load_and_with_a_softer_half_plane() -> None:
+    assert contact_half_width(0.0) < contact_half_width(0.1) < contact_half_width(0.5)
+    assert (
+        contact_half_width(0.0, 0.0) < contact_half_width(0.0, 0.5) < contact_half_width(0.0, 5.0)
+    )
+    # a stiff half-plane is nearly rigid, and a line load nearly a narrow strip
+    assert contact_half_width(0.0, 1e-6) == pytest.approx(contact_half_width(0.0), rel=1e-5)
+    assert contact_half_width(1e-3) == pytest.approx(contact_half_width(0.0), rel=1e-5)
+
+
+def test_lift_off_under_a_line_load_comes_before_filons_zero() -> None:
+    assert contact_half_width(0.0) < 0.65 * FILON_ZERO

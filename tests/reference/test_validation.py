@@ -1,0 +1,145 @@
+"""The cores of the validation demos, against what is known."""
+
+import runpy
+from pathlib import Path
+from typing import Any
+
+import pytest
+from scipy.optimize import brentq
+
+from receding_fenicsx.output.report.half_widths import estimates
+from receding_fenicsx.reference import closed_forms
+from receding_fenicsx.reference.layer import contact_half_width
+from receding_fenicsx.study import condense
+
+DEMOS = Path(__file__).parents[2] / "demos"
+
+
+def demo(name: str) -> dict[str, Any]:
+    """Functions and numbers of a demo."""
+    return runpy.run_path(str(DEMOS / f"{name}.py"))
+
+
+@pytest.mark.parametrize(
+    ("known", "width"),
+    [(closed_forms.BLOCK, 4.0), *((layer, 8.0) for layer in closed_forms.LAYERS)],
+)
+def test_frictionless_pressure_is_right_to_1e_5_and_half_width_to_1e_3(
+    known: closed_forms.Pressed, width: float
+) -> None:
+    block = demo("frictionless_block")
+    record = block["solve"](known, width, 160, 1.1)
+    if record is not None:
+        # 40 quadratic elements on h: 321 nodes under the block
+        centre, profile, half_width = block["errors"](known, record)
+        assert centre < 1e-5
+        assert profile < 3e-4
+        assert half_width < 1e-3
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+def test_pressure_under_a_narrow_load_is_right_to_1e_4_on_few_elements(cell: str) -> None:
+    """Where the mesh is coarse at the ends of the load it is off by 3e-4."""
+    block = demo("frictionless_block")
+    record = block["solve"](closed_forms.BLOCK, 4.0, 80, 1.2, f"mesh.cell={cell}")
+    if record is not None:
+        assert block["errors"](closed_forms.BLOCK, record)[0] < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("degree", "cell"), [(1, "triangle"), (2, "triangle"), (2, "quadrilateral")]
+)
+def test_interval_of_the_half_width_holds_the_known_one_and_shrinks_with_the_elements(
+    degree: int, cell: str
+) -> None:
+    block = demo("frictionless_block")
+    lengths = []
+    for nodes, growth in ((96, 1.15), (160, 1.1), (240, 1.07)):
+        changes = [f"mesh.degree={degree}", f"mesh.cell={cell}"]
+        record = block["solve"](closed_forms.BLOCK, 4.0, nodes * 2 // degree, growth, *changes)
+        if record is None:
+            continue
+        found = estimates(record, -1)["contact_half_width_estimate"]
+        spacing = record.x[1] - record.x[0]
+        low, high = found["interval"]
+        assert low <= closed_forms.BLOCK.half_width <= high
+        # linear elements shift an end by up to a third of the spacing, quadratic ones by a fifth
+        off = abs(found["value"] - closed_forms.BLOCK.half_width)
+        assert off < (0.4 if degree == 1 else 0.2) * spacing
+        lengths.append(high - low)
+    assert not lengths or lengths[-1] < 0.6 * lengths[0]
+
+
+@pytest.mark.parametrize("load", [0.05, 0.5])
+def test_two_blocks_pull_at_filons_zero_if_unseparated_and_lift_off_sooner(load: float) -> None:
+    blocks = demo("two_blocks")
+    scene = blocks["pressed"](load, "mesh.contact_elements=480")
+    system = condense(scene)
+    if system is not None:
+        zero, width = blocks["both"](system, scene)
+        exact = brentq(lambda x: float(closed_forms.bilateral_pressure(x, load)), 1.0, 2.0)
+        assert zero == pytest.approx(exact, rel=1e-4)
+        # 40 elements on h: node spacing is 1.5 % of the half width
+        assert width == pytest.approx(contact_half_width(load), rel=2e-3)
+
+
+@pytest.mark.parametrize("kinematics", closed_forms.PUNCH_STICK)
+def test_punch_sticks_on_the_known_width_when_truncation_is_extrapolated(kinematics: str) -> None:
+    punch = demo("punch")
+    for nu, f in ((0.0, 0.5), (0.3, 0.2)):
+        known = closed_forms.PUNCH_STICK[kinematics][nu, f]
+        near, far = (punch["solve"](kinematics, nu, f, radius) for radius in (10.0, 20.0))
+        if near is not None and far is not None:
+            found = punch["limit"](
+                kinematics, punch["stick"](near, nu).value, punch["stick"](far, nu).value
+            )
+            assert found == pytest.approx(known, rel=5e-3)
+
+
+def test_punch_slips_back_from_its_edge_when_it_is_unloaded() -> None:
+    punch = demo("punch")
+    record = punch["solve"]("axisymmetric", 0.3, 0.2, 20.0)
+    if record is None:
+        return
+    loading = punch["patterns"](record, 0)
+    assert all(shape == loading[0][1] for _, shape in loading)
+    unloading = punch["patterns"](record, 1)
+    slips_back = [shape[-1][0] == "forward slip" for _, shape in unloading]
+    first = slips_back.index(True)
+    assert 0 < first < len(slips_back) - 1 and all(slips_back[first:])
+    # before, the outer zone sticks; afterwards it is a ring of stick between two slip zones
+    assert all(shape[-1][0] == "stick" for _, shape in unloading[:first])
+    ends = [shape[-1][1] for _, shape in unloading[first:]]
+    assert ends[-1] == 0.0 and ends == sorted(ends, reverse=True)
+    centre = [shape[0][2] for _, shape in unloading[:-1]]
+    assert centre == sorted(centre, reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("alpha", "nu"), [(0.5, (0.3, 0.3)), (0.5, (0.0, 0.45)), (-0.5, (0.3, 0.3))]
+)
+def test_layer_on_a_half_plane_touches_over_a_width_that_alpha_decides(
+    alpha: float, nu: tuple[float, float]
+) -> None:
+    layer = demo("layer")
+    record = layer["solve"](alpha, 20.0, nu)
+    if record is not None:
+        known = contact_half_width(0.5, (1.0 - alpha) / (1.0 + alpha))
+        assert layer["half_width"](record) == pytest.approx(known, rel=2e-3)
+
+
+def test_sheared_cylinders_stick_and_slip_as_cattaneo_and_mindlin_say() -> None:
+    mindlin = demo("cattaneo_mindlin")
+    record = mindlin["solve"](30.0, 120)
+    if record is None:
+        return
+    spacing = max(record.x[1:] - record.x[:-1])
+    rows = mindlin["compare"](record)
+    # two cycles with their samples, and three legs: loading, unloading, reloading
+    assert {row[0] for row in rows} == {"loading", "unloading", "reloading"}
+    for leg, Q, found, known, shear, pressure in rows:
+        assert abs(found - known) <= spacing, (leg, Q)
+        assert shear < 0.01 and pressure < 0.01, (leg, Q)
+    # sliding between the two reversals is paid for by the loop that Q and its displacement enclose
+    assert record.cycles.dissipation[0] > 0.0
+    assert record.cycles.dissipation[1] == pytest.approx(record.cycles.dissipation[0], rel=1e-9)

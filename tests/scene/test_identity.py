@@ -1,0 +1,136 @@
+"""Every key of a scene counts where two scenes are compared, unless it is named here as free."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import pytest
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.journal import JOURNAL
+from receding_fenicsx.output.report.summary import write_summary
+from receding_fenicsx.output.storage.run_folder import SYSTEM, is_finished, run_folder
+from receding_fenicsx.scene.identity import digest
+from receding_fenicsx.scene.model import (
+    Body,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    OutputOptions,
+    Scene,
+    SolverOptions,
+    Support,
+)
+
+pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.rank > 0, reason="one process is enough")
+
+FULL = Scene(
+    title="all keys set",
+    body=Body("a", width=4.0, position=(0.0, 1.0), material="steel"),
+    others=(Body("b", width=6.0),),
+    material=Material(2.0, 0.3),
+    materials=(Material(3.0, 0.2, name="steel"),),
+    mesh=MeshOptions(8, "triangle", 2, 1.3),
+    contacts=(Contact("a.bottom", (-1.0, 1.5), "0.3 + 0.01*x", "0.1*x**2", "b.top"),),
+    loads=(
+        Load("p", "a.top", (-1.0, 0.5), pressure="1 + x**2"),
+        Load("t", "a.left", traction=(1.0, "y")),
+        Load("d", "b.right", displacement=("free", 0.5)),
+        Load("f", "a.right", platen=True, force=(1.0, 2.0)),
+    ),
+    supports=(Support("xy", edge="b.bottom"), Support("x", point=(0.0, 0.0), body="b")),
+    history=HistoryOptions(
+        "table",
+        cycles=7,
+        until="steady",
+        columns=("p", "t", "d", "f"),
+        rows=((1.0, 0.0, 0.0, 0.0),),
+        cycle_rows=((0.5, 1.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.0)),
+        initial_slip="0.001*x",
+    ),
+    solver=SolverOptions("gauss-seidel", 10, "none", 1.4, False, 1e-9, 1e-11, 99, 1e-7, "static"),
+    output=OutputOptions(5, (1, 3), 4),
+)
+"""A scene of two bodies that sets all keys that go with each other."""
+
+FREE = {"title", "history.cycles", "history.until", "output.cycles"}
+"""What a run may be gone on with: README, "Long runs"."""
+NAMED = {"others": "body", "materials": "material", "contacts": "contact", "loads": "load"}
+
+
+def changed(value: Any) -> Any:
+    """Return another value of the same sort."""
+    if isinstance(value, bool):
+        return not value
+    if isinstance(value, float | int):
+        return value + 1
+    if isinstance(value, tuple) and value:
+        return (*value[:-1], changed(value[-1]))
+    if isinstance(value, dict):
+        return {**value, "another": 1.0}
+    return f"{value} another" if isinstance(value, str) else "another"
+
+
+def variants(table: Any, key: str = "") -> Iterator[tuple[str, Any]]:
+    """Yield ("table.key", the scene with another value of that key), for every key there is."""
+    for field in dataclasses.fields(table):
+        value, name = getattr(table, field.name), NAMED.get(field.name, field.name)
+        name = name.replace("supports", "support")
+        below = f"{key}.{name}" if key else name
+        if dataclasses.is_dataclass(value):
+            for path, other in variants(value, below):
+                yield path, replace(table, **{field.name: other})
+        elif isinstance(value, tuple) and value and dataclasses.is_dataclass(value[0]):
+            yield name, replace(table, **{field.name: value[:-1]})
+            for k, item in enumerate(value):
+                for path, other in variants(item, below):
+                    items = (*value[:k], other, *value[k + 1 :])
+                    yield path, replace(table, **{field.name: items})
+        else:
+            yield below, replace(table, **{field.name: changed(value)})
+
+
+def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_path: Path) -> None:
+    out, seen = tmp_path / "run", set()
+    with run_folder(out, FULL) as folder:
+        (folder / SYSTEM).write_text("a system")
+        (folder / JOURNAL).write_bytes(bytes(100))
+        steady = {"reached": True}
+        summary = {"title": "", "turning_points": [], "dissipation_per_cycle": [1.0, 1.0]}
+        write_summary(folder / "summary.json", {**summary, "steady": steady})
+    for key, other in variants(FULL):
+        seen.add(key)
+        if key in FREE:
+            # nothing is left to do where cycles after the steady one are asked for
+            done = key in ("history.cycles", "history.until")
+            assert is_finished(out, replace(other, history=FULL.history)) == done, key
+            continue
+        table, _, last = key.rpartition(".")
+        with pytest.raises(InputError) as caught:
+            is_finished(out, other)
+        named = f"[{table}] {last}" if table else key
+        assert f"begun with another {named};" in str(caught.value), key
+    assert FREE < seen and len(seen) > 55
+
+
+def test_saved_system_depends_on_all_of_the_body_and_on_nothing_else() -> None:
+    mine, impossible = digest(FULL), set()
+    for key, other in variants(FULL):
+        table, _, last = key.rpartition(".")
+        physical = (table or key) in ("body", "material", "mesh", "contact", "load", "support")
+        physical &= (table, last) not in (("contact", "friction"), ("contact", "initial_gap"))
+        try:
+            found = digest(other)
+        except InputError:
+            impossible.add(key)  # there is no such file or material
+            continue
+        assert (found != mine) == physical, key
+    assert impossible == {"body", "body.material", "body.mesh", "material", "material.name"}

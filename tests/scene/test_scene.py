@@ -1,0 +1,556 @@
+import dataclasses
+import math
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.cautions import warnings
+from receding_fenicsx.scene.expressions import evaluate_expression
+from receding_fenicsx.scene.model import (
+    Body,
+    Contact,
+    Load,
+    Material,
+    MeshOptions,
+    Scene,
+    SolverOptions,
+    Support,
+    edge_points,
+    edge_range,
+    evaluate,
+)
+from receding_fenicsx.scene.symmetry import is_mirror_symmetric
+from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
+from receding_fenicsx.scene.validate import validate
+
+DEMOS = Path(__file__).parents[2] / "demos"
+BLOCK = (DEMOS / "block.toml").read_text()
+
+
+def block(*overrides: str, extra: str = "") -> Scene:
+    return from_toml(BLOCK + extra, overrides)
+
+
+def message(*overrides: str, extra: str = "") -> str:
+    """The one line with which a changed block is refused."""
+    with pytest.raises(InputError) as caught:
+        block(*overrides, extra=extra)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def test_block_is_the_papers_block() -> None:
+    scene = read_scene(DEMOS / "block.toml")
+    # section 2: height h, width 4h, p0 on the central 2h; section 3: f = 0.35, nu = 0.3
+    assert scene.body.width == 4 * scene.body.height
+    assert scene.loads[0].span == (-scene.body.height, scene.body.height)
+    assert (scene.contacts[0].friction, scene.material.poisson) == (0.35, 0.3)
+    assert scene.mesh.degree * scene.mesh.contact_elements + 1 == 321
+    assert scene.history.minimum == scene.history.maximum / 3
+
+
+def test_written_scene_reads_back_equal() -> None:
+    scene = block(
+        'title="a \\"quoted\\" \\u00e9\\n\\u007f title"',
+        "contact.friction={x = [-2, 0.1, 2], value = [0.1, 0.3, 0.1]}",
+        "contact.initial_gap=0.001*x**2",
+        "load.p0.pressure=1 - 0.5*abs(x)",
+        "history.initial_slip=1e-3*x",
+        "history.until=steady",
+        "output.cycles=[0, 5]",
+        "solver.polish=false",
+        "material.young=210e9",
+        extra='[[support]]\nedge = "left"\nfix = "x"\n[[support]]\npoint = [0, 1]\nfix = "xy"\n',
+    )
+    text = to_toml(scene)
+    assert from_toml(text) == scene
+    assert to_toml(from_toml(text)) == text
+    assert scene.supports[1] == Support(fix="xy", point=(0.0, 1.0))
+
+
+def test_written_scene_holds_every_value() -> None:
+    text = to_toml(Scene(loads=(Load("p", "top", pressure=1.0),)))
+    for kind in (SolverOptions, Contact):
+        for field in dataclasses.fields(kind):
+            given = field.default is not None
+            assert (f"\n{field.name} = " in text) == given, field.name
+
+
+def test_one_table_or_an_array_of_one_are_the_same() -> None:
+    single = BLOCK.replace("[[load]]", "[load]")
+    assert single != BLOCK
+    assert from_toml(single) == block()
+    assert from_toml(BLOCK.replace("[contact]", "[[contact]]")) == block()
+
+
+def test_overrides_change_one_value() -> None:
+    scene = block("contact.friction = 0.5", "load.p0.span=[-0.5, 0.5]", "title=other")
+    assert scene.contacts[0].friction == 0.5
+    assert scene.loads[0].span == (-0.5, 0.5)
+    assert scene.title == "other"
+    assert dataclasses.replace(scene, title=block().title, contacts=block().contacts).mesh == (
+        block().mesh
+    )
+
+
+def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
+    text = BLOCK.replace('name = "p0"', 'name = "p.0"').replace('load = "p0"', 'load = "p.0"')
+    assert from_toml(text, ["load.p.0.pressure=3"]).loads[0].pressure == 3.0
+
+
+@pytest.mark.parametrize(
+    ("overrides", "words"),
+    [
+        # keys
+        (["contact.frictoin=0.5"], ["[contact]", "'frictoin'", "did you mean 'friction'?"]),
+        (["mesh.contact_element=8"], ["[mesh]", "did you mean 'contact_elements'?"]),
+        (["load.p0.presure=1"], ["load 'p0'", "did you mean 'pressure'?"]),
+        (["solvr.method=events"], ["did you mean 'solver'?"]),
+        (["load.p1.pressure=1"], ["unknown load 'p1'", "p0"]),
+        (["contact.friction"], ["--set", "table.key=value"]),
+        (["contact=1"], ["--set", "contact.key=value"]),
+        (["load.pressure=1"], ["name the load"]),
+        (["a.b.c=1"], ["'a'"]),
+        (["mesh.degree.x=1"], ["mesh.key=value"]),
+        # types
+        (["body.width=wide"], ["[body] width", "must be a number"]),
+        (["body.width=true"], ["[body] width", "must be a number", "true"]),
+        (["body.width=nan"], ["[body] width", "finite"]),
+        (["body.width=inf"], ["[body] width", "finite"]),
+        (["body.width=1" + 400 * "0"], ["[body] width", "finite"]),
+        (["contact.friction=true"], ["[contact] friction", "number, an expression"]),
+        (["contact.friction=nan"], ["[contact] friction", "finite"]),
+        (["mesh.degree=2.0"], ["[mesh] degree", "whole number"]),
+        (["mesh.degree=true"], ["[mesh] degree", "whole number"]),
+        (["history.cycles=1e3"], ["[history] cycles", "whole number"]),
+        (["solver.polish=1"], ["[solver] polish", "true or false"]),
+        (["title=3"], ["title", "string"]),
+        (["load.p0.span=1.0"], ["span", "list"]),
+        (["load.p0.span=[0, 1, 2]"], ["span", "two numbers"]),
+        (["load.p0.span=[0, nan]"], ["span", "finite"]),
+        (["contact.friction={x=[0, 1]}"], ["[contact] friction", "both lists"]),
+        (["contact.friction={x=[0, 1], values=[0, 1]}"], ["did you mean 'value'?"]),
+        (["output.cycles=last"], ["[output] cycles", '"all" or a list']),
+        # meanings
+        (["body.width=-4"], ["[body] width", "positive"]),
+        (["body.height=0"], ["[body] height", "positive"]),
+        (["body.shape=circle"], ["[body] shape", "rectangle"]),
+        (["material.young=0"], ["[material] young", "positive"]),
+        (["material.poisson=0.5"], ["[material] poisson", "below 0.5", "plane strain"]),
+        (["material.poisson=-1"], ["[material] poisson", "above -1"]),
+        (["material.kinematics=plane stress", "material.poisson=1"], ["below 1", "plane stress"]),
+        (["material.kinematics=plane"], ["[material] kinematics", "plane strain"]),
+        (["mesh.contact_elements=2"], ["[mesh] contact_elements", "too few"]),
+        (["mesh.contact_elements=7"], ["[mesh] contact_elements", "odd", "even"]),
+        (["mesh.contact_elements=1000000"], ["[mesh] contact_elements", "too many"]),
+        (["mesh.degree=3"], ["[mesh] degree", "1 or 2"]),
+        (["mesh.cell=hexagon"], ["[mesh] cell", "triangle"]),
+        (["mesh.growth=0.9"], ["[mesh] growth", "1 (uniform)"]),
+        (["contact.friction=-0.1"], ["[contact] friction", "must not be negative"]),
+        (["contact.friction=0.3*x"], ["[contact] friction", "x = -2", "must not be negative"]),
+        (["contact.initial_gap=-1e-9"], ["[contact] initial_gap", "must not be negative"]),
+        (["contact.friction={x=[0, 0], value=[1, 1]}"], ["[contact] friction", "increase"]),
+        (["contact.friction={x=[0, 1], value=[1]}"], ["[contact] friction", "equal length"]),
+        (["contact.edge=bottm"], ["[contact] edge", "bottom"]),
+        (["contact.span=[-3, 1]"], ["[contact] span", "beyond", "-2 to 2"]),
+        (["contact.span=[1, 1]"], ["[contact] span", "empty"]),
+        (["load.p0.span=[-1, 2.5]"], ["load 'p0' span", "beyond"]),
+        (["load.p0.span=[1, -1]"], ["load 'p0' span", "empty"]),
+        (["load.p0.edge=side"], ["load 'p0' edge", "top"]),
+        (["load.p0.edge=bottom"], ["load 'p0'", "contact edge"]),
+        (["load.p0.pressure=0"], ["load 'p0' pressure", "zero everywhere"]),
+        (["load.p0.pressure=1/x"], ["load 'p0' pressure", "1/x", "finite", "x = 0"]),
+        (["load.p0.pressure=1/q"], ["load 'p0' pressure", "unknown name 'q'"]),
+        (["load.p0.traction=[0, 1]"], ["load 'p0'", "pressure and traction"]),
+        (["load.p0.traction=[0]"], ["load 'p0' traction", "[x, y]"]),
+        (["load.p0.name= "], ["name", "empty"]),
+        (["solver.method=jacobi"], ["[solver] method", "gauss-seidel"]),
+        (["solver.symmetry=full"], ["[solver] symmetry", "auto"]),
+        (["solver.over_relaxation=2"], ["[solver] over_relaxation"]),
+        (["solver.steps_per_leg=0"], ["[solver] steps_per_leg", "positive"]),
+        (["solver.residual_tolerance=1"], ["[solver] residual_tolerance", "below 1"]),
+        (["output.samples_per_leg=-1"], ["[output] samples_per_leg", "positive"]),
+        (["output.cycles=[0, 401]"], ["[output] cycles", "401", "0 to 400"]),
+        (["history.initial_slip=log(x)"], ["[history] initial_slip", "finite"]),
+        # not available yet
+        (["body.mesh=my.msh", "body.width=3"], ["[body] width", "leave out it or mesh"]),
+        (["body.surface=core"], ["[body] surface", "needs a mesh file"]),
+        (["body.parameters={a = 1}"], ["[body] parameters", "needs a mesh file"]),
+        (["body.parameters={a = true}"], ["[body] parameters.a", "number"]),
+        (["body.material=steel"], ["[body] material", "unknown material 'steel'"]),
+        (["body.name=a.b"], ["name", "dot"]),
+        (["material.kinematics=axisymmetric"], ["load 'p0' span", "from 0 to"]),
+        (["contact.against=top"], ["[contact] against", "one body only"]),
+        (["contact.edge=a.bottom"], ["[contact] edge", "a.bottom"]),
+        (["contact.2.edge=top"], ["--set", "contact.key=value"]),
+        (["material.a.young=1"], ["material.key=value"]),
+        (["body=[]"], ["body.key=value"]),
+    ],
+)
+def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]) -> None:
+    text = message(*overrides)
+    for word in words:
+        assert word in text, text
+
+
+@pytest.mark.parametrize(
+    ("extra", "words"),
+    [
+        ('[support]\nfix = "z"\nedge = "left"', ["fix", "x, y, xy"]),
+        ('[support]\nfix = "x"', ["neither of edge and point"]),
+        ('[support]\nfix = "x"\nedge = "left"\npoint = [0, 0]', ["both of edge and point"]),
+        ('[support]\nfix = "x"\npoint = [0, 2]', ["point", "outside the body"]),
+        ('[support]\nfix = "x"\nedge = "bottom"', ["contact edge"]),
+        ('[support]\nedge = "left"', ["'fix' is missing"]),
+        ('[[load]]\nname = "p0"\nedge = "left"\npressure = 1', ["load 'p0'", "2 loads"]),
+        ('[[load]]\nname = "q"\nedge = "left"', ["load 'q'", "has none of pressure, traction"]),
+        (
+            '[[load]]\nname = "q"\nedge = "top"\nforce = [0.0, -1.0]',
+            ["load 'q' force", "platen = true"],
+        ),
+        (
+            '[[load]]\nname = "q"\nedge = "top"\nplaten = true\npressure = 1.0',
+            ["load 'q' platen", "not pressure"],
+        ),
+        (
+            '[[load]]\nname = "q"\nedge = "top"\nplaten = true\nforce = [0.0, 0.0]',
+            ["load 'q' force", "zero"],
+        ),
+        (
+            '[[load]]\nname = "q"\nedge = "top"\ndisplacement = ["free", "free"]',
+            ["load 'q' displacement", "zero"],
+        ),
+        ('[[load]]\nedge = "left"\npressure = 1', ["'name' is missing"]),
+        ("[[contact]]", ["not valid TOML"]),
+        ("[body]", ["not valid TOML"]),
+        ("[axis]", ["unknown table 'axis'"]),
+        ("[material.a]\nyoung = 1", ["[material.a]", "no body is made of it"]),
+        ("[material.a]\nyuong = 1", ["[material.a]", "did you mean 'young'?"]),
+        ("[material.a]\nname = 1", ["[material.a]", "unknown key 'name'"]),
+    ],
+)
+def test_bad_table_is_refused_in_one_line(extra: str, words: list[str]) -> None:
+    text = message(extra=extra)
+    for word in words:
+        assert word in text, text
+
+
+PAIR = (
+    BLOCK.replace("[body]", '[[body]]\nname = "upper"\nposition = [0.0, 1.0]')
+    .replace('edge = "bottom"', 'edge = "upper.bottom"\nagainst = "lower.top"')
+    .replace('edge = "top"', 'edge = "upper.top"')
+    + """
+[[body]]
+name = "lower"
+[[support]]
+edge = "lower.bottom"
+fix = "xy"
+[material.lower]
+young = 3.0
+"""
+)
+"""The block on a second one, of another material."""
+
+
+def test_scene_of_two_bodies_reads_back_equal() -> None:
+    scene = from_toml(PAIR, ["body.lower.height=2", "material.lower.poisson=0.2"])
+    assert [body.name for body in scene.bodies] == ["upper", "lower"]
+    assert scene.others[0].height == 2.0 and scene.body.height == 1.0
+    assert [scene.material_of(body).young for body in scene.bodies] == [1.0, 3.0]
+    assert scene.find_edge("lower.top") == (scene.others[0], "top")
+    assert from_toml(to_toml(scene)) == scene
+
+
+def test_names_of_bodies_and_edges_are_checked() -> None:
+    cases = [
+        ('name = "lower"', "", "name: is missing"),
+        ('name = "lower"', 'name = "upper"', "body 'upper': 2 bodies"),
+        ('"lower.bottom"', '"lowre.bottom"', 'edge: "lowre.bottom" names none.*"lower.bottom"'),
+        ('against = "lower.top"', "", "against: has to name an edge of the other body"),
+        ('"lower.bottom"', '"lower.botom"', "edge:.*botom.*unknown"),
+        ("[material.lower]", "[material.lowe]", r"\[material.lowe\]: no body is made of it"),
+        ("young = 3.0", "young = -3.0", r"\[material.lower\] young: must be positive"),
+        ("young = 3.0", 'kinematics = "plane stress"', "kinematics: differs from body to body"),
+    ]
+    for old, new, words in cases:
+        assert old in PAIR
+        with pytest.raises(InputError, match=words):
+            from_toml(PAIR.replace(old, new))
+
+
+def test_path_of_a_mesh_is_relative_to_the_scene_file(tmp_path: Path) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(BLOCK.replace("[body]", '[body]\nmesh = "parts/my.msh"'))
+    with pytest.raises(InputError, match=r'\[body\] mesh: "parts/my.msh": no such file'):
+        read_scene(path)
+
+
+def test_scene_without_loads_is_refused() -> None:
+    with pytest.raises(InputError, match=r"\[\[load\]\]: the scene has none"):
+        from_toml('title = "nothing"')
+
+
+@pytest.mark.parametrize("value", [math.nan, math.inf])
+def test_values_that_are_not_finite_are_refused_also_from_python(value: float) -> None:
+    scene = block()
+    bad = dataclasses.replace(scene, body=dataclasses.replace(scene.body, height=value))
+    with pytest.raises(InputError, match=r"\[body\] height"):
+        validate(bad)
+    table = {"x": [0.0, 1.0], "value": [0.0, value]}
+    bad = dataclasses.replace(scene, contacts=(Contact(friction=table),))
+    with pytest.raises(InputError, match=r"friction.*finite"):
+        validate(bad)
+
+
+def test_unreadable_files_are_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"none\.toml: no such scene file"):
+        read_scene(tmp_path / "none.toml")
+    with pytest.raises(InputError, match="cannot be read"):
+        read_scene(tmp_path)
+    (tmp_path / "latin.toml").write_bytes(b'title = "\xe9"')
+    with pytest.raises(InputError, match="UTF-8"):
+        read_scene(tmp_path / "latin.toml")
+    (tmp_path / "cut.toml").write_text(BLOCK[: len(BLOCK) // 2 + 3])
+    with pytest.raises(InputError, match=r"cut\.toml: "):
+        read_scene(tmp_path / "cut.toml")
+
+
+# -- expressions and profiles --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("2", lambda x, y: 2 + 0 * x),
+        ("-x**2/3 + pi", lambda x, y: -(x**2) / 3 + math.pi),
+        ("x*y - (x - 1)*+2", lambda x, y: x * y - (x - 1) * 2),
+        ("min(x, 0.5, y) + max(x, -0.25)", lambda x, y: min(x, 0.5, y) + max(x, -0.25)),
+        ("abs(x) + sqrt(abs(x))", lambda x, y: abs(x) + math.sqrt(abs(x))),
+        ("sin(x) + cos(y)*tanh(x)", lambda x, y: math.sin(x) + math.cos(y) * math.tanh(x)),
+        ("exp(-x) + log(2 + x)", lambda x, y: math.exp(-x) + math.log(2 + x)),
+        ("where(x > 0, 1, 2)", lambda x, y: 1.0 if x > 0 else 2.0),
+        ("(-0.5 <= x < 0.5) + (x == 1)", lambda x, y: (-0.5 <= x < 0.5) + (x == 1)),
+        ("2*(x != y)", lambda x, y: 2.0 * (x != y)),
+        ("  1e-3 ", lambda x, y: 1e-3),
+    ],
+)
+def test_expression_has_pythons_value(text: str, expected: Callable[[float, float], float]) -> None:
+    x = np.array([-1.0, -0.5, 0.0, 0.25, 1.0])
+    y = np.array([0.5, -0.5, 2.0, 0.25, -1.0])
+    wanted = [expected(a, b) for a, b in zip(x, y, strict=True)]
+    np.testing.assert_allclose(evaluate_expression(text, x, y), wanted, rtol=1e-15, atol=1e-16)
+
+
+@pytest.mark.parametrize(
+    ("text", "word"),
+    [
+        ("__import__('os').system('true')", "not allowed"),
+        ("x.__class__", "not allowed"),
+        ("(lambda: 1)()", "not allowed"),
+        ("[x for x in (1,)]", "not allowed"),
+        ("x[0]", "not allowed"),
+        ("'a'", "not allowed"),
+        ("True", "not allowed"),
+        ("1j", "not allowed"),
+        ("x and 1", "not allowed"),
+        ("x if x else 1", "not allowed"),
+        ("x^2", "write ** for a power"),
+        ("open(x)", "unknown name 'open'"),
+        ("sqr(x)", "did you mean 'sqrt'?"),
+        ("sin(x, x)", "takes 1 argument"),
+        ("min(x)", "takes 2 to 20"),
+        ("sin(x=x)", "not allowed"),
+        ("z", "unknown name 'z'"),
+        ("y", "only x"),
+        ("", "not an expression"),
+        ("x +", "not an expression"),
+        ("x = 1", "not an expression"),
+        ("9**9**9**9", "finite"),
+        ("sqrt(x)", "finite"),
+        ("log(x - x)", "finite"),
+        ("1" + 400 * "0", "too large"),
+        (1001 * "1", "characters"),
+        (450 * "(" + "x" + 450 * ")", "not an expression"),
+        ("\0", "not an expression"),
+    ],
+)
+def test_other_text_is_no_expression(text: str, word: str) -> None:
+    with pytest.raises(InputError) as caught:
+        evaluate_expression(text, np.array([-1.0, 1.0]))
+    assert word in str(caught.value)
+
+
+def test_long_sums_are_refused_or_right_but_never_crash() -> None:
+    text = "+".join(400 * ["x"])
+    np.testing.assert_allclose(evaluate_expression(text, np.array([0.5])), [200.0])
+    with pytest.raises(InputError):
+        evaluate_expression(999 * "-" + "x", np.array([0.5]))
+
+
+def test_table_is_linear_inside_and_constant_outside() -> None:
+    table = {"x": [0.0, 1.0, 3.0], "value": [1.0, 2.0, 0.0]}
+    np.testing.assert_allclose(
+        evaluate(table, [-5.0, 0.5, 2.0, 9.0]), [1.0, 1.5, 1.0, 0.0], rtol=1e-15
+    )
+    np.testing.assert_array_equal(evaluate(0.25, np.zeros((2, 3))), np.full((2, 3), 0.25))
+
+
+def test_edges_are_measured_from_the_centre() -> None:
+    scene = block()
+    assert edge_range(scene, "bottom") == (-2.0, 2.0)
+    assert edge_range(scene, "left") == (-0.5, 0.5)
+    for edge, point in {
+        "bottom": (0.25, 0.0),
+        "top": (0.25, 1.0),
+        "left": (-2.0, 0.75),
+        "right": (2.0, 0.75),
+    }.items():
+        x, y = edge_points(scene, edge, 0.25)
+        assert (float(x), float(y)) == point
+    with pytest.raises(InputError, match="no edge"):
+        edge_range(scene, "roof")
+
+
+# -- mirror symmetry -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        [],
+        ["contact.friction=0.3 + 0.1*cos(pi*x)"],
+        ["contact.friction={x=[-1, 0, 1], value=[0.1, 0.4, 0.1]}"],
+        ["contact.initial_gap=0.01*x**2"],
+        ["contact.span=[-1.5, 1.5]"],
+        ["load.p0.pressure=exp(-x**2)"],
+        ["history.initial_slip=1e-3*x**3"],
+    ],
+)
+def test_mirror_images_of_themselves_are_symmetric(overrides: list[str]) -> None:
+    assert is_mirror_symmetric(block(*overrides))
+
+
+@pytest.mark.parametrize(
+    "overrides",
+    [
+        ["contact.friction=0.3 + 1e-6*x"],
+        ["contact.friction={x=[-1, 0, 2], value=[0.1, 0.4, 0.1]}"],
+        ["contact.initial_gap=0.01*(x + 2)"],
+        ["contact.span=[-1.5, 1.25]"],
+        ["load.p0.span=[-1.0, 1.25]"],
+        ["load.p0.pressure=1 + 0.1*x"],
+        ["load.p0.edge=left", "load.p0.span=[-0.5, 0.5]"],
+        ["contact.edge=right"],
+        ["history.initial_slip=1e-3*x**2"],
+        ["history.initial_slip=1e-3"],
+    ],
+)
+def test_scenes_with_a_left_and_a_right_are_not_symmetric(overrides: list[str]) -> None:
+    assert not is_mirror_symmetric(block(*overrides))
+
+
+@pytest.mark.parametrize(
+    ("traction", "symmetric"),
+    [
+        ("[0.0, -1.0]", True),
+        ("[1.0, 0.0]", False),
+        ('["x", "-1 - x**2"]', True),
+        ('["x**2", -1.0]', False),
+        ('["x", "x"]', False),
+        ('["1e-15*x**2", -1.0]', True),
+    ],
+)
+def test_traction_is_symmetric_when_its_x_part_is_odd(traction: str, symmetric: bool) -> None:
+    text = BLOCK.replace("pressure = 1.0", f"traction = {traction}")
+    assert text != BLOCK
+    assert is_mirror_symmetric(from_toml(text)) == symmetric
+
+
+@pytest.mark.parametrize(
+    ("part", "symmetric"),
+    [
+        ({"platen": True, "force": (0.0, -1.0)}, True),
+        ({"platen": True, "force": (0.3, -1.0)}, False),
+        ({"platen": True, "force": (0.3, 0.0)}, False),
+        ({"displacement": ("0.1*x", -0.2)}, True),
+        ({"displacement": (0.1, -0.2)}, False),
+        ({"displacement": ("free", "0.1*x")}, False),
+        ({"pressure": "1 + x"}, False),
+    ],
+)
+def test_load_is_symmetric_when_nothing_of_it_goes_to_a_side(part: dict, symmetric: bool) -> None:
+    scene = dataclasses.replace(block(), loads=(Load("p0", "top", **part),))
+    validate(scene)
+    assert is_mirror_symmetric(scene) == symmetric
+
+
+@pytest.mark.parametrize(
+    ("supports", "symmetric"),
+    [
+        ((Support("x", edge="left"), Support("x", edge="right")), True),
+        ((Support("xy", edge="left"), Support("yx", edge="right")), True),
+        ((Support("x", edge="left"), Support("y", edge="right")), False),
+        ((Support("x", edge="left"),), False),
+        ((Support("xy", edge="top"),), True),
+        ((Support("x", point=(0.0, 1.0)),), True),
+        ((Support("x", point=(-1.0, 1.0)), Support("x", point=(1.0, 1.0))), True),
+        ((Support("x", point=(-1.0, 1.0)), Support("x", point=(1.0, 0.5))), False),
+    ],
+)
+def test_supports_need_their_images(supports: tuple[Support, ...], symmetric: bool) -> None:
+    scene = dataclasses.replace(block("load.p0.span=[-0.5, 0.5]"), supports=supports)
+    assert is_mirror_symmetric(scene) == symmetric
+
+
+# -- warnings -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("poisson", "degree", "kinematics", "warned"),
+    [
+        (0.49, 1, "plane strain", True),
+        (0.49, 1, "axisymmetric", True),
+        (0.49, 2, "plane strain", False),
+        (0.49, 1, "plane stress", False),
+        (0.45, 1, "plane strain", False),
+    ],
+)
+def test_elements_that_lock_are_warned_of(
+    poisson: float, degree: int, kinematics: str, warned: bool
+) -> None:
+    scene = Scene(material=Material(1.0, poisson, kinematics), mesh=MeshOptions(degree=degree))
+    found = warnings(scene)
+    assert bool(found) == warned
+    assert all("order 1 lock" in text and "degree = 2" in text for text in found)
+
+
+def test_material_of_a_body_is_the_one_it_names_or_that_of_its_name() -> None:
+    soft, hard, steel = (Material(float(k), 0.3, name=n) for k, n in ((1, ""), (2, "b"), (3, "s")))
+    scene = Scene(
+        body=Body("a"),
+        others=(Body("b"), Body("c", material="s"), Body("b", material="s")),
+        material=soft,
+        materials=(hard, steel),
+    )
+    assert [scene.material_of(body).young for body in scene.bodies] == [1.0, 2.0, 3.0, 3.0]
+    with pytest.raises(InputError, match=r"add \[material.tin\]"):
+        scene.material_of(Body("d", material="tin"))
+
+
+@pytest.mark.parametrize("first", [True, False])
+def test_elements_of_either_body_that_lock_are_warned_of(first: bool) -> None:
+    plain, soft = Material(1.0, 0.3), Material(1.0, 0.49)
+    a, b = (soft, plain) if first else (plain, soft)
+    scene = Scene(
+        body=Body("a", position=(0.0, 1.0)),
+        others=(Body("b"),),
+        material=a,
+        materials=(dataclasses.replace(b, name="b"),),
+        mesh=MeshOptions(degree=1),
+    )
+    (text,) = warnings(scene)
+    assert "Poisson's ratio 0.49" in text
