@@ -22,9 +22,9 @@ from receding_fenicsx import evolve, study
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import figures
 from receding_fenicsx.output.report import html
-from receding_fenicsx.output.report.summary import read_summary
 from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.output.storage import hdf5
+from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 

@@ -287,9 +287,9 @@ class _Progress:
 
 def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import mpi, study
-    from receding_fenicsx.output.report.summary import read_summary
     from receding_fenicsx.output.report.text import run_table
     from receding_fenicsx.output.storage.run_folder import has_run, is_finished
+    from receding_fenicsx.output.storage.summary_file import read_summary
     from receding_fenicsx.scene.toml_file import read_scene
 
     scene, out, pictures = (

@@ -15,7 +15,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report import summary
-from receding_fenicsx.output.storage import hdf5
+from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 
@@ -75,7 +75,7 @@ def run_history(
         record = record_of(system, scene.solver, journal.passed)
         hdf5.write_record(folder / "record.h5", record, overwrite=True)
         brief = summary.summarise(record, {"failure": text})
-        summary.write_summary(folder / "summary.json", brief, overwrite=True)
+        summary_file.write_summary(folder / "summary.json", brief, overwrite=True)
         raise Interrupted(
             f"{text}; {folder} holds the record up to there, --resume goes on", int(code or 1)
         ) from None

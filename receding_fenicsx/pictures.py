@@ -96,7 +96,7 @@ def animate(
     Returns:
         The files that were made, .mp4 and .gif, on rank 0; None on the others.
     """
-    animation, snapshots = drawing("animation"), drawing("snapshots.draw")
+    animation, snapshots = drawing("snapshots.animation"), drawing("snapshots.draw")
     comm = comm or world()
     folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)

@@ -12,15 +12,16 @@ from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import long_run, mpi
 from receding_fenicsx.bulk.from_scene import condensed
-from receding_fenicsx.evolution.prepare import system_for
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import friction_margin
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import space_errors, summary
-from receding_fenicsx.output.storage import hdf5
+from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.run_folder import SYSTEM, run_folder
 from receding_fenicsx.pictures import draw, drawing
-from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.timing import Say, Timer
 
@@ -90,7 +91,9 @@ def run(
         extra["friction_margin"] = mpi.on_root(comm, lambda: friction_margin(mpi.given(system)))
         if error and failure is None:
             with timer("errors"):
-                extra |= space_errors.errors_of_run(scene, record, comm)
+                extra |= space_errors.errors_of_run(
+                    scene, record, lambda coarse: _headlines(coarse, comm)
+                )
         if out is not None:
             # before the pictures, so that it is there whatever becomes of them
             mpi.on_root(comm, lambda: _write_record(folder, record))
@@ -130,12 +133,13 @@ def _system(
     system = mpi.on_root(comm, saved)
     if comm.bcast(system is not None):
         return system, {}
-    whole, dofs = condensed(scene, comm, timer)
+    bare, dofs = condensed(scene, comm, timer)
 
     def keep() -> ContactSystem:
+        whole = with_profiles(scene, mpi.given(bare))
         if folder is not None:
-            hdf5.write_system(folder / SYSTEM, mpi.given(whole))
-        return system_for(scene, mpi.given(whole))
+            hdf5.write_system(folder / SYSTEM, whole)
+        return system_for(scene, whole)
 
     return mpi.on_root(comm, keep), {"bulk_dofs": dofs}
 
@@ -158,9 +162,15 @@ def condense(
     validate(scene)
     comm = comm or world()
     system, _ = condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
-    if whole:
-        return system
-    return mpi.on_root(comm, lambda: system_for(scene, mpi.given(system)))
+    prepare = with_profiles if whole else system_for
+    return mpi.on_root(comm, lambda: prepare(scene, mpi.given(system)))
+
+
+def _headlines(scene: Scene, comm: MPI.Comm) -> Record | None:
+    """Return the record of a scene without samples and events; collective."""
+    system = condense(scene, comm)
+    bare = replace(scene, output=OutputOptions(samples_per_leg=1, cycles=()))
+    return mpi.on_root(comm, lambda: evolve(mpi.given(system), bare))
 
 
 @contextmanager
@@ -213,6 +223,6 @@ def _write_summary(
 
     def write() -> None:
         text = summary.summarise(mpi.given(record), whole)
-        summary.write_summary(mpi.given(folder) / "summary.json", text, overwrite=True)
+        summary_file.write_summary(mpi.given(folder) / "summary.json", text, overwrite=True)
 
     mpi.on_root(comm, write)

@@ -18,7 +18,8 @@ from law import worst_slip, worst_violation
 
 from receding_fenicsx.errors import NoQuasiStaticContinuation, RecedingError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record, States
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History

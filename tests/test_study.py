@@ -13,9 +13,9 @@ from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.long_run import duration
-from receding_fenicsx.output.report.summary import read_summary
 from receding_fenicsx.output.storage.hdf5 import read_record, read_system
 from receding_fenicsx.output.storage.run_folder import is_finished
+from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.pictures import default_instants
 from receding_fenicsx.scene.model import HistoryOptions, Scene
 from receding_fenicsx.scene.toml_file import read_scene

@@ -10,7 +10,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.symmetry import is_half_meshed
@@ -60,7 +59,7 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
         with timer("condense"):
             system = condensation.condense(bulk)
             on_root(comm, lambda: _check_felt(given(system)))
-            return on_root(comm, lambda: with_profiles(scene, given(system))), bulk.dofs
+            return system, bulk.dofs
     finally:
         bulk.destroy()
 

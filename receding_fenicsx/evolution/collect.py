@@ -8,7 +8,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from receding_fenicsx.evolution.record import Cycles, Events, Record, States, Steady
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.record_data import Cycles, Events, States, Steady
 from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, SWAPPED, Mirror, mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form

@@ -4,17 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from numbers import Integral, Real
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.record_data import RecordData, States
 from receding_fenicsx.interface.measures.zones import Zone, contact_zones
 from receding_fenicsx.interface.system import Array
-
-if TYPE_CHECKING:
-    from receding_fenicsx.evolution.record import Record, States
 
 SAME_LOAD = 1e-9
 """Difference of load factors, over their largest, within which a load is the one asked for."""
@@ -59,7 +57,7 @@ class Moment:
         return contact_zones(self.x, self.state, self.f)
 
 
-def moment_of(record: Record, table: States, row: int) -> Moment:
+def moment_of(record: RecordData, table: States, row: int) -> Moment:
     """Return one row of a record's turning points or samples."""
     names = record.load_names
     return Moment(
@@ -75,7 +73,7 @@ def moment_of(record: Record, table: States, row: int) -> Moment:
 
 
 def find(
-    record: Record,
+    record: RecordData,
     cycle: int,
     load: Literal["minimum", "maximum"] | float | None,
     leg: int | None,

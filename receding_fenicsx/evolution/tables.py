@@ -16,14 +16,14 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray
 
-    from receding_fenicsx.evolution.record import Record
+    from receding_fenicsx.evolution.record_data import RecordData
 
 Columns = dict[str, NDArray[Any]]
 
 TABLES = ("turning_points", "samples", "cycles", "events")
 
 
-def columns(record: Record, which: str) -> Columns:
+def columns(record: RecordData, which: str) -> Columns:
     """Return a table as columns of equal length; see :meth:`Record.to_table`."""
     per_row, per_node, per_load = _parts(record, which)
     per_row |= _by_name(record, per_load)
@@ -36,12 +36,12 @@ def columns(record: Record, which: str) -> Columns:
     return found | {name: values.reshape(-1) for name, values in per_node.items()}
 
 
-def frame(record: Record, which: str) -> pd.DataFrame:
+def frame(record: RecordData, which: str) -> pd.DataFrame:
     """Return a table for pandas; see :meth:`Record.to_pandas`."""
     return _optional("pandas").DataFrame(columns(record, which))
 
 
-def dataset(record: Record, which: str) -> xarray.Dataset:
+def dataset(record: RecordData, which: str) -> xarray.Dataset:
     """Return a table for xarray; see :meth:`Record.to_xarray`."""
     if which == "events":
         raise InputError("events: are a plain table; use to_table or to_pandas")
@@ -64,7 +64,7 @@ def dataset(record: Record, which: str) -> xarray.Dataset:
     return _optional("xarray").Dataset(variables, coordinates)
 
 
-def _by_name(record: Record, per_load: Columns) -> Columns:
+def _by_name(record: RecordData, per_load: Columns) -> Columns:
     """Return a column for each load, "load.NAME": no other column has a dot in its name."""
     return {
         f"{quantity}.{name}": values[:, k]
@@ -73,7 +73,7 @@ def _by_name(record: Record, per_load: Columns) -> Columns:
     }
 
 
-def _parts(record: Record, which: str) -> tuple[Columns, Columns, Columns]:
+def _parts(record: RecordData, which: str) -> tuple[Columns, Columns, Columns]:
     """Split a table's arrays into those of one value a row, of N, and of one a load."""
     if which not in TABLES:
         raise InputError(f"table '{which}': is unknown; use one of {', '.join(TABLES)}")

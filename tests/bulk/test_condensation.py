@@ -12,14 +12,13 @@ import pytest
 from bodies import CELLS, block, built, everything
 from numpy.typing import NDArray
 
+from receding_fenicsx import study
 from receding_fenicsx.bulk import condensation, schur
 from receding_fenicsx.bulk.condensation import condense
-from receding_fenicsx.bulk.from_scene import condensed
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Body, Contact, Load, Material, Scene, Support
-from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]
@@ -347,7 +346,7 @@ def test_friction_and_gap_are_profiles_along_the_edge() -> None:
     contact = Contact(
         friction="0.1 + 0.1 * x**2", initial_gap={"x": [0.0, 2.0], "value": [0.0, 0.4]}
     )
-    system, _ = condensed(block(contacts=(contact,)), comm, Timer())
+    system = study.condense(block(contacts=(contact,)), comm)
     if system is not None:
         assert system.f == pytest.approx(0.1 + 0.1 * system.x**2)
         assert system.g0 == pytest.approx(0.2 * np.maximum(system.x, 0.0))
@@ -364,7 +363,7 @@ def test_a_system_knows_its_scene() -> None:
 
 def test_negative_friction_is_refused_on_all_ranks() -> None:
     with pytest.raises(InputError, match=r"\[contact\] friction: is -1 at x = -2"):
-        condensed(block(contacts=(Contact(friction="x + 1"),)), comm, Timer())
+        study.condense(block(contacts=(Contact(friction="x + 1"),)), comm)
 
 
 def test_unknown_route_is_refused() -> None:

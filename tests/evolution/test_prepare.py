@@ -19,8 +19,8 @@ from models import block_system
 from receding_fenicsx import cli, environment, study
 from receding_fenicsx.bulk.mesh import meshing
 from receding_fenicsx.evolution.prepare import with_profiles
-from receding_fenicsx.output.report.summary import read_summary
 from receding_fenicsx.output.storage.hdf5 import read_record, read_system, write_system
+from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.scene.toml_file import read_scene
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")

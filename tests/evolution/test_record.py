@@ -26,7 +26,7 @@ from receding_fenicsx.output.plots.series import Still, slip_lines
 from receding_fenicsx.output.plots.units import describe_factors
 from receding_fenicsx.output.report import summary as summary_module
 from receding_fenicsx.output.report.html import report_html
-from receding_fenicsx.output.report.summary import read_summary, summarise, write_summary
+from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.output.storage.hdf5 import (
     digest,
@@ -35,6 +35,7 @@ from receding_fenicsx.output.storage.hdf5 import (
     write_record,
     write_system,
 )
+from receding_fenicsx.output.storage.summary_file import read_summary, write_summary
 from receding_fenicsx.reference.ahn_barber import is_papers_block, paper_table
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml

@@ -19,9 +19,9 @@ import pytest
 from receding_fenicsx import cli, environment, study
 from receding_fenicsx.errors import InputError, Interrupted
 from receding_fenicsx.evolution import journal
-from receding_fenicsx.output.report.summary import read_summary
 from receding_fenicsx.output.storage.hdf5 import read_record
 from receding_fenicsx.output.storage.run_folder import is_finished
+from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 
@@ -159,7 +159,7 @@ def test_resuming_from_the_command_line(
 KILLED = """
 import os, signal, sys
 from receding_fenicsx import cli, long_run
-from receding_fenicsx.output import journal
+from receding_fenicsx.evolution import journal
 
 journal.WRITING_SHARE = float("inf")  # however slow the disk, every checkpoint is written
 write, told, blocks = journal.JournalFile._append, long_run._Pace.__call__, []

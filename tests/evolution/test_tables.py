@@ -10,7 +10,8 @@ import pytest
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution import tables
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record, States
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.scene.history import History
 
 LOOP = np.array([[1.0], [0.25], [1.0]])

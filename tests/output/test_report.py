@@ -15,8 +15,9 @@ from PIL import Image
 
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.output.report.html import CAPTIONS, report_html, write_report
-from receding_fenicsx.output.report.summary import read_summary, summarise, write_summary
+from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import extremes_of
+from receding_fenicsx.output.storage.summary_file import read_summary, write_summary
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.toml_file import to_toml

@@ -14,8 +14,9 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import State
 from receding_fenicsx.output.report import space_errors
-from receding_fenicsx.output.report.summary import read_summary, summarise
+from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import Load, OutputOptions, Scene
 from receding_fenicsx.scene.toml_file import read_scene
@@ -307,29 +308,26 @@ def test_a_zone_of_few_nodes_is_named_as_a_reason_for_stairs(
     table = record.turning_points
     monkeypatch.setattr(space_errors, "space_errors", lambda *_: {})
     assert space_errors.narrowest_zone(record) > space_errors.NARROW
-    assert "errors_warning" not in space_errors.errors_of_run(scene, record, MPI.COMM_SELF)
+    assert "errors_warning" not in space_errors.errors_of_run(scene, record, solve)
     for width, words in ((1, "is 1 node wide"), (2, "is 2 nodes wide"), (3, "")):
         state = np.full_like(table.state, State.STICK)
         state[-1, 10 : 10 + width] = State.SEPARATION
         narrow = replace(record, turning_points=replace(table, state=state))
         assert space_errors.narrowest_zone(narrow) == width
-        found = space_errors.errors_of_run(scene, narrow, MPI.COMM_SELF)
+        found = space_errors.errors_of_run(scene, narrow, solve)
         assert words in found.get("errors_warning", "")
         assert ("errors_warning" in found) == bool(words)
         printed = run_table({**summarise(record), **found})
         assert words in printed and ("do not converge in order" in printed) == bool(words)
 
 
-def test_a_run_without_an_answer_on_coarser_meshes_says_so(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def refuse(*_: object) -> None:
+def test_a_run_without_an_answer_on_coarser_meshes_says_so() -> None:
+    def refuse(_: Scene) -> Record:
         raise NotConverged("too coarse")
 
     scene = scene_of(32)
     record = solve(scene)
-    monkeypatch.setattr(study, "condense", refuse)
-    found = space_errors.errors_of_run(scene, record, MPI.COMM_SELF)
+    found = space_errors.errors_of_run(scene, record, refuse)
     assert found == {"errors": {}, "errors_failure": "on a coarser mesh: too coarse"}
     printed = run_table({**summarise(record), **found})
     assert "space errors are not known: on a coarser mesh: too coarse" in printed

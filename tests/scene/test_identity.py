@@ -14,8 +14,8 @@ import pytest
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.journal import JOURNAL
-from receding_fenicsx.output.report.summary import write_summary
 from receding_fenicsx.output.storage.run_folder import SYSTEM, is_finished, run_folder
+from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.scene.identity import digest
 from receding_fenicsx.scene.model import (
     Body,

@@ -18,7 +18,8 @@ from matplotlib.figure import Figure
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import moment_of
-from receding_fenicsx.evolution.record import Record, States
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,

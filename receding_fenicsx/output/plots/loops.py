@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.record import Record, States
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.interface.system import Array, State
 
 MOST_NODES = 4

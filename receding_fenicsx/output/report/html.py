@@ -13,7 +13,6 @@ from typing import Any
 from PIL import Image
 
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.output.report.summary import read_summary
 from receding_fenicsx.output.report.text import (
     extremes_of,
     fitted,
@@ -22,6 +21,7 @@ from receding_fenicsx.output.report.text import (
     zones_header,
     zones_shown,
 )
+from receding_fenicsx.output.storage.summary_file import read_summary
 
 WIDEST = 1200
 """Dots that an embedded picture of the body is wide at most."""

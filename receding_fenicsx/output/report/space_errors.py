@@ -25,16 +25,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receding_fenicsx.errors import InputError, RecedingError
-from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.output.report.half_widths import contact_betas, estimates
-from receding_fenicsx.scene.model import OutputOptions, Scene
+from receding_fenicsx.scene.model import Scene
 
 if TYPE_CHECKING:
-    from mpi4py import MPI
+    pass
 
 FACTORS = (2.0, 2.5, 4.0)
 """How many times coarser the meshes are, nearly. The middle one is not nested in the run's mesh."""
@@ -178,20 +175,21 @@ def space_errors(
     return errors
 
 
-def errors_of_run(scene: Scene, record: Record | None, comm: MPI.Comm) -> dict[str, Any]:
+def errors_of_run(
+    scene: Scene, record: Record | None, solve: Callable[[Scene], Record | None]
+) -> dict[str, Any]:
     """Return what a run's summary says of space errors; all ranks call this together.
+
+    Args:
+        scene: the scene of the run.
+        record: its record on rank 0, None on the others.
+        solve: as in :func:`space_errors`.
 
     Returns:
         ``{"errors": ...}`` as of :func:`space_errors`; with "errors_failure", the reason, where the
         scene has no answer on a coarser mesh, and "errors_warning" where a zone is so narrow that
         errors do not fall in order.
     """
-    from receding_fenicsx import study
-
-    def solve(coarse: Scene) -> Record | None:
-        system = study.condense(coarse, comm)
-        return on_root(comm, lambda: _evolve(coarse, system))
-
     try:
         found: dict[str, Any] = {"errors": space_errors(scene, record, solve)}
     except RecedingError as error:
@@ -204,11 +202,6 @@ def errors_of_run(scene: Scene, record: Record | None, comm: MPI.Comm) -> dict[s
             "converge in order but in stairs; use more contact elements"
         )
     return found
-
-
-def _evolve(scene: Scene, system: ContactSystem | None) -> Record:
-    bare = replace(scene, output=OutputOptions(samples_per_leg=1, cycles=()))
-    return evolve(given(system), bare)
 
 
 def estimate(value: float, coarse: Sequence[tuple[float, float]]) -> float:

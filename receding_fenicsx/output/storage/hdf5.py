@@ -16,7 +16,8 @@ import numpy as np
 from receding_fenicsx.atomic import new_hdf5
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import system_for
-from receding_fenicsx.evolution.record import Cycles, Events, Record, States, Steady
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.record_data import Cycles, Events, States, Steady
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene

@@ -16,7 +16,7 @@ from pathlib import Path
 from receding_fenicsx.atomic import check_folder, new_file, sync, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
-from receding_fenicsx.output.report.summary import read_summary
+from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.scene.identity import FREE_WHEN_FINISHED, FREE_WHEN_RESUMED, difference
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml

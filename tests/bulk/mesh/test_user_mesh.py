@@ -18,6 +18,7 @@ from receding_fenicsx.bulk.from_scene import condensed
 from receding_fenicsx.bulk.mesh.meshing import make_mesh
 from receding_fenicsx.cli import main
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.storage.hdf5 import write_system
@@ -29,7 +30,8 @@ comm = MPI.COMM_WORLD
 
 
 def system_of(scene: Scene) -> ContactSystem | None:
-    return condensed(scene, comm, Timer())[0]
+    system, _ = condensed(scene, comm, Timer())
+    return None if system is None else with_profiles(scene, system)
 
 
 def file_of(

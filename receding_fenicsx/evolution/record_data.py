@@ -1,0 +1,155 @@
+"""Arrays of a record: instants, events, cycles and the contact nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+
+@dataclass
+class States:
+    """n instants of the contact's N nodes.
+
+    Attributes:
+        cycle: (n,) cycle; 0 is the path to the start of the cycles (first loading).
+        leg: (n,) straight piece of the load path within the cycle, from 0.
+        s: (n,) position along the leg, in [0, 1].
+        load: (n, n_loads) load factors.
+        state: (n, N) states 1 to 4.
+        P, Q: (n, N) nodal reactions on the body.
+        p, q: (n, N) tractions, P / weight and Q / weight (0 where the weight is 0).
+        v, w: (n, N) tangential and normal displacement.
+        load_displacement: (n, n_loads) work-conjugate displacement of each load.
+    """
+
+    cycle: Ints
+    leg: Ints
+    s: Array
+    load: Array
+    state: NDArray[np.int8]
+    P: Array
+    Q: Array
+    p: Array
+    q: Array
+    v: Array
+    w: Array
+    load_displacement: Array
+
+
+@dataclass
+class Events:
+    """n changes of state.
+
+    Attributes:
+        cycle, leg, s: (n,) where on the load path, as in :class:`States`.
+        load: (n, n_loads) load factors.
+        node: (n,) contact node of the whole contact.
+        old, new: (n,) states before and after.
+    """
+
+    cycle: Ints
+    leg: Ints
+    s: Array
+    load: Array
+    node: Ints
+    old: NDArray[np.int8]
+    new: NDArray[np.int8]
+
+
+@dataclass
+class Cycles:
+    """Per-cycle quantities of the n completed cycles, row 0 being cycle 1.
+
+    Attributes:
+        dissipation: (n,) frictional dissipation of the whole contact.
+        dissipation_density: (n, N) dissipation per node divided by the node's weight.
+        slip_increment: (n, N) v at the end of the cycle less v at the end of the one before, of
+            nodes that touch at both; 0 elsewhere, as what an open node moves is no slip.
+    """
+
+    dissipation: Array
+    dissipation_density: Array
+    slip_increment: Array
+
+
+@dataclass
+class Steady:
+    """Whether a steady state was reached, and of which kind; see ``interface/cycles.py``.
+
+    Attributes:
+        reached: True when two successive periods repeat, in forces and in slips.
+        cycle: first cycle at which that held; -1 when not reached.
+        kind: "shakedown", "cyclic slip", "ratchetting" (every period gains the same displacement
+            under the same forces) or "not reached".
+        period: 1 or 2 cycles.
+        change: (n_cycles,) A_n over one cycle: largest change of a nodal reaction over the largest.
+    """
+
+    reached: bool
+    cycle: int
+    kind: str
+    period: int
+    change: Array
+
+
+@dataclass
+class RecordData:
+    """Arrays and numbers of one evolved history.
+
+    Attributes:
+        x, points, f, g0, weight, edge: the contact nodes, as in ``ContactSystem``, whole contact.
+        edge_names: names of the contact edges.
+        load_names: names of the loads.
+        scene_toml: text of the scene, "" when the system was made by hand.
+        method: "gauss-seidel" or "events".
+        modelled_nodes, modelled_dofs: contact nodes and degrees of freedom that were solved for.
+        half: True when half of the body was modelled.
+        axisymmetric: True when x is the radius; forces and energies are those of the full circle.
+        load_sign: (n_loads,) -1 for forces, whose load_displacement is a displacement;
+            +1 for prescribed displacements, whose load_displacement is the force that they take.
+        turning_points: the end of every leg.
+        samples: instants along the legs of the kept cycles.
+        events: changes of state in the kept cycles.
+        cycles: per-cycle quantities.
+        dissipation_first_loading: dissipation of cycle 0.
+        steady: steady state and kind.
+        residual_max: largest residual of any accepted step or segment, over the largest force.
+        energy_error_max: largest relative error of a leg's energy identity.
+        sweeps: Gauss-Seidel sweeps in total (0 for other methods).
+        n_events: changes of state in total.
+        jumps: jumps that were stepped over, no quasi-static path leading on.
+        released: energy that they released, not counted in any dissipation.
+    """
+
+    x: Array
+    points: Array
+    f: Array
+    g0: Array
+    weight: Array
+    edge: Ints
+    edge_names: tuple[str, ...]
+    load_names: tuple[str, ...]
+    scene_toml: str
+    method: str
+    modelled_nodes: int
+    modelled_dofs: int
+    half: bool
+    axisymmetric: bool
+    load_sign: Array
+    turning_points: States
+    samples: States
+    events: Events
+    cycles: Cycles
+    dissipation_first_loading: float
+    steady: Steady
+    residual_max: float
+    energy_error_max: float
+    sweeps: int
+    n_events: int
+    jumps: int = 0
+    released: float = 0.0

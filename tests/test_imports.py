@@ -1,0 +1,147 @@
+"""Imports of the package: downwards through its rooms only, and without a circle."""
+
+from __future__ import annotations
+
+import ast
+from graphlib import CycleError, TopologicalSorter
+from pathlib import Path
+
+import pytest
+
+PACKAGE = "receding_fenicsx"
+ROOT = Path(__file__).parents[1] / PACKAGE
+
+FLOORS = (
+    ("errors",),
+    ("atomic", "environment", "mpi", "timing"),
+    ("scene", "interface"),
+    ("bulk", "evolution"),
+    ("reference",),
+    ("output",),
+    ("pictures", "long_run"),
+    ("study",),
+    ("__init__",),
+    ("cli",),
+    ("__main__",),
+)
+"""Rooms of the package from the ground up. A room imports from floors below its own only."""
+
+INTERFACE = (
+    ("law", "system"),
+    ("system_checks", "residual", "mirror", "normal_form", "equilibrium", "lcp", "measures"),
+    ("gauss_seidel",),
+    ("exact",),
+    ("load_steps",),
+)
+"""Rooms of the interface: modules of its own folder, then its folders."""
+
+OUTPUT = (("storage",), ("plots",), ("snapshots", "report"))
+"""Rooms of the output."""
+
+FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")
+"""Libraries that the interface and the evolution do without."""
+
+MODULES_IN_ROOT, MODULES_IN_FOLDER = 12, 20
+
+
+def name_of(path: Path) -> str:
+    """Return a module's name within the package; "" is the package itself."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {name_of(path): path for path in sorted(ROOT.rglob("*.py"))}
+
+
+def is_of_types(node: ast.AST) -> bool:
+    """Return whether a statement is ``if TYPE_CHECKING:``."""
+    return isinstance(node, ast.If) and ast.unparse(node.test) == "TYPE_CHECKING"
+
+
+def imports(path: Path, types: bool = True) -> set[str]:
+    """Return all names that a file imports, those inside functions too.
+
+    Args:
+        path: the file.
+        types: count imports for type checkers only.
+    """
+    found: set[str] = set()
+    todo: list[ast.AST] = [ast.parse(path.read_text(encoding="utf-8"))]
+    while todo:
+        node = todo.pop()
+        if is_of_types(node) and not types:
+            continue
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            found |= {f"{node.module}.{alias.name}" for alias in node.names}
+        todo.extend(ast.iter_child_nodes(node))
+    return found
+
+
+def modules_of(path: Path, types: bool = True) -> set[str]:
+    """Return the modules of the package that a file imports."""
+    found = set()
+    for name in imports(path, types):
+        inside = name.removeprefix(f"{PACKAGE}.")
+        if inside != name:
+            found.add(inside if inside in MODULES else inside.rpartition(".")[0])
+    return found
+
+
+ARROWS = [(name, other) for name, path in MODULES.items() for other in modules_of(path)]
+
+
+def floor_of(name: str, floors: tuple[tuple[str, ...], ...], depth: int) -> int:
+    """Return the number of the floor that a module stands on."""
+    parts = name.split(".") if name else ["__init__"]
+    room = parts[min(depth, len(parts) - 1)]
+    return next(k for k, rooms in enumerate(floors) if room in rooms)
+
+
+@pytest.mark.parametrize(
+    ("inside", "floors"), [("", FLOORS), ("interface.", INTERFACE), ("output.", OUTPUT)]
+)
+def test_imports_lead_downwards(inside: str, floors: tuple[tuple[str, ...], ...]) -> None:
+    depth = inside.count(".")
+    wrong = []
+    for name, other in ARROWS:
+        if not (name.startswith(inside) and other.startswith(inside)):
+            continue
+        rooms = [[*part.split("."), ""][depth] for part in (name or "__init__", other)]
+        above, below = (floor_of(part, floors, depth) for part in (name, other))
+        if rooms[0] != rooms[1] and below >= above:
+            wrong.append(f"{name} imports {other}")
+    assert wrong == []
+
+
+def test_no_imports_in_a_circle() -> None:
+    graph = {name: modules_of(path) - {name} for name, path in MODULES.items()}
+    try:
+        TopologicalSorter(graph).prepare()
+    except CycleError as error:
+        pytest.fail(" -> ".join(error.args[1]))
+
+
+@pytest.mark.parametrize("room", ["interface", "evolution", "scene"])
+def test_rooms_do_without_finite_elements(room: str) -> None:
+    found = {
+        (name, other.split(".")[0])
+        for name, path in MODULES.items()
+        if name.split(".")[0] == room
+        for other in imports(path)
+        if other.split(".")[0] in FEM
+    }
+    assert found == set()
+
+
+def test_folders_are_small() -> None:
+    for folder in {path.parent for path in MODULES.values()}:
+        count = len([path for path in folder.glob("*.py") if not path.name.startswith("__")])
+        assert count <= (MODULES_IN_ROOT if folder == ROOT else MODULES_IN_FOLDER), folder
+
+
+def test_every_folder_says_what_it_holds() -> None:
+    for path in MODULES.values():
+        if path.name == "__init__.py":
+            assert ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))), path
