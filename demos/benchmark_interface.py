@@ -37,7 +37,8 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
-from receding_fenicsx.interface.system import ContactState, ContactSystem, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene.history import History, from_scene
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene

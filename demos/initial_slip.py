@@ -34,7 +34,8 @@ import numpy as np
 from receding_fenicsx import study
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots.style import PAGE, RC, SERIES_COLOURS, STATE_COLOURS, new_figure
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions

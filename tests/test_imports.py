@@ -27,7 +27,8 @@ FLOORS = (
 """Rooms of the package from the ground up. A room imports from floors below its own only."""
 
 INTERFACE = (
-    ("law", "system"),
+    ("law",),
+    ("system",),
     ("system_checks", "residual", "mirror", "normal_form", "equilibrium", "lcp", "measures"),
     ("gauss_seidel",),
     ("exact",),

@@ -10,16 +10,11 @@ import numpy as np
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, States, Steady
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, SWAPPED, Mirror, mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.system import (
-    Array,
-    ContactState,
-    ContactSystem,
-    State,
-    typical_stiffness,
-)
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, typical_stiffness
 from receding_fenicsx.scene.model import SolverOptions
 
 

@@ -24,17 +24,16 @@ from receding_fenicsx.evolution.prepare import system_for
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
+from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
 from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import (
-    STATE_NAMES,
     Array,
     ContactState,
     ContactSystem,
     Leg,
-    State,
     typical_stiffness,
 )
 from receding_fenicsx.interface.system_checks import check_range, check_system

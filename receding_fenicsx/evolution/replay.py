@@ -11,9 +11,10 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.collect import Instant
 from receding_fenicsx.evolution.evolve import make_tracer
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.system import ContactState, ContactSystem, State, reactions
+from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 from receding_fenicsx.scene.history import History, from_scene, leg_number
 from receding_fenicsx.scene.model import Scene, SolverOptions
 

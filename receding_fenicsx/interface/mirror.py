@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.system import Array, ContactSystem, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import Array, ContactSystem
 
 AXIS_TOLERANCE = 1e-12
 """Distance from the axis, over the contact's length, below which a node lies on it."""

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
 
 OPEN_SCALE = 1e-2
 """Part of the reactions with all nodes held that counts as force scale where nothing presses."""

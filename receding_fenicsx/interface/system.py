@@ -10,24 +10,11 @@ compression), and
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-
-
-class State(IntEnum):
-    """The four states of a contact node, numbered as in section 2 of the paper."""
-
-    STICK = 1
-    SEPARATION = 2
-    FORWARD_SLIP = 3
-    BACKWARD_SLIP = 4
-
-
-STATE_NAMES = {s: s.name.lower().replace("_", " ") for s in State}
+from receding_fenicsx.interface.law import Array
 
 
 @dataclass(frozen=True)

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.steady import slip_exponents
 from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.interface.system import STATE_NAMES, State
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml
 

@@ -14,8 +14,9 @@ from numpy.typing import NDArray
 from receding_fenicsx.bulk.elasticity import back_substitute, stresses
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.model import (
     Contact,

@@ -20,8 +20,9 @@ from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.two_bodies import Pair, build_all, displacements
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots.units import pressure_of
 from receding_fenicsx.output.snapshots.fields import Fields, field_files, fields_at

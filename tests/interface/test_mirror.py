@@ -6,8 +6,8 @@ from models import block_system
 from small import cyclic, small_system, table
 
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.system import State
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 

@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from small import small_system
 
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.residual import largest_force, law_residual, residual_at_rest
-from receding_fenicsx.interface.system import ContactState, State
+from receding_fenicsx.interface.system import ContactState
 
 K_T, K_N, F = 2.0, 5.0, 0.5
 SYSTEM = small_system(np.diag([K_T, K_N]), {"a": [0.0, 1.0]}, F, 0.125)

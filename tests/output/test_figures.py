@@ -21,7 +21,8 @@ from small import cyclic, small_system
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import figures, series, style
 from receding_fenicsx.output.plots.series import first_unloading, limit_without_slip, slip_lines
 from receding_fenicsx.output.plots.units import describe_factors, load_symbol, scales_of

@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import State
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.plots import figures, style
 from receding_fenicsx.output.plots.loops import loop_of, shown_cycles, telling_nodes
 from receding_fenicsx.scene.history import History

@@ -20,8 +20,8 @@ from receding_fenicsx import evolve, read_scene, study
 from receding_fenicsx.evolution.collect import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import turning_point
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.interface.system import State
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.draw import QUANTITIES, colours_of, scaled

@@ -12,7 +12,7 @@ from receding_fenicsx import study
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import State
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.report import space_errors
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table

@@ -16,7 +16,8 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from receding_fenicsx.interface.gauss_seidel.direct import RIGID_TOLERANCE, has_rigid
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
 
 GAIN = 1e-9
 """Potential gained by rolling, over the loads' sum times the largest gap, below which a body rests

@@ -25,7 +25,8 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dger
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from receding_fenicsx.interface.system import Array, ContactSystem, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import Array, ContactSystem
 
 V, W, A, B, REACTION = range(5)
 """Kinds of quantity; REACTION is Q of a node without friction, an input for good."""

@@ -18,13 +18,14 @@ from scipy.linalg.blas import daxpy
 
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.residual import (
     largest_force,
     law_residual,
     local_stiffness,
     round_off,
 )
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, State, reactions
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, reactions
 
 STICK, SEPARATION = int(State.STICK), int(State.SEPARATION)
 FORWARD, BACKWARD = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)

@@ -19,8 +19,9 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.lcp import enumerate_states, lemke
-from receding_fenicsx.interface.system import Array, ContactSystem, State
+from receding_fenicsx.interface.system import Array, ContactSystem
 
 Indices = NDArray[np.intp]
 

@@ -12,7 +12,8 @@ from itertools import islice, product
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.system import Array, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import Array
 
 EXHAUSTED = 2**16
 """Largest number of sets of states that is gone through: eight nodes with all four states."""

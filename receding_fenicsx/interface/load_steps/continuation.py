@@ -25,15 +25,9 @@ from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.path import APEX
 from receding_fenicsx.interface.exact.segments import SIGN, Segments
 from receding_fenicsx.interface.exact.walk import Walk
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.residual import largest_force, local_stiffness
-from receding_fenicsx.interface.system import (
-    Array,
-    ContactState,
-    ContactSystem,
-    Leg,
-    State,
-    reactions,
-)
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
 
 ON_LIMIT = 1e-10
 """Distance from a limit, over the largest nodal force, that counts as none."""

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.measures.tractions import cell_means, midside_nodes
 from receding_fenicsx.interface.measures.zones import (
@@ -36,7 +37,7 @@ from receding_fenicsx.interface.measures.zones import (
     half_width,
     stick_zone,
 )
-from receding_fenicsx.interface.system import Array, State
+from receding_fenicsx.interface.system import Array
 
 Window = tuple[int, int, int]
 """First and last cell of a fit, and its terms. Cell 0, the last whole one, may touch the last

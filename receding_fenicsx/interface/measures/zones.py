@@ -12,8 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.axis import begins_on_axis
-from receding_fenicsx.interface.system import STATE_NAMES, Array, State
+from receding_fenicsx.interface.system import Array
 
 TOUCHING = "contact"
 """Name of the zone that touches where there is no friction."""

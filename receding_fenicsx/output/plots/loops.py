@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
-from receding_fenicsx.interface.system import Array, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import Array
 
 MOST_NODES = 4
 """Nodes whose paths are drawn unless they are asked for."""

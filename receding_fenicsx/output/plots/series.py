@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Ints
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import PowerLaw, fit_power_law
-from receding_fenicsx.interface.system import Array, State
+from receding_fenicsx.interface.system import Array
 from receding_fenicsx.reference.ahn_barber import SLIP_CYCLES, SLIP_FLOOR, SLIP_NODES
 
 AT_LIMIT = 1e-6

@@ -19,8 +19,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.zones import TOUCHING
-from receding_fenicsx.interface.system import STATE_NAMES, Array, State
+from receding_fenicsx.interface.system import Array
 
 STATE_COLOURS = {
     State.STICK: "#c3cad3",

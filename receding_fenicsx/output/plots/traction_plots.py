@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import STATE_NAMES
 from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.interface.system import STATE_NAMES
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.units import Scales, describe_load, scales_of
 

@@ -8,7 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from receding_fenicsx.interface.system import Array, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots.zone_map import ZoneMap
 
 INSIDE = 0.075

@@ -14,7 +14,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import Array, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import Array
 
 SHORTEST = 1e-9
 """Part of a leg that a state must last to be drawn."""

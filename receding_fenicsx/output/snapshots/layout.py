@@ -13,8 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.law import STATE_NAMES
 from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.interface.system import STATE_NAMES, Array
+from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.units import position_label
 from receding_fenicsx.output.snapshots.render import Pixels

@@ -17,8 +17,9 @@ from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.system import ContactSystem, State
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import figures
 from receding_fenicsx.output.report.summary import summarise

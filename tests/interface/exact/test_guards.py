@@ -33,7 +33,8 @@ from receding_fenicsx.interface.exact.tableau import (
     W,
 )
 from receding_fenicsx.interface.exact.walk import Walk
-from receding_fenicsx.interface.system import ContactState, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactState
 
 STICK, OPEN, FORWARD, BACKWARD = (int(state) for state in State)
 UP = np.array([1.0])

@@ -12,7 +12,7 @@ from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, So
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import BACKWARD, FORWARD, A, B
-from receding_fenicsx.interface.system import State
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 WHOLE = block_system(32, 6, half=False)

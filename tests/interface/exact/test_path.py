@@ -19,7 +19,8 @@ from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import Tableau
-from receding_fenicsx.interface.system import ContactState, ContactSystem, State
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 

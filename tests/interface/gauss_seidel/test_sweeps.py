@@ -15,8 +15,9 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import (
     local_solution,
     solve_step,
 )
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.residual import law_residual
-from receding_fenicsx.interface.system import ContactState, ContactSystem, State
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 

@@ -5,9 +5,9 @@ from itertools import product
 import numpy as np
 import pytest
 
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.lcp import enumerate_states, lemke
 from receding_fenicsx.interface.lcp.enumerate_states import count, exhaust
-from receding_fenicsx.interface.system import State
 
 STICK, OPEN, FORWARD, BACKWARD = 1, 2, 3, 4
 ANY = (STICK, OPEN, FORWARD, BACKWARD)

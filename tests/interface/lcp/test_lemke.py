@@ -6,6 +6,7 @@ import pytest
 from models import block_system
 
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
 from receding_fenicsx.interface.lcp.lemke import (
     ENUMERATED,
@@ -14,7 +15,7 @@ from receding_fenicsx.interface.lcp.lemke import (
     lemke,
     solve,
 )
-from receding_fenicsx.interface.system import ContactState, State, reactions
+from receding_fenicsx.interface.system import ContactState, reactions
 
 NONE = np.zeros(0, dtype=np.intp)
 

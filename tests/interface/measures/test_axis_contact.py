@@ -14,9 +14,9 @@ from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.interface.measures.zones import contact_half_width, stick_half_width
-from receding_fenicsx.interface.system import State
 from receding_fenicsx.reference.closed_forms import PUNCH_STICK
 from receding_fenicsx.scene.history import from_scene as history_from_scene
 from receding_fenicsx.scene.model import (

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.zones import contact_half_width, stick_half_width, zones
-from receding_fenicsx.interface.system import State
 
 STICK, OPEN, FORWARD, BACKWARD = (
     State.STICK,
