@@ -42,6 +42,9 @@ OUTPUT = (("storage",), ("plots",), ("snapshots", "report"))
 FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")
 """Libraries that the interface and the evolution do without."""
 
+SOLVING = ("condensation", "elasticity", "schur", "from_scene")
+"""Modules of the bulk that assemble, factorise and condense."""
+
 MODULES_IN_ROOT, MODULES_IN_FOLDER = 12, 20
 
 
@@ -134,6 +137,12 @@ def test_rooms_do_without_finite_elements(room: str) -> None:
         if other.split(".")[0] in FEM
     }
     assert found == set()
+
+
+def test_output_neither_condenses_nor_solves_for_fields() -> None:
+    solving = {f"bulk.{name}" for name in SOLVING}
+    found = [f"{name} imports {other}" for name, other in ARROWS if other in solving]
+    assert [line for line in found if line.startswith("output.")] == []
 
 
 def test_folders_are_small() -> None:

@@ -59,6 +59,11 @@ class Bulk:
         return self.body.mesh.comm
 
     @property
+    def parts(self) -> tuple[Bulk, ...]:
+        """The modelled bodies: this one."""
+        return (self,)
+
+    @property
     def young(self) -> float:
         """Young's modulus."""
         return self.scene.material.young

@@ -77,7 +77,7 @@ def condense(bulk: Bulk | Pair, route: str = "schur") -> ContactSystem | None:
 def condense_pair(pair: Pair, route: str = "schur") -> None:
     """Condense both bodies of a pair, unless they are already, and join them; on all ranks."""
     if not pair.condensed:
-        first, second = pair.bulks
+        first, second = pair.parts
         join_pair(pair, (_reduce(first, route), _reduce(second, route)))
 
 
@@ -166,7 +166,7 @@ def _pair_system(pair: Pair) -> ContactSystem:
         rigid=joined.rigid,
         load_compliance=joined.compliance,
         load_sign=joined.sign,
-        **_contact_data(pair.bulks[0], pair.scene),
+        **_contact_data(pair.parts[0], pair.scene),
     )
 
 

@@ -31,32 +31,30 @@ class Pair:
 
     Attributes:
         scene: what they were built from.
-        names: their names.
-        bulks: the bodies, each with its own part of the scene.
+        parts: the bodies, each with its own part of the scene.
         joined: their condensed system on rank 0, once they are condensed.
         condensed: they are, known on every rank.
     """
 
     scene: Scene
-    names: tuple[str, str]
-    bulks: tuple[Bulk, Bulk]
+    parts: tuple[Bulk, Bulk]
     joined: Joined | None = None
     condensed: bool = False
 
     @property
     def comm(self) -> MPI.Comm:
         """Communicator of the meshes."""
-        return self.bulks[0].comm
+        return self.parts[0].comm
 
     @property
     def body(self) -> BodyMesh:
         """Mesh of the first body."""
-        return self.bulks[0].body
+        return self.parts[0].body
 
     @property
     def contact(self) -> ContactNodes:
         """Contact nodes, on the first body."""
-        return self.bulks[0].contact
+        return self.parts[0].contact
 
     @property
     def load_names(self) -> tuple[str, ...]:
@@ -66,17 +64,17 @@ class Pair:
     @property
     def dofs(self) -> int:
         """Number of displacement degrees of freedom."""
-        return sum(bulk.dofs for bulk in self.bulks)
+        return sum(bulk.dofs for bulk in self.parts)
 
     @property
     def seconds(self) -> dict[str, float]:
         """Time spent on "forms" and "assemble"."""
-        parts = [bulk.seconds for bulk in self.bulks]
+        parts = [bulk.seconds for bulk in self.parts]
         return {key: sum(part[key] for part in parts) for key in parts[0]}
 
     def destroy(self) -> None:
         """Free PETSc's objects; on all ranks together."""
-        for bulk in self.bulks:
+        for bulk in self.parts:
             bulk.destroy()
 
 
@@ -98,8 +96,7 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], half: bool) -> Bulk | 
     if len(parts) == 1:
         return parts[0]
     first = scene.bodies.index(scene.find_edge(scene.contacts[0].edge)[0])
-    names = scene.bodies[first].name, scene.bodies[1 - first].name
-    return Pair(scene, names, (parts[first], parts[1 - first]))
+    return Pair(scene, (parts[first], parts[1 - first]))
 
 
 def join_pair(pair: Pair, reduced: tuple[Reduced | None, Reduced | None]) -> None:
@@ -113,7 +110,7 @@ def join_pair(pair: Pair, reduced: tuple[Reduced | None, Reduced | None]) -> Non
     def work() -> Joined:
         sides = [
             _with_all_loads(part, bulk.load_names, pair.load_names)
-            for part, bulk in zip(reduced, pair.bulks, strict=True)
+            for part, bulk in zip(reduced, pair.parts, strict=True)
             if part is not None
         ]
         return join(sides[0], sides[1], pair.contact.modes, pair.load_names)
@@ -154,9 +151,9 @@ def displacements(
         factors, apart = np.asarray(load, float), np.where(bulk.joined.held, 0.0, u)
         second = bulk.joined.back[0] @ apart + bulk.joined.back[1] @ factors
         for k, moved in enumerate((apart + second, second)):
-            own = [bulk.load_names.index(name) for name in bulk.bulks[k].load_names]
+            own = [bulk.load_names.index(name) for name in bulk.parts[k].load_names]
             sides[k] = factors[own], moved
     return [
         (part, elasticity.back_substitute(part, *side))
-        for part, side in zip(bulk.bulks, sides, strict=True)
+        for part, side in zip(bulk.parts, sides, strict=True)
     ]

@@ -14,6 +14,7 @@ from bodies import CELLS, NU, YOUNG, built, cylinder
 from msh import write_msh
 
 from receding_fenicsx import study
+from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.meshing import _raw, contact_nodes_of
 from receding_fenicsx.errors import InputError
@@ -24,7 +25,6 @@ from receding_fenicsx.interface.system import Array, ContactState
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import zones_header, zones_shown
-from receding_fenicsx.output.snapshots.fields import fields_at
 from receding_fenicsx.output.snapshots.view import view_of
 from receding_fenicsx.scene.history import from_scene as history_from_scene
 from receding_fenicsx.scene.model import (

@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from receding_fenicsx import evolve, read_scene, study
+from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.replay import instant_of
@@ -23,7 +24,6 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots import animation, layout
 from receding_fenicsx.output.snapshots.draw import quantity_of
-from receding_fenicsx.output.snapshots.fields import fields_at
 from receding_fenicsx.output.snapshots.view import View
 from receding_fenicsx.pictures import animate
 from receding_fenicsx.timing import Timer

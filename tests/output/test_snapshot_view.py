@@ -17,6 +17,7 @@ from matplotlib.colors import to_hex, to_rgba_array
 from matplotlib.figure import Figure
 
 from receding_fenicsx import evolve, read_scene, study
+from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.evolution.collect import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import turning_point
@@ -25,7 +26,6 @@ from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.draw import QUANTITIES, colours_of, scaled
-from receding_fenicsx.output.snapshots.fields import Fields, fields_at
 from receding_fenicsx.output.snapshots.layout import compose, layout_of
 from receding_fenicsx.output.snapshots.view import Arrows, Strip, View, view_of
 from receding_fenicsx.pictures import picture_body

@@ -14,6 +14,7 @@ from PIL import Image
 
 from receding_fenicsx import read_scene, study
 from receding_fenicsx.bulk import elasticity
+from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.bulk.mesh import meshing
 from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.evolution.collect import Instant
@@ -22,7 +23,6 @@ from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.draw import QUANTITIES, colours_of, fringe_value, snapshot
-from receding_fenicsx.output.snapshots.fields import Fields, fields_at
 from receding_fenicsx.output.snapshots.render import Picture, Renderer, renderer
 from receding_fenicsx.output.snapshots.view import view_of
 from receding_fenicsx.pictures import picture_body

@@ -19,6 +19,7 @@ from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from receding_fenicsx.atomic import make_folder, new_file
+from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.evolution.collect import Instant
@@ -27,7 +28,6 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.units import load_symbol, peak, pressure_of
 from receding_fenicsx.output.snapshots.draw import Quantity, colours_of, scaled
-from receding_fenicsx.output.snapshots.fields import Fields, fields_at
 from receding_fenicsx.output.snapshots.layout import Clock, compose, layout_of
 from receding_fenicsx.output.snapshots.render import Picture, find_renderer, renderer
 from receding_fenicsx.output.snapshots.view import (

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.ticker import MaxNLocator
 
 from receding_fenicsx.atomic import make_folder
+from receding_fenicsx.bulk.fields import gather_fields, solve_fields
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.collect import Instant
 from receding_fenicsx.interface.system import Array
@@ -22,7 +23,6 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.figures import save
 from receding_fenicsx.output.snapshots import paraview
-from receding_fenicsx.output.snapshots.fields import field_files, fields_at
 from receding_fenicsx.output.snapshots.layout import Colours, compose, layout_of
 from receding_fenicsx.output.snapshots.render import Picture, find_renderer, renderer
 from receding_fenicsx.output.snapshots.view import View, vertex_areas, view_of
@@ -121,20 +121,22 @@ def snapshot(
     now: Instant = comm.bcast(instant)
     name = f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}"
     xdmf = beside / f"{name}.xdmf"
-    fields = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]), xdmf)
+    parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
+    files = paraview.write_fields(parts, xdmf)
+    fields = gather_fields(parts)
 
     def draw() -> list[Path]:
         assert fields is not None
         history = from_scene(bulk.scene)
         legs = len(history.path if now.cycle == 0 else history.loop) - 1
-        for file in field_files(bulk, xdmf):
+        for file in files:
             paraview.join_fields(file, paraview.time_of(now.cycle, now.leg, now.s, legs))
         paraview.join_instants(beside)
         view = view_of(bulk, fields, now)
         made = [folder / f"{name}_{quantity.name}.png" for quantity in quantities]
         for quantity, path in zip(quantities, made, strict=True):
             draw_view(view, quantity, path)
-        return [*made, *field_files(bulk, xdmf)]
+        return [*made, *files]
 
     return on_root(comm, draw)
 

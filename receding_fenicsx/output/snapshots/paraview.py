@@ -10,12 +10,54 @@ from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
+from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from receding_fenicsx.atomic import new_file
+from receding_fenicsx.atomic import check_room, new_file
+from receding_fenicsx.mpi import on_root
+
+if TYPE_CHECKING:
+    from receding_fenicsx.bulk.fields import BodyFields
 
 INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+(_.+)?\.xdmf")
 """Names of the files of instants; of two bodies each has its own, the body's name at the end."""
+
+
+XDMF_OVERHEAD = 100_000
+"""Upper bound of the bytes of an XDMF file and its HDF5 file besides the arrays."""
+
+
+def write_fields(parts: Sequence[BodyFields], file: Path) -> list[Path]:
+    """Write displacement and cell stresses of the modelled bodies to XDMF files; collective.
+
+    Args:
+        parts: fields of each body.
+        file: an .xdmf file; of two bodies each has its own, with the body's name in it.
+
+    Returns:
+        The file of each body.
+    """
+    files = [file]
+    if len(parts) > 1:
+        files = [file.with_stem(f"{file.stem}_{part.bulk.scene.body.name}") for part in parts]
+    for part, own in zip(parts, files, strict=True):
+        _write_body(part, own)
+    return files
+
+
+def _write_body(fields: BodyFields, file: Path) -> None:
+    from dolfinx import io
+
+    functions = [fields.displacement, *fields.stresses.cell.values()]
+    comm, mesh = fields.bulk.comm, fields.bulk.body.mesh
+    counts = [mesh.topology.index_map(dim).size_global for dim in (0, 2)]
+    numbers = 4 * counts[1] + sum(3 * max(counts) for _ in ("geometry", *functions))
+    on_root(comm, lambda: check_room(file, 8 * numbers + XDMF_OVERHEAD))
+    with io.XDMFFile(comm, str(file), "w") as xdmf:
+        xdmf.write_mesh(mesh)
+        for function in functions:
+            xdmf.write_function(function, 0.0)
 
 
 def time_of(cycle: int, leg: int, s: float, legs: int) -> float:

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.collect import Instant
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.mirror import mirror_nodes
 from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots.units import describe_factors, length_of, name_leg, pressure_of
-from receding_fenicsx.output.snapshots.fields import Fields
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import HORIZONTAL, Load, Scene, edge_points, edge_range, evaluate
 

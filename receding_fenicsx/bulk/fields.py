@@ -1,27 +1,37 @@
-"""Fields of the body at one instant: gathered for pictures, and as XDMF files for ParaView."""
+"""Displacement and stress fields of the bodies from contact displacements (back-substitution)."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
+from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.atomic import check_room
-from receding_fenicsx.bulk import elasticity
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense_pair
+from receding_fenicsx.bulk.stress import Stresses, stresses
 from receding_fenicsx.bulk.two_bodies import Pair, displacements
-from receding_fenicsx.interface.system import Array
-from receding_fenicsx.mpi import on_root
 
-if TYPE_CHECKING:
-    from dolfinx import fem
+Array = NDArray[np.float64]
 
-XDMF_OVERHEAD = 100_000
-"""Bytes of an XDMF file and its HDF5 file, at most, that are no numbers."""
+
+@dataclass(frozen=True)
+class BodyFields:
+    """Fields of one modelled body, distributed over the ranks.
+
+    Attributes:
+        bulk: the body.
+        displacement: displacement in the space of degree 1, that of the mesh.
+        stresses: stresses in the cells and at the vertices.
+    """
+
+    bulk: Bulk
+    displacement: fem.Function
+    stresses: Stresses
 
 
 @dataclass(frozen=True)
@@ -44,73 +54,57 @@ class Fields:
     body: NDArray[np.int64] | None = None
 
 
-def fields_at(bulk: Bulk | Pair, load: Array, u: Array, file: Path | None = None) -> Fields | None:
-    """Bring one instant back from the contact to the body; all ranks call this together.
+def fields_at(bulk: Bulk | Pair, load: Array, u: Array) -> Fields | None:
+    """Return the fields of the whole body, or of both bodies; collective.
 
     Args:
         bulk: the body or bodies.
         load: (n_loads,) load factors, on rank 0.
         u: (2N,) contact displacements [v; w], on rank 0.
-        file: an .xdmf file for the fields of the modelled body, if wanted; of two bodies each has
-            its own, with the body's name in it.
 
     Returns:
-        The fields of the whole body, or of both, on rank 0, None elsewhere.
+        The fields on rank 0, None elsewhere.
     """
-    if isinstance(bulk, Bulk):
-        return _of_body(bulk, elasticity.back_substitute(bulk, load, u), file)
-    condense_pair(bulk)
-    files = [None, None] if file is None else field_files(bulk, file)
-    sides = displacements(bulk, load, u)
-    parts = [_of_body(*side, own) for side, own in zip(sides, files, strict=True)]
-    first, second = parts
-    return None if first is None or second is None else _together(first, second)
+    return gather_fields(solve_fields(bulk, load, u))
 
 
-def field_files(bulk: Bulk | Pair, file: Path) -> list[Path]:
-    """Return the files of the fields: the file itself, or one for each of two bodies."""
-    if isinstance(bulk, Bulk):
-        return [file]
-    return [file.with_stem(f"{file.stem}_{name}") for name in bulk.names]
+def solve_fields(bulk: Bulk | Pair, load: Array, u: Array) -> list[BodyFields]:
+    """Solve for the fields of each modelled body; collective. Arguments as :func:`fields_at`."""
+    if isinstance(bulk, Pair):
+        condense_pair(bulk)
+    return [
+        BodyFields(part, _at_vertices(part, displacement), stresses(part, displacement))
+        for part, displacement in displacements(bulk, load, u)
+    ]
 
 
-def _of_body(bulk: Bulk, displacement: fem.Function, file: Path | None) -> Fields | None:
-    """Return the fields of one body on rank 0, None elsewhere."""
-    stresses = elasticity.stresses(bulk, displacement)
-    linear = _at_vertices(bulk, displacement)
-    if file is not None:
-        _write_xdmf(bulk, file, [linear, *stresses.cell.values()])
-    points, cells, vectors = _gather(bulk, linear)
-    gathered = {name: _gather(bulk, f)[2] for name, f in stresses.nodal.items()}
-    if bulk.comm.rank != 0:
+def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
+    """Gather fields on rank 0 and complete half bodies by their mirror image; collective."""
+    gathered = [_gather_body(part) for part in parts]
+    bodies = [body for body in gathered if body is not None]
+    if not bodies:
         return None
-    values = {name: value[:, 0] for name, value in gathered.items()}
-    whole = Fields(points, cells, vectors, values)
-    return _mirrored(whole) if bulk.body.half else whole
+    return bodies[0] if len(bodies) == 1 else _together(bodies[0], bodies[1])
 
 
 def _at_vertices(bulk: Bulk, displacement: fem.Function) -> fem.Function:
     """Return the displacement in the space of degree 1, which is that of the mesh."""
-    from dolfinx import fem
-
-    from receding_fenicsx.bulk import _dolfinx
-
     linear = fem.Function(_dolfinx.vector_space(bulk.body.mesh, 1), name="displacement")
     linear.interpolate(displacement)
     linear.x.scatter_forward()
     return linear
 
 
-def _write_xdmf(bulk: Bulk, file: Path, functions: list[fem.Function]) -> None:
-    from dolfinx import io
-
-    counts = [bulk.body.mesh.topology.index_map(dim).size_global for dim in (0, 2)]
-    numbers = 4 * counts[1] + sum(3 * max(counts) for _ in ("geometry", *functions))
-    on_root(bulk.comm, lambda: check_room(file, 8 * numbers + XDMF_OVERHEAD))
-    with io.XDMFFile(bulk.comm, str(file), "w") as xdmf:
-        xdmf.write_mesh(bulk.body.mesh)
-        for function in functions:
-            xdmf.write_function(function, 0.0)
+def _gather_body(fields: BodyFields) -> Fields | None:
+    """Return the fields of one whole body on rank 0, None elsewhere."""
+    bulk = fields.bulk
+    points, cells, vectors = _gather(bulk, fields.displacement)
+    gathered = {name: _gather(bulk, f)[2] for name, f in fields.stresses.nodal.items()}
+    if bulk.comm.rank != 0:
+        return None
+    values = {name: value[:, 0] for name, value in gathered.items()}
+    whole = Fields(points, cells, vectors, values)
+    return _mirrored(whole) if bulk.body.half else whole
 
 
 def _gather(bulk: Bulk, function: fem.Function) -> tuple[Array, NDArray[np.int64], Array]:
