@@ -10,7 +10,7 @@ from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import cli, environment, read_scene, run
+from receding_fenicsx import cli, cli_commands, environment, read_scene, run
 from receding_fenicsx.output.storage.hdf5 import read_system
 
 DEMOS = Path(__file__).parents[1] / "demos"
@@ -176,7 +176,7 @@ def test_internal_errors_show_where_they_came_from(
     def broken(*_: object) -> None:
         raise ZeroDivisionError("oops")
 
-    monkeypatch.setattr(cli, "_check", broken)
+    monkeypatch.setitem(cli_commands.COMMANDS, "check", broken)
     assert cli.main(["check", BLOCK]) == 1
     err = capsys.readouterr().err
     assert "Traceback" in err
@@ -192,13 +192,13 @@ def test_doctor_lists_what_works(capsys: pytest.CaptureFixture[str]) -> None:
         assert "off-screen rendering  works" in out
         assert "1 thread(s)" in out
         assert re.search(r"^MUMPS +5\.[0-9.]+, works$", out, re.MULTILINE)
-        assert out.endswith("all that is needed is there\n")
+        assert out.endswith("all requirements are met\n")
 
 
 def test_doctor_runs_on_two_ranks(mpirun: Run) -> None:
     done = mpirun(2, *MODULE, "doctor")
     assert done.returncode == 0, done.stdout + done.stderr
-    assert done.stdout.count("all that is needed is there") == 1
+    assert done.stdout.count("all requirements are met") == 1
 
 
 @pytest.mark.parametrize(
@@ -241,7 +241,7 @@ def test_doctor_says_what_is_missing_and_how_to_get_it(
         assert "MISSING" in lines["gmsh"] and "pip install gmsh" in lines["gmsh"]
         assert "exit code -6" in lines["off-screen rendering"]
         assert "apt install libosmesa6" in lines["off-screen rendering"]
-        assert "something that is needed is missing" in out
+        assert "some requirements are missing" in out
 
 
 def test_help_and_version_end_with_code_0(capsys: pytest.CaptureFixture[str]) -> None:
@@ -301,7 +301,7 @@ def test_rank_that_fails_alone_ends_the_job(mpirun: Run, tmp_path: Path) -> None
         "    if comm.rank == 1:\n"
         "        raise InputError('only here')\n"
         "    comm.Barrier()\n"
-        "cli._check = work\n"
+        "cli.COMMANDS['check'] = work\n"
         "sys.exit(cli.main(['check', 'x']))\n"
     )
     done = mpirun(2, script)

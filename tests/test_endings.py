@@ -334,7 +334,7 @@ def test_output_into_a_full_file_is_an_error(tmp_path: Path) -> None:
         )
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
-    assert "what is printed: cannot be written (No space left on device)" in done.stderr
+    assert "standard output: cannot be written (No space left on device)" in done.stderr
 
 
 # -- names of loads in pictures and pages --------------------------------------------------------

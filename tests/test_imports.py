@@ -21,6 +21,8 @@ FLOORS = (
     ("pictures", "long_run"),
     ("study",),
     ("__init__",),
+    ("cli_parser",),
+    ("cli_commands",),
     ("cli",),
     ("__main__",),
 )

@@ -1,0 +1,243 @@
+"""Commands of the command line: ``run``, ``condense``, ``plot``, ``snapshot`` and others."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import signal
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, NoReturn
+
+from receding_fenicsx.cli_parser import PROGRAM
+from receding_fenicsx.errors import InputError, RecedingError
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from receding_fenicsx.scene.model import Scene
+
+
+def is_root(comm: MPI.Comm | None) -> bool:
+    """Return whether this process prints: rank 0, or a process without MPI."""
+    return comm is None or comm.rank == 0
+
+
+def catch_termination() -> None:
+    """Make SIGTERM raise SystemExit, so that unfinished files are removed."""
+    with contextlib.suppress(ValueError):  # signals belong to the main thread
+        signal.signal(signal.SIGTERM, _terminated)
+
+
+def _terminated(number: int, frame: FrameType | None) -> NoReturn:
+    raise SystemExit(128 + number)
+
+
+def _require_mpi(comm: MPI.Comm | None) -> MPI.Comm:
+    if comm is None:
+        raise RecedingError("mpi4py is not installed; see receding-fenicsx doctor")
+    with contextlib.suppress(ImportError):
+        from petsc4py import PETSc  # noqa: F401 - its start replaces the handler of SIGTERM
+    catch_termination()
+    return comm
+
+
+class _Progress:
+    """Progress line on the terminal, overwritten at each step; silent where there is none."""
+
+    def __init__(self, comm: MPI.Comm | None, verbose: int = 0) -> None:
+        self.shown = is_root(comm) and sys.stderr.isatty() and not verbose
+
+    def __enter__(self) -> Callable[[str], None]:
+        return self.say
+
+    def __exit__(self, *_: object) -> None:
+        if self.shown:
+            print("\r\033[K", end="", file=sys.stderr, flush=True)
+
+    def say(self, text: str) -> None:
+        """Show the present stage."""
+        if self.shown:
+            print(f"\r\033[K{text[:78]}", end="", file=sys.stderr, flush=True)
+
+
+def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import study
+    from receding_fenicsx.output.report.text import run_table
+    from receding_fenicsx.output.storage.summary_file import read_summary
+    from receding_fenicsx.scene.toml_file import read_scene
+
+    scene, out = read_scene(options.scene, options.overrides), options.out
+    comm, pictures = _require_mpi(comm), options.pictures
+    finished = options.resume and _is_finished(options, scene, comm)
+    if not finished:
+        with _Progress(comm, options.verbose) as say:
+            study.run(
+                scene,
+                out,
+                comm,
+                options.overwrite,
+                pictures != "none",
+                say,
+                options.resume,
+                options.system,
+                None if pictures is None else pictures == "all",
+                options.error,
+            )
+    if is_root(comm):
+        print(run_table(read_summary(Path(out) / "summary.json")))
+        print(f"{out}: this run was finished already" if finished else f"written to {out}")
+
+
+def _is_finished(options: argparse.Namespace, scene: Scene, comm: MPI.Comm) -> bool:
+    """Check the options that go with --resume; return whether nothing is left to compute."""
+    from receding_fenicsx import mpi
+    from receding_fenicsx.output.storage.run_folder import has_run, is_finished
+
+    out = Path(options.out)
+    if options.overwrite:
+        raise InputError("--resume and --overwrite: give one of them")
+    if options.system is not None:
+        raise InputError("--resume and --system: the run has its own system; give one of them")
+    finished: bool = comm.bcast(mpi.on_root(comm, lambda: is_finished(out, scene)))
+    if finished and options.error:
+        raise InputError(
+            f"{out}: the run is finished, --error needs a new one; give --overwrite, not --resume"
+        )
+    if is_root(comm) and not has_run(out):
+        print(f"{PROGRAM}: {out}: nothing to resume, starting from rest", file=sys.stderr)
+    return finished
+
+
+def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import mpi, study
+    from receding_fenicsx.atomic import check_file
+    from receding_fenicsx.output.storage.hdf5 import write_system
+    from receding_fenicsx.scene.toml_file import read_scene
+
+    scene = read_scene(options.scene, options.overrides)
+    comm, path = _require_mpi(comm), Path(options.out)
+    mpi.on_root(comm, lambda: check_file(path, options.overwrite))
+    with _Progress(comm, options.verbose) as say:
+        system = study.condense(scene, comm, say, whole=True)
+
+    def write() -> None:
+        assert system is not None
+        write_system(path, system, options.overwrite)
+        which = "half" if system.half else "whole"
+        print(f"{system.n} contact nodes of the {which} body, written to {path}")
+
+    mpi.on_root(comm, write)
+
+
+def _plot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import pictures
+    from receding_fenicsx.output.storage.hdf5 import read_record
+
+    record = read_record(Path(options.folder) / "record.h5")
+    if is_root(comm):
+        for path in pictures.plot(record, Path(options.folder) / "figures"):
+            print(path)
+
+
+def _snapshot(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import pictures
+
+    with _Progress(comm, options.verbose) as say:
+        made = pictures.snapshot(
+            options.folder, options.cycle, options.leg, options.at, _require_mpi(comm), say
+        )
+    for path in made or ():
+        print(path)
+
+
+def _animate(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import pictures
+
+    with _Progress(comm) as say:
+        made = pictures.animate(
+            options.folder, options.cycle, options.frames, options.stress, _require_mpi(comm), say
+        )
+    for path in made or ():
+        print(path)
+
+
+def _contact_nodes(scene: Scene) -> int:
+    """Count the contact nodes; for a mesh file or two bodies the mesh is made and checked."""
+    plain = len(scene.contacts) == 1 and scene.contacts[0].span is None
+    if plain and scene.body.mesh is None and not scene.others and not scene.axisymmetric:
+        return scene.mesh.degree * scene.mesh.contact_elements + 1
+    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
+
+    return sum(contact_nodes_of(scene))
+
+
+def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import mpi
+    from receding_fenicsx.output.storage.export import export
+
+    def work() -> None:
+        where = options.cycle, options.leg, options.at
+        source, out = Path(options.source), Path(options.out)
+        print(f"{export(source, out, where, options.since, options.overwrite)}, written to {out}")
+
+    if comm is None:
+        work()
+    else:
+        mpi.on_root(comm, work)
+
+
+def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx.mpi import on_root
+    from receding_fenicsx.scene.cautions import warnings
+    from receding_fenicsx.scene.history import from_scene
+    from receding_fenicsx.scene.symmetry import is_mirror_symmetric
+    from receding_fenicsx.scene.toml_file import read_scene
+
+    scene = read_scene(options.scene, options.overrides)
+    half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
+    # on one rank: a .geo file may run system commands
+    nodes = _contact_nodes(scene) if comm is None else on_root(comm, lambda: _contact_nodes(scene))
+    loads = ", ".join(scene.load_names)
+    if is_root(comm):
+        print(
+            f"{options.scene}: can be modelled; {nodes} contact nodes, "
+            f"{'half of the' if half else 'the whole'} body, loads {loads}, "
+            f"{from_scene(scene).cycles} cycles"
+        )
+        for text in warnings(scene):
+            print(f"warning: {text}")
+
+
+def _doctor(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
+    from receding_fenicsx.environment import examine
+
+    missing = False
+    with contextlib.suppress(Exception):
+        import petsc4py.PETSc  # noqa: F401 - it must start on all ranks together
+    if is_root(comm):
+        findings = examine()
+        width = max(len(f.name) for f in findings)
+        for finding in findings:
+            text = finding.version if finding.version is not None else f"MISSING: {finding.advice}"
+            print(f"{finding.name:{width}}  {text}")
+        missing = any(finding.version is None for finding in findings)
+        print("some requirements are missing" if missing else "all requirements are met")
+    if comm is not None:
+        missing = comm.bcast(missing, root=0)
+    return 1 if missing else 0
+
+
+COMMANDS: dict[str, Callable[[argparse.Namespace, MPI.Comm | None], int | None]] = {
+    "run": _run,
+    "condense": _condense,
+    "plot": _plot,
+    "snapshot": _snapshot,
+    "animate": _animate,
+    "export": _export,
+    "check": _check,
+    "doctor": _doctor,
+}
+"""The function of each command; it returns an exit code, None for 0."""

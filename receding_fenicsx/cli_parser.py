@@ -1,0 +1,180 @@
+"""Arguments of the command line, ``receding-fenicsx``."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Callable
+from typing import Any, NoReturn
+
+from receding_fenicsx import __version__
+from receding_fenicsx.errors import InputError
+
+PROGRAM = "receding-fenicsx"
+
+
+class _Parser(argparse.ArgumentParser):
+    """Parser that raises InputError, and prints help on rank 0 only."""
+
+    root = True
+
+    def error(self, message: str) -> NoReturn:
+        raise InputError(f"{message}; see {self.prog} --help")
+
+    def _print_message(self, message: str, file: Any = None) -> None:
+        if self.root and message:
+            print(message, end="", file=file or sys.stderr)
+
+
+def make_parser(root: bool) -> argparse.ArgumentParser:
+    """Return the parser of all commands.
+
+    Args:
+        root: whether this process prints help and version.
+    """
+    parser = type("Parser", (_Parser,), {"root": root})(
+        prog=PROGRAM,
+        description="Frictional receding contact under cyclic loading.",
+        allow_abbrev=False,
+    )
+    parser.set_defaults(verbose=0)
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {__version__}")
+    commands = parser.add_subparsers(required=True, metavar="COMMAND", dest="command")
+    for name, (arguments, text) in COMMANDS.items():
+        added = commands.add_parser(name, help=text, description=text, allow_abbrev=False)
+        arguments(added)
+    return parser
+
+
+def _run(added: argparse.ArgumentParser) -> None:
+    _scene(added)
+    added.add_argument("--out", required=True, metavar="DIR", help="output folder")
+    added.add_argument("--overwrite", action="store_true", help="replace an earlier run")
+    added.add_argument(
+        "--resume",
+        action="store_true",
+        help="continue an interrupted run, or extend a finished run by more cycles",
+    )
+    added.add_argument(
+        "--system",
+        metavar="FILE",
+        help="reuse a saved system (from condense, or a run's system.h5) without condensing again",
+    )
+    added.add_argument(
+        "--pictures",
+        choices=("all", "figures", "none"),
+        help="figures: plots of the contact; all: snapshots of the body too, which needs its mesh. "
+        "Default: all, or figures with --system",
+    )
+    added.add_argument(
+        "--error",
+        action="store_true",
+        help="solve on three coarser meshes too and estimate the discretisation error in space",
+    )
+    _verbose(added)
+
+
+def _condense(added: argparse.ArgumentParser) -> None:
+    _scene(added)
+    added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the system")
+    added.add_argument("--overwrite", action="store_true", help="replace the file")
+    _verbose(added)
+
+
+def _snapshot(added: argparse.ArgumentParser) -> None:
+    _run_folder(added)
+    _cycle(added, required=True)
+    _leg(added, required=True)
+    added.add_argument(
+        "--at", type=float, default=1.0, metavar="S", help="position along the leg, 0 to 1 (1)"
+    )
+    _verbose(added)
+
+
+def _animate(added: argparse.ArgumentParser) -> None:
+    _run_folder(added)
+    _cycle(added, required=True)
+    added.add_argument("--frames", type=int, default=60, metavar="N", help="number of frames (60)")
+    added.add_argument(
+        "--stress",
+        default="max_shear",
+        metavar="NAME",
+        help="max_shear (drawn as fringes), von_mises, sxx, syy or sxy",
+    )
+
+
+def _export(added: argparse.ArgumentParser) -> None:
+    added.add_argument("source", metavar="DIR|SYSTEM", help="run folder, or file of a saved system")
+    added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the load step")
+    added.add_argument("--overwrite", action="store_true", help="replace the file")
+    _cycle(added, required=False)
+    _leg(added, required=False)
+    added.add_argument(
+        "--at", type=float, default=1.0, metavar="S", help="end of the load step, 0 to 1 (1)"
+    )
+    added.add_argument(
+        "--since",
+        type=float,
+        metavar="S",
+        help="start of the load step; default: 1 / solver.steps_per_leg before its end",
+    )
+
+
+def _scene(added: argparse.ArgumentParser) -> None:
+    added.add_argument("scene", metavar="SCENE.toml", help="scene file")
+    added.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="TABLE.KEY=VALUE",
+        dest="overrides",
+        help="change a value of the scene (load.NAME.key=value for loads); may be repeated",
+    )
+
+
+def _run_folder(added: argparse.ArgumentParser) -> None:
+    added.add_argument("folder", metavar="DIR", help="run folder")
+
+
+def _cycle(added: argparse.ArgumentParser, required: bool) -> None:
+    added.add_argument(
+        "--cycle",
+        type=int,
+        required=required,
+        default=0,
+        metavar="N",
+        help="cycle number; 0 is the first loading",
+    )
+
+
+def _leg(added: argparse.ArgumentParser, required: bool) -> None:
+    added.add_argument(
+        "--leg",
+        required=required,
+        default="0",
+        metavar="loading|unloading|K",
+        help="leg of the cycle, by name or by number from 0",
+    )
+
+
+def _verbose(added: argparse.ArgumentParser) -> None:
+    added.add_argument(
+        "-v",
+        "--verbose",
+        action="count",
+        default=0,
+        help="log stages, cycles, residuals and timings; twice: every change of state too",
+    )
+
+
+COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
+    "run": (_run, "run a study: mesh, condense, evolve, write results, draw pictures"),
+    "condense": (_condense, "condense the body to its contact nodes and save the system"),
+    "plot": (_run_folder, "draw the figures of a finished run again"),
+    "snapshot": (_snapshot, "draw the body of a finished run at one instant"),
+    "animate": (_animate, "make an animation of one cycle of a finished run"),
+    "export": (_export, "export one load step in the FCLIB format for other solvers"),
+    "check": (_scene, "validate a scene without running it"),
+    "doctor": (lambda _: None, "list installed versions and test the installation"),
+}
+"""Arguments and help text of each command."""
