@@ -15,7 +15,7 @@ import numpy as np
 from equations import OPEN, STICK
 from replay import HELD_SHARE, Replay, replay
 from small import small_system, table
-from ways import TooMany, balanced, follow
+from ways import NEAR, TooMany, balanced, follow
 
 from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
 from receding_fenicsx.evolution.evolve import evolve
@@ -32,6 +32,8 @@ SAME = 1e-6
 """Part of a leg within which the place of a refusal is that where a branch ends."""
 SUSPECT = 0.03
 """Energy lost in a load step, over force times motion, above which it may have jumped."""
+NEARER = 1e-12
+"""Distance from a limit, over the largest force, that counts as being on it beside a jump."""
 APART = 0.5
 """Distance from every continuous way, over the step's motion, above which a step has jumped."""
 
@@ -324,8 +326,10 @@ def _needless_jumps(p: Problem, run: Replay) -> list[str]:
     for jump in run.jumps:
         leg, rest = jump.leg, max(1.0 - jump.s, SAME)
         here = leg.load(jump.s).astype(float)
+        way = p.system, here, leg.ends[1], jump.u, jump.state, leg.force
         try:
-            ends = follow(p.system, here, leg.ends[1], jump.u, jump.state, leg.force)
+            # a node may be as little pressed as to seem free where it jumps by as little
+            ends = [end for close in (NEAR, NEARER) for end in follow(*way, close)]
         except TooMany:
             continue
         if not any(end.s <= SAME / rest for end in ends):

@@ -75,6 +75,8 @@ class Totals:
         moved: the sizes of all energies.
         released: energy lost in jumps.
         jumps: jumps.
+        hidden: changes that the round-off of former displacements may hide: jumps or none.
+        unsure: energy lost in those.
         condition: largest condition of the states' equations.
         known: False where a jump could not be followed.
         divided: energies of load steps that changed states: they may have been divided.
@@ -87,6 +89,8 @@ class Totals:
     moved: float = 0.0
     released: float = 0.0
     jumps: int = 0
+    hidden: int = 0
+    unsure: float = 0.0
     condition: float = 1.0
     known: bool = True
     divided: float = 0.0
@@ -98,7 +102,7 @@ class Totals:
 
 
 class Jump(NamedTuple):
-    """A jump of an exact record: its leg and place, displacements and states before it."""
+    """A jump of an exact record: its leg, where laws hold last, displacements and states there."""
 
     leg: Leg
     s: float
@@ -302,15 +306,16 @@ def _check_cycle(
     allowed += (ROUNDINGS * EPS * leg.force) ** 2 / float(body.k.min())
     first = record.dissipation_first_loading
     D = record.cycles.dissipation[cycle - 1] if cycle else first
-    errors = {"dissipation is off": D - float(totals.dissipation.sum())}
+    errors = {"dissipation is off": (D - float(totals.dissipation.sum()), allowed)}
     if cycle > 0:
         nodes = record.cycles.dissipation_density[cycle - 1] * run.system.weight
         off = nodes - totals.dissipation
         off[totals.adrift] = off[totals.adrift].sum()
         run.check(name, "dissipation is off", (np.abs(off), allowed, True))
     if record.method == "events":
-        errors["the energy identity fails"] = D + stored + totals.work + totals.released
-    for what, error in errors.items():
+        error = D + stored + totals.work + totals.released
+        errors["the energy identity fails"] = error, allowed + totals.unsure
+    for what, (error, allowed) in errors.items():
         if not abs(error) <= allowed + RELEASED * abs(totals.released):
             run.object(name, what, abs(error), allowed)
 
@@ -323,11 +328,11 @@ def _check_sums(run: Replay, cycles: list[Totals]) -> None:
     if record.method != "events" or not all(cycle.known for cycle in cycles):
         return
     jumps, released = (sum(getattr(c, name) for c in cycles) for name in ("jumps", "released"))
-    if jumps != record.jumps:
+    if not jumps <= record.jumps <= jumps + sum(c.hidden for c in cycles):
         run.object("record", f"counts {record.jumps} jumps, there are {jumps}")
     error = abs(released - record.released)
-    allowed = RELEASED * sum(abs(c.released) for c in cycles) + ENERGY * sum(
-        c.moved for c in cycles
+    allowed = RELEASED * sum(abs(c.released) for c in cycles) + sum(
+        ENERGY * c.moved + c.unsure for c in cycles
     )
     if not error <= allowed:
         run.object("record", "released energy is off", error, allowed)

@@ -53,11 +53,14 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         if s_held < s_a and not apart:
             run.object(leg.place(s_a), "an event lies beyond its place", s_a - s_held, PLACE)
         if apart and not _rolls(run, leg, s_a, u_a - u):
-            after = _jump(run, leg, (s_a, u, state), (groups[g:], changed[g:]), kept, totals)
+            before = (s_held, s_a), u, state
+            after = _jump(run, leg, before, (groups[g:], changed[g:]), kept, totals)
             if after is None:
                 totals.known = False
                 return
             u_a = after
+        elif not apart:
+            _look_for_hidden_jump(run, leg, (s_a, u), here, u_a - u, totals)
         u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
         drifts = _drifts(here, now, (s_a, s_b), (u_a, u_b), (kept, s_apex))
         if drifts is None:
@@ -146,6 +149,19 @@ def _reach(leg: Leg, states: States, doubt: Array) -> Array:
     rows = states.row_errors(LAW * leg.force + leg.noise)
     rows[:n] += np.where(states.stuck, body.k[:n] * doubt[:n], 0.0)
     return states.reach(rows) + LAW * leg.force / body.k
+
+
+def _look_for_hidden_jump(
+    run: Replay, leg: Leg, before: tuple[float, Array], here: States, change: Array, totals: Totals
+) -> None:
+    """Note a change of u that may be a jump: more than its own round-off, less than that so far."""
+    (s, u), body = before, run.body
+    load = leg.load(s)
+    rows = here.row_errors(LAW * leg.force + body.round_off(load, u))
+    if np.any(np.abs(change) > here.reach(rows) + LAW * leg.force / body.k):
+        energy = 0.5 * float(change @ body.K @ (2.0 * u + change))
+        totals.hidden += 1
+        totals.unsure += abs(energy + float(load @ body.r_star @ change))
 
 
 def _rolls(run: Replay, leg: Leg, s: float, change: Array) -> bool:
@@ -310,18 +326,18 @@ def _margins(run: Replay, load: Array, now: Array, u: Array) -> Array:
 def _jump(
     run: Replay,
     leg: Leg,
-    before: tuple[float, Array, Array],
+    before: tuple[tuple[float, float], Array, Array],
     following: tuple[list[tuple[float, Array]], list[set[int]]],
     kept: list[tuple[float, Any, int] | None],
     totals: Totals,
 ) -> Array | None:
-    """Take a jump at one place (s, u, states); return u after it, None if that is not known.
+    """Take a jump between two places (s, u, states); return u after it, None if that is not known.
 
     Where a node landed, or slipped before it stuck, is known from the next kept instant only.
     """
     body, n = run.body, run.body.n
     later, changed = following
-    (s, u, old), here = before, run.body.states(later[0][1])
+    ((s_held, s), u, old), here = before, run.body.states(later[0][1])
     # a node that has slipped in the jump may stick where it comes to rest
     moved = np.isin(np.arange(n), list(changed[0]))
     if run.record.jumps == 0:
@@ -347,5 +363,5 @@ def _jump(
     totals.released -= 0.5 * float(change @ body.K @ (after + u)) + work
     totals.work += work
     totals.jumps += 1
-    run.jumps.append(Jump(leg, s, u.astype(float), old))
+    run.jumps.append(Jump(leg, s_held, u.astype(float), old))
     return after

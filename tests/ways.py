@@ -144,7 +144,9 @@ def _along(free: Array, A: Array, b: Array) -> Array:
     return answer.x @ free if answer.success else np.zeros(free.shape[1])
 
 
-def follow(system: Any, a: Array, b: Array, u: Array, state: Array, force: float) -> list[End]:
+def follow(
+    system: Any, a: Array, b: Array, u: Array, state: Array, force: float, close: float = NEAR
+) -> list[End]:
     """Follow every branch along a leg.
 
     Args:
@@ -154,6 +156,7 @@ def follow(system: Any, a: Array, b: Array, u: Array, state: Array, force: float
         u: (2N,) displacements at the start.
         state: (N,) states at the start.
         force: largest nodal force so far.
+        close: distance from a limit, over the largest force, that counts as being on it.
 
     Returns:
         The ends of all branches.
@@ -173,7 +176,7 @@ def follow(system: Any, a: Array, b: Array, u: Array, state: Array, force: float
     while waiting:
         s, u, state, still = waiting.pop()
         load = (1 - s) * a + s * b
-        near = NEAR * force + body.round_off(load, u)
+        near = close * force + body.round_off(load, u)
         r = body.reactions(load, u)
         found = rates(body, b - a, choices(body, r, u, state, near))
         if not found or still > STANDING:
