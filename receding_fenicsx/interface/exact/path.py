@@ -16,11 +16,12 @@ from numpy.typing import NDArray
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.equilibrium import Limit, furthest
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.reduction import Reduction, reduce, widen
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.static import solve_static
-from receding_fenicsx.interface.exact.tableau import BACKWARD, FORWARD, SEPARATION, SingularExchange
+from receding_fenicsx.interface.exact.tableau import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.exact.walk import UNLOADED, UNLOADING_EVENTS, Walk
 from receding_fenicsx.interface.residual import (
     largest_force,

@@ -13,6 +13,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.tableau import (
     BACKWARD,
     FORWARD,
@@ -20,7 +21,6 @@ from receding_fenicsx.interface.exact.tableau import (
     STICK,
     A,
     B,
-    SingularExchange,
     Tableau,
     limit_distances,
 )

@@ -5,13 +5,13 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.errors import NotConverged
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import (
     BACKWARD,
     FORWARD,
     SEPARATION,
     STICK,
-    SingularExchange,
 )
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Watch
 from receding_fenicsx.interface.exact.failures import explain
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import middle
 from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States
 from receding_fenicsx.interface.exact.tableau import (
@@ -19,7 +20,6 @@ from receding_fenicsx.interface.exact.tableau import (
     STICK,
     A,
     B,
-    SingularExchange,
     V,
 )
 from receding_fenicsx.interface.lcp.contact import Undecided, is_exhaustible, solve_states

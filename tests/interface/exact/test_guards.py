@@ -14,6 +14,7 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact import static
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
+from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_PIVOT, SingularExchange
 from receding_fenicsx.interface.exact.segments import (
     RATE_IMBALANCE,
     RATE_TOLERANCE,
@@ -23,11 +24,9 @@ from receding_fenicsx.interface.exact.segments import (
     Segments,
 )
 from receding_fenicsx.interface.exact.tableau import (
-    RENEWED,
-    SINGULAR,
+    MAX_AGE,
     A,
     B,
-    SingularExchange,
     Tableau,
     V,
     W,
@@ -163,7 +162,7 @@ def test_a_tableau_that_needs_much_refining_is_renewed(monkeypatch: pytest.Monke
     expected = segments.at(states, direction).q
     tableau = segments.tableau(states)
     before = tableau.rebuilds
-    tableau.load_rates *= 1.0 + 1e-9
+    tableau.matrix.G *= 1.0 + 1e-9
     for k in range(40):
         segments.at(states, direction * 2.0**k)
         if tableau.rebuilds > before:
@@ -183,9 +182,9 @@ def test_a_tableau_is_renewed_after_many_exchanges() -> None:
     tableau = Tableau(system, one)
     fresh, direction = Tableau(system, one).rates(np.array([1.0, 0.2])), np.array([1.0, 0.2])
     # an error that exchanges carry on for ever
-    tableau._T *= 1.0 + 1e-9
-    tableau.load_rates *= 1.0 + 1e-9
-    limit = RENEWED * 2 * system.n
+    tableau.matrix.T *= 1.0 + 1e-9
+    tableau.matrix.G *= 1.0 + 1e-9
+    limit = MAX_AGE * 2 * system.n
     for k in range(1, limit + 3):
         tableau.move_to(other if k % 2 else one)
         assert tableau.rebuilds == (1 if k <= limit + 1 else 2), k
@@ -197,7 +196,7 @@ def test_a_tableau_is_renewed_after_many_exchanges() -> None:
 def test_states_with_almost_no_stiffness_are_singular(part: float) -> None:
     """Forward slip of node 0 meets the stiffness K_tt + f K_nt, next to one of order 1."""
     unit, f = 2.0, 0.5  # a power of two beyond the median of the diagonal
-    left = part * SINGULAR * unit
+    left = part * SINGULAR_PIVOT * unit
     K = np.diag([0.5 + left, 2.0, 2.0, 1.0])
     K[0, 2] = K[2, 0] = -1.0
     system = small_system(K, {"a": [0.0, 0.1, 1.0, 1.0]}, f)

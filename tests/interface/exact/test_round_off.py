@@ -17,6 +17,7 @@ from receding_fenicsx import study
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.exact.pivot_matrix import PivotMatrix
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import BACKWARD, FORWARD, SEPARATION, STICK, Tableau
 from receding_fenicsx.interface.exact.walk import Walk
@@ -131,12 +132,12 @@ def test_remembered_rates_are_as_good_as_new_ones(
 def test_a_bad_tableau_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
     system = block_system(32, 16)
     exact = evolve(system, cyclic(2)).turning_points
-    exchange = Tableau._exchange
+    exchange = PivotMatrix.exchange
     rng = np.random.default_rng(0)
 
-    def spoilt(self: Tableau, out: int, into: int) -> bool:
+    def spoilt(self: PivotMatrix, out: int, into: int) -> bool:
         done = exchange(self, out, into)
-        self.load_rates *= 1.0 + 1e-9 * rng.standard_normal(self.load_rates.shape)
+        self.G *= 1.0 + 1e-9 * rng.standard_normal(self.G.shape)
         return done
 
     builds = []
@@ -146,7 +147,7 @@ def test_a_bad_tableau_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
         builds.append(1)
         build(self, state)
 
-    monkeypatch.setattr(Tableau, "_exchange", spoilt)
+    monkeypatch.setattr(PivotMatrix, "exchange", spoilt)
     monkeypatch.setattr(Tableau, "build", counted)
     spoilt_record = evolve(system, cyclic(2))
     ends = spoilt_record.turning_points

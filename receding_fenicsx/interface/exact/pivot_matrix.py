@@ -1,0 +1,206 @@
+"""Linear map whose inputs and outputs can be exchanged (principal pivoting).
+
+The map is outputs = T inputs + G loads. To exchange output i with input j, solve row i for input j
+and insert the result into the other rows: with the column C = T[:, j], the row R = T[i, :] and the
+pivot D = T[i, j], the new matrix is
+
+    T - (C + e_i) (R - e_j) / D,      G - (C + e_i) G[i, :] / D,
+
+a rank-one update. Updates of T are collected and applied by one matrix product.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.linalg.blas import dgemm, dger
+from scipy.linalg.lapack import dgetrf, dgetrs
+
+from receding_fenicsx.interface.system import Array
+
+Indices = NDArray[np.intp]
+
+MAX_PENDING = 32
+"""Rank-one updates of T that are collected before they are applied."""
+
+SINGULAR_PIVOT = 1e-11
+"""Pivot, over a typical stiffness or compliance, up to which an exchange is singular."""
+
+
+class SingularExchange(Exception):
+    """A change of state would leave a motion of the body without stiffness."""
+
+
+@dataclass(frozen=True)
+class PivotData:
+    """Matrices and labels of a :class:`PivotMatrix`.
+
+    Attributes:
+        T: (m, m) outputs from inputs.
+        G: (m, n_loads) outputs from unit loads.
+        row_label: (m,) label of each output.
+        column_label: (m,) label of each input.
+        age: exchanges since the matrix was made from scratch.
+    """
+
+    T: Array
+    G: Array
+    row_label: Indices
+    column_label: Indices
+    age: int = 0
+
+
+class PivotMatrix:
+    """Outputs = T inputs + G loads, with rank-one updates of T pending.
+
+    Attributes:
+        T: (m, m) outputs from inputs, without the pending updates.
+        G: (m, n_loads) outputs from unit loads.
+        row_label: (m,) label of each output.
+        row_of, column_of: row or column of each label, -1 where the label has none.
+        age: exchanges since the matrix was made from scratch.
+    """
+
+    def __init__(self, data: PivotData, n_labels: int) -> None:
+        """Take over ``data``, whose labels are below ``n_labels``."""
+        m = len(data.T)
+        self.T = np.empty((m, m))
+        self._U, self._V = np.zeros((m, MAX_PENDING), order="F"), np.zeros((MAX_PENDING, m))
+        self._pending = 0
+        self.row_of = np.full(n_labels, -1, dtype=np.intp)
+        self.column_of = np.full(n_labels, -1, dtype=np.intp)
+        self.restore(data)
+
+    def restore(self, data: PivotData) -> None:
+        """Replace everything by a copy of ``data``."""
+        np.copyto(self.T, data.T)
+        self.G = data.G.copy(order="F")
+        self.row_label, self.column_label = data.row_label.copy(), data.column_label.copy()
+        self.age = data.age
+        self._pending = 0
+        self.row_of[:] = self.column_of[:] = -1
+        self.row_of[self.row_label] = np.arange(len(self.row_label))
+        self.column_of[self.column_label] = np.arange(len(self.column_label))
+
+    def copy(self) -> PivotData:
+        """Return a copy of everything, pending updates applied."""
+        self._apply_pending()
+        return PivotData(
+            self.T.copy(),
+            self.G.copy(order="F"),
+            self.row_label.copy(),
+            self.column_label.copy(),
+            self.age,
+        )
+
+    def exchange(self, out: int, into: int) -> bool:
+        """Exchange the output labelled ``out`` with the input ``into``; False if singular."""
+        i, j, k = self.row_of[out], self.column_of[into], self._pending
+        if k == MAX_PENDING:
+            self._apply_pending()
+            k = 0
+        U, V = self._U, self._V
+        R, C = V[k], U[:, k]
+        R[:] = self.T[i]
+        C[:] = self.T[:, j]
+        if k:
+            R += U[i, :k].dot(V[:k])
+            C += U[:, :k].dot(V[:k, j])
+        D = R[j]
+        if -SINGULAR_PIVOT <= D <= SINGULAR_PIVOT:
+            return False
+        C[i] += 1.0
+        R[j] -= 1.0
+        C *= -1.0 / D
+        G = self.G
+        dger(1.0, C, G[i], a=G, overwrite_a=1)
+        self._pending = k + 1
+        self.row_label[i], self.column_label[j] = into, out
+        self.row_of[into], self.row_of[out] = i, -1
+        self.column_of[out], self.column_of[into] = j, -1
+        self.age += 1
+        return True
+
+    def exchange_many(self, outputs: Indices, inputs: Indices) -> bool:
+        """Exchange several outputs with as many inputs in place; False if that is singular."""
+        i, j, e = self.row_of[outputs], self.column_of[inputs], len(outputs)
+        self._apply_pending()
+        T, G = self.T, self.G
+        R, C = T[i], T[:, j]
+        lu, piv, _ = dgetrf(R[:, j])
+        if np.abs(lu.diagonal()).min() <= SINGULAR_PIVOT:
+            return False
+        inverse = dgetrs(lu, piv, np.eye(e))[0]
+        R, C, loads = inverse @ R, C @ inverse, inverse @ G[i]
+        # T is row-major: its transpose is what BLAS sees as a column-major matrix
+        dgemm(-1.0, T[i].T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)
+        T[i], T[:, j] = -R, C
+        T[np.ix_(i, j)] = inverse
+        G -= C @ G[i]
+        G[i] = -loads
+        self.row_label[i], self.column_label[j] = inputs, outputs
+        self.row_of[outputs] = self.column_of[inputs] = -1
+        self.row_of[inputs], self.column_of[outputs] = i, j
+        self.age += e
+        return True
+
+    def response(self, inputs: Indices, change: Array) -> Array:
+        """Return the change (m,) of the outputs when the labelled inputs change."""
+        x = np.zeros(self.T.shape[1])
+        x[self.column_of[inputs]] = change
+        k = self._pending
+        return self.T @ x + self._U[:, :k] @ (self._V[:k] @ x)
+
+    def _apply_pending(self) -> None:
+        k = self._pending
+        if k:
+            # T is row-major: its transpose is what BLAS sees as a column-major matrix
+            V_t, U = self._V[:k].T, self._U[:, :k]
+            dgemm(1.0, V_t, U, beta=1.0, c=self.T.T, trans_b=1, overwrite_c=1)
+            self._pending = 0
+
+
+def block_pivot(data: PivotData, outputs: Indices, inputs: Indices) -> PivotData:
+    """Exchange several outputs with as many inputs by one block elimination.
+
+    With the pivot block D = T[outputs, inputs] the blocks become D^-1 (pivot block), -D^-1 R (its
+    other columns), C D^-1 (its other rows) and T - C D^-1 R (the rest).
+
+    Args:
+        data: the matrix before.
+        outputs: (e,) labels of the outputs to become inputs.
+        inputs: (e,) labels of the inputs to become outputs.
+
+    Raises:
+        SingularExchange: the pivot block is singular.
+    """
+    T, G = data.T, data.G
+    rows, columns = _places(data.row_label, outputs), _places(data.column_label, inputs)
+    lu, piv, _ = dgetrf(T[np.ix_(rows, columns)])
+    size = np.abs(np.diagonal(lu))
+    if size.min() <= SINGULAR_PIVOT * max(1.0, size.max()):
+        raise SingularExchange
+    other = np.setdiff1d(np.arange(len(T)), rows)
+    kept = np.setdiff1d(np.arange(len(T)), columns)
+    inverse = dgetrs(lu, piv, np.eye(len(rows)))[0]
+    right = inverse @ T[np.ix_(rows, kept)]
+    right_G = inverse @ G[rows]
+    new, new_G = np.empty_like(T), np.empty_like(G)
+    coupling = T[np.ix_(other, columns)]
+    new[np.ix_(rows, columns)] = inverse
+    new[np.ix_(rows, kept)] = -right
+    new[np.ix_(other, columns)] = coupling @ inverse
+    new[np.ix_(other, kept)] = T[np.ix_(other, kept)] - coupling @ right
+    new_G[rows] = -right_G
+    new_G[other] = G[other] - coupling @ right_G
+    row_label, column_label = data.row_label.copy(), data.column_label.copy()
+    row_label[rows], column_label[columns] = data.column_label[columns], data.row_label[rows]
+    return PivotData(new, new_G, row_label, column_label)
+
+
+def _places(labels: Indices, wanted: Indices) -> Indices:
+    """Return where the wanted labels stand among all."""
+    order = np.argsort(labels)
+    return order[np.searchsorted(labels, wanted, sorter=order)]
