@@ -18,15 +18,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import evolve, study
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots import figures
-from receding_fenicsx.output.report import html
-from receding_fenicsx.output.report.text import run_table
-from receding_fenicsx.output.storage import hdf5
-from receding_fenicsx.output.storage.summary_file import read_summary
-from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import read_scene
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 GAUSS_SEIDEL_CYCLES = 20
@@ -45,26 +37,26 @@ def main() -> None:
             print(f"  {stage} ...", flush=True)
 
     # exact evolution: first loading, then cycles between p0 and p0/3 until they repeat themselves
-    scene = read_scene(HERE / "block.toml")
-    study.run(scene, folder, comm, overwrite=True, progress=say)
-    on_root(comm, lambda: compare(scene, folder))
+    scene = rf.read_scene(HERE / "block.toml")
+    rf.run(scene, folder, comm, overwrite=True, progress=say)
+    rf.on_root(comm, lambda: compare(scene, folder))
 
 
-def compare(scene: Scene, folder: Path) -> None:
+def compare(scene: rf.Scene, folder: Path) -> None:
     """Unload completely, repeat the first cycles by Gauss-Seidel, print the tables."""
-    system = hdf5.read_system(folder / "system.h5", scene)
-    record = hdf5.read_record(folder / "record.h5")
+    system = rf.read_system(folder / "system.h5", scene)
+    record = rf.read_record(folder / "record.h5")
 
     # section 3.1 of the paper: complete unloading, on the same condensed system
-    unloading = evolve(system, read_scene(HERE / "unloading.toml"))
+    unloading = rf.evolve(system, rf.read_scene(HERE / "unloading.toml"))
     # the paper's own method, step by step
     cycles = replace(scene.history, cycles=GAUSS_SEIDEL_CYCLES, until=None)
     steps_of_load = replace(scene.solver, method="gauss-seidel", steps_per_leg=STEPS_PER_LEG)
-    stepped = evolve(system, replace(scene, history=cycles, solver=steps_of_load))
-    drawn = figures.plot_all(record, folder / "figures", unloading=unloading, stepped=stepped)
-    page = html.write_report(folder, record.scene_toml)
+    stepped = rf.evolve(system, replace(scene, history=cycles, solver=steps_of_load))
+    drawn = rf.figures.plot_all(record, folder / "figures", unloading=unloading, stepped=stepped)
+    page = rf.write_report(folder, record.scene_toml)
 
-    print(run_table(read_summary(folder / "summary.json")))
+    print(rf.run_table(rf.read_summary(folder / "summary.json")))
     exact, steps = record.cycles.dissipation, stepped.cycles.dissipation
     print(
         f"Gauss-Seidel, {STEPS_PER_LEG} steps a leg, against the exact path: dissipation of cycle "

@@ -17,16 +17,13 @@ from typing import Any
 
 import numpy as np
 
-from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.interface.measures.zone_ends import contact_half_width_estimate
-from receding_fenicsx.interface.measures.zones import stick_half_width
-from receding_fenicsx.output.plots.style import COLUMN, RC, SERIES_COLOURS
-from receding_fenicsx.output.report.half_widths import tractions
-from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
-HERTZ = Hertz(force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2))
-KNOWN = CattaneoMindlin(HERTZ, f=0.5, largest=0.3)
+HERTZ = rf.reference.closed_forms.Hertz(
+    force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2)
+)
+KNOWN = rf.reference.closed_forms.CattaneoMindlin(HERTZ, f=0.5, largest=0.3)
 LEGS = {(0, 1): "loading", (1, 0): "unloading", (1, 1): "reloading"}
 """Names of the legs of shear, by cycle and leg."""
 BESIDE = 4
@@ -35,15 +32,15 @@ TOLERANCE = 0.01
 """Error allowed of a traction, over the largest pressure (times f for shear)."""
 
 
-def solve(size: float = 30.0, elements: int = 240) -> Record | None:
+def solve(size: float = 30.0, elements: int = 240) -> rf.Record | None:
     """Run the scene with blocks of some size; the record on rank 0."""
     changes = [f"mesh.contact_elements={elements}"]
     for name, up in (("upper", 1), ("lower", -1)):
         changes.append(f"body.{name}.parameters={{size={size}, half_width=1.5, up={up}}}")
-    return study.run(read_scene(HERE / "cattaneo_mindlin.toml", changes))
+    return rf.run(rf.read_scene(HERE / "cattaneo_mindlin.toml", changes))
 
 
-def compare(record: Record) -> list[tuple[str, float, float, float, float, float]]:
+def compare(record: rf.Record) -> list[tuple[str, float, float, float, float, float]]:
     """Leg, Q, stick half width here and known, errors of q and p, at the samples of shear."""
     s, x = record.samples, record.x
     spacing = float(np.diff(x).max())
@@ -54,7 +51,7 @@ def compare(record: Record) -> list[tuple[str, float, float, float, float, float
             continue
         Q = float(s.load[i, record.load_names.index("Q")])
         known = KNOWN.stick_half_width(Q, leg)
-        found = stick_half_width(x, s.state[i], record.f)
+        found = rf.stick_half_width(x, s.state[i], record.f)
         ends = [HERTZ.a, known, KNOWN.stick_half_width(KNOWN.largest, "loading")]
         away = np.all([np.abs(np.abs(x) - end) > (BESIDE + 0.5) * spacing for end in ends], axis=0)
         # the force of the lower body on the upper one is against Q
@@ -65,21 +62,21 @@ def compare(record: Record) -> list[tuple[str, float, float, float, float, float
     return rows
 
 
-def figure(record: Record, folder: Path) -> None:
+def figure(record: rf.Record, folder: Path) -> None:
     """Draw the shear tractions of half a cycle: dots at the nodes, lines the closed form."""
     import matplotlib as mpl
 
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    look: dict[Any, Any] = {**RC, "figure.constrained_layout.use": True}
+    look: dict[Any, Any] = {**rf.style.RC, "figure.constrained_layout.use": True}
     s, x = record.samples, record.x
     with mpl.rc_context(look):
-        drawn, axes = plt.subplots(figsize=(COLUMN, 2.8))
+        drawn, axes = plt.subplots(figsize=(rf.style.COLUMN, 2.8))
         fine = np.linspace(-HERTZ.a, HERTZ.a, 1001)
         for n, (cycle, leg, at) in enumerate(((0, 1, 1.0), (1, 0, 0.2), (1, 0, 0.5), (1, 0, 1.0))):
             i = np.flatnonzero((s.cycle == cycle) & (s.leg == leg) & np.isclose(s.s, at))[0]
-            Q, colour = float(s.load[i, 1]), SERIES_COLOURS[n]
+            Q, colour = float(s.load[i, 1]), rf.style.SERIES_COLOURS[n]
             known = KNOWN.traction(fine, Q, LEGS[cycle, leg])
             axes.plot(fine / HERTZ.a, known / (KNOWN.f * HERTZ.p0), color=colour, lw=0.8)
             label = f"{LEGS[cycle, leg]}, $Q = {Q / (KNOWN.f * HERTZ.force):.2f}\\,fP$"
@@ -104,7 +101,7 @@ def main() -> None:
         if record is None:
             continue
         spacing = float(np.diff(record.x).max())
-        a = contact_half_width_estimate(tractions(record, 1, beta=0.0)).value
+        a = rf.half_width_estimates(record, 1, betas=(0.0,))["contact_half_width_estimate"]["value"]
         rows = compare(record)
         worst = np.array([[abs(r[2] - r[3]) / spacing, r[4], r[5]] for r in rows]).max(axis=0)
         print(

@@ -22,9 +22,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.mpi import on_root
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 BALANCE = 1e-9
@@ -33,14 +31,14 @@ LIKENESS = 0.005
 """Difference of the two pads, over their force: the triangles are not mirror-symmetric."""
 
 
-def axes(pad: Record) -> tuple[np.ndarray, np.ndarray]:
+def axes(pad: rf.Record) -> tuple[np.ndarray, np.ndarray]:
     """Tangent t and normal n of a pad: x runs along t, and t = (n_y, -n_x)."""
     t = pad.points[-1] - pad.points[0]
     t = t / np.hypot(*t)
     return t, np.array([-t[1], t[0]])
 
 
-def report(record: Record) -> None:
+def report(record: rf.Record) -> None:
     """Print the pads' forces and zones; assert balance, likeness and the course of slip."""
     pads = record.by_edge()
     table = record.turning_points
@@ -55,7 +53,7 @@ def report(record: Record) -> None:
         for row in range(3):
             found = ", ".join(
                 f"{state} to {end:+.3f}"
-                for state, _, end in zones(pad.x, pad.turning_points.state[row])
+                for state, _, end in rf.zones(pad.x, pad.turning_points.state[row])
             )
             print(
                 f"{name:11s} F = {table.load[row, 0]:.1f}: normal force {P[row]:.4f}, tangential "
@@ -79,8 +77,8 @@ def main() -> None:
     parser.add_argument("--out", help="folder for record, figures and pictures")
     folder = parser.parse_args().out
     comm = MPI.COMM_WORLD
-    record = study.run(read_scene(HERE / "dovetail.toml"), folder, comm, overwrite=True)
-    on_root(comm, lambda: report(record) if record is not None else None)
+    record = rf.run(rf.read_scene(HERE / "dovetail.toml"), folder, comm, overwrite=True)
+    rf.on_root(comm, lambda: report(record) if record is not None else None)
 
 
 if __name__ == "__main__":

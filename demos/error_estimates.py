@@ -28,15 +28,7 @@ from petsc4py import PETSc  # noqa: F401 - starts on all ranks together
 import matplotlib as mpl
 import numpy as np
 
-from receding_fenicsx import study
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots.style import COLUMN, GUIDE_COLOUR, RC, SERIES_COLOURS, new_figure
-from receding_fenicsx.output.report.space_errors import headline, space_errors
-from receding_fenicsx.reference import closed_forms
-from receding_fenicsx.scene.model import Load, OutputOptions, Scene
-from receding_fenicsx.scene.toml_file import read_scene
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 AXISYMMETRIC = 'material.kinematics="axisymmetric"'
@@ -52,7 +44,7 @@ class Mesh:
     growth: float
     nodes: int
 
-    def of(self, scene: Scene) -> Scene:
+    def of(self, scene: rf.Scene) -> rf.Scene:
         """Return the scene on this mesh."""
         options = replace(
             scene.mesh,
@@ -99,16 +91,16 @@ class Case:
     cycles: int = 10
     meshes: tuple[Mesh, ...] = BLOCK_MESHES
     finest: int = 640
-    loads: tuple[Load, ...] = ()
+    loads: tuple[rf.Load, ...] = ()
 
-    def scene(self) -> Scene:
+    def scene(self) -> rf.Scene:
         """Return the scene on its file's mesh; as many cycles on every mesh."""
-        scene = read_scene(HERE / self.file, [f"history.cycles={self.cycles}", *self.overrides])
+        scene = rf.read_scene(HERE / self.file, [f"history.cycles={self.cycles}", *self.overrides])
         loads = self.loads or scene.loads
         return replace(scene, history=replace(scene.history, until=None), loads=loads)
 
 
-def round_block(*overrides: str, loads: tuple[Load, ...] = ()) -> Case:
+def round_block(*overrides: str, loads: tuple[rf.Load, ...] = ()) -> Case:
     """Return the block as a body of revolution."""
     return Case((*ROUND, *overrides), meshes=ROUND_MESHES, loads=loads)
 
@@ -142,7 +134,7 @@ SCENES = {
     "round, Poisson's ratio 0.45": round_block("material.poisson=0.45"),
     "round, twice as high": round_block("body.height=2.0"),
     "round, under a platen": round_block(
-        "contact.friction=0.3", loads=(Load("p0", "top", platen=True, force=(0.0, -6.0)),)
+        "contact.friction=0.3", loads=(rf.Load("p0", "top", platen=True, force=(0.0, -6.0)),)
     ),
     "polygon": polygon(),
     "polygon, Poisson's ratio 0.05": polygon("material.poisson=0.05"),
@@ -166,8 +158,8 @@ CHOSEN_ON = (
 """Scenes on which the rule was chosen."""
 COMPUTED = {
     "frictionless, narrow load": {
-        "centre_pressure": closed_forms.BLOCK.p[0],
-        "contact_half_width": closed_forms.BLOCK.half_width,
+        "centre_pressure": rf.reference.closed_forms.BLOCK.p[0],
+        "contact_half_width": rf.reference.closed_forms.BLOCK.half_width,
     }
 }
 """Limits known without finite elements."""
@@ -181,11 +173,11 @@ ROUND_OFF = 1e-9
 """Relative error that no estimate is asked to see."""
 
 
-def solve(scene: Scene) -> Record:
+def solve(scene: rf.Scene) -> rf.Record:
     """Go from a scene to its record."""
-    system = study.condense(scene, MPI.COMM_SELF)
+    system = rf.condense(scene, MPI.COMM_SELF)
     assert system is not None
-    return evolve(system, replace(scene, output=OutputOptions(1, ())))
+    return rf.evolve(system, replace(scene, output=rf.OutputOptions(1, ())))
 
 
 def pairs(name: str) -> Iterator[dict[str, Any]]:
@@ -193,12 +185,12 @@ def pairs(name: str) -> Iterator[dict[str, Any]]:
     case = SCENES[name]
     scene = case.scene()
     cells = ("triangle", "quadrilateral")
-    one, two = (headline(solve(Mesh(cell, 2, 1.1, case.finest).of(scene))) for cell in cells)
+    one, two = (rf.headline(solve(Mesh(cell, 2, 1.1, case.finest).of(scene))) for cell in cells)
     for mesh in case.meshes:
         coarse = mesh.of(scene)
         record = solve(coarse)
         spacing = float(np.diff(record.x).max())
-        for number, found in space_errors(coarse, record, solve).items():
+        for number, found in rf.space_errors(coarse, record, solve).items():
             if number not in one or number not in two:
                 continue  # no such zone in the limit
             a, b = one[number], two[number]
@@ -221,8 +213,8 @@ def pairs(name: str) -> Iterator[dict[str, Any]]:
 
 def draw(rows: list[dict[str, Any]], folder: Path) -> None:
     """Draw estimates over true errors, relative to the limit."""
-    with mpl.rc_context(RC):
-        figure = new_figure(COLUMN, 3.4)
+    with mpl.rc_context(rf.style.RC):
+        figure = rf.style.new_figure(rf.style.COLUMN, 3.4)
         axes = figure.subplots()
         for k, number in enumerate(dict.fromkeys(row["number"] for row in rows)):
             own = [row for row in rows if row["number"] == number and row["limit"] and row["told"]]
@@ -232,16 +224,18 @@ def draw(rows: list[dict[str, Any]], folder: Path) -> None:
                 "os^vD"[k],
                 ms=2.6,
                 mew=0,
-                color=SERIES_COLOURS[k],
+                color=rf.style.SERIES_COLOURS[k],
                 label=number.replace("_", " "),
             )
         ends = np.array([1e-7, 1.0])
         axes.loglog(ends, ends, color="black", lw=0.8)
-        axes.loglog(ends, 0.5 * ends, color=GUIDE_COLOUR, lw=0.8, ls="--")
+        axes.loglog(ends, 0.5 * ends, color=rf.style.GUIDE_COLOUR, lw=0.8, ls="--")
         axes.set(xlabel="true relative error", ylabel="estimated relative error")
         axes.set(xlim=(1e-6, 1.0), ylim=(1e-6, 1.0))
         axes.legend(fontsize=7, loc="upper left", handletextpad=0.2)
-        axes.text(4e-5, 8e-6, "true = 2 × estimate", rotation=45, fontsize=7, color=GUIDE_COLOUR)
+        axes.text(
+            4e-5, 8e-6, "true = 2 × estimate", rotation=45, fontsize=7, color=rf.style.GUIDE_COLOUR
+        )
         for suffix in ("png", "pdf"):
             figure.savefig(folder / f"error_estimates.{suffix}")
 
@@ -292,7 +286,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Estimated against true space errors.")
     parser.add_argument("--out", type=Path, default=Path("results/speed_against_error"))
     folder = parser.parse_args().out
-    on_root(MPI.COMM_WORLD, lambda: compare(folder))
+    rf.on_root(MPI.COMM_WORLD, lambda: compare(folder))
 
 
 if __name__ == "__main__":

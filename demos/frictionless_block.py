@@ -19,10 +19,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.interface.measures.tractions import traction_at
-from receding_fenicsx.output.report.half_widths import estimates
-from receding_fenicsx.reference.closed_forms import BLOCK, LAYERS, Pressed
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 REFINEMENTS = ((80, 1.4), (160, 1.2), (320, 1.1))
@@ -34,10 +31,14 @@ PRESSURE_TOLERANCE, WIDTH_TOLERANCE = 5e-5, 1e-3
 
 
 def solve(
-    known: Pressed, width: float, elements: int, growth: float, *others: str
-) -> Record | None:
+    known: rf.reference.closed_forms.Pressed,
+    width: float,
+    elements: int,
+    growth: float,
+    *others: str,
+) -> rf.Record | None:
     """Run the scene of a known contact, with other changes; the record on rank 0."""
-    scene = read_scene(
+    scene = rf.read_scene(
         HERE / "frictionless_block.toml",
         [
             f"body.width={width}",
@@ -47,15 +48,17 @@ def solve(
             *others,
         ],
     )
-    return study.run(scene)
+    return rf.run(scene)
 
 
-def errors(known: Pressed, record: Record) -> tuple[float, float, float]:
+def errors(
+    known: rf.reference.closed_forms.Pressed, record: rf.Record
+) -> tuple[float, float, float]:
     """Relative errors: pressure at the centre, of the profile up to 0.9 c, half width."""
     at = np.array(known.x[:-1]) * known.half_width
-    p = traction_at(record.x, record.weight, record.turning_points.P[-1], at)
+    p = rf.traction_at(record.x, record.weight, record.turning_points.P[-1], at)
     off = np.abs(p - known.p[:-1]) / known.p[0]
-    found = estimates(record, -1)["contact_half_width_estimate"]
+    found = rf.half_width_estimates(record, -1)["contact_half_width_estimate"]
     low, high = found["interval"]
     assert low <= known.half_width <= high, f"{known.half_width} is not in {found['interval']}"
     return float(off[0]), float(off.max()), abs(found["value"] / known.half_width - 1.0)
@@ -64,10 +67,10 @@ def errors(known: Pressed, record: Record) -> tuple[float, float, float]:
 def main() -> None:
     """Print the tables; assert the errors at 40 elements on h, and the order."""
     root = MPI.COMM_WORLD.rank == 0
-    for known in (BLOCK, *LAYERS):
-        width = 4.0 if known is BLOCK else LAYER_WIDTH
+    for known in (rf.reference.closed_forms.BLOCK, *rf.reference.closed_forms.LAYERS):
+        width = 4.0 if known is rf.reference.closed_forms.BLOCK else LAYER_WIDTH
         if root:
-            name = "block 4h by h" if known is BLOCK else "endless layer"
+            name = "block 4h by h" if known is rf.reference.closed_forms.BLOCK else "endless layer"
             print(f"{name}, loaded on |x| < {known.load} h: c = {known.half_width} h")
             print("  nodes  centre pressure  profile  half width   (relative errors)")
         table = []

@@ -22,7 +22,7 @@ from hard_block import CASES as BLOCK_CASES
 from hard_bodies import CASES as BODY_CASES
 from hard_trials import CASES as TRIAL_CASES
 
-from receding_fenicsx.mpi import on_root
+import receding_fenicsx as rf
 
 HEADS = ("case", "expected", "outcome", "law", "energy", "CPU s", "said")
 
@@ -69,7 +69,7 @@ def main() -> None:
     parser.add_argument("--fast", action="store_true", help="leave out the slow ones")
     parser.add_argument("--only", default="", help="cases whose name holds this text")
     options = parser.parse_args()
-    on_root(MPI.COMM_WORLD, lambda: play(options.out, options.fast, options.only))
+    rf.on_root(MPI.COMM_WORLD, lambda: play(options.out, options.fast, options.only))
 
 
 if __name__ == "__main__":

@@ -31,15 +31,7 @@ from mpi4py.futures import MPICommExecutor
 import matplotlib as mpl
 import numpy as np
 
-from receding_fenicsx import study
-from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.plots.style import PAGE, RC, SERIES_COLOURS, STATE_COLOURS, new_figure
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import OutputOptions
-from receding_fenicsx.scene.toml_file import read_scene
+import receding_fenicsx as rf
 
 BLOCK = Path(__file__).with_name("block.toml")
 MOST_CYCLES = 400
@@ -96,7 +88,7 @@ class Cell:
         return f"{self.size!r},{self.first!r},{self.steady!r},{self.cycles},{self.stuck}"
 
 
-system: ContactSystem
+system: rf.ContactSystem
 """Set on every rank before work begins."""
 
 
@@ -104,20 +96,22 @@ def play(task: Task) -> Cell:
     """Evolve one history to its steady state."""
     body = replace(system, f=np.full(system.n, task.f))
     loop = np.array([[1.0], [task.minimum], [1.0]])
-    history = History(("p0",), np.array([[0.0], [1.0]]), loop, MOST_CYCLES, True)
-    output = OutputOptions(samples_per_leg=1, cycles=())
+    history = rf.History(("p0",), np.array([[0.0], [1.0]]), loop, MOST_CYCLES, True)
+    output = rf.OutputOptions(samples_per_leg=1, cycles=())
     size, slip = 0.0, None
     if task.seed:
         random = np.random.default_rng(task.seed)
         size = task.size or float(np.exp(random.uniform(*np.log(SLIP_SIZES))))
-        largest = np.abs(evolve(body, replace(history, cycles=1), output=output).turning_points.v)
+        largest = np.abs(
+            rf.evolve(body, replace(history, cycles=1), output=output).turning_points.v
+        )
         slip = size * largest[0].max() * random.uniform(-1.0, 1.0, body.n)
     try:
-        record = evolve(body, history, output=output, initial_slip=slip)
-    except SolveError:
+        record = rf.evolve(body, history, output=output, initial_slip=slip)
+    except rf.SolveError:
         return Cell(size, np.nan, np.nan, -1, "")
     D, density = record.cycles.dissipation, record.cycles.dissipation_density[-1]
-    touching = np.all(record.turning_points.state[-2:] != State.SEPARATION, axis=0)
+    touching = np.all(record.turning_points.state[-2:] != rf.State.SEPARATION, axis=0)
     stuck = touching & (density <= STUCK * record.cycles.dissipation_density[0].max())
     text = "".join("01"[bool(s)] for s in stuck)
     return Cell(size, float(D[0]), float(D[-1]), record.steady.cycle, text)
@@ -130,7 +124,7 @@ def read_cells(path: Path) -> dict[str, Cell]:
         return cells
     first_line, *lines = path.read_text().splitlines() or [""]
     if first_line != stamp():
-        raise InputError(f"{path} is of another scene; give another --out")
+        raise rf.InputError(f"{path} is of another scene; give another --out")
     for line in lines:
         parts = line.split(",")
         if len(parts) == 9 and len(parts[8]) in (0, 2 * system.n - 1):
@@ -184,15 +178,15 @@ def draw_samples(cells: list[Cell], folder: Path) -> None:
     """Draw the steady dissipation over the slip's size, and the nodes that stick for good."""
     none, *others = cells
     ordered = sorted(others, key=lambda cell: cell.steady)
-    with mpl.rc_context(RC):
-        figure = new_figure(PAGE, 3.0)
+    with mpl.rc_context(rf.style.RC):
+        figure = rf.style.new_figure(rf.style.PAGE, 3.0)
         left, right = figure.subplots(1, 2)
         left.semilogx(
             [cell.size for cell in others],
             [cell.steady / none.steady for cell in others],
             "o",
             ms=3,
-            color=SERIES_COLOURS[0],
+            color=rf.style.SERIES_COLOURS[0],
         )
         left.axhline(1.0, color="black", lw=0.8)
         left.text(SLIP_SIZES[1], 1.002, "no initial slip", va="bottom", ha="right", fontsize=8)
@@ -202,7 +196,7 @@ def draw_samples(cells: list[Cell], folder: Path) -> None:
             ylabel="steady dissipation over that without initial slip",
         )
         image = np.array([[int(c) for c in cell.stuck] for cell in ordered])
-        colours = mpl.colors.ListedColormap(["white", STATE_COLOURS[State.STICK]])
+        colours = mpl.colors.ListedColormap(["white", rf.style.STATE_COLOURS[rf.State.STICK]])
         x = np.linspace(-2.0, 2.0, image.shape[1])
         right.pcolormesh(x, np.arange(len(image)), image, cmap=colours, rasterized=True)
         right.set(
@@ -233,10 +227,10 @@ def draw_map(
         ("spread of steady dissipation", spread),
         ("spread of permanent stick", np.ptp(stuck, axis=2) / (2 * system.n - 1)),
     )
-    with mpl.rc_context(RC):
-        figure = new_figure(PAGE, 2.7)
+    with mpl.rc_context(rf.style.RC):
+        figure = rf.style.new_figure(rf.style.PAGE, 2.7)
         for panel, (title, values) in zip(figure.subplots(1, 3), panels, strict=True):
-            panel.set_facecolor(STATE_COLOURS[State.STICK])
+            panel.set_facecolor(rf.style.STATE_COLOURS[rf.State.STICK])
             image = panel.pcolormesh(f, minimum, values.T, cmap="viridis", vmin=0, rasterized=True)
             figure.colorbar(image, ax=panel)
             panel.plot(FRICTION, MINIMUM, "k+", ms=6)
@@ -257,9 +251,9 @@ def main() -> None:
     parser.add_argument("--seeds", type=int, default=5, help="initial slips in a cell of the map")
     options = parser.parse_args()
     comm, folder = MPI.COMM_WORLD, options.out
-    scene = read_scene(BLOCK, [f"mesh.contact_elements={(options.nodes - 1) // 2}"])
+    scene = rf.read_scene(BLOCK, [f"mesh.contact_elements={(options.nodes - 1) // 2}"])
     # by every rank for itself, so that the digits do not depend on the number of ranks
-    condensed = study.condense(scene, MPI.COMM_SELF)
+    condensed = rf.condense(scene, MPI.COMM_SELF)
     assert condensed is not None
     system = condensed
     f, minimum = np.linspace(0.1, 1.05, options.map[0]), np.linspace(0.05, 0.9, options.map[1])

@@ -23,7 +23,7 @@ from pathlib import Path
 
 import numpy as np
 
-from receding_fenicsx.environment import child_environment
+import receding_fenicsx as rf
 
 HERE = Path(__file__).resolve()
 RANKS = 2
@@ -37,16 +37,14 @@ def play(folder: Path, elements: int) -> None:
     """Go on with the run in a folder, or begin it; all ranks call this together."""
     from mpi4py import MPI
 
-    from receding_fenicsx import read_scene, study
-
-    scene = read_scene(HERE.with_name("block.toml"), [f"mesh.contact_elements={elements}"])
+    scene = rf.read_scene(HERE.with_name("block.toml"), [f"mesh.contact_elements={elements}"])
     scene = replace(scene, history=replace(scene.history, cycles=CYCLES, until=None))
     for rank in range(MPI.COMM_WORLD.size):
         MPI.COMM_WORLD.Barrier()
         if rank == MPI.COMM_WORLD.rank:
             print("process", os.getpid(), flush=True)
     MPI.COMM_WORLD.Barrier()
-    study.run(
+    rf.run(
         scene,
         folder,
         pictures=False,
@@ -78,7 +76,7 @@ def start(folder: Path, elements: int) -> "subprocess.Popen[str]":
     }
     return subprocess.Popen(
         [*command, "--elements", str(elements)],
-        env=child_environment() | own,
+        env=rf.child_environment() | own,
         stdin=subprocess.DEVNULL,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,

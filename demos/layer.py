@@ -15,9 +15,7 @@ from pathlib import Path
 
 from mpi4py import MPI
 
-from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.output.report.half_widths import estimates
-from receding_fenicsx.reference.layer import contact_half_width
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 ALPHAS = (0.8, 0.5, 0.0, -0.5)
@@ -30,7 +28,7 @@ TOLERANCE = 2e-3
 
 def solve(
     alpha: float, radius: float = 20.0, nu: tuple[float, float] = (0.3, 0.3), *others: str
-) -> Record | None:
+) -> rf.Record | None:
     """Run the scene with Poisson's ratios of layer and base; the record on rank 0."""
     base = (1.0 + alpha) / (1.0 - alpha) * (1.0 - nu[1] ** 2) / (1.0 - nu[0] ** 2)
     changes = [
@@ -40,12 +38,12 @@ def solve(
         f"material.base.poisson={nu[1]}",
         *others,
     ]
-    return study.run(read_scene(HERE / "layer.toml", changes))
+    return rf.run(rf.read_scene(HERE / "layer.toml", changes))
 
 
-def half_width(record: Record) -> float:
+def half_width(record: rf.Record) -> float:
     """Half width of the contact below node spacing."""
-    return float(estimates(record, -1)["contact_half_width_estimate"]["value"])
+    return float(rf.half_width_estimates(record, -1)["contact_half_width_estimate"]["value"])
 
 
 def main() -> None:
@@ -62,7 +60,7 @@ def main() -> None:
         widths = [half_width(record) for record in records if record is not None]
         if not root:
             continue
-        known = contact_half_width(0.5, (1.0 - alpha) / (1.0 + alpha))
+        known = rf.reference.layer.contact_half_width(0.5, (1.0 - alpha) / (1.0 + alpha))
         error = abs(widths[2] / known - 1.0)
         print(f"{alpha:5.2f}" + "".join(f"  {w:9.5f}" for w in [*widths, known]) + f"  {error:.1e}")
         assert error < TOLERANCE, f"half width at alpha = {alpha}"

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.patches import Rectangle
 
-from receding_fenicsx.output.plots.style import RC
+import receding_fenicsx as rf
 
 INK = "#1a1a1a"
 
@@ -59,7 +59,7 @@ def main() -> None:
     parser.add_argument("--out", default="results/problem.png", help="PNG or PDF file")
     out = Path(parser.parse_args().out)
     out.parent.mkdir(parents=True, exist_ok=True)
-    look: dict[Any, Any] = dict(RC)
+    look: dict[Any, Any] = dict(rf.style.RC)
     mpl.rcParams.update(look)
     draw().savefig(out, dpi=150, bbox_inches="tight")
 

@@ -21,15 +21,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.interface.measures.zone_ends import (
-    ZoneEnd,
-    dundurs_beta,
-    stick_half_width_estimate,
-)
-from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.output.report.half_widths import tractions
-from receding_fenicsx.reference.closed_forms import PUNCH_STICK
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 RADII = (10.0, 20.0, 40.0)
@@ -52,7 +44,7 @@ def boussinesq(nu: float) -> str:
     return f'["{along}", "{down}"]'
 
 
-def solve(kinematics: str, nu: float, f: float, radius: float, *others: str) -> Record | None:
+def solve(kinematics: str, nu: float, f: float, radius: float, *others: str) -> rf.Record | None:
     """Run a punch; the record on rank 0."""
     quarter = int(kinematics == "axisymmetric")
     changes = [
@@ -62,12 +54,14 @@ def solve(kinematics: str, nu: float, f: float, radius: float, *others: str) -> 
         *([f"load.P.traction={boussinesq(nu)}"] if quarter else []),
         *others,
     ]
-    return study.run(read_scene(HERE / FILES[kinematics], changes))
+    return rf.run(rf.read_scene(HERE / FILES[kinematics], changes))
 
 
-def stick(record: Record, nu: float) -> ZoneEnd:
+def stick(record: rf.Record, nu: float) -> float:
     """Stick half width (radius) at full load; the body lies above the punch, so beta > 0."""
-    return stick_half_width_estimate(tractions(record, 0, dundurs_beta((1.0, nu, "plane strain"))))
+    beta = rf.dundurs_beta((1.0, nu, "plane strain"))
+    found = rf.half_width_estimates(record, 0, betas=(beta,))["stick_half_width_estimate"]
+    return float(found["value"])
 
 
 def widths(
@@ -75,7 +69,7 @@ def widths(
 ) -> list[float]:
     """Stick half widths in bodies of some radii, on rank 0."""
     records = [solve(kinematics, nu, f, radius, *others) for radius in radii]
-    return [stick(record, nu).value for record in records if record is not None]
+    return [stick(record, nu) for record in records if record is not None]
 
 
 def limit(kinematics: str, near: float, far: float) -> float:
@@ -83,17 +77,17 @@ def limit(kinematics: str, near: float, far: float) -> float:
     return far + (far - near) / (FALL[kinematics] - 1.0)
 
 
-def patterns(record: Record, leg: int) -> list[tuple[float, list[tuple[str, float, float]]]]:
+def patterns(record: rf.Record, leg: int) -> list[tuple[float, list[tuple[str, float, float]]]]:
     """Load and zones at the samples of a leg."""
     s = record.samples
     rows = np.flatnonzero(s.leg == leg)
-    return [(s.load[i, 0], zones(record.x, s.state[i], record.axisymmetric)) for i in rows]
+    return [(s.load[i, 0], rf.zones(record.x, s.state[i], record.axisymmetric)) for i in rows]
 
 
 def main() -> None:
     """Print the tables; assert the extrapolated stick zones and the course of unloading."""
     root = MPI.COMM_WORLD.rank == 0
-    for kinematics, values in PUNCH_STICK.items():
+    for kinematics, values in rf.reference.closed_forms.PUNCH_STICK.items():
         if root:
             heads = "".join(f"     R = {radius:2.0f} a" for radius in RADII)
             print(f"{kinematics}: stick half width over a")
@@ -113,7 +107,10 @@ def main() -> None:
             assert fine < coarse < TOLERANCE, f"{kinematics}: stick zones"
     uniform = solve("plane strain", 0.3, 0.2, RADII[-1], f"load.P.pressure={0.5 / RADII[-1]}")
     if uniform is not None:
-        error = abs(stick(uniform, 0.3).value / PUNCH_STICK["plane strain"][0.3, 0.2] - 1.0)
+        error = abs(
+            stick(uniform, 0.3) / rf.reference.closed_forms.PUNCH_STICK["plane strain"][0.3, 0.2]
+            - 1.0
+        )
         print(f"plane, nu = 0.3, f = 0.2, uniform pressure on the arc at R = {RADII[-1]:.0f} a:")
         print(f"  error {error:.1e}")
     record = solve("axisymmetric", 0.3, 0.2, RADII[-1])

@@ -27,7 +27,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
 from problems import FALSE, WRONG, judge, problem, table_of
 
-from receding_fenicsx.mpi import on_all
+import receding_fenicsx as rf
 
 comm = MPI.COMM_WORLD
 
@@ -40,7 +40,7 @@ def main() -> None:
     options = parser.parse_args()
     own = range(options.seed + comm.rank, options.seed + options.count, comm.size)
     # a problem follows from its number alone: any one can be played again
-    judged = on_all(comm, lambda: {number: judge(problem(number)) for number in own})
+    judged = rf.on_all(comm, lambda: {number: judge(problem(number)) for number in own})
     found = {number: o for part in comm.allgather(judged) for number, o in part.items()}
     bad = {number: o for number, o in sorted(found.items()) if o.verdict in (WRONG, FALSE)}
     if comm.rank == 0:

@@ -20,8 +20,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import Record, read_scene, study
-from receding_fenicsx.output.plots.loops import loop_of
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 BACKWARDS = "history.cycle_rows=[[2.0, 0.0], [1.0, -0.98], [0.4, 0.0], [1.0, 0.98]]"
@@ -35,10 +34,10 @@ AREA_TOLERANCE = 1e-3
 """Error of the loops' area that the samples leave: the path is bent between two of them."""
 
 
-def numbers(record: Record) -> tuple[float, float, float]:
+def numbers(record: rf.Record) -> tuple[float, float, float]:
     """Steady dissipation, loop area over it, and the step of the block in the last cycle."""
     D = record.cycles.dissipation
-    area = loop_of(record, len(D)).area().sum() / D[-1]
+    area = rf.loop_of(record, len(D)).area().sum() / D[-1]
     return float(D[-1]), float(area), float(record.cycles.slip_increment[-1].mean())
 
 
@@ -53,9 +52,9 @@ def main() -> None:
     if root:
         print("history             cycles  kind         dissipation  loops' area  step a cycle")
     for name, (file, overrides) in RUNS.items():
-        scene = read_scene(HERE / f"{file}.toml", overrides)
+        scene = rf.read_scene(HERE / f"{file}.toml", overrides)
         folder = Path(options.out) / name.replace(", ", "_").replace(" ", "_")
-        record = study.run(scene, folder, overwrite=True, pictures=not options.no_pictures)
+        record = rf.run(scene, folder, overwrite=True, pictures=not options.no_pictures)
         if record is None:
             continue
         found[name] = D, area, step = numbers(record)

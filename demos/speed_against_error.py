@@ -38,20 +38,12 @@ import error_estimates
 import numpy as np
 import speed_report
 
-from receding_fenicsx import study
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.report.space_errors import headline
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
-from receding_fenicsx.scene.toml_file import read_scene
+import receding_fenicsx as rf
 
 Row = dict[str, Any]
 
 BLOCK = Path(__file__).with_name("block.toml")
-BARE = OutputOptions(samples_per_leg=1, cycles=())
+BARE = rf.OutputOptions(samples_per_leg=1, cycles=())
 CELLS = ("triangle", "quadrilateral")
 CYCLES = 60
 """Cycles of the space study: the dissipation is within 1e-6 of its steady value then."""
@@ -73,7 +65,7 @@ class Mesh:
     nodes: int
     whole: bool = False
 
-    def scene(self, cycles: int = CYCLES, solver: SolverOptions | None = None) -> Scene:
+    def scene(self, cycles: int = CYCLES, solver: rf.SolverOptions | None = None) -> rf.Scene:
         """The block on this mesh."""
         overrides = [
             f'mesh.cell="{self.cell}"',
@@ -82,7 +74,7 @@ class Mesh:
             f"mesh.contact_elements={(self.nodes - 1) // self.degree}",
             f"history.cycles={cycles}",
         ]
-        scene = read_scene(BLOCK, overrides)
+        scene = rf.read_scene(BLOCK, overrides)
         return replace(
             scene,
             history=replace(scene.history, until=None),
@@ -90,9 +82,9 @@ class Mesh:
             output=BARE,
         )
 
-    def condense(self, mark: Callable[[str], None] | None = None) -> ContactSystem:
+    def condense(self, mark: Callable[[str], None] | None = None) -> rf.ContactSystem:
         """Go from the scene to the condensed system."""
-        system = study.condense(self.scene(), MPI.COMM_SELF, mark)
+        system = rf.condense(self.scene(), MPI.COMM_SELF, mark)
         assert system is not None
         return system
 
@@ -110,14 +102,14 @@ FAMILIES = (
 """Cell, order, growth, whole body."""
 
 
-def cyclic(cycles: int) -> History:
+def cyclic(cycles: int) -> rf.History:
     """Return the paper's history: to p0, then so many times to p0/3 and back."""
-    return History(("p0",), np.array([[0.0], [1.0]]), np.array([[1.0], [1 / 3], [1.0]]), cycles)
+    return rf.History(("p0",), np.array([[0.0], [1.0]]), np.array([[1.0], [1 / 3], [1.0]]), cycles)
 
 
-def swept(steps: int, relaxation: float, polish: bool, tolerance: float) -> SolverOptions:
+def swept(steps: int, relaxation: float, polish: bool, tolerance: float) -> rf.SolverOptions:
     """Return the options of Gauss-Seidel."""
-    return SolverOptions(
+    return rf.SolverOptions(
         "gauss-seidel",
         steps,
         over_relaxation=relaxation,
@@ -139,7 +131,7 @@ def peak_megabytes(reset: bool = False) -> float:
         return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0
 
 
-def whole_way(mesh: Mesh, cycles: int, repeat: int, solver: SolverOptions | None = None) -> Row:
+def whole_way(mesh: Mesh, cycles: int, repeat: int, solver: rf.SolverOptions | None = None) -> Row:
     """Measure scene to record, stage by stage."""
     runs: list[dict[str, float]] = []
     walls = []
@@ -153,7 +145,7 @@ def whole_way(mesh: Mesh, cycles: int, repeat: int, solver: SolverOptions | None
         begin = time.perf_counter()
         system = mesh.condense(mark)
         mark("evolve")
-        record = evolve(system, mesh.scene(cycles, solver))
+        record = rf.evolve(system, mesh.scene(cycles, solver))
         mark("end")
         walls.append(time.perf_counter() - begin)
         runs.append({f"{a[0]}_s": b[1] - a[1] for a, b in pairwise(marks)})
@@ -169,7 +161,7 @@ def whole_way(mesh: Mesh, cycles: int, repeat: int, solver: SolverOptions | None
         "wall_s": statistics.median(walls),
         "peak_MB": peak_megabytes(),
         "residual": record.residual_max,
-        **{name: number.value for name, number in headline(record).items()},
+        **{name: number.value for name, number in rf.headline(record).items()},
     }
     print(f"{row['method']}, {mesh}: {total:.3f} s", flush=True)
     return row
@@ -191,17 +183,19 @@ def time_rows(mesh: Mesh, repeat: int) -> Iterable[Row]:
     """Measure the methods on one mesh against its exact path."""
     system, history = mesh.condense(), cyclic(TIME_CYCLES)
 
-    def play(solver: SolverOptions | None, path: History, times: int) -> tuple[Record, float]:
+    def play(
+        solver: rf.SolverOptions | None, path: rf.History, times: int
+    ) -> tuple[rf.Record, float]:
         seconds = []
         for _ in range(times):
             begin = time.process_time()
-            record = evolve(system, path, solver, BARE)
+            record = rf.evolve(system, path, solver, BARE)
             seconds.append(time.process_time() - begin)
         return record, statistics.median(seconds)
 
     exact, seconds = play(None, history, repeat)
 
-    def row(method: str, record: Record, took: float, every: int = 1, **more: object) -> Row:
+    def row(method: str, record: rf.Record, took: float, every: int = 1, **more: object) -> Row:
         a, b = record.turning_points, exact.turning_points
         force = max(np.abs(a.P[::every] - b.P).max(), np.abs(a.Q[::every] - b.Q).max())
         D, E = record.cycles.dissipation, exact.cycles.dissipation
@@ -221,7 +215,7 @@ def time_rows(mesh: Mesh, repeat: int) -> Iterable[Row]:
     # the exact path has no steps: stopping it on the way must change nothing
     down = np.linspace(1.0, 1 / 3, STOPS + 1)[:, None]
     loop = np.vstack([down, down[-2::-1]])
-    stopped, _ = play(None, History(("p0",), history.path, loop, TIME_CYCLES), 1)
+    stopped, _ = play(None, rf.History(("p0",), history.path, loop, TIME_CYCLES), 1)
     yield row("exact events", stopped, seconds, STOPS)
     for polish in (False, True):
         for relaxation in (1.0, 1.5):
@@ -290,7 +284,7 @@ def main() -> None:
     parser.add_argument("--nodes", type=int, nargs="+", default=[41, 81, 161, 241, 321, 521, 641])
     options = parser.parse_args()
     asked = options.out, options.parts, options.repeat, options.nodes
-    on_root(MPI.COMM_WORLD, lambda: study_all(*asked))
+    rf.on_root(MPI.COMM_WORLD, lambda: study_all(*asked))
 
 
 if __name__ == "__main__":

@@ -15,17 +15,7 @@ from mpi4py import MPI
 import matplotlib as mpl
 import numpy as np
 
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots.style import (
-    GUIDE,
-    GUIDE_COLOUR,
-    PAGE,
-    RC,
-    SERIES_COLOURS,
-    new_figure,
-)
-from receding_fenicsx.output.report.space_errors import NAMES
-from receding_fenicsx.scene.model import MeshOptions
+import receding_fenicsx as rf
 
 Row = dict[str, Any]
 
@@ -55,8 +45,8 @@ def family(row: Row) -> str:
 def limits(space: list[Row]) -> tuple[dict[str, float], dict[str, float]]:
     """Return the mean of the finest two meshes, and their relative difference."""
     one, two = space[:2]
-    mean = {name: 0.5 * (one[name] + two[name]) for name in NAMES}
-    return mean, {name: abs(one[name] - two[name]) / mean[name] for name in NAMES}
+    mean = {name: 0.5 * (one[name] + two[name]) for name in rf.HEADLINE_NAMES}
+    return mean, {name: abs(one[name] - two[name]) / mean[name] for name in rf.HEADLINE_NAMES}
 
 
 def errors(row: Row, limit: dict[str, float]) -> dict[str, float]:
@@ -109,22 +99,22 @@ def advice(space: list[Row], goal: float, limit: dict[str, float], names: list[s
 def draw_space(space: list[Row], folder: Path) -> None:
     """Draw each number's error over the CPU time of the whole way."""
     limit, floor = limits(space)
-    figure = new_figure(PAGE, 4.9)
+    figure = rf.style.new_figure(rf.style.PAGE, 4.9)
     axes = figure.subplots(2, 3)
-    for panel, name in zip(axes.flat, NAMES, strict=False):
+    for panel, name in zip(axes.flat, rf.HEADLINE_NAMES, strict=False):
         for k, label in enumerate(dict.fromkeys(map(family, space[2:]))):
             own = [row for row in space[2:] if family(row) == label]
             panel.loglog(
                 [row["cpu_s"] for row in own],
                 [max(errors(row, limit)[name], SMALLEST) for row in own],
-                color=SERIES_COLOURS[k % 6],
+                color=rf.style.SERIES_COLOURS[k % 6],
                 ls=("-", "--", ":")[k // 6],
                 marker="os^vDP*XH<>dp"[k],
                 lw=0.8,
                 ms=3.5,
                 label=label,
             )
-        panel.axhline(max(floor[name], SMALLEST), color=GUIDE_COLOUR, lw=0.8, ls=":")
+        panel.axhline(max(floor[name], SMALLEST), color=rf.style.GUIDE_COLOUR, lw=0.8, ls=":")
         panel.set_title(TITLES[name])
     for panel in axes[:, 0]:
         panel.set_ylabel("relative error")
@@ -138,14 +128,19 @@ def draw_space(space: list[Row], folder: Path) -> None:
 
 def draw_time(times: list[Row], folder: Path) -> None:
     """Draw the time error of dissipation and forces over steps and CPU time."""
-    figure = new_figure(PAGE, 3.0)
+    figure = rf.style.new_figure(rf.style.PAGE, 3.0)
     left, middle, right = figure.subplots(1, 3)
     exact = times[0]
     for k, method in enumerate(dict.fromkeys(row["method"] for row in times[1:])):
         own = [row for row in times if row["method"] == method]
         steps = method != "by tolerance"
         label = method if steps else "Gauss-Seidel, 40 steps, tolerance $10^{-3}$ to $10^{-10}$"
-        style: Row = {"color": SERIES_COLOURS[k], "marker": "os^vD"[k], "lw": 0.8, "ms": 3.5}
+        style: Row = {
+            "color": rf.style.SERIES_COLOURS[k],
+            "marker": "os^vD"[k],
+            "lw": 0.8,
+            "ms": 3.5,
+        }
         if steps:
             left.loglog([r["steps"] for r in own], [r["dissipation"] for r in own], **style)
         seconds = [row["seconds"] for row in own]
@@ -158,7 +153,7 @@ def draw_time(times: list[Row], folder: Path) -> None:
         panel.set_ylabel(f"error of {'nodal forces' if key == 'force' else 'cycle 1'}")
     steps_drawn = np.array([10.0, 320.0])
     start = times[1]["dissipation"]
-    left.loglog(steps_drawn, start * (10.0 / steps_drawn) ** 2, **GUIDE)
+    left.loglog(steps_drawn, start * (10.0 / steps_drawn) ** 2, **rf.style.GUIDE)
     left.text(60.0, start * 0.012, "order 2", ha="right", fontsize=8)
     left.set(xlabel="load steps a leg", ylabel="error of the dissipation of cycle 1")
     middle.set_ylabel("error of the dissipation of cycle 1")
@@ -188,7 +183,7 @@ def page(space: list[Row], times: list[Row], grid: list[Row]) -> list[str]:
     limit, floor = limits(space)
     swept, ours, on_grid, as_good, no_worse = grid
     exact = times[0]
-    wanted = asdict(MeshOptions())
+    wanted = asdict(rf.MeshOptions())
     default = next(
         row
         for row in space[2:]
@@ -199,7 +194,7 @@ def page(space: list[Row], times: list[Row], grid: list[Row]) -> list[str]:
     faster, ready = swept["cpu_s"] / ours["cpu_s"], on_grid["ready_s"] / as_good["ready_s"]
     assert faster >= FASTER and ready >= READY_FASTER, (faster, ready)
     assert max(exact["force"], exact["dissipation"]) <= TIME_ERROR, exact
-    bulk = [name for name in NAMES if "width" not in name]
+    bulk = [name for name in rf.HEADLINE_NAMES if "width" not in name]
     compared = [
         f"| {row['method']}, {family(row)} | {row['nodes']} | {row['cpu_s']:.3f} | "
         f"{max(errors(row, limit).values()):.1e} |"
@@ -212,7 +207,7 @@ def page(space: list[Row], times: list[Row], grid: list[Row]) -> list[str]:
     ]
     goals = [
         f"| {100 * goal:g} % | {describe(advice(space, goal, limit, bulk))} | "
-        f"{describe(advice(space, goal, limit, list(NAMES)))} |"
+        f"{describe(advice(space, goal, limit, list(rf.HEADLINE_NAMES)))} |"
         for goal in GOALS
     ]
     return [
@@ -222,7 +217,10 @@ def page(space: list[Row], times: list[Row], grid: list[Row]) -> list[str]:
         "",
         "| number | limit of two families | they differ by |",
         "| --- | --- | --- |",
-        *(f"| {NAMES[name]} | {limit[name]:.6g} | {floor[name]:.0e} |" for name in NAMES),
+        *(
+            f"| {rf.HEADLINE_NAMES[name]} | {limit[name]:.6g} | {floor[name]:.0e} |"
+            for name in rf.HEADLINE_NAMES
+        ),
         "",
         "## Space",
         "",
@@ -289,7 +287,7 @@ def read_csv(path: Path) -> list[Row]:
 def write(folder: Path) -> None:
     """Write figures and page into the folder of the CSV files."""
     space, times, grid = (read_csv(folder / f"{name}.csv") for name in ("space", "time", "grid"))
-    with mpl.rc_context(RC):
+    with mpl.rc_context(rf.style.RC):
         draw_space(space, folder)
         draw_time(times, folder)
     lines = page(space, times, grid)
@@ -302,7 +300,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Figures and page of speed_against_error.")
     parser.add_argument("--out", type=Path, default=Path("results/speed_against_error"))
     folder = parser.parse_args().out
-    on_root(MPI.COMM_WORLD, lambda: write(folder))
+    rf.on_root(MPI.COMM_WORLD, lambda: write(folder))
 
 
 if __name__ == "__main__":

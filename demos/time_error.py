@@ -15,11 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import ContactSystem, Record, evolve, read_scene
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots.style import COLUMN, GUIDE_COLOUR, RC, SERIES_COLOURS
-from receding_fenicsx.scene.model import Scene, SolverOptions
-from receding_fenicsx.study import condense
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 STEPS = (10, 20, 40, 80, 160, 320, 640)
@@ -34,12 +30,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Load steps against the exact path.")
     parser.add_argument("--out", default="results/time_error", help="folder of the figure")
     folder = Path(parser.parse_args().out)
-    scene = read_scene(HERE / "block.toml", ["history.cycles=1"])
-    system = condense(scene)
-    on_root(MPI.COMM_WORLD, lambda: compare(system, scene, folder))
+    scene = rf.read_scene(HERE / "block.toml", ["history.cycles=1"])
+    system = rf.condense(scene)
+    rf.on_root(MPI.COMM_WORLD, lambda: compare(system, scene, folder))
 
 
-def compare(system: ContactSystem | None, scene: Scene, folder: Path) -> None:
+def compare(system: rf.ContactSystem | None, scene: rf.Scene, folder: Path) -> None:
     """Evolve by events, then by Gauss-Seidel with more and more steps."""
     assert system is not None
     exact, seconds = timed(system, scene)
@@ -47,7 +43,7 @@ def compare(system: ContactSystem | None, scene: Scene, folder: Path) -> None:
     print("steps a leg  seconds  error of D_1  error of forces")
     errors, forces = [], []
     for steps in STEPS:
-        solver = SolverOptions(method="gauss-seidel", steps_per_leg=steps)
+        solver = rf.SolverOptions(method="gauss-seidel", steps_per_leg=steps)
         stepped, seconds = timed(system, replace(scene, solver=solver))
         errors.append(abs(stepped.cycles.dissipation[0] / exact.cycles.dissipation[0] - 1.0))
         a, b = stepped.turning_points, exact.turning_points
@@ -62,10 +58,10 @@ def compare(system: ContactSystem | None, scene: Scene, folder: Path) -> None:
     assert forces[STEPS.index(320)] < LARGEST_FORCE_ERROR
 
 
-def timed(system: ContactSystem, scene: Scene) -> tuple[Record, float]:
+def timed(system: rf.ContactSystem, scene: rf.Scene) -> tuple[rf.Record, float]:
     """Return the record and the seconds that it took."""
     begin = time.perf_counter()
-    record = evolve(system, scene)
+    record = rf.evolve(system, scene)
     return record, time.perf_counter() - begin
 
 
@@ -76,13 +72,15 @@ def figure(errors: np.ndarray, forces: np.ndarray, folder: Path) -> None:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    look: dict[Any, Any] = {**RC, "figure.constrained_layout.use": True}
+    look: dict[Any, Any] = {**rf.style.RC, "figure.constrained_layout.use": True}
     with mpl.rc_context(look):
-        drawn, axes = plt.subplots(figsize=(COLUMN, 2.8))
-        axes.loglog(STEPS, errors, "o-", color=SERIES_COLOURS[0], label="dissipation of cycle 1")
-        axes.loglog(STEPS, forces, "s-", color=SERIES_COLOURS[1], label="nodal forces")
+        drawn, axes = plt.subplots(figsize=(rf.style.COLUMN, 2.8))
+        axes.loglog(
+            STEPS, errors, "o-", color=rf.style.SERIES_COLOURS[0], label="dissipation of cycle 1"
+        )
+        axes.loglog(STEPS, forces, "s-", color=rf.style.SERIES_COLOURS[1], label="nodal forces")
         second_order = errors[0] * (STEPS[0] / np.array(STEPS)) ** 2
-        axes.loglog(STEPS, second_order, "--", color=GUIDE_COLOUR, lw=0.8, label="order 2")
+        axes.loglog(STEPS, second_order, "--", color=rf.style.GUIDE_COLOUR, lw=0.8, label="order 2")
         axes.set(xlabel="load steps a leg", ylabel="error against the exact path")
         axes.legend()
         folder.mkdir(parents=True, exist_ok=True)

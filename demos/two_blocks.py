@@ -18,14 +18,7 @@ from mpi4py import MPI
 
 from scipy.optimize import brentq
 
-from receding_fenicsx import ContactSystem, evolve, read_scene
-from receding_fenicsx.interface.measures.tractions import traction_at
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.report.half_widths import estimates
-from receding_fenicsx.reference.closed_forms import FILON_ZERO, bilateral_pressure
-from receding_fenicsx.reference.layer import contact_half_width
-from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.study import condense
+import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 POINT = 0.025
@@ -36,25 +29,25 @@ ZERO_TOLERANCE, WIDTH_TOLERANCE = 1e-4, 1e-3
 """Relative errors allowed of the zero of the unseparated pair and of the half width."""
 
 
-def pressed(load: float, *others: str) -> Scene:
+def pressed(load: float, *others: str) -> rf.Scene:
     """The scene with a unit force on |x| < load, and other changes."""
     changes = [f"load.F.span=[{-load}, {load}]", f"load.F.pressure={0.5 / load}", *others]
-    return read_scene(HERE / "two_blocks.toml", changes)
+    return rf.read_scene(HERE / "two_blocks.toml", changes)
 
 
-def zero_of_unseparated(system: ContactSystem) -> float:
+def zero_of_unseparated(system: rf.ContactSystem) -> float:
     """Where the pressure changes sign when no node may lift off (and all slide freely)."""
     return float(
-        brentq(lambda x: traction_at(system.x, system.weight, system.r_star[0], x), *INSIDE)
+        brentq(lambda x: rf.traction_at(system.x, system.weight, system.r_star[0], x), *INSIDE)
     )
 
 
-def both(system: ContactSystem, scene: Scene) -> tuple[float, float]:
+def both(system: rf.ContactSystem, scene: rf.Scene) -> tuple[float, float]:
     """Zero of the unseparated pair, and half width of the contact with lift-off."""
-    record = evolve(system, scene)
-    return zero_of_unseparated(system), estimates(record, -1)["contact_half_width_estimate"][
-        "value"
-    ]
+    record = rf.evolve(system, scene)
+    return zero_of_unseparated(system), rf.half_width_estimates(record, -1)[
+        "contact_half_width_estimate"
+    ]["value"]
 
 
 def main() -> None:
@@ -64,26 +57,31 @@ def main() -> None:
         print("loaded on       unseparated: zero x/h  error    lift-off: half width/h  error")
     for load in (POINT, 0.5, 2.0):
         scene = pressed(load)
-        system = condense(scene)
+        system = rf.condense(scene)
 
         def report(
-            load: float = load, scene: Scene = scene, system: ContactSystem | None = system
+            load: float = load, scene: rf.Scene = scene, system: rf.ContactSystem | None = system
         ) -> None:
             assert system is not None
             zero, width = both(system, scene)
-            exact = brentq(lambda x: float(bilateral_pressure(x, load)), *INSIDE)
-            errors = abs(zero / exact - 1.0), abs(width / contact_half_width(load) - 1.0)
+            exact = brentq(
+                lambda x: float(rf.reference.closed_forms.bilateral_pressure(x, load)), *INSIDE
+            )
+            errors = (
+                abs(zero / exact - 1.0),
+                abs(width / rf.reference.layer.contact_half_width(load) - 1.0),
+            )
             shown = f"{zero:23.5f}  {errors[0]:.1e}  {width:21.5f}  {errors[1]:.1e}"
             print(f"|x| < {load:5.3f} h  {shown}")
             assert errors[0] < ZERO_TOLERANCE, "zero of the unseparated pair"
             assert errors[1] < WIDTH_TOLERANCE, "half width with lift-off"
             assert width < 0.9 * zero, "lift-off must make the contact smaller"
             if load == POINT:
-                assert abs(zero - FILON_ZERO) < 1e-3, (
+                assert abs(zero - rf.reference.closed_forms.FILON_ZERO) < 1e-3, (
                     "Filon's value is that of the unseparated pair"
                 )
 
-        on_root(comm, report)
+        rf.on_root(comm, report)
     if comm.rank == 0:
         print("Filon's 1.338 thicknesses (about 1.35 in Coker and Filon) is the zero of an")
         print("unseparated pair; two blocks that lift off touch over clearly less.")

@@ -1,24 +1,28 @@
 """Frictional receding contact of elastic bodies under cyclic loading, with FEniCSx.
 
-The way from a scene to what happens on it::
+One import is enough; every name below is loaded when it is first used::
 
-    scene = read_scene("block.toml", ["history.cycles=20"])  # TOML, with changes
-    record = run(scene)                                      # the whole way, in memory
-    record = run(scene, "results/mine")                      # the same, written and drawn
+    import receding_fenicsx as rf
 
-or step by step, to play other histories, frictions and gaps on the same body::
+From a scene to its results in one call::
 
-    system = condense(scene, whole=True)              # K, r_star on the contact nodes (eq. 11)
-    record = evolve(system, scene)                    # or another scene of the same body
+    scene = rf.read_scene("block.toml", ["history.cycles=20"])  # a TOML file, with changes
+    record = rf.run(scene)                                      # in memory
+    record = rf.run(scene, "results/mine")                      # also files, figures, report
 
-What a :class:`Record` holds is asked for by names, and drawn::
+or in steps, to apply other histories, frictions and gaps to the same condensed body::
+
+    system = rf.condense(scene, whole=True)           # K and r_star on the contact nodes, eq. (11)
+    record = rf.evolve(system, scene)                 # or another scene of the same body
+
+A :class:`Record` returns values by name, tables and figures::
 
     low = record.at(cycle=9, load="minimum")          # low.x, low.p, low.q, low.v, low.w, low.zones
-    record.cycles.dissipation                         # a value a cycle, from cycle 1
+    record.cycles.dissipation                         # one value for each cycle, from cycle 1
     record.to_pandas()                                # or to_xarray(), to_table()
-    figures.tractions(record, low)                    # a Matplotlib figure
-    figures.zone_maps(record, 9)
-    figures.hysteresis(record)
+    rf.figures.tractions(record, low)                 # a Matplotlib figure
+    rf.figures.zone_maps(record, 9)
+    rf.figures.hysteresis(record)
 
 Signs and symbols are those of Ahn & Barber (2008): ``v, w`` tangential and normal displacement,
 ``Q, P`` tangential and normal reaction on the body, ``P > 0`` compression; "load" is a load factor.
@@ -30,63 +34,269 @@ from typing import TYPE_CHECKING, Any
 # The interface's dense matrices are small: with the default number of threads their products and
 # solves were measured up to 70 times slower than with one. The libraries read this once, when NumPy
 # loads them; what the user has set wins.
-for _name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
-    os.environ.setdefault(_name, "1")
+for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
+    os.environ.setdefault(_variable, "1")
 
 if TYPE_CHECKING:
+    from receding_fenicsx import reference as reference
+    from receding_fenicsx.environment import child_environment as child_environment
+    from receding_fenicsx.errors import InputError as InputError
+    from receding_fenicsx.errors import Interrupted as Interrupted
+    from receding_fenicsx.errors import NoEquilibrium as NoEquilibrium
+    from receding_fenicsx.errors import NoQuasiStaticContinuation as NoQuasiStaticContinuation
+    from receding_fenicsx.errors import NotConverged as NotConverged
+    from receding_fenicsx.errors import RecedingError as RecedingError
+    from receding_fenicsx.errors import SolveError as SolveError
     from receding_fenicsx.evolution.evolve import evolve as evolve
     from receding_fenicsx.evolution.record import Record as Record
+    from receding_fenicsx.evolution.replay import instant_of as instant_of
+    from receding_fenicsx.evolution.replay import state_at as state_at
+    from receding_fenicsx.interface.measures.tractions import traction_at as traction_at
+    from receding_fenicsx.interface.measures.zone_ends import dundurs_beta as dundurs_beta
+    from receding_fenicsx.interface.measures.zones import contact_half_width as contact_half_width
+    from receding_fenicsx.interface.measures.zones import stick_half_width as stick_half_width
+    from receding_fenicsx.interface.measures.zones import zones as zones
+    from receding_fenicsx.interface.system import STATE_NAMES as STATE_NAMES
+    from receding_fenicsx.interface.system import ContactState as ContactState
     from receding_fenicsx.interface.system import ContactSystem as ContactSystem
-    from receding_fenicsx.output.plots import figures
+    from receding_fenicsx.interface.system import State as State
+    from receding_fenicsx.interface.system import friction_margin as friction_margin
+    from receding_fenicsx.interface.system import reactions as reactions
+    from receding_fenicsx.mpi import given as given
+    from receding_fenicsx.mpi import on_all as on_all
+    from receding_fenicsx.mpi import on_root as on_root
+    from receding_fenicsx.output.plots import figures as figures
+    from receding_fenicsx.output.plots import style as style
+    from receding_fenicsx.output.plots.loops import loop_of as loop_of
+    from receding_fenicsx.output.report.half_widths import estimates as half_width_estimates
+    from receding_fenicsx.output.report.half_widths import half_widths as half_widths
+    from receding_fenicsx.output.report.html import write_report as write_report
+    from receding_fenicsx.output.report.space_errors import NAMES as HEADLINE_NAMES
+    from receding_fenicsx.output.report.space_errors import headline as headline
+    from receding_fenicsx.output.report.space_errors import space_errors as space_errors
+    from receding_fenicsx.output.report.summary import summarise as summarise
+    from receding_fenicsx.output.report.text import run_table as run_table
+    from receding_fenicsx.output.storage.export import export as export
     from receding_fenicsx.output.storage.hdf5 import read_record as read_record
+    from receding_fenicsx.output.storage.hdf5 import read_system as read_system
+    from receding_fenicsx.output.storage.hdf5 import write_record as write_record
+    from receding_fenicsx.output.storage.hdf5 import write_system as write_system
+    from receding_fenicsx.output.storage.summary_file import read_summary as read_summary
+    from receding_fenicsx.pictures import animate as animate
+    from receding_fenicsx.pictures import plot as plot
+    from receding_fenicsx.pictures import snapshot as snapshot
+    from receding_fenicsx.scene.cautions import warnings as scene_warnings
     from receding_fenicsx.scene.history import History as History
     from receding_fenicsx.scene.history import from_scene as history_from_scene
+    from receding_fenicsx.scene.model import Body as Body
+    from receding_fenicsx.scene.model import Contact as Contact
+    from receding_fenicsx.scene.model import HistoryOptions as HistoryOptions
+    from receding_fenicsx.scene.model import Load as Load
+    from receding_fenicsx.scene.model import Material as Material
+    from receding_fenicsx.scene.model import MeshOptions as MeshOptions
+    from receding_fenicsx.scene.model import OutputOptions as OutputOptions
     from receding_fenicsx.scene.model import Scene as Scene
+    from receding_fenicsx.scene.model import SolverOptions as SolverOptions
+    from receding_fenicsx.scene.model import Support as Support
+    from receding_fenicsx.scene.toml_file import from_toml as from_toml
     from receding_fenicsx.scene.toml_file import read_scene as read_scene
     from receding_fenicsx.scene.toml_file import to_toml as to_toml
+    from receding_fenicsx.scene.validate import validate as validate
     from receding_fenicsx.study import condense as condense
     from receding_fenicsx.study import run as run
 
 __version__ = "0.1.0"
 
-# No module that needs DOLFINx, MPI or a display is loaded before it is asked for.
-_PLACES = {
-    "Scene": "scene.model",
-    "read_scene": "scene.toml_file",
-    "to_toml": "scene.toml_file",
-    "History": "scene.history",
-    "history_from_scene": "scene.history",
-    "ContactSystem": "interface.system",
-    "evolve": "evolution.evolve",
-    "Record": "evolution.record",
-    "read_record": "output.storage.hdf5",
-    "condense": "study",
-    "run": "study",
+# name: (module, or module:name where it has another name there, or module: for the module itself;
+# one line of description)
+_PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
+    "Scene": {
+        "Scene": ("scene.model", "What is modelled: body, material, mesh, contacts, loads, ..."),
+        "Body": ("scene.model", "Shape of a body: rectangle, or mesh file"),
+        "Material": ("scene.model", "Elastic constants, and plane or axisymmetric kinematics"),
+        "MeshOptions": ("scene.model", "Number, shape, order and grading of the elements"),
+        "Contact": ("scene.model", "Contact edge, its friction and its initial gap"),
+        "Load": ("scene.model", "Pressure, traction, displacement or platen, times a load factor"),
+        "Support": ("scene.model", "Edge or point that is fixed"),
+        "HistoryOptions": ("scene.model", "History of the load factors, as a scene gives it"),
+        "SolverOptions": ("scene.model", "Method, load steps, tolerances, symmetry"),
+        "OutputOptions": ("scene.model", "Cycles and samples that the record keeps"),
+        "read_scene": ("scene.toml_file", "Read a scene file, with changes table.key=value"),
+        "from_toml": ("scene.toml_file", "Read a scene from TOML text"),
+        "to_toml": ("scene.toml_file", "Write a scene as TOML text"),
+        "validate": ("scene.validate", "Check a scene; raise InputError with the reason"),
+        "scene_warnings": ("scene.cautions:warnings", "Warnings about a scene that can be run"),
+        "History": ("scene.history", "Polyline of load factors and the cycle that follows it"),
+        "history_from_scene": ("scene.history:from_scene", "Return the History of a scene"),
+    },
+    "Contact system": {
+        "condense": ("study", "Mesh, assemble and condense a scene to its contact nodes"),
+        "ContactSystem": (
+            "interface.system",
+            "Condensed stiffness K, r_star, friction, gap, eq. 11",
+        ),
+        "ContactState": ("interface.system", "Displacements, reactions and states of all nodes"),
+        "State": ("interface.system", "STICK, SEPARATION, FORWARD_SLIP, BACKWARD_SLIP: 1 to 4"),
+        "STATE_NAMES": ("interface.system", "Names of the states in words"),
+        "reactions": (
+            "interface.system",
+            "Nodal reactions at given loads and displacements, eq. 11",
+        ),
+        "friction_margin": ("interface.system", "Largest f |K_tn| / K_tt of single nodes"),
+        "read_system": ("output.storage.hdf5", "Read a ContactSystem from an HDF5 file"),
+        "write_system": ("output.storage.hdf5", "Write a ContactSystem to an HDF5 file"),
+    },
+    "Run": {
+        "run": ("study", "Run a scene: mesh, condense, evolve, write files and pictures"),
+        "evolve": ("evolution.evolve", "Follow a history on a condensed system"),
+        "Record": ("evolution.record", "Results: turning points, samples, events, cycles"),
+        "read_record": ("output.storage.hdf5", "Read a Record from an HDF5 file"),
+        "write_record": ("output.storage.hdf5", "Write a Record to an HDF5 file"),
+        "instant_of": ("evolution.replay", "Replay the state at an instant named by cycle and leg"),
+        "state_at": ("evolution.replay", "Replay the state at cycle, leg number and position s"),
+    },
+    "Evaluation": {
+        "zones": ("interface.measures.zones", "Zones of equal state along the contact edge"),
+        "contact_half_width": ("interface.measures.zones", "Contact half width, to node spacing"),
+        "stick_half_width": ("interface.measures.zones", "Stick half width, to node spacing"),
+        "half_widths": ("output.report.half_widths", "Both half widths at a turning point"),
+        "half_width_estimates": (
+            "output.report.half_widths:estimates",
+            "Half widths fitted below node spacing, with intervals",
+        ),
+        "dundurs_beta": ("interface.measures.zone_ends", "Dundurs' constant beta of two materials"),
+        "traction_at": ("interface.measures.tractions", "Traction between the nodes"),
+        "loop_of": ("output.plots.loops", "Hysteresis loop of each load in a cycle, and its area"),
+        "headline": ("output.report.space_errors", "Headline numbers of a record"),
+        "HEADLINE_NAMES": ("output.report.space_errors:NAMES", "Headline numbers in words"),
+        "space_errors": ("output.report.space_errors", "Estimate discretisation errors"),
+    },
+    "Report and pictures": {
+        "summarise": ("output.report.summary", "Return the numbers of summary.json"),
+        "read_summary": ("output.storage.summary_file", "Read summary.json"),
+        "run_table": ("output.report.text", "Return the table that a run prints"),
+        "write_report": ("output.report.html", "Write report.html of a run folder"),
+        "figures": ("output.plots.figures:", "Matplotlib figures of a record (module)"),
+        "style": ("output.plots.style:", "Colours, fonts and sizes of the figures (module)"),
+        "plot": ("pictures", "Draw all figures of a run and its report"),
+        "snapshot": ("pictures", "Draw the body of a finished run at one instant"),
+        "animate": ("pictures", "Make a film of one cycle of a finished run"),
+        "export": ("output.storage.export", "Write a load step in the layout of FCLIB"),
+    },
+    "Known solutions": {
+        "reference": ("reference:", "closed_forms, layer and ahn_barber (modules)"),
+    },
+    "Errors": {
+        "RecedingError": ("errors", "Base class of all errors raised on purpose"),
+        "InputError": ("errors", "A scene, an option or a file cannot be used"),
+        "SolveError": ("errors", "A solver failed its own checks"),
+        "NotConverged": ("errors", "An iteration ran out of sweeps"),
+        "NoEquilibrium": ("errors", "No equilibrium: lift-off or gross sliding"),
+        "NoQuasiStaticContinuation": ("errors", "The quasi-static path ends in a jump"),
+        "Interrupted": ("errors", "Ctrl-C or a signal; the run can be resumed"),
+    },
+    "MPI": {
+        "on_root": ("mpi", "Run a function on rank 0; raise its error on all ranks"),
+        "on_all": ("mpi", "Run a function on all ranks; raise an error of any on all"),
+        "given": ("mpi", "Return a value of rank 0, asserting that it is not None"),
+        "child_environment": ("environment", "Environment of a child process outside this MPI job"),
+    },
 }
+_NAMES = {name: entry for group in _PUBLIC.values() for name, entry in group.items()}
 
 __all__ = [
+    "HEADLINE_NAMES",
+    "STATE_NAMES",
+    "Body",
+    "Contact",
+    "ContactState",
     "ContactSystem",
     "History",
+    "HistoryOptions",
+    "InputError",
+    "Interrupted",
+    "Load",
+    "Material",
+    "MeshOptions",
+    "NoEquilibrium",
+    "NoQuasiStaticContinuation",
+    "NotConverged",
+    "OutputOptions",
+    "RecedingError",
     "Record",
     "Scene",
+    "SolveError",
+    "SolverOptions",
+    "State",
+    "Support",
+    "animate",
+    "child_environment",
     "condense",
+    "contact_half_width",
+    "dundurs_beta",
     "evolve",
+    "export",
     "figures",
+    "friction_margin",
+    "from_toml",
+    "given",
+    "half_width_estimates",
+    "half_widths",
+    "headline",
     "history_from_scene",
+    "instant_of",
+    "loop_of",
+    "on_all",
+    "on_root",
+    "plot",
+    "reactions",
     "read_record",
     "read_scene",
+    "read_summary",
+    "read_system",
+    "reference",
     "run",
+    "run_table",
+    "scene_warnings",
+    "snapshot",
+    "space_errors",
+    "state_at",
+    "stick_half_width",
+    "style",
+    "summarise",
     "to_toml",
+    "traction_at",
+    "validate",
+    "write_record",
+    "write_report",
+    "write_system",
+    "zones",
 ]
 
 
+def _listing() -> str:
+    """Return the public names by groups, each with its description, for the docstring."""
+    lines = ["", "Public names"]
+    for group, names in _PUBLIC.items():
+        lines += ["", f"{group}::", ""]
+        lines += [f"    {name:26}  {text}" for name, (_, text) in names.items()]
+    return "\n".join(lines) + "\n"
+
+
+__doc__ = f"{__doc__}{_listing()}"
+
+
 def __getattr__(name: str) -> Any:
-    """Load a public name when it is first asked for."""
+    """Load a public name when it is first used: DOLFINx, MPI and displays are loaded late."""
     from importlib import import_module
 
-    if name == "figures":
-        return import_module(f"{__name__}.output.plots.figures")
-    if name not in _PLACES:
+    if name not in _NAMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    known = {"history_from_scene": "from_scene"}.get(name, name)
-    return getattr(import_module(f"{__name__}.{_PLACES[name]}"), known)
+    place, colon, inner = _NAMES[name][0].partition(":")
+    module = import_module(f"{__name__}.{place}")
+    return module if colon and not inner else getattr(module, inner or name)
+
+
+def __dir__() -> list[str]:
+    """Return the public names and the module's own attributes."""
+    return sorted([*_NAMES, *(name for name in globals() if name.startswith("__"))])

@@ -1,1 +1,11 @@
-"""Closed forms and published results of known contacts."""
+"""Closed forms and published results of known contacts.
+
+* :mod:`closed_forms`: Hertz, Cattaneo and Mindlin, bilateral layers; computed values of pressed
+  blocks, layers and punches.
+* :mod:`layer`: contact half width of a layer on a half-plane, by a singular integral equation.
+* :mod:`ahn_barber`: the paper's statements beside those of a record.
+"""
+
+from receding_fenicsx.reference import ahn_barber as ahn_barber
+from receding_fenicsx.reference import closed_forms as closed_forms
+from receding_fenicsx.reference import layer as layer

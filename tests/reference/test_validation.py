@@ -90,9 +90,7 @@ def test_punch_sticks_on_the_known_width_when_truncation_is_extrapolated(kinemat
         known = closed_forms.PUNCH_STICK[kinematics][nu, f]
         near, far = (punch["solve"](kinematics, nu, f, radius) for radius in (10.0, 20.0))
         if near is not None and far is not None:
-            found = punch["limit"](
-                kinematics, punch["stick"](near, nu).value, punch["stick"](far, nu).value
-            )
+            found = punch["limit"](kinematics, punch["stick"](near, nu), punch["stick"](far, nu))
             assert found == pytest.approx(known, rel=5e-3)
 
 
