@@ -51,15 +51,15 @@ if TYPE_CHECKING:
     from receding_fenicsx.evolution.record import Record as Record
     from receding_fenicsx.evolution.replay import instant_of as instant_of
     from receding_fenicsx.evolution.replay import state_at as state_at
+    from receding_fenicsx.interface.law import STATE_NAMES as STATE_NAMES
+    from receding_fenicsx.interface.law import State as State
     from receding_fenicsx.interface.measures.tractions import traction_at as traction_at
     from receding_fenicsx.interface.measures.zone_ends import dundurs_beta as dundurs_beta
     from receding_fenicsx.interface.measures.zones import contact_half_width as contact_half_width
     from receding_fenicsx.interface.measures.zones import stick_half_width as stick_half_width
     from receding_fenicsx.interface.measures.zones import zones as zones
-    from receding_fenicsx.interface.system import STATE_NAMES as STATE_NAMES
     from receding_fenicsx.interface.system import ContactState as ContactState
     from receding_fenicsx.interface.system import ContactSystem as ContactSystem
-    from receding_fenicsx.interface.system import State as State
     from receding_fenicsx.interface.system import friction_margin as friction_margin
     from receding_fenicsx.interface.system import reactions as reactions
     from receding_fenicsx.mpi import given as given
@@ -136,8 +136,8 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
             "Condensed stiffness K, r_star, friction, gap, eq. 11",
         ),
         "ContactState": ("interface.system", "Displacements, reactions and states of all nodes"),
-        "State": ("interface.system", "STICK, SEPARATION, FORWARD_SLIP, BACKWARD_SLIP: 1 to 4"),
-        "STATE_NAMES": ("interface.system", "Names of the states in words"),
+        "State": ("interface.law", "STICK, SEPARATION, FORWARD_SLIP, BACKWARD_SLIP: 1 to 4"),
+        "STATE_NAMES": ("interface.law", "Names of the states in words"),
         "reactions": (
             "interface.system",
             "Nodal reactions at given loads and displacements, eq. 11",
