@@ -38,7 +38,7 @@ def main() -> None:
 
     # exact evolution: first loading, then cycles between p0 and p0/3 until they repeat themselves
     scene = rf.read_scene(HERE / "block.toml")
-    rf.run(scene, folder, comm, overwrite=True, progress=say)
+    rf.run(scene, folder, rf.RunOptions(overwrite=True, progress=say))
     rf.on_root(comm, lambda: compare(scene, folder))
 
 

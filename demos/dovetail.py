@@ -77,7 +77,7 @@ def main() -> None:
     parser.add_argument("--out", help="folder for record, figures and pictures")
     folder = parser.parse_args().out
     comm = MPI.COMM_WORLD
-    record = rf.run(rf.read_scene(HERE / "dovetail.toml"), folder, comm, overwrite=True)
+    record = rf.run(rf.read_scene(HERE / "dovetail.toml"), folder, rf.RunOptions(overwrite=True))
     rf.on_root(comm, lambda: report(record) if record is not None else None)
 
 

@@ -44,13 +44,10 @@ def play(folder: Path, elements: int) -> None:
         if rank == MPI.COMM_WORLD.rank:
             print("process", os.getpid(), flush=True)
     MPI.COMM_WORLD.Barrier()
-    rf.run(
-        scene,
-        folder,
-        pictures=False,
-        resume=True,
-        progress=lambda text: print(text, flush=True),
+    options = rf.RunOptions(
+        pictures=False, resume=True, progress=lambda text: print(text, flush=True)
     )
+    rf.run(scene, folder, options)
 
 
 def cycles_of(output: Iterator[str], processes: list[int]) -> Iterator[int]:

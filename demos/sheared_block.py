@@ -54,7 +54,8 @@ def main() -> None:
     for name, (file, overrides) in RUNS.items():
         scene = rf.read_scene(HERE / f"{file}.toml", overrides)
         folder = Path(options.out) / name.replace(", ", "_").replace(" ", "_")
-        record = rf.run(scene, folder, overwrite=True, pictures=not options.no_pictures)
+        chosen = rf.RunOptions(overwrite=True, pictures=not options.no_pictures)
+        record = rf.run(scene, folder, chosen)
         if record is None:
             continue
         found[name] = D, area, step = numbers(record)

@@ -102,6 +102,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.toml_file import read_scene as read_scene
     from receding_fenicsx.scene.toml_file import to_toml as to_toml
     from receding_fenicsx.scene.validate import validate as validate
+    from receding_fenicsx.study import RunOptions as RunOptions
     from receding_fenicsx.study import condense as condense
     from receding_fenicsx.study import run as run
 
@@ -148,6 +149,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Run": {
         "run": ("study", "Run a scene: mesh, condense, evolve, write files and pictures"),
+        "RunOptions": ("study", "What a run writes and draws, and what it starts from"),
         "evolve": ("evolution.evolve", "Follow a history on a condensed system"),
         "Record": ("evolution.record", "Results: turning points, samples, events, cycles"),
         "read_record": ("output.storage.hdf5", "Read a Record from an HDF5 file"),
@@ -224,6 +226,7 @@ __all__ = [
     "OutputOptions",
     "RecedingError",
     "Record",
+    "RunOptions",
     "Scene",
     "SolveError",
     "SolverOptions",

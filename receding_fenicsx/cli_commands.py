@@ -74,18 +74,16 @@ def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     finished = options.resume and _is_finished(options, scene, comm)
     if not finished:
         with _Progress(comm, options.verbose) as say:
-            study.run(
-                scene,
-                out,
-                comm,
-                options.overwrite,
-                pictures != "none",
-                say,
-                options.resume,
-                options.system,
-                None if pictures is None else pictures == "all",
-                options.error,
+            chosen = study.RunOptions(
+                overwrite=options.overwrite,
+                pictures=pictures != "none",
+                snapshots=None if pictures is None else pictures == "all",
+                resume=options.resume,
+                system_file=options.system,
+                error=options.error,
+                progress=say,
             )
+            study.run(scene, out, chosen, comm)
     if is_root(comm):
         print(run_table(read_summary(Path(out) / "summary.json")))
         print(f"{out}: this run was finished already" if finished else f"written to {out}")

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -57,7 +57,8 @@ def snapshot(
     Returns:
         The files that were made, on rank 0; None on the others.
     """
-    snapshots = drawing("snapshots.draw")
+    with drawing_modules():
+        from receding_fenicsx.output.snapshots import draw as snapshots
     comm = comm or world()
     folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)
@@ -96,7 +97,9 @@ def animate(
     Returns:
         The files that were made, .mp4 and .gif, on rank 0; None on the others.
     """
-    animation, snapshots = drawing("snapshots.animation"), drawing("snapshots.draw")
+    with drawing_modules():
+        from receding_fenicsx.output.snapshots import animation
+        from receding_fenicsx.output.snapshots import draw as snapshots
     comm = comm or world()
     folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)
@@ -115,10 +118,8 @@ def animate(
     bulk = picture_body(from_toml(text), comm)
     try:
         with timer("pictures"):
-            made: list[Path] | None = animation.animate(
-                bulk, scenario, quantity, folder / "animations" / f"cycle{cycle:04d}_{stress}"
-            )
-            return made
+            file = folder / "animations" / f"cycle{cycle:04d}_{stress}"
+            return animation.animate(bulk, scenario, quantity, file)
     finally:
         bulk.destroy()
 
@@ -139,11 +140,13 @@ def draw(
     body: bool,
 ) -> None:
     """Draw the figures on rank 0 and, of the body, the default snapshots on all ranks together."""
-    figures = drawing("plots.figures")
+    with drawing_modules():
+        from receding_fenicsx.output.plots import figures
     mpi.on_root(comm, lambda: figures.plot_all(mpi.given(record), mpi.given(folder) / "figures"))
     if not body:
         return
-    snapshots = drawing("snapshots.draw")
+    with drawing_modules():
+        from receding_fenicsx.output.snapshots import draw as snapshots
 
     def choose() -> list[Instant]:
         return default_instants(scene, mpi.given(system), mpi.given(record))
@@ -183,13 +186,19 @@ def default_instants(scene: Scene, system: ContactSystem, record: Record) -> lis
 
 def plot(record: Record, folder: Path) -> list[Path]:
     """Draw all figures of a run into its folder ``figures``, write its report; return the files."""
-    made: list[Path] = drawing("plots.figures").plot_all(record, folder)
-    return [*made, drawing("report.html").write_report(folder.parent, record.scene_toml)]
+    with drawing_modules():
+        from receding_fenicsx.output.plots import figures
+        from receding_fenicsx.output.report import html
+    return [*figures.plot_all(record, folder), html.write_report(folder.parent, record.scene_toml)]
 
 
-def drawing(name: str) -> ModuleType:
-    """Load a module that draws, only when something is drawn: it may load VTK."""
+@contextmanager
+def drawing_modules() -> Iterator[None]:
+    """Import modules that draw; say what to do where a library of theirs is missing.
+
+    They are imported when something is drawn only: a run without pictures needs no drawing library.
+    """
     try:
-        return import_module(f"receding_fenicsx.output.{name}")
+        yield
     except ModuleNotFoundError as error:
-        raise RecedingError(f"{name}: {error}; see receding-fenicsx doctor") from None
+        raise RecedingError(f"pictures: {error}; see receding-fenicsx doctor") from None

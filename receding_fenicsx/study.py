@@ -6,7 +6,7 @@ import resource
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +20,7 @@ from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import space_errors, summary
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.run_folder import SYSTEM, run_folder
-from receding_fenicsx.pictures import draw, drawing
+from receding_fenicsx.pictures import draw, drawing_modules
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.timing import Say, Timer
@@ -31,55 +31,64 @@ if TYPE_CHECKING:
     from receding_fenicsx.interface.system import ContactSystem
 
 
+@dataclass(frozen=True)
+class RunOptions:
+    """What a run writes and draws, and what it starts from.
+
+    Attributes:
+        overwrite: replace the folder of an earlier run.
+        pictures: draw figures and snapshots; needs an output folder.
+        snapshots: draw the body too, which needs it meshed and factored; None draws it unless there
+            is a ``system_file``.
+        resume: continue from the last checkpoint of an interrupted run in ``OUT.part``, or of a
+            finished one in ``OUT`` for more cycles; start from rest where there is none.
+        system_file: a saved system of the same body, material, mesh, contact edges, loads and
+            supports, used instead of condensing again; the body is not meshed.
+        error: solve on coarser meshes too, and estimate the space errors of the headline numbers.
+        progress: called on rank 0 with a text about each stage and each cycle.
+    """
+
+    overwrite: bool = False
+    pictures: bool = True
+    snapshots: bool | None = None
+    resume: bool = False
+    system_file: str | Path | None = None
+    error: bool = False
+    progress: Say | None = None
+
+
 def run(
     scene: Scene,
     out: str | Path | None = None,
+    options: RunOptions = RunOptions(),
     comm: MPI.Comm | None = None,
-    overwrite: bool = False,
-    pictures: bool = True,
-    progress: Say | None = None,
-    resume: bool = False,
-    system_file: str | Path | None = None,
-    snapshots: bool | None = None,
-    error: bool = False,
 ) -> Record | None:
-    """Go the whole way from a scene to its record; all ranks call this together.
+    """Run a scene from its mesh to its record, files and pictures; all ranks call this together.
 
     Args:
         scene: what is modelled.
         out: folder for ``record.h5``, ``summary.json``, ``system.h5``, ``report.html`` and the
-            pictures; it appears when all of it is written. Until then the run lives beside it, in
+            pictures; it appears when all of it is written. Until then the run works beside it, in
             ``OUT.part``. None writes nothing.
+        options: what is written and drawn, and what the run starts from.
         comm: communicator; all processes of the job when left out.
-        overwrite: replace the folder of an earlier run.
-        pictures: draw figures and snapshots; needs ``out``.
-        progress: told on rank 0 what is being done.
-        resume: go on from the last checkpoint of an interrupted run in ``OUT.part``, or of a
-            finished one in ``out`` for more cycles; begin where there is none.
-        system_file: a saved system of the same body, material, mesh, contact edges, loads and
-            supports, to be used instead of condensing again; the body is not touched.
-        snapshots: draw the body too, which needs it meshed and factored; when left out, unless
-            there is a ``system_file``.
-        error: solve on coarser meshes too, and estimate the space errors of the headline numbers.
 
     Returns:
         The record on rank 0, None on the others.
 
     Raises:
         RecedingError: on all ranks alike. When the evolution fails on the way, ``out`` holds the
-            record up to there, its summary the reason under "failure".
+            record up to there, and its summary the reason under "failure".
         Interrupted: a signal asked to end; ``OUT.part`` holds the record up to there and can be
-            gone on with.
+            resumed.
     """
     validate(scene)
-    if error:
+    if options.error:
         space_errors.check(scene)
     comm = comm or world()
-    timer = Timer(progress if comm.rank == 0 else None)
-    if snapshots is None:
-        snapshots = system_file is None
-    with _folder(comm, out, scene, overwrite, resume) as folder:
-        system, extra = _system(scene, comm, timer, folder, system_file)
+    timer = Timer(options.progress if comm.rank == 0 else None)
+    with _folder(comm, out, scene, options) as folder:
+        system, extra = _system(scene, comm, timer, folder, options.system_file)
         with timer("evolve"):
             evolved = mpi.on_root(
                 comm, lambda: long_run.run_history(scene, mpi.given(system), folder, timer.say)
@@ -89,18 +98,20 @@ def run(
         if failure is not None:
             extra["failure"] = str(failure)
         extra["friction_margin"] = mpi.on_root(comm, lambda: friction_margin(mpi.given(system)))
-        if error and failure is None:
+        if options.error and failure is None:
             with timer("errors"):
                 extra |= space_errors.errors_of_run(
                     scene, record, lambda coarse: _headlines(coarse, comm)
                 )
         if out is not None:
-            # before the pictures, so that it is there whatever becomes of them
+            # written before the pictures too, which may fail
             mpi.on_root(comm, lambda: _write_record(folder, record))
             _write_summary(comm, folder, record, extra, timer)
             with timer("pictures"):
-                if pictures and failure is None:
-                    draw(scene, comm, system, record, folder, snapshots)
+                if options.pictures and failure is None:
+                    body = options.system_file is None
+                    body = body if options.snapshots is None else options.snapshots
+                    draw(scene, comm, system, record, folder, body)
             _write_summary(comm, folder, record, extra, timer)
             mpi.on_root(comm, lambda: _write_report(folder, record))
     if failure is not None:
@@ -175,14 +186,14 @@ def _headlines(scene: Scene, comm: MPI.Comm) -> Record | None:
 
 @contextmanager
 def _folder(
-    comm: MPI.Comm, out: str | Path | None, scene: Scene, overwrite: bool, resume: bool
+    comm: MPI.Comm, out: str | Path | None, scene: Scene, options: RunOptions
 ) -> Iterator[Path | None]:
     """Open and close the run's folder on rank 0; its errors are raised on all ranks."""
     if out is None:
         yield None
         return
     with ExitStack() as stack:
-        opened = run_folder(Path(out), scene, overwrite, resume)
+        opened = run_folder(Path(out), scene, options.overwrite, options.resume)
         folder = mpi.on_root(comm, lambda: stack.enter_context(opened))
         yield folder
         mpi.on_root(comm, stack.close)
@@ -208,7 +219,9 @@ def _write_record(folder: Path | None, record: Record | None) -> None:
 
 
 def _write_report(folder: Path | None, record: Record | None) -> None:
-    drawing("report.html").write_report(mpi.given(folder), mpi.given(record).scene_toml)
+    with drawing_modules():
+        from receding_fenicsx.output.report import html
+    html.write_report(mpi.given(folder), mpi.given(record).scene_toml)
 
 
 def _write_summary(

@@ -233,7 +233,9 @@ def test_damaged_run_is_not_resumed_and_leaves_nothing_beside_it(
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a finished run of 4 cycles."""
     out = tmp_path_factory.mktemp("finished") / "run"
-    study.run(from_toml(SCENE, ["history.cycles=4"]), out, MPI.COMM_SELF, pictures=False)
+    study.run(
+        from_toml(SCENE, ["history.cycles=4"]), out, study.RunOptions(pictures=False), MPI.COMM_SELF
+    )
     return out
 
 
@@ -376,7 +378,7 @@ def test_figures_and_report_bear_commands_in_names_of_loads(tmp_path: Path) -> N
     name = "&\\$<b>"
     scene = block(elements=8, load=Load(name, "top", (-1.0, 1.0), pressure=1.0))
     scene = replace(scene, history=replace(scene.history, cycles=1), title="<i>&\\$x")
-    record = study.run(scene, tmp_path / "run", pictures=False)
+    record = study.run(scene, tmp_path / "run", study.RunOptions(pictures=False))
     assert record is not None
     assert figures.plot_all(record, tmp_path / "run" / "figures", formats="png")
     page = Page()

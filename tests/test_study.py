@@ -37,7 +37,7 @@ def small(*overrides: str) -> Scene:
 def test_run_leaves_all_files_and_returns_their_record(shared_tmp_path: Path) -> None:
     out = shared_tmp_path / "run"
     heard: list[str] = []
-    record = study.run(small(), out, comm, pictures=False, progress=heard.append)
+    record = study.run(small(), out, study.RunOptions(pictures=False, progress=heard.append), comm)
     comm.Barrier()
     assert (record is None) == (comm.rank > 0)
     assert {"record.h5", "summary.json", "system.h5"} <= set(os.listdir(out))
@@ -62,7 +62,7 @@ def test_run_leaves_all_files_and_returns_their_record(shared_tmp_path: Path) ->
 
 def test_saved_system_gives_the_same_record_without_meshing(shared_tmp_path: Path) -> None:
     scene = small()
-    record = study.run(scene, shared_tmp_path / "run", comm, pictures=False)
+    record = study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), comm)
     if record is not None:
         system = read_system(shared_tmp_path / "run" / "system.h5", scene)
         again = evolve(system, scene)
@@ -79,15 +79,15 @@ def test_half_is_modelled_only_when_it_may_be() -> None:
         (["solver.symmetry=none"], False),
         (["contact.friction=0.35 + 0.001*x"], False),
     ):
-        record = study.run(small("history.cycles=1", *overrides), None, comm)
+        record = study.run(small("history.cycles=1", *overrides), comm=comm)
         assert comm.bcast(None if record is None else record.half) == half
 
 
 def test_answer_scales_with_the_units() -> None:
     """p0 and E in other units: P and Q scale with them, v and w do not (eqs. 4 to 12)."""
-    record = study.run(small("history.cycles=1"), None, comm)
+    record = study.run(small("history.cycles=1"), comm=comm)
     other = study.run(
-        small("history.cycles=1", "material.young=2e11", "load.p0.pressure=2e11"), None, comm
+        small("history.cycles=1", "material.young=2e11", "load.p0.pressure=2e11"), comm=comm
     )
     if record is not None and other is not None:
         a, b = record.turning_points, other.turning_points
@@ -105,7 +105,7 @@ def test_initial_slip_is_taken_over() -> None:
     moved = dataclasses.replace(
         scene, history=dataclasses.replace(scene.history, initial_slip=0.125)
     )
-    a, b = study.run(scene, None, comm), study.run(moved, None, comm)
+    a, b = study.run(scene, comm=comm), study.run(moved, comm=comm)
     if a is not None and b is not None:
         scale = np.abs(a.turning_points.P).max()
         np.testing.assert_allclose(b.turning_points.P, a.turning_points.P, atol=1e-9 * scale)
@@ -116,7 +116,7 @@ def test_initial_slip_is_taken_over() -> None:
 
 def test_condensed_alone_is_what_run_condenses(shared_tmp_path: Path) -> None:
     system = study.condense(small(), comm)
-    study.run(small(), shared_tmp_path / "run", comm, pictures=False)
+    study.run(small(), shared_tmp_path / "run", study.RunOptions(pictures=False), comm)
     assert (system is None) == (comm.rank > 0)
     if system is not None:
         stored = read_system(shared_tmp_path / "run" / "system.h5")
@@ -127,14 +127,14 @@ def test_condensed_alone_is_what_run_condenses(shared_tmp_path: Path) -> None:
 def test_existing_folders_are_left_alone_unless_asked(shared_tmp_path: Path) -> None:
     out = shared_tmp_path / "run"
     scene = small("history.kind=monotonic")
-    study.run(scene, out, comm, pictures=False)
+    study.run(scene, out, study.RunOptions(pictures=False), comm)
     comm.Barrier()
     before = (out / "record.h5").stat().st_mtime_ns
     with pytest.raises(InputError, match="is there already"):
-        study.run(scene, out, comm, pictures=False)
+        study.run(scene, out, study.RunOptions(pictures=False), comm)
     assert (out / "record.h5").stat().st_mtime_ns == before
     comm.Barrier()
-    study.run(scene, out, comm, overwrite=True, pictures=False)
+    study.run(scene, out, study.RunOptions(overwrite=True, pictures=False), comm)
     comm.Barrier()
     assert (out / "record.h5").stat().st_mtime_ns > before
 
@@ -143,7 +143,7 @@ def test_failing_run_leaves_nothing_behind(shared_tmp_path: Path) -> None:
     # one sweep from one step of the whole load cannot be enough
     scene = small("solver.method=gauss-seidel", "solver.max_sweeps=1", "solver.polish=false")
     with pytest.raises(NotConverged):
-        study.run(scene, shared_tmp_path / "run", comm)
+        study.run(scene, shared_tmp_path / "run", comm=comm)
     comm.Barrier()
     assert os.listdir(shared_tmp_path) == []
 
@@ -152,12 +152,12 @@ def test_invalid_scene_from_python_is_refused_before_meshing() -> None:
     scene = small()
     bad = dataclasses.replace(scene, body=dataclasses.replace(scene.body, width=-1.0))
     with pytest.raises(InputError, match=r"\[body\] width"):
-        study.run(bad, None, comm)
+        study.run(bad, comm=comm)
 
 
 def test_instants_are_found_by_the_names_of_legs(shared_tmp_path: Path) -> None:
     scene = small()
-    record = study.run(scene, shared_tmp_path / "run", comm, pictures=False)
+    record = study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), comm)
     if record is not None:
         system = read_system(shared_tmp_path / "run" / "system.h5", scene)
         low = instant_of(scene, system, record, 2, "unloading")
@@ -210,7 +210,7 @@ def test_run_that_fails_on_the_way_keeps_what_it_found_and_says_why(shared_tmp_p
     )
     scene = dataclasses.replace(small(), history=table)
     with pytest.raises(NoEquilibrium, match=r"^cycle 1, leg 1: lift-off") as caught:
-        study.run(scene, out, comm)
+        study.run(scene, out, comm=comm)
     comm.Barrier()
     if comm.rank == 0:
         assert os.listdir(shared_tmp_path) == ["run"]

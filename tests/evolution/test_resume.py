@@ -70,9 +70,9 @@ def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
 ) -> None:
     scene = small(f"solver.method={method}", "solver.steps_per_leg=4", "history.cycles=14")
     whole, out = shared_tmp_path / "whole", shared_tmp_path / "run"
-    study.run(scene, whole, comm, pictures=False)
+    study.run(scene, whole, study.RunOptions(pictures=False), comm)
     with pytest.raises(Interrupted, match=r"after cycle 12 of 14.*run.part.*--resume") as caught:
-        study.run(scene, out, comm, pictures=False, progress=stop_at(12))
+        study.run(scene, out, study.RunOptions(pictures=False, progress=stop_at(12)), comm)
     assert caught.value.exit_code == 130
     comm.Barrier()
     part = shared_tmp_path / "run.part"
@@ -85,7 +85,9 @@ def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
         assert read_summary(part / "summary.json")["failure"] == "interrupted after cycle 12 of 14"
     comm.Barrier()
     heard: list[str] = []
-    study.run(scene, out, comm, pictures=False, resume=True, progress=heard.append)
+    study.run(
+        scene, out, study.RunOptions(pictures=False, resume=True, progress=heard.append), comm
+    )
     comm.Barrier()
     assert sorted(os.listdir(shared_tmp_path)) == ["run", "whole"]
     if comm.rank == 0:
@@ -99,10 +101,10 @@ def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
 
 def test_finished_run_goes_on_for_more_cycles(shared_tmp_path: Path) -> None:
     whole, out = shared_tmp_path / "whole", shared_tmp_path / "run"
-    study.run(small("history.cycles=17"), whole, comm, pictures=False)
-    study.run(small("history.cycles=12"), out, comm, pictures=False)
+    study.run(small("history.cycles=17"), whole, study.RunOptions(pictures=False), comm)
+    study.run(small("history.cycles=12"), out, study.RunOptions(pictures=False), comm)
     comm.Barrier()
-    study.run(small("history.cycles=17"), out, comm, pictures=False, resume=True)
+    study.run(small("history.cycles=17"), out, study.RunOptions(pictures=False, resume=True), comm)
     comm.Barrier()
     if comm.rank == 0:
         same_bits(out, whole)
@@ -113,14 +115,16 @@ def test_finished_run_goes_on_for_more_cycles(shared_tmp_path: Path) -> None:
     if comm.rank == 0:
         assert not is_finished(out, asked)
     comm.Barrier()
-    study.run(asked, out, comm, pictures=False, resume=True)
+    study.run(asked, out, study.RunOptions(pictures=False, resume=True), comm)
     comm.Barrier()
     if comm.rank == 0:
         assert is_finished(out, asked)
         record = read_record(out / "record.h5")
         assert set(record.samples.cycle) == {4} and len(record.cycles.dissipation) == 17
     with pytest.raises(InputError, match=r"begun with another \[contact\] friction"):
-        study.run(small("contact.friction=0.2"), out, comm, pictures=False, resume=True)
+        study.run(
+            small("contact.friction=0.2"), out, study.RunOptions(pictures=False, resume=True), comm
+        )
 
 
 def test_resuming_from_the_command_line(

@@ -36,7 +36,7 @@ FRAMES = 5
 def film(folder: Path) -> list[Path] | None:
     """Run the block on a coarse mesh for one cycle and make a film of it."""
     scene = read_scene(BLOCK, ["mesh.contact_elements=16", "history.cycles=1"])
-    study.run(scene, folder, COMM, pictures=False)
+    study.run(scene, folder, study.RunOptions(pictures=False), COMM)
     return animate(folder, 1, frames=FRAMES, comm=COMM)
 
 
@@ -45,9 +45,9 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
 ) -> None:
     drawn: list[tuple[View, layout.Layout, layout.Clock]] = []
 
-    def note(view: View, layout: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
-        drawn.append((view, layout, clock))
-        return layout.compose(view, layout, pixels, colours, clock)
+    def note(view: View, page: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
+        drawn.append((view, page, clock))
+        return layout.compose(view, page, pixels, colours, clock)
 
     monkeypatch.setattr(animation, "compose", note)
     made = film(shared_tmp_path / "run")

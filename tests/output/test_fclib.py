@@ -188,7 +188,7 @@ def test_siconos_finds_the_same_reactions(first: bool) -> None:
 def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
     settings = ["mesh.contact_elements=24", "history.cycles=2", "solver.steps_per_leg=400"]
     scene = read_scene(BLOCK, settings)
-    record = study.run(scene, tmp_path / "run", MPI.COMM_SELF, pictures=False)
+    record = study.run(scene, tmp_path / "run", study.RunOptions(pictures=False), MPI.COMM_SELF)
     assert record is not None
     path = tmp_path / "step.hdf5"
     text = export(tmp_path / "run", path, (1, "unloading", 1.0))

@@ -281,7 +281,9 @@ def test_centre_of_a_body_of_revolution_is_its_axis() -> None:
 
 def test_a_run_writes_and_prints_its_errors(shared_tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
-    record = study.run(scene_of(32), shared_tmp_path / "run", comm, pictures=False, error=True)
+    record = study.run(
+        scene_of(32), shared_tmp_path / "run", study.RunOptions(pictures=False, error=True), comm
+    )
     if record is None:
         return
     summary = read_summary(shared_tmp_path / "run" / "summary.json")
@@ -337,5 +339,7 @@ def test_errors_asked_of_a_mesh_too_coarse_are_refused_before_the_run(
     shared_tmp_path: Path,
 ) -> None:
     with pytest.raises(InputError, match="at least 16"):
-        study.run(scene_of(14), shared_tmp_path / "run", MPI.COMM_WORLD, error=True)
+        study.run(
+            scene_of(14), shared_tmp_path / "run", study.RunOptions(error=True), MPI.COMM_WORLD
+        )
     assert not (shared_tmp_path / "run").exists()

@@ -340,7 +340,7 @@ def test_a_saved_system_touches_where_a_fresh_one_does(shared_tmp_path: Path) ->
         write_system(saved, system)
 
     on_root(comm, write)
-    reused = study.run(round_, system_file=saved)
+    reused = study.run(round_, options=study.RunOptions(system_file=saved))
     if fresh is not None and reused is not None:
         assert fresh.g0.min() == reused.g0.min() == 0.0 < np.sort(fresh.g0)[1]
         for name in ("g0", "f", "x"):
