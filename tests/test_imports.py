@@ -31,7 +31,16 @@ FLOORS = (
 INTERFACE = (
     ("law",),
     ("system",),
-    ("system_checks", "residual", "mirror", "normal_form", "equilibrium", "lcp", "measures"),
+    (
+        "solver",
+        "system_checks",
+        "residual",
+        "mirror",
+        "normal_form",
+        "equilibrium",
+        "lcp",
+        "measures",
+    ),
     ("gauss_seidel",),
     ("exact",),
     ("load_steps",),

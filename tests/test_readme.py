@@ -46,7 +46,7 @@ QUICK = {
     "bash demos/run.sh two_blocks": "Filon's 1.338",
     "bash demos/run.sh cattaneo_mindlin": "figure written to results/cattaneo_mindlin",
     "bash tests/run.sh tests/interface/measures/test_zones.py": "tests on 2 ranks",
-    "source .venv/bin/activate; receding-fenicsx doctor": "all that is needed is there",
+    "source .venv/bin/activate; receding-fenicsx doctor": "all requirements are met",
     "source .venv/bin/activate; python docs/build.py": "pages in results/reference",
 }
 """Lines of the documents that are run as they stand, and a part of what they say."""

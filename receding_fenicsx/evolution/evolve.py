@@ -22,10 +22,8 @@ from receding_fenicsx.evolution.collect import (
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.prepare import system_for
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
+from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import STATE_NAMES, State
-from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
 from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
@@ -196,7 +194,7 @@ class _Run:
         self._go_on_after(len(self.passed) - 1)
 
     def _go_on_after(self, number: int) -> None:
-        self.tracer = make_tracer(self.model, self.solver)
+        self.tracer = make_solver(self.model, self.solver)
         self._stand_after(number)
 
     def check_range(self) -> None:
@@ -370,17 +368,3 @@ class _Run:
         largest = max(self.totals.energy_scale, abs(D) + abs(stored))
         scale = max(abs(D) + abs(stored), ENERGY_FLOOR * largest)
         return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
-
-
-def make_tracer(system: ContactSystem, solver: SolverOptions) -> GaussSeidelPath | EventPath:
-    """Return what follows the legs by the method asked for."""
-    if solver.method == "events":
-        return EventPath(system, on_jump=solver.on_jump)
-    options = GaussSeidelOptions(
-        over_relaxation=solver.over_relaxation,
-        polish=solver.polish,
-        change_tolerance=solver.change_tolerance,
-        residual_tolerance=solver.residual_tolerance,
-        max_sweeps=solver.max_sweeps,
-    )
-    return GaussSeidelPath(system, options, solver.steps_per_leg, solver.on_jump)

@@ -9,8 +9,8 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.collect import Instant
-from receding_fenicsx.evolution.evolve import make_tracer
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
@@ -68,7 +68,7 @@ def state_at(
         if s > 0.0:
             # the recorded path's own steps, as far as they go
             steps = max(1, math.ceil(s * solver.steps_per_leg))
-            tracer = make_tracer(model, replace(solver, steps_per_leg=steps))
+            tracer = make_solver(model, replace(solver, steps_per_leg=steps))
             state = tracer.trace_leg(start, (a, load), scale).end
     v = state.v
     if system.slip_map is not None:
