@@ -1,33 +1,41 @@
-"""Two equal cylinders pressed together and sheared to and fro: Cattaneo's and Mindlin's solution.
+"""Two equal cylinders pressed together and sheared to and fro: Cattaneo and Mindlin.
 
-You will see, on loading, unloading and reloading by the shear force Q at a constant P, the width
-of the stick zone and the shear tractions against their closed forms: the stick width lies within
-one node spacing, the tractions within 1 % of the largest one (but for four nodes beside each
-zone's end).
+**Problem.** Two equal elastic cylinders (friction f) are pressed together by P, then sheared by Q
+between 0.6 f P and -0.6 f P at constant P. They are modelled as two large blocks with the initial
+gap x^2 / (2 R). Each block stands on a platen, which cannot tip: the shear force would turn a block
+that only its pressure holds.
 
-The bodies are large blocks with the initial gap of the cylinders. Each stands on a platen, which
-does not tip: the shear force would turn a block that is held by its pressure alone. Equal bodies
-have beta = 0, shear does not change the pressure, and Hertz's ellipse stays as it is. Blocks are
-not half-planes: their size enters by (a / size)^2, as the table of sizes shows.
+**Equations.** Equal bodies have Dundurs' beta = 0: shear does not change the pressure, which is
+Hertz's p0 sqrt(1 - x^2 / a^2). With n(s) = f p0 sqrt(1 - x^2 / s^2) on |x| < s, else 0, the shear
+traction and the half width c of the stick zone are
+
+    loading:     q = n(a) - (c / a) n(c),                c = a sqrt(1 - Q / (f P)),
+    unloading:   q = -n(a) + 2 (d / a) n(d) - (c_max / a) n(c_max),
+                                                         d = a sqrt(1 - (Q_max - Q) / (2 f P)).
+
+**What to look for.** The stick half width within one node spacing, and the tractions within 1 % of
+the largest one (except at four nodes beside each end of a zone). Blocks are not half-planes: the
+table shows an error that falls as (a / size)^2. The figure has dots at nodes on the closed form.
+
+The demo shows how to shear two bodies by a platen, and how to evaluate samples along the legs.
 """
 
 import argparse
 from pathlib import Path
-from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 
 import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
-HERTZ = rf.reference.closed_forms.Hertz(
-    force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2)
-)
-KNOWN = rf.reference.closed_forms.CattaneoMindlin(HERTZ, f=0.5, largest=0.3)
+closed_forms = rf.reference.closed_forms
+HERTZ = closed_forms.Hertz(force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2))
+KNOWN = closed_forms.CattaneoMindlin(HERTZ, f=0.5, largest=0.3)
 LEGS = {(0, 1): "loading", (1, 0): "unloading", (1, 1): "reloading"}
 """Names of the legs of shear, by cycle and leg."""
-BESIDE = 4
-"""Nodes beside the end of a zone whose tractions are not compared."""
+LEFT_OUT = 4
+"""Nodes on each side of a zone's end whose tractions are not compared."""
 TOLERANCE = 0.01
 """Error allowed of a traction, over the largest pressure (times f for shear)."""
 
@@ -41,7 +49,7 @@ def solve(size: float = 30.0, elements: int = 240) -> rf.Record | None:
 
 
 def compare(record: rf.Record) -> list[tuple[str, float, float, float, float, float]]:
-    """Leg, Q, stick half width here and known, errors of q and p, at the samples of shear."""
+    """Return leg, Q, stick half width here and known, errors of q and p at each sample."""
     s, x = record.samples, record.x
     spacing = float(np.diff(x).max())
     rows = []
@@ -53,7 +61,9 @@ def compare(record: rf.Record) -> list[tuple[str, float, float, float, float, fl
         known = KNOWN.stick_half_width(Q, leg)
         found = rf.stick_half_width(x, s.state[i], record.f)
         ends = [HERTZ.a, known, KNOWN.stick_half_width(KNOWN.largest, "loading")]
-        away = np.all([np.abs(np.abs(x) - end) > (BESIDE + 0.5) * spacing for end in ends], axis=0)
+        away = np.all(
+            [np.abs(np.abs(x) - end) > (LEFT_OUT + 0.5) * spacing for end in ends], axis=0
+        )
         # the force of the lower body on the upper one is against Q
         q = -s.q[i] - KNOWN.traction(x, Q, leg)
         p = s.p[i] - HERTZ.pressure(x)
@@ -64,15 +74,10 @@ def compare(record: rf.Record) -> list[tuple[str, float, float, float, float, fl
 
 def figure(record: rf.Record, folder: Path) -> None:
     """Draw the shear tractions of half a cycle: dots at the nodes, lines the closed form."""
-    import matplotlib as mpl
-
-    mpl.use("Agg")
-    import matplotlib.pyplot as plt
-
-    look: dict[Any, Any] = {**rf.style.RC, "figure.constrained_layout.use": True}
     s, x = record.samples, record.x
-    with mpl.rc_context(look):
-        drawn, axes = plt.subplots(figsize=(rf.style.COLUMN, 2.8))
+    with mpl.rc_context(rf.style.RC):
+        drawn = rf.style.new_figure(rf.style.COLUMN, 2.8)
+        axes = drawn.subplots()
         fine = np.linspace(-HERTZ.a, HERTZ.a, 1001)
         for n, (cycle, leg, at) in enumerate(((0, 1, 1.0), (1, 0, 0.2), (1, 0, 0.5), (1, 0, 1.0))):
             i = np.flatnonzero((s.cycle == cycle) & (s.leg == leg) & np.isclose(s.s, at))[0]
@@ -87,7 +92,6 @@ def figure(record: rf.Record, folder: Path) -> None:
         folder.mkdir(parents=True, exist_ok=True)
         for suffix in ("png", "pdf"):
             drawn.savefig(folder / f"cattaneo_mindlin.{suffix}")
-        plt.close(drawn)
     print(f"figure written to {folder}")
 
 

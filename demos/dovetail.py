@@ -1,18 +1,23 @@
-"""A blade's dovetail root rubs in its slot: two elastic bodies that meet on two oblique pads.
+"""Dovetail root of a blade in its slot: two bodies, two oblique contact edges.
 
-You will see that
+**Problem.** A blade is pulled out of a disc by a force F(t) that goes up and down; its root rubs on
+two oblique pads with friction. Both bodies come from one .geo file (``meshes/dovetail.geo``), each
+from its own surface. The pads are curves of both, so their nodes match.
 
-* both bodies come from one .geo file (``meshes/dovetail.geo``), each from a surface of its own; the
-  pads are curves of both, so their nodes match;
-* positions along a pad run with the blade on the left: along t, from where one comes first on a way
-  round the blade with its inside to the left. Slip outwards on the one pad is forward, on the other
-  backward;
-* the pads' forces balance the pull at every turning point, to round-off;
-* when the pull falls the pads stick first; then slip back grows down from their upper ends.
+**Equations.** Each pad has its own tangent t and normal n = (-t_y, t_x), and positions x run along
+t, with the blade on the left. Slip outwards is therefore forward on one pad and backward on the
+other. The forces of both pads balance the pull at every instant,
 
-The demo shows how to take the contact edges of a record apart. ``--out`` also draws all pictures.
+    sum over pads and nodes of (P n + Q t) + F e_y = 0.
 
-Run it by ``bash demos/run.sh dovetail``, or by ``mpirun -n 2 python demos/dovetail.py``.
+**What to look for.** Balance to round-off at every turning point; the two pads alike to the
+asymmetry of the mesh; when the pull falls, the pads stick first, then reverse slip grows from their
+upper ends; dissipation falls from cycle to cycle.
+
+The demo shows how to evaluate each contact edge of a record (``record.by_edge()``). With ``--out``
+it also draws all pictures.
+
+    bash demos/run.sh dovetail                 # or: mpirun -n 2 python demos/dovetail.py
 """
 
 import argparse
@@ -26,20 +31,20 @@ import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 BALANCE = 1e-9
-"""Resultant of pads and pull, over the pull, that is round-off."""
-LIKENESS = 0.005
-"""Difference of the two pads, over their force: the triangles are not mirror-symmetric."""
+"""Largest resultant of pads and pull, over the pull."""
+ASYMMETRY = 0.005
+"""Largest difference of the two pads, over their force: the mesh is not mirror-symmetric."""
 
 
 def axes(pad: rf.Record) -> tuple[np.ndarray, np.ndarray]:
-    """Tangent t and normal n of a pad: x runs along t, and t = (n_y, -n_x)."""
+    """Return tangent t and normal n of a pad: x runs along t, and t = (n_y, -n_x)."""
     t = pad.points[-1] - pad.points[0]
     t = t / np.hypot(*t)
     return t, np.array([-t[1], t[0]])
 
 
 def report(record: rf.Record) -> None:
-    """Print the pads' forces and zones; assert balance, likeness and the course of slip."""
+    """Print the pads' forces and zones; assert balance, symmetry and decay of dissipation."""
     pads = record.by_edge()
     table = record.turning_points
     total = np.zeros((len(table.s), 2))
@@ -67,7 +72,7 @@ def report(record: rf.Record) -> None:
     print(f"pads and pull balance to {error:.0e} of the pull; the pads differ by {unlike:.1e}")
     print(f"dissipation of cycle {len(D)} over cycle 1: {D[-1] / D[0]:.4f}")
     assert error < BALANCE, "the pads' forces do not balance the pull"
-    assert unlike < LIKENESS, "the pads carry different forces"
+    assert unlike < ASYMMETRY, "the pads carry different forces"
     assert 0.0 < D[-1] < D[0], "dissipation has to fall from cycle to cycle"
 
 

@@ -1,14 +1,21 @@
-"""An elastic layer on an elastic half-plane, without friction, over ratios of their moduli.
+"""Elastic layer on an elastic half-plane, without friction: half width over the modulus ratio.
 
-You will see the half width of the contact for layers stiffer than, as stiff as and softer than the
-half-plane, against a singular integral equation (and the values in reference.py that it
-reproduces). It depends on Dundurs' alpha only: a pair with other Poisson's ratios and the same
-alpha touches over the same width. A half-disc of radius R stands for the half-plane, loaded on its
-arc as a half-plane would be: three radii show that what is left of the truncation is far below the
-error of the mesh.
+**Problem.** A layer of height h rests on a half-plane under a uniform pressure on |x| < h/2. It
+lifts off beyond the contact half width c. Two elastic bodies, matching nodes.
 
-The demo shows how to put two bodies together, one of them from a .geo file: the contact nodes must
-match, and the parts of one load on both bodies must balance.
+**Equations.** c depends on Dundurs' alpha only,
+
+    alpha = (E'_base - E'_layer) / (E'_base + E'_layer),   E' = E / (1 - nu^2).
+
+A half-disc of radius R stands for the half-plane. Its arc carries the stresses that a line force
+F leaves in a half-plane at the distance R, the pressure 2 F |y| / (pi R^2).
+
+**What to look for.** c for layers stiffer than, as stiff as and softer than the half-plane, against
+a singular integral equation; a pair with other Poisson's ratios and the same alpha has the same c;
+three radii show that the error of truncation is far below that of the mesh.
+
+The demo shows how to define two bodies, one of them from a .geo file with parameters, and a load
+whose parts on both bodies balance.
 """
 
 from pathlib import Path
@@ -19,7 +26,7 @@ import receding_fenicsx as rf
 
 HERE = Path(__file__).parent
 ALPHAS = (0.8, 0.5, 0.0, -0.5)
-"""(E'_base - E'_layer) / (E'_base + E'_layer), E' = E / (1 - nu^2)."""
+"""Dundurs' alpha; negative: the layer is stiffer."""
 RADII = (10.0, 20.0, 40.0)
 """Radii of the half-disc over h."""
 TOLERANCE = 2e-3
@@ -42,7 +49,7 @@ def solve(
 
 
 def half_width(record: rf.Record) -> float:
-    """Half width of the contact below node spacing."""
+    """Return the contact half width, fitted below node spacing."""
     return float(rf.half_width_estimates(record, -1)["contact_half_width_estimate"]["value"])
 
 
@@ -51,9 +58,8 @@ def main() -> None:
     root = MPI.COMM_WORLD.rank == 0
     if root:
         print("contact half width over h under a uniform pressure on |x| < h/2, frictionless")
-        print(
-            "alpha" + "".join(f"   R = {r:2.0f} h" for r in RADII) + "  other nu     known  error"
-        )
+        heads = "".join(f"   R = {r:2.0f} h" for r in RADII)
+        print(f"alpha{heads}  other nu     known  error")
     for alpha in ALPHAS:
         records = [solve(alpha, radius) for radius in RADII]
         records.append(solve(alpha, RADII[-1], (0.1, 0.45)))

@@ -1,16 +1,20 @@
-"""A block held by a platen, sheared to and fro, and under a polygon of two loads out of phase.
+"""Block on a platen under two loads: hysteresis loops, and a block that walks.
 
-You will see hysteresis loops, and for each history the dissipation of its steady cycle beside the
-area of the loops: the work of the loads on their own displacements, found without any look at the
-contact. The demo shows how to
+**Problem.** A block is held by a platen that carries a normal force P and a shear force Q. Three
+histories: Q to and fro at constant P; a polygon of P and Q out of phase; the same polygon run
+backwards.
 
-* load one platen by several resultant forces and drive each by a column of a table;
-* close the table to a polygon, and run it the other way round by an override;
-* read the loops of a cycle from a record.
+**Equations.** In a steady cycle the dissipation D equals the work of the loads on their own
+displacements, the area of the hysteresis loops, which needs no look at the contact:
 
-Sheared to and fro under constant pressure the block comes back to its place. When the pressure
-is low on the way back and high on the way forth, it walks: every cycle moves all of it by the same
-small step, and by the opposite one when the polygon is run through the other way.
+    D = - integral of Q dv over the contact = sum over loads of integral of lambda dU.
+
+**What to look for.** The area over D is 1 to the error of sampling. Under constant pressure the
+block returns to its place. When P is low on the way back and high on the way forth it walks: each
+cycle moves it by the same small step, and by the opposite step when the polygon is run backwards.
+
+The demo shows how to load a platen by several forces, drive each by a column of a table, reverse
+the table by an override, and evaluate the loops of a cycle.
 """
 
 import argparse
@@ -31,20 +35,20 @@ RUNS = {
 }
 """Scene file and overrides of each history."""
 AREA_TOLERANCE = 1e-3
-"""Error of the loops' area that the samples leave: the path is bent between two of them."""
+"""Relative error allowed of the loops' area: samples are joined by straight lines."""
 
 
 def numbers(record: rf.Record) -> tuple[float, float, float]:
-    """Steady dissipation, loop area over it, and the step of the block in the last cycle."""
+    """Return steady dissipation, loop area over it, and the step of the last cycle."""
     D = record.cycles.dissipation
     area = rf.loop_of(record, len(D)).area().sum() / D[-1]
     return float(D[-1]), float(area), float(record.cycles.slip_increment[-1].mean())
 
 
 def main() -> None:
-    """Run the three histories; the folder given by --out holds their loops and pictures."""
+    """Run the three histories; write loops and pictures into the folder given by --out."""
     parser = argparse.ArgumentParser(description="Histories in two loads.")
-    parser.add_argument("--out", default="results/sheared_block", help="folder for what is found")
+    parser.add_argument("--out", default="results/sheared_block", help="folder of the results")
     parser.add_argument("--no-pictures", action="store_true", help="only the numbers")
     options = parser.parse_args()
     root = MPI.COMM_WORLD.rank == 0
