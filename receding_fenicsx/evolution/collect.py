@@ -10,9 +10,9 @@ import numpy as np
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, States, Steady
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import MIRRORED, State
 from receding_fenicsx.interface.measures.steady import SteadyWatch
-from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, SWAPPED, Mirror, mirror_of
+from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, Mirror, mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, typical_stiffness
 from receding_fenicsx.scene.model import SolverOptions
@@ -226,7 +226,7 @@ def load_displacement(system: ContactSystem, load: Array, u: Array) -> Array:
 def events_table(mirror: Mirror, changes: list[Change], n_loads: int) -> Events:
     """Return the changes as the record's table; a mirror pair stands in two rows."""
     rows = [
-        (c, j, int(SWAPPED[c.old]) if left else c.old, int(SWAPPED[c.new]) if left else c.new)
+        (c, j, int(MIRRORED[c.old]) if left else c.old, int(MIRRORED[c.new]) if left else c.new)
         for c in changes
         for j, left in mirror.nodes(c.node)
     ]

@@ -315,7 +315,7 @@ class _Run:
         Its slip counts from where it touched, which a jump from one state to another leaves open.
         """
         model = self.model
-        rubs = (model.f > 0.0) & ~model.held[: model.n] & ~model.held[model.n :]
+        rubs = model.friction.present & ~model.held[: model.n] & ~model.held[model.n :]
         landed = np.flatnonzero(rubs & (model.g0 > 0.0) & (end.state != State.SEPARATION))
         if len(landed):
             i = int(landed[0])

@@ -46,9 +46,9 @@ def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
             and the scene has friction.
     """
     system = with_profiles(scene, system)
-    if system.kind == "frictional" and not np.any(system.f):
+    if system.kind == "frictional" and not np.any(system.friction.present):
         system = eliminate_tangential(system)
-    if system.kind == "normal" and np.any(system.f):
+    if system.kind == "normal" and np.any(system.friction.present):
         raise InputError(
             "the system has no tangential displacements, being one of a contact without friction; "
             "condense the scene again"

@@ -11,7 +11,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.collect import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.solvers import make_solver
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
@@ -92,8 +92,8 @@ def turning_point(record: Record, system: ContactSystem, row: int) -> ContactSta
     Q, P = r[: system.n], r[system.n :]
     P[state == State.SEPARATION] = 0.0
     Q[(state == State.SEPARATION) & ~model.held[: system.n]] = 0.0
-    for slip, sign in ((State.FORWARD_SLIP, -1.0), (State.BACKWARD_SLIP, 1.0)):
-        Q[state == slip] = sign * system.f[state == slip] * P[state == slip]
+    slips = SLIP_SIGN[state] != 0.0
+    Q[slips] = (-system.friction.at_slip(state) * P)[slips]
     return ContactState(u, r, state.astype(np.int8))
 
 

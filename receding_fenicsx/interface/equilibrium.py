@@ -2,7 +2,7 @@
 
 The rigid motions R that supports leave do no elastic work, so that eq. (11) gives
 
-    R^T r = R^T sum_k lambda_k r*_k,    P >= 0,  |Q| <= f P.
+    R^T r = R^T sum_k lambda_k r*_k,    P >= 0,  -f_forward P <= Q <= f_backward P.
 
 How far along a leg such reactions exist is a linear program; where they end the body lifts off,
 slides or tips over, whatever the path before.
@@ -69,8 +69,8 @@ def furthest(system: ContactSystem, a: Array, b: Array) -> Limit | None:
     """
     if system.rigid.shape[1] == 0:
         return None
-    s = _reach(system, a, b, np.inf)
-    with_friction = _reach(system, a, b, 1.0)
+    s = _reach(system, a, b, bounded=False)
+    with_friction = _reach(system, a, b)
     if with_friction >= 1.0 - SHORT:
         return None
     load = (1.0 - with_friction) * a + with_friction * b
@@ -93,22 +93,22 @@ def _lift(system: ContactSystem) -> Array:
     return motion[n:] if np.abs(motion - target).max() <= COUNTS else np.zeros(n)
 
 
-def _reach(system: ContactSystem, a: Array, b: Array, friction: float) -> float:
-    """Return the largest s in [0, 1] with balancing reactions, friction counted so many times.
+def _reach(system: ContactSystem, a: Array, b: Array, bounded: bool = True) -> float:
+    """Return the largest s in [0, 1] with balancing reactions.
 
-    With infinite friction tangential reactions are free.
+    Tangential reactions are free where they are not ``bounded`` by friction.
     """
     n, R = system.n, system.rigid
     loose, pressed = ~system.held[:n], ~system.held[n:]
     P = np.flatnonzero(pressed)
     columns = [R[n + P].T]
-    if np.isinf(friction):
+    if not bounded:
         columns += [R[:n][loose].T, -R[:n][loose].T]
     else:
-        Q = np.flatnonzero(loose & pressed & (system.f > 0.0))
-        # the edges of each friction cone: P = 1 with Q = -+ f
-        f = (friction * system.f[Q])[:, None]
-        columns += [(R[n + Q] - f * R[Q]).T, (R[n + Q] + f * R[Q]).T]
+        Q = np.flatnonzero(loose & pressed & system.friction.present)
+        # the edges of each friction cone: P = 1 with the lowest and the highest Q
+        low, high = system.friction[Q, None].limits(np.ones((len(Q), 1)))
+        columns += [(R[n + Q] + low * R[Q]).T, (R[n + Q] + high * R[Q]).T]
     start, way = R.T @ (a @ system.r_star), R.T @ ((b - a) @ system.r_star)
     # symmetric loads have a resultant of round-off
     none = RESULTANT * float(np.abs(np.vstack([a, b]) @ system.r_star).sum(axis=1).max())

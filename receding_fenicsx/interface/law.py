@@ -11,7 +11,9 @@ and replays take states, signs, margins and limits from this module.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,3 +31,119 @@ class State(IntEnum):
 
 
 STATE_NAMES = {s: s.name.lower().replace("_", " ") for s in State}
+
+STICK, SEPARATION = int(State.STICK), int(State.SEPARATION)
+FORWARD, BACKWARD = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)
+
+SLIP_SIGN = np.zeros(len(State) + 1)
+SLIP_SIGN[FORWARD], SLIP_SIGN[BACKWARD] = 1.0, -1.0
+"""Sign of the slip rate in each state; 0 in stick and separation."""
+
+MIRRORED = np.array([0, STICK, SEPARATION, BACKWARD, FORWARD], np.int8)
+"""State of the mirror image of a node in each state."""
+
+
+@dataclass(frozen=True)
+class Friction:
+    """Coefficients of friction for forward and backward slip, arrays of equal shape.
+
+    Methods broadcast the nodes along the last axis of reactions; ``friction[nodes, None]`` serves
+    matrices whose rows are nodes.
+    """
+
+    forward: Array
+    backward: Array
+
+    def __getitem__(self, key: Any) -> Friction:
+        """Return the coefficients of some nodes."""
+        return Friction(self.forward[key], self.backward[key])
+
+    @property
+    def present(self) -> NDArray[np.bool_]:
+        """True at nodes with friction in either direction."""
+        return (self.forward > 0.0) | (self.backward > 0.0)
+
+    @property
+    def mean(self) -> Array:
+        """Mean of both coefficients, half the opening of the friction cone."""
+        return 0.5 * (self.forward + self.backward)
+
+    @property
+    def largest(self) -> Array:
+        """Larger one of both coefficients."""
+        return np.maximum(self.forward, self.backward)
+
+    @property
+    def shares(self) -> tuple[Array, Array]:
+        """Factors a, b of Q = a A - b B; 1/2 without friction.
+
+        With P = (A + B) / (f_forward + f_backward): a = f_backward / (f_forward + f_backward) and
+        b = f_forward / (f_forward + f_backward).
+        """
+        opening = np.where(self.present, self.forward + self.backward, 1.0)
+        a, b = self.backward / opening, self.forward / opening
+        return np.where(self.present, a, 0.5), np.where(self.present, b, 0.5)
+
+    @property
+    def mirrored(self) -> Friction:
+        """Friction of the mirror image, whose forward slip is backward slip here."""
+        return Friction(self.backward, self.forward)
+
+    def margins(self, Q: Array, P: Array) -> tuple[Array, Array]:
+        """Return the distances A = Q + f_forward P and B = f_backward P - Q from both limits."""
+        return Q + self.forward * P, self.backward * P - Q
+
+    def opening(self, P: Array) -> Array:
+        """Return A + B = (f_forward + f_backward) P, the distance between both limits."""
+        return (self.forward + self.backward) * P
+
+    def limits(self, P: Array) -> tuple[Array, Array]:
+        """Return the lowest and the highest Q, -f_forward P+ and f_backward P+, P+ = max(P, 0)."""
+        pressing = np.maximum(P, 0.0)
+        return -self.forward * pressing, self.backward * pressing
+
+    def clip(self, Q: Array, P: Array) -> Array:
+        """Return the tangential reaction nearest to Q within the limits at the pressure P."""
+        return np.clip(Q, *self.limits(P))
+
+    def at_slip(self, state: NDArray[np.integer]) -> Array:
+        """Return the signed coefficient c of slipping nodes, Q = -c P; 0 in other states."""
+        slip = np.where(state == BACKWARD, -self.backward, 0.0)
+        return np.where(state == FORWARD, self.forward, slip)
+
+
+def natural_states(
+    friction: Friction,
+    P: Array,
+    trial: tuple[Array, Array],
+    loose: NDArray[np.bool_],
+    can_open: NDArray[np.bool_],
+) -> NDArray[np.int8]:
+    """Return the states whose pieces of the natural map hold at a trial point.
+
+    A node is open where the trial pressure is not positive. In contact it slips where the trial
+    tangential reaction is beyond a limit, or without friction, and sticks elsewhere.
+
+    Args:
+        friction: coefficients of the nodes.
+        P: (N,) normal reactions, which set the limits.
+        trial: (N,) trial reactions Q - k_t dv and P - k_n g.
+        loose: (N,) nodes that are not held tangentially.
+        can_open: (N,) nodes that are not held normally.
+    """
+    low, high = friction.limits(P)
+    state = np.full(len(P), STICK, dtype=np.int8)
+    state[loose & ((trial[0] < low) | ~friction.present)] = FORWARD
+    state[loose & (trial[0] > high)] = BACKWARD
+    state[can_open & (trial[1] <= 0.0)] = SEPARATION
+    return state
+
+
+def sticks(Q: float, P: float, f_forward: float, f_backward: float) -> bool:
+    """Return whether one node sticks: P > 0, -f_forward P <= Q <= f_backward P (eq. 5)."""
+    return P > 0.0 and -f_forward * P <= Q <= f_backward * P
+
+
+def slips(direction: float, slip: float, P: float) -> bool:
+    """Return whether one node slips in a direction (1 or -1): P > 0, no slip against it (eq. 9)."""
+    return direction * slip >= 0.0 and P > 0.0

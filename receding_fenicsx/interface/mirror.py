@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import Array, ContactSystem
+from receding_fenicsx.interface.law import MIRRORED, Array, Friction
+from receding_fenicsx.interface.system import ContactSystem
 
 AXIS_TOLERANCE = 1e-12
 """Distance from the axis, over the contact's length, below which a node lies on it."""
@@ -52,18 +52,21 @@ class Mirror:
 
     def states(self, a: NDArray[np.int8]) -> NDArray[np.int8]:
         """Return states: forward and backward slip change places on reflected nodes."""
-        swapped = SWAPPED[a]
+        swapped = MIRRORED[a]
         return np.where(self.left, swapped[..., self.index], a[..., self.index])
+
+    def friction(self, a: Friction) -> Friction:
+        """Return coefficients of friction: forward and backward change places when reflected."""
+        reflected = a.mirrored[self.index]
+        here = a[self.index]
+        return Friction(
+            np.where(self.left, reflected.forward, here.forward),
+            np.where(self.left, reflected.backward, here.backward),
+        )
 
     def nodes(self, i: int) -> list[tuple[int, bool]]:
         """Return the whole-contact nodes of modelled node i, each with whether it is reflected."""
         return [(int(j), bool(self.left[j])) for j in np.flatnonzero(self.index == i)]
-
-
-SWAPPED = np.array(
-    [0, State.STICK, State.SEPARATION, State.BACKWARD_SLIP, State.FORWARD_SLIP], np.int8
-)
-"""State of the mirror image of a node in each state."""
 
 
 def mirror_of(system: ContactSystem) -> Mirror:

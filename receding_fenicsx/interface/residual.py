@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
+from receding_fenicsx.interface.law import SLIP_SIGN, Array
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 OPEN_SCALE = 1e-2
 """Part of the reactions with all nodes held that counts as force scale where nothing presses."""
@@ -53,8 +53,9 @@ def law_residual(
 ) -> Array:
     """Return the natural-map residual of the contact law, node by node, as a force.
 
-    Normal: P - max(0, P - k_n g). Tangential: Q - clip(Q - k_t dv, -f P+, f P+), P+ = max(P, 0).
-    Both vanish exactly when Signorini's and Coulomb's conditions hold (eqs. 4 to 10).
+    Normal: P - max(0, P - k_n g). Tangential: Q - clip(Q - k_t dv, -f_forward P+, f_backward P+),
+    P+ = max(P, 0). Both vanish exactly when Signorini's and Coulomb's conditions hold (eqs. 4 to
+    10).
 
     Args:
         system: the condensed body, ``kind = "frictional"``.
@@ -70,8 +71,7 @@ def law_residual(
     n = system.n
     k_t, k_n = stiffness
     Q, P, gap = r[..., :n], r[..., n:], system.g0 + u[..., n:]
-    limit = system.f * np.maximum(P, 0.0)
-    tangential = np.abs(Q - np.clip(Q - k_t * slip, -limit, limit))
+    tangential = np.abs(Q - system.friction.clip(Q - k_t * slip, P))
     normal = np.abs(P - np.maximum(0.0, P - k_n * gap))
     both = np.concatenate([tangential, normal], axis=-1)
     both[..., system.held] = 0.0
@@ -99,10 +99,10 @@ def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: floa
         end: the state, reactions evaluated afresh.
         force_scale: largest nodal force of the history so far.
     """
-    sign = (end.state == State.FORWARD_SLIP).astype(float) - (end.state == State.BACKWARD_SLIP)
+    slipping = SLIP_SIGN[end.state] != 0.0
     worst = relative_residual(system, end, np.zeros(system.n), local_stiffness(system), force_scale)
-    on_limit = np.abs(end.Q + sign * system.f * end.P)[sign != 0.0]
-    return max(worst, float(on_limit.max(initial=0.0)) / force_scale)
+    off_limit = np.abs(end.Q + system.friction.at_slip(end.state) * end.P)[slipping]
+    return max(worst, float(off_limit.max(initial=0.0)) / force_scale)
 
 
 NO_STIFFNESS = 1e-11

@@ -1,4 +1,4 @@
-"""The condensed contact problem: its data, the four states, the law at the nodes, the residual.
+"""Data of the condensed contact problem: contact system, states of all nodes, legs.
 
 Notation of Ahn & Barber (2008): ``v``, ``w`` are the tangential and normal displacements of a
 contact node, ``Q``, ``P`` the tangential and normal reactions on the body (``P > 0`` is
@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import Array
+from receding_fenicsx.interface.law import Array, Friction
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ContactSystem:
         r_star: (n_loads, 2N) reactions to each unit load with all contact nodes held (eq. 11);
             (n_loads, N) for ``kind = "normal"``.
         load_names: n_loads names.
-        f: (N,) coefficient of friction.
+        f: (N,) coefficient of friction; for forward slip only where ``f_backward`` is given.
         g0: (N,) initial gap, >= 0.
         held: (2N,) contact degrees of freedom fixed by symmetry or support; f is 0 where the
             normal one is.
@@ -49,6 +49,7 @@ class ContactSystem:
         edge: (N,) number of the node's contact edge, not decreasing; None stands for one edge.
         edge_names: names of the contact edges.
         scene_toml: text of the scene that the system was condensed from, "" when made by hand.
+        f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
     """
 
     x: Array
@@ -70,6 +71,12 @@ class ContactSystem:
     edge_names: tuple[str, ...] = ()
     axisymmetric: bool = False
     scene_toml: str = ""
+    f_backward: Array | None = None
+
+    @property
+    def friction(self) -> Friction:
+        """Coefficients of friction for both directions of slip."""
+        return Friction(self.f, self.f if self.f_backward is None else self.f_backward)
 
     @property
     def n(self) -> int:
@@ -163,12 +170,15 @@ def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
 
 
 def friction_margin(system: ContactSystem) -> float:
-    """Return the largest f |(K_tn)_ii| / (K_tt)_ii over the nodes, a diagnostic of single nodes."""
+    """Return the largest f |(K_tn)_ii| / (K_tt)_ii over the nodes.
+
+    Below 1 the contact law of each single node has one solution, the other nodes being held.
+    """
     if system.kind == "normal":
         return 0.0
     n, nodes = system.n, np.flatnonzero(~system.held[: system.n])
-    coupling = np.abs(system.K[nodes, n + nodes])
-    return float((system.f[nodes] * coupling / system.K[nodes, nodes]).max(initial=0.0))
+    coupling = system.friction.largest[nodes] * np.abs(system.K[nodes, n + nodes])
+    return float((coupling / system.K[nodes, nodes]).max(initial=0.0))
 
 
 def typical_stiffness(system: ContactSystem) -> float:

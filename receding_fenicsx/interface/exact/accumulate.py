@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.interface.exact.segments import Segments, States
-from receding_fenicsx.interface.exact.tableau import FORWARD
+from receding_fenicsx.interface.law import FORWARD
 from receding_fenicsx.interface.residual import law_residual, local_stiffness, reachable
 from receding_fenicsx.interface.system import Array
 
@@ -93,9 +93,10 @@ class Sums:
         u, load = y[:, : 2 * n], (1.0 - s) * a + s * b
         if self.gaps:
             u = u - np.concatenate([np.zeros(n), system.g0])
-        Q = y[:, 2 * n : 3 * n] - y[:, 3 * n :]  # twice Q where there is friction
+        a, b = system.friction.shares
+        twice_Q = 2.0 * a * y[:, 2 * n : 3 * n] - 2.0 * b * y[:, 3 * n :]
         slip = u[1:, :n] - u[:-1, :n]
-        dissipation = -0.25 * np.einsum("ij,ij->j", Q[1:] + Q[:-1], slip)
+        dissipation = -0.25 * np.einsum("ij,ij->j", twice_Q[1:] + twice_Q[:-1], slip)
         self.dissipation += np.where(self.segments.frictional, dissipation, 0.0)
         stroke = np.diff(u @ system.r_star.T, axis=0)
         self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)

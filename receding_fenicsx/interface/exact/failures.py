@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.exact.segments import Segments, States
-from receding_fenicsx.interface.exact.tableau import SEPARATION
+from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.system import Array
 
 LISTED = 12

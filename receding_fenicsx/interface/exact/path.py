@@ -21,8 +21,8 @@ from receding_fenicsx.interface.exact.reduction import Reduction, reduce, widen
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.static import solve_static
-from receding_fenicsx.interface.exact.tableau import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.exact.walk import UNLOADED, UNLOADING_EVENTS, Walk
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.residual import (
     largest_force,
     local_stiffness,
@@ -71,8 +71,9 @@ class EventPath:
         self.system, self.check_all, self.on_jump = system, check_all, on_jump
         self.segments = Segments(system)
         rubbing = np.flatnonzero(self.segments.frictional)
-        least = int(rubbing[np.argmin(system.f[rubbing])]) if len(rubbing) else 0
-        self.faint = least if len(rubbing) and system.f[least] < FAINT else None
+        f = system.friction.mean
+        least = int(rubbing[np.argmin(f[rubbing])]) if len(rubbing) else 0
+        self.faint = least if len(rubbing) and f[least] < FAINT else None
         self.jumps = 0
         self.part = 0.0, 1.0
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
@@ -152,7 +153,7 @@ class EventPath:
                 raise NoEquilibrium(limit.text) from error
             if self.faint is None:
                 raise
-            f = float(self.system.f[self.faint])
+            f = float(self.system.friction.mean[self.faint])
             raise SolveError(
                 f"the exact path is lost on the way to load factors {b.tolist()}: the friction "
                 f"f = {f:.2g} of node {self.faint} is so small that its limit cannot be told "

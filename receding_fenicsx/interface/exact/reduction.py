@@ -21,8 +21,8 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from receding_fenicsx.interface.exact.segments import LIMIT_TOLERANCE, Segments
-from receding_fenicsx.interface.exact.tableau import SEPARATION
 from receding_fenicsx.interface.exact.walk import Walk
+from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
 
@@ -141,7 +141,7 @@ def reduce(full: Segments, start: ContactState, active: NDArray[np.bool_]) -> Re
     system, n = full.system, full.system.n
     if not active.any() or np.count_nonzero(active) > WORTHWHILE * n:
         return None
-    slipping = (start.state != SEPARATION) & full.frictional & (start.state != 1)
+    slipping = (start.state != SEPARATION) & full.frictional & (start.state != STICK)
     if np.any(slipping & ~active):
         return None
     nodes = np.flatnonzero(active)
@@ -175,6 +175,7 @@ def reduce(full: Segments, start: ContactState, active: NDArray[np.bool_]) -> Re
         r_star=np.ascontiguousarray(reaction[S, m:].T),
         load_names=(*system.load_names, "frozen nodes"),
         f=system.f[nodes],
+        f_backward=None if system.f_backward is None else system.f_backward[nodes],
         g0=system.g0[nodes],
         held=system.held[S],
         rigid=system.rigid[S] if len(fixed) == 0 else np.zeros((m, 0)),
@@ -198,11 +199,10 @@ def _watch(
     stuck = np.flatnonzero(frozen & ~open_ & full.frictional)
     smooth = np.flatnonzero(frozen & ~open_ & full.smooth)
     gaps = np.flatnonzero(frozen & open_ & (full.frictional | full.smooth))
-    f = system.f[stuck, None]
-    Q, P = reaction[stuck], f * reaction[n + stuck]
+    margins = system.friction[stuck, None].margins(reaction[stuck], reaction[n + stuck])
     gap = back[n + gaps]
     gap[:, -1] += system.g0[gaps]
-    rows = [Q + P, P - Q, reaction[n + smooth], gap]
+    rows = [*margins, reaction[n + smooth], gap]
     labels = np.concatenate([2 * n + stuck, 3 * n + stuck, 2 * n + smooth, n + gaps])
     watched = np.vstack(rows) * full.weight[labels, None]
     return watched, labels % n

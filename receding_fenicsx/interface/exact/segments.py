@@ -1,7 +1,8 @@
 """Rates along a leg in known sets of states, remembered: what the event search works on.
 
-Quantities are kept in one vector y = [v, gap, A, B], A = Q + f P, B = f P - Q (P in place of A at
-nodes without friction), see :mod:`receding_fenicsx.interface.exact.tableau`.
+Quantities are kept in one vector y = [v, gap, A, B] with the margins A and B of
+:mod:`receding_fenicsx.interface.law` (P in place of A at nodes without friction), see
+:mod:`receding_fenicsx.interface.exact.tableau`.
 """
 
 from __future__ import annotations
@@ -15,10 +16,6 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.tableau import (
-    BACKWARD,
-    FORWARD,
-    SEPARATION,
-    STICK,
     A,
     B,
     Tableau,
@@ -29,6 +26,7 @@ from receding_fenicsx.interface.gauss_seidel.direct import (
     has_rigid,
     neutral_motions,
 )
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
 from receding_fenicsx.interface.lcp.contact import Undecided
 from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
@@ -61,11 +59,7 @@ SLIGHT = 0.1
 are small because f is, and a node on both limits at once has to be one without pressure."""
 
 COUNTED = 1e-3
-"""Friction below which the rates 2 f P of slipping nodes are worked out from P itself."""
-
-SIGN = np.zeros(5)
-SIGN[FORWARD], SIGN[BACKWARD] = 1.0, -1.0
-"""Direction of slip in each state."""
+"""Friction below which the rates A + B of slipping nodes are worked out from P itself."""
 
 PROBES = 4
 """Random sums by which the forces at an event are compared with those of the displacements."""
@@ -113,17 +107,18 @@ class Segments:
         self.system = system
         n = system.n
         normal = ~system.held[n:]
-        self.frictional = ~system.held[:n] & normal & (system.f > 0.0)
+        self.frictional = ~system.held[:n] & normal & system.friction.present
         self.smooth = normal & ~self.frictional
-        force = 1.0 / np.maximum(1.0, system.f)
+        f = system.friction.mean
+        force = 1.0 / np.maximum(1.0, f)
         stiffness = np.concatenate(local_stiffness(system))
         self._pin = float(stiffness.max())
         self.weight = np.concatenate([stiffness, force, force])
-        slack = np.where(self.frictional, np.minimum(1.0, system.f / SLIGHT), 1.0)
+        slack = np.where(self.frictional, np.minimum(1.0, f / SLIGHT), 1.0)
         self.limit = LIMIT_TOLERANCE / self.weight
         self.limit[2 * n :] *= np.tile(slack, 2)
         self._slack = slack
-        self._counted = np.flatnonzero(self.frictional & (system.f < COUNTED))
+        self._counted = np.flatnonzero(self.frictional & (f < COUNTED))
         self.lifts_freely = has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
@@ -207,7 +202,7 @@ class Segments:
         # what falls and is not a displacement is bounded: an output A, B or gap of its state
         falling = (forces[n:] < threshold).nonzero()[0]
         falling += n
-        wrong = (SIGN[state] * forces[:n] < threshold).nonzero()[0]
+        wrong = (SLIP_SIGN[state] * forces[:n] < threshold).nonzero()[0]
         return Segment(q, falling, -1.0 / q[falling], wrong)
 
     def _rates(self, state: States, direction: Array) -> Array:
@@ -248,7 +243,7 @@ class Segments:
         for slipping, kind in ((FORWARD, B), (BACKWARD, A)):
             i = self._counted[state[self._counted] == slipping]
             P = direction @ system.r_star[:, n + i] + system.K[n + i] @ q[: 2 * n]
-            q[kind * n + i] = 2.0 * system.f[i] * P
+            q[kind * n + i] = system.friction[i].opening(P)
             forces[kind * n + i] = q[kind * n + i] / self._slack[i]
 
     def imbalance(self, y: Array, load: Array, of_rates: bool = False) -> float:
@@ -275,8 +270,9 @@ class Segments:
         on_Q, on_P = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, PROBES))
         on_Q *= self.frictional[:, None]
         on_P *= (self.frictional | self.smooth)[:, None]
-        twice_f = np.where(self.frictional, 2.0 * system.f, 1.0)[:, None]
-        on_A, on_B = 0.5 * on_Q + on_P / twice_f, on_P / twice_f - 0.5 * on_Q
+        opening = np.where(self.frictional, system.friction.opening(np.ones(n)), 1.0)[:, None]
+        a, b = system.friction[:, None].shares
+        on_A, on_B = a * on_Q + on_P / opening, on_P / opening - b * on_Q
         on_B[~self.frictional] = 0.0
         on_r = np.vstack([on_Q, on_P])
         on_u = system.K @ on_r
@@ -285,7 +281,7 @@ class Segments:
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""
         nodes = self.frictional, self.smooth
-        forward, backward = limit_distances(self.system.f, nodes, state.state, state.r)
+        forward, backward = limit_distances(self.system.friction, nodes, state.state, state.r)
         contact = state.state != SEPARATION
         gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
         # a gap keeps its round-off: times the stiffness it would be a force out of balance

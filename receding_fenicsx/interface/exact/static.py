@@ -7,14 +7,9 @@ import numpy as np
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.tableau import (
-    BACKWARD,
-    FORWARD,
-    SEPARATION,
-    STICK,
-)
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
+from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK, natural_states
 from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
 from receding_fenicsx.interface.residual import (
     largest_force,
@@ -70,7 +65,8 @@ def _guess_states(segments: Segments, start: ContactState, load: Array) -> Conta
     k_t, k_n = local_stiffness(system)
     loose, can_open = ~system.held[:n], ~system.held[n:]
     state = np.full(n, STICK, dtype=np.int8)
-    state[loose & (system.f == 0.0)] = FORWARD
+    frictionless = ~system.friction.present
+    state[loose & frictionless] = FORWARD
     seen: set[bytes] = set()
     while len(seen) < GUESSES and state.tobytes() not in seen:
         seen.add(state.tobytes())
@@ -78,14 +74,10 @@ def _guess_states(segments: Segments, start: ContactState, load: Array) -> Conta
         if u is None:
             return None
         r = reactions(system, load, u)
-        last, state = state, np.full(n, STICK, dtype=np.int8)
-        Q, P = r[:n] - k_t * (u[:n] - start.v), r[n:] - k_n * (system.g0 + u[n:])
-        limit = system.f * np.maximum(r[n:], 0.0)
-        state[loose & ((Q < -limit) | (system.f == 0.0))] = FORWARD
-        state[loose & (Q > limit)] = BACKWARD
-        state[can_open & (P <= 0.0)] = SEPARATION
+        trial = r[:n] - k_t * (u[:n] - start.v), r[n:] - k_n * (system.g0 + u[n:])
+        last, state = state, natural_states(system.friction, r[n:], trial, loose, can_open)
         if np.array_equal(state, last):
-            state[(system.f == 0.0) & (state != SEPARATION)] = STICK
+            state[frictionless & (state != SEPARATION)] = STICK
             return _accepted(segments, start, load, ContactState(u, r, state))
     return None
 

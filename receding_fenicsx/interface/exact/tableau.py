@@ -1,7 +1,7 @@
 """Rates of a contact in given states: a tableau that follows each change of state by pivots.
 
-Each frictional node has four quantities, v, w, A = Q + f P and B = f P - Q. In every state two of
-them are inputs with zero rate and two are outputs:
+Each frictional node has four quantities, v, w, A = Q + f_forward P and B = f_backward P - Q. In
+every state two of them are inputs with zero rate and two are outputs:
 
     state            inputs   outputs (and what keeps the state)
     stick            v, w     A >= 0, B >= 0
@@ -28,13 +28,11 @@ from receding_fenicsx.interface.exact.pivot_matrix import (
     PivotMatrix,
     block_pivot,
 )
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import Array, ContactSystem
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Array, Friction
+from receding_fenicsx.interface.system import ContactSystem
 
 V, W, A, B, REACTION = range(5)
 """Kinds of quantity; REACTION is Q of a node without friction, an input for good."""
-STICK, SEPARATION = int(State.STICK), int(State.SEPARATION)
-FORWARD, BACKWARD = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)
 
 EXCHANGES: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {
     (STICK, FORWARD): ((A, V),),
@@ -68,28 +66,29 @@ round-off."""
 
 
 def limit_distances(
-    f: Array,
+    friction: Friction,
     nodes: tuple[NDArray[np.bool_], NDArray[np.bool_]],
     state: NDArray[np.int8],
     r: Array,
 ) -> tuple[Array, Array]:
-    """Return A = Q + f P and B = f P - Q of all nodes, or their rates.
+    """Return the margins A and B of all nodes, or their rates.
 
-    At a slipping node one of them is zero and the other 2 f P: as a difference of Q and f P it
+    At a slipping node one of them is zero and the other A + B: as a difference of Q and f P it
     would carry the round-off of Q, which a small f P does not bear. Both are zero at an open node,
     and at one that a support holds normally, which has no limit.
 
     Args:
-        f: (N,) coefficients of friction.
+        friction: (N,) coefficients of friction.
         nodes: (N,) nodes with friction, and smooth ones, at which P stands in place of A.
         state: (N,) states.
         r: (2N,) reactions [Q; P], or their rates.
     """
     frictional, smooth = nodes
-    Q, P = r[: len(f)], r[len(f) :]
-    sliding = 2.0 * f * P
-    distance_A = np.where(state == BACKWARD, sliding, Q + f * P)
-    distance_B = np.where(state == FORWARD, sliding, f * P - Q)
+    n = len(state)
+    Q, P = r[:n], r[n:]
+    sliding, (margin_A, margin_B) = friction.opening(P), friction.margins(Q, P)
+    distance_A = np.where(state == BACKWARD, sliding, margin_A)
+    distance_B = np.where(state == FORWARD, sliding, margin_B)
     distance_A[state == FORWARD] = distance_B[state == BACKWARD] = 0.0
     contact = state != SEPARATION
     distance_A = np.where(smooth, P, np.where(frictional, distance_A, 0.0))
@@ -117,7 +116,7 @@ class Tableau:
         self.system = system
         loose = ~system.held[:n]
         normal = ~system.held[n:]
-        self.frictional = loose & normal & (system.f > 0.0)
+        self.frictional = loose & normal & system.friction.present
         self.smooth = normal & ~self.frictional
         self.free_v = loose & ~self.frictional
         # pivots are compared with 1: displacements are multiplied by a typical stiffness, a power
@@ -135,12 +134,10 @@ class Tableau:
         """Return the map with all nodes stuck, whose matrix is the stiffness itself."""
         n, system, nodes = self.system.n, self.system, np.arange(self.system.n)
         F, S, Z = nodes[self.frictional], nodes[self.smooth], nodes[self.free_v]
-        f = system.f[F, None]
         wide = np.hstack([system.K / self._unit, system.r_star.T])
         force = np.vstack(
             [
-                wide[F] + f * wide[n + F],
-                f * wide[n + F] - wide[F],
+                *system.friction[F, None].margins(wide[F], wide[n + F]),
                 wide[n + S],
                 wide[Z],
             ]
@@ -250,9 +247,9 @@ class Tableau:
         dr = direction @ system.r_star + system.K @ rates[: 2 * n]
         change = self.correction(dr)[: 4 * n].reshape(4, n)
         forward, backward = limit_distances(
-            system.f, (self.frictional, self.smooth), self.state, dr
+            system.friction, (self.frictional, self.smooth), self.state, dr
         )
-        # at a slipping node the sum of both is what changes 2 f P
+        # at a slipping node the sum of both is the change of A + B
         sliding = change[A] + change[B]
         open_ = self.state == SEPARATION
         forward += np.where(self.state == BACKWARD, sliding, change[A])
@@ -286,7 +283,7 @@ class Tableau:
         Returns:
             (5N,) changes by label; the first 2N are those of the displacements.
         """
-        n, state, f = self.system.n, self.state, self.system.f
+        n, state = self.system.n, self.state
         Q, P = r[:n], r[n:]
         open_ = state == SEPARATION
         nodes = (
@@ -295,7 +292,7 @@ class Tableau:
             np.flatnonzero(self.smooth & open_),
             np.flatnonzero(self.free_v),
         )
-        quantities = (Q + f * P, f * P - Q, P, Q)
+        quantities = (*self.system.friction.margins(Q, P), P, Q)
         labels = [kind * n + i for kind, i in zip((A, B, A, REACTION), nodes, strict=True)]
         change = [-quantity[i] for quantity, i in zip(quantities, nodes, strict=True)]
         return self.response(np.concatenate(labels), np.concatenate(change))

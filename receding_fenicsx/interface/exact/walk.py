@@ -13,15 +13,8 @@ from receding_fenicsx.interface.exact.failures import explain
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import middle
 from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States
-from receding_fenicsx.interface.exact.tableau import (
-    BACKWARD,
-    FORWARD,
-    SEPARATION,
-    STICK,
-    A,
-    B,
-    V,
-)
+from receding_fenicsx.interface.exact.tableau import A, B, V
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import Undecided, is_exhaustible, solve_states
 from receding_fenicsx.interface.residual import REACHABLE_AT_MOST, ROUND_OFFS, residual_at_rest
 from receding_fenicsx.interface.system import Array, ContactState, Leg, reactions

@@ -67,10 +67,7 @@ def solve_directly(
     motions = neutral_motions(system.rigid, np.concatenate([stuck, grounded]))
     if motions.shape[1]:
         K = K + float(np.abs(np.diagonal(K)).max()) * motions @ motions.T
-    sign = np.where(
-        state == State.FORWARD_SLIP, 1.0, np.where(state == State.BACKWARD_SLIP, -1.0, 0.0)
-    )
-    f = (sign * system.f)[free_t]
+    f = system.friction.at_slip(state)[free_t]
     rows = np.vstack([K[free_t] + f[:, None] * K[n + free_t], K[n + free_n]])
     r = reactions(system, load, u)
     rhs = np.concatenate([r[free_t] + f * r[n + free_t], r[n + free_n]])

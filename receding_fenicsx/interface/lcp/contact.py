@@ -3,11 +3,11 @@
 With the slip split into v = z+ - z- and the gap g, Coulomb's and Signorini's conditions at a node
 are
 
-    A = Q + f P >= 0  with  z+,     B = f P - Q >= 0  with  z-,     P >= 0  with  g,
+    A = Q + f_forward P >= 0  with  z+,  B = f_backward P - Q >= 0  with  z-,  P >= 0  with  g,
 
 each pair complementary (A. Klarbring, 1986). A node that is known to be in contact on one side of
-the friction cone keeps one pair. Works for rates (which way do nodes on a limit go?) and for the
-static problem of a first load alike.
+the friction cone keeps one pair. The unknowns may be rates (of nodes on a limit) or the whole
+displacements of the static problem of a first load.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Array, Friction
 from receding_fenicsx.interface.lcp import enumerate_states, lemke
-from receding_fenicsx.interface.system import Array, ContactSystem
+from receding_fenicsx.interface.system import ContactSystem
 
 Indices = NDArray[np.intp]
 
@@ -31,8 +31,9 @@ DECIDE_TOLERANCE = 1e-12
 COVERS = 8
 """Covering vectors of Lemke's method that are tried: an added pressure, uniform and then random.
 
-An added pressure keeps A + B = 2 f P, so that every point of Lemke's path is a frictional contact
-too; vectors without that property end on rays where a solution exists."""
+The added reactions lie in the middle of the friction cone and keep A + B = (f_forward +
+f_backward) P, so that every point of Lemke's path is a frictional contact too; vectors without that
+property end on rays where a solution exists."""
 
 
 @dataclass(frozen=True)
@@ -72,71 +73,114 @@ def solve_states(
         (N,) states of the undecided nodes, 0 elsewhere; None when no solution was found.
     """
     n = system.n
-    a, b, c, d = undecided.forward, undecided.backward, undecided.touching, undecided.smooth
-    v_nodes = np.concatenate([a, b, c])
-    rows = np.concatenate([v_nodes, n + v_nodes, n + d])
+    problem = _Pairs(undecided, system.friction)
+    rows = np.concatenate([problem.v_nodes, n + problem.v_nodes, n + undecided.smooth])
     S, s = _eliminate(system.K, r0, rows, open_dofs)
-    m, k = len(v_nodes), len(c)
-    f = system.f[v_nodes]
-    row_t, row_n = np.arange(m), m + np.arange(m)
-    tail = 2 * m + np.arange(len(d))
-    last = m - k + np.arange(k)
-    # unknowns: slip of a, of b reversed, z+ and z- and gap of c, gap of d
-    columns = np.hstack(
-        [
-            S[:, row_t[: len(a)]],
-            -S[:, row_t[len(a) : m - k]],
-            S[:, row_t[last]],
-            -S[:, row_t[last]],
-            S[:, row_n[last]],
-            S[:, tail],
-        ]
-    )
-
-    def combine(x: Array) -> Array:
-        fP = (f * x[row_n].T).T
-        A, B = x[row_t] + fP, fP - x[row_t]
-        return np.concatenate(
-            [A[: len(a)], B[len(a) : m - k], A[last], B[last], x[row_n[last]], x[tail]]
-        )
-
-    random = np.random.default_rng(0)
-    covers = []
-    for attempt in range(COVERS):
-        pressing = np.ones(len(rows)) if attempt == 0 else random.uniform(0.1, 1.0, len(rows))
-        pressing[row_t] = 0.0
-        covers.append(combine(pressing))
-    z = lemke.solve(combine(columns), combine(s), covers)
+    M, q = problem.outputs(problem.columns(S)), problem.outputs(s)
+    z = lemke.solve(M, q, problem.covers())
     if z is None:
         return _exhaust(system, undecided, S, s)
-    state = np.zeros(n, dtype=np.int8)
     stiffness = float(np.abs(np.diagonal(system.K)).max())
-    ends = np.cumsum([0, len(a), len(b), k, k, k, len(d)])
-    za, zb, plus, minus, gap, gap_d = (z[i:j] for i, j in pairwise(ends))
-    small = DECIDE_TOLERANCE * max(float(np.abs(z).max(initial=0.0)), float(np.finfo(float).tiny))
-    state[a] = np.where(za > small, State.FORWARD_SLIP, State.STICK)
-    state[b] = np.where(zb > small, State.BACKWARD_SLIP, State.STICK)
-    y = combine(columns) @ z + combine(s)
-    P_c, P_d = y[ends[4] : ends[5]], y[ends[5] :]
-    force = max(DECIDE_TOLERANCE * float(np.abs(y).max(initial=0.0)), stiffness * small)
-    slip = np.where(
-        plus > minus + small,
-        State.FORWARD_SLIP,
-        np.where(minus > plus + small, State.BACKWARD_SLIP, State.STICK),
-    )
-    state[c] = np.where((gap > small) | (P_c <= force), State.SEPARATION, slip)
-    state[d] = np.where((gap_d > small) | (P_d <= force), State.SEPARATION, State.STICK)
+    state = np.zeros(n, dtype=np.int8)
+    problem.write_states(state, z, M @ z + q, stiffness)
     return state
+
+
+class _Pairs:
+    """Complementary pairs of the undecided nodes.
+
+    Rows of stiffness and reactions: v of the forward, backward and touching nodes, w of the same, w
+    of the smooth ones. Variables z: slip of the forward nodes, reversed slip of the backward ones,
+    z+, z- and gap of the touching ones, gap of the smooth ones.
+
+    Attributes:
+        v_nodes: forward, backward and touching nodes.
+    """
+
+    def __init__(self, undecided: Undecided, friction: Friction) -> None:
+        self.undecided = undecided
+        self.v_nodes = np.concatenate([undecided.forward, undecided.backward, undecided.touching])
+        self.friction = friction[self.v_nodes]
+        m = len(self.v_nodes)
+        forward, backward = len(undecided.forward), len(undecided.backward)
+        touching, smooth = len(undecided.touching), len(undecided.smooth)
+        self._v, self._w = slice(m), slice(m, 2 * m)
+        self._forward, self._backward = slice(forward), slice(forward, forward + backward)
+        self._touching = slice(m - touching, m)
+        self._touching_w = slice(2 * m - touching, 2 * m)
+        self._smooth = slice(2 * m, 2 * m + smooth)
+        self._ends = np.cumsum([0, forward, backward, touching, touching, touching, smooth])
+
+    def columns(self, S: Array) -> Array:
+        """Return the columns of the stiffness S that the variables multiply."""
+        return np.hstack(
+            [
+                S[:, self._forward],
+                -S[:, self._backward],
+                S[:, self._touching],
+                -S[:, self._touching],
+                S[:, self._touching_w],
+                S[:, self._smooth],
+            ]
+        )
+
+    def outputs(self, x: Array) -> Array:
+        """Return what is complementary to the variables, from reactions or their columns x."""
+        friction = self.friction if x.ndim == 1 else self.friction[:, None]
+        A, B = friction.margins(x[self._v], x[self._w])
+        return np.concatenate(
+            [
+                A[self._forward],
+                B[self._backward],
+                A[self._touching],
+                B[self._touching],
+                x[self._touching_w],
+                x[self._smooth],
+            ]
+        )
+
+    def covers(self) -> list[Array]:
+        """Return the covering vectors of Lemke's method, see ``COVERS``."""
+        random = np.random.default_rng(0)
+        middle = 0.5 * (self.friction.backward - self.friction.forward)
+        found = []
+        rows = self._smooth.stop
+        for attempt in range(COVERS):
+            pressing = np.ones(rows) if attempt == 0 else random.uniform(0.1, 1.0, rows)
+            pressing[self._v] = middle * pressing[self._w]
+            found.append(self.outputs(pressing))
+        return found
+
+    def write_states(self, state: NDArray[np.int8], z: Array, y: Array, stiffness: float) -> None:
+        """Write the states of the nodes that a solution stands for.
+
+        Args:
+            state: (N,) states to be written into.
+            z: variables of the solution.
+            y: what is complementary to them.
+            stiffness: largest stiffness of a freedom.
+        """
+        nodes = self.undecided
+        tiny = float(np.finfo(float).tiny)
+        small = DECIDE_TOLERANCE * max(float(np.abs(z).max(initial=0.0)), tiny)
+        force = max(DECIDE_TOLERANCE * float(np.abs(y).max(initial=0.0)), stiffness * small)
+        ahead, back, plus, minus, gap, smooth_gap = (z[i:j] for i, j in pairwise(self._ends))
+        P, smooth_P = y[self._ends[4] : self._ends[5]], y[self._ends[5] :]
+        state[nodes.forward] = np.where(ahead > small, FORWARD, STICK)
+        state[nodes.backward] = np.where(back > small, BACKWARD, STICK)
+        slip = np.where(minus > plus + small, BACKWARD, STICK)
+        slip = np.where(plus > minus + small, FORWARD, slip)
+        state[nodes.touching] = np.where((gap > small) | (P <= force), SEPARATION, slip)
+        open_ = (smooth_gap > small) | (smooth_P <= force)
+        state[nodes.smooth] = np.where(open_, SEPARATION, STICK)
 
 
 def choices(undecided: Undecided) -> dict[int, tuple[int, ...]]:
     """Return the states that each undecided node may take."""
-    stick, open_ = int(State.STICK), int(State.SEPARATION)
-    forward, backward = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)
-    may = dict.fromkeys(undecided.forward.tolist(), (stick, forward))
-    may |= dict.fromkeys(undecided.backward.tolist(), (stick, backward))
-    may |= dict.fromkeys(undecided.touching.tolist(), (stick, open_, forward, backward))
-    return may | dict.fromkeys(undecided.smooth.tolist(), (stick, open_))
+    may = dict.fromkeys(undecided.forward.tolist(), (STICK, FORWARD))
+    may |= dict.fromkeys(undecided.backward.tolist(), (STICK, BACKWARD))
+    may |= dict.fromkeys(undecided.touching.tolist(), (STICK, SEPARATION, FORWARD, BACKWARD))
+    return may | dict.fromkeys(undecided.smooth.tolist(), (STICK, SEPARATION))
 
 
 def is_exhaustible(undecided: Undecided) -> bool:
@@ -168,7 +212,7 @@ def _exhaust(
     full, held = np.eye(2 * m), np.zeros(2 * m)
     full[np.ix_(where, where)], held[where] = S, s
     smooth = np.arange(m) >= m - d
-    found = enumerate_states.exhaust(full, held, system.f[nodes], list(may.values()), smooth)
+    found = enumerate_states.exhaust(full, held, system.friction[nodes], list(may.values()), smooth)
     if found is None:
         return None
     state = np.zeros(system.n, dtype=np.int8)

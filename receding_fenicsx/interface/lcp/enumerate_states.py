@@ -1,4 +1,4 @@
-"""Trying all sets of states of a few undecided nodes: what finds nothing here has no solution.
+"""Exhaustive search over the states of a few contact nodes; failure proves nonexistence.
 
 Every set of states makes the contact law of the nodes a linear system; its answer is a solution if
 it keeps the inequalities of section 2 of Ahn & Barber (2008).
@@ -12,8 +12,7 @@ from itertools import islice, product
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.interface.law import Array, Friction, State
 
 EXHAUSTED = 2**16
 """Largest number of sets of states that is gone through: eight nodes with all four states."""
@@ -33,7 +32,7 @@ def count(choices: Choices) -> int:
 
 
 def exhaust(
-    S: Array, s: Array, f: Array, choices: Choices, smooth: NDArray[np.bool_]
+    S: Array, s: Array, friction: Friction, choices: Choices, smooth: NDArray[np.bool_]
 ) -> NDArray[np.int8] | None:
     """Return states of m nodes that satisfy the contact law of rates, or None if there are none.
 
@@ -41,14 +40,14 @@ def exhaust(
         S: (2m, 2m) stiffness, order [v; w]: x = S u + s with the changes u of displacement and x of
             reaction.
         s: (2m,) change of reaction with the nodes held.
-        f: (m,) coefficient of friction.
+        friction: (m,) coefficients of friction.
         choices: the states that each node may take. A node that may not separate keeps its
             pressure, and one that may slip in one direction only is at that limit of friction.
         smooth: (m,) nodes that know only contact (stick) and separation, at whatever v does not
             concern.
     """
     for states in _batches(choices):
-        found = _first(S, s, f, states, choices, smooth)
+        found = _first(S, s, friction, states, choices, smooth)
         if found is not None:
             return found
     return None
@@ -63,16 +62,16 @@ def _batches(choices: Choices) -> Iterator[NDArray[np.int8]]:
 def _first(
     S: Array,
     s: Array,
-    f: Array,
+    friction: Friction,
     states: NDArray[np.int8],
     choices: Choices,
     smooth: NDArray[np.bool_],
 ) -> NDArray[np.int8] | None:
     """Return the first of (k, m) sets of states that is a solution."""
-    m = len(f)
+    m = len(friction.forward)
     S_t, S_n, s_t, s_n = S[:m], S[m:], s[:m], s[m:]
-    A, B = S_t + f[:, None] * S_n, f[:, None] * S_n - S_t
-    a, b = s_t + f * s_n, f * s_n - s_t
+    A, B = friction[:, None].margins(S_t, S_n)
+    a, b = friction.margins(s_t, s_n)
     stick, forward, backward, open_ = (
         states == state
         for state in (State.STICK, State.FORWARD_SLIP, State.BACKWARD_SLIP, State.SEPARATION)
@@ -104,8 +103,9 @@ def _first(
         for state in (State.SEPARATION, State.FORWARD_SLIP, State.BACKWARD_SLIP)
     )
     on_A, on_B = (can_forward | can_open) & ~smooth, (can_backward | can_open) & ~smooth
-    good = ~(stick & on_A) | (Q + f * P >= -force)
-    good &= ~(stick & on_B) | (f * P - Q >= -force)
+    margin_A, margin_B = friction.margins(Q, P)
+    good = ~(stick & on_A) | (margin_A >= -force)
+    good &= ~(stick & on_B) | (margin_B >= -force)
     good &= ~(~open_ & can_open) | (P >= -force)
     good &= ~forward | (v >= -way)
     good &= ~backward | (v <= way)

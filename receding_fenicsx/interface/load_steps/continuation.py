@@ -23,9 +23,9 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.path import APEX
-from receding_fenicsx.interface.exact.segments import SIGN, Segments
+from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.walk import Walk
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.residual import largest_force, local_stiffness
 from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
 
@@ -95,9 +95,9 @@ class Continuation:
             return False
         if np.any((self._stiffness[n:] * (system.g0 + start.w))[contact] > none):
             return False
-        sign = SIGN[end.state]
+        sign, coefficient = SLIP_SIGN[end.state], system.friction.at_slip(end.state)
         slip = self._stiffness[:n] * (end.v - start.v)
-        off_limit = np.where(sign == 0.0, np.abs(slip), np.abs(start.Q + sign * system.f * start.P))
+        off_limit = np.where(sign == 0.0, np.abs(slip), np.abs(start.Q + coefficient * start.P))
         return bool(np.all(off_limit[rubs] <= none) and np.all((sign * slip)[rubs] >= -none))
 
     def follow(

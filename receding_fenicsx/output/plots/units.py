@@ -9,8 +9,8 @@ import numpy as np
 
 from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.interface.measures.axis import begins_on_axis
-from receding_fenicsx.interface.mirror import SWAPPED
 from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends
 from receding_fenicsx.reference.ahn_barber import is_papers_block
@@ -278,4 +278,4 @@ def _is_symmetric(record: Record) -> bool:
     if not len(x) or np.abs(x + x[::-1]).max() > SYMMETRY_TOLERANCE * np.ptp(x):
         return False
     tables = (record.turning_points.state, record.samples.state)
-    return all(np.array_equal(SWAPPED[state][:, ::-1], state) for state in tables)
+    return all(np.array_equal(MIRRORED[state][:, ::-1], state) for state in tables)

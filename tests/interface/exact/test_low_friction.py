@@ -11,8 +11,8 @@ from small import cyclic
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.tableau import BACKWARD, FORWARD, A, B
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.exact.tableau import A, B
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, State
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 WHOLE = block_system(32, 6, half=False)

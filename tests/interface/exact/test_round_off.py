@@ -19,8 +19,9 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.exact.pivot_matrix import PivotMatrix
 from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.tableau import BACKWARD, FORWARD, SEPARATION, STICK, Tableau
+from receding_fenicsx.interface.exact.tableau import Tableau
 from receding_fenicsx.interface.exact.walk import Walk
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions

@@ -5,7 +5,7 @@ from itertools import product
 import numpy as np
 import pytest
 
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import Friction, State
 from receding_fenicsx.interface.lcp import enumerate_states, lemke
 from receding_fenicsx.interface.lcp.enumerate_states import count, exhaust
 
@@ -43,7 +43,9 @@ def test_it_finds_a_solution_exactly_where_complementarity_has_one() -> None:
         S, s, f = random_problem(seed, m)
         f *= 4.0
         kinds = np.random.default_rng(seed).integers(0, 3, m).tolist()
-        found = exhaust(S, s, f, [KINDS[kind] for kind in kinds], np.zeros(m, dtype=bool))
+        found = exhaust(
+            S, s, Friction(f, f), [KINDS[kind] for kind in kinds], np.zeros(m, dtype=bool)
+        )
         assert (found is not None) == complementary(S, s, f, kinds), seed
         solved, unsolved = solved + (found is not None), unsolved + (found is None)
     assert solved > 60 and unsolved > 10
@@ -52,7 +54,7 @@ def test_it_finds_a_solution_exactly_where_complementarity_has_one() -> None:
 def test_a_found_set_satisfies_the_law() -> None:
     for seed in range(40):
         S, s, f = random_problem(seed, 3)
-        states = exhaust(S, s, f, [ANY] * 3, np.zeros(3, dtype=bool))
+        states = exhaust(S, s, Friction(f, f), [ANY] * 3, np.zeros(3, dtype=bool))
         assert states is not None, seed
         # slips: v and w such that Q = -+ f P and w = 0; open nodes: no reaction
         equations, right = [], []
@@ -82,7 +84,7 @@ def test_one_node_with_strong_friction_has_no_answer_on_one_side(pull: float) ->
     f, one = np.array([2.0]), np.zeros(1, dtype=bool)
     # at the limit of forward slip only: stick needs A = s_t + f s_n >= 0, slip v >= 0 with A = 0
     s = np.array([pull, 0.0])
-    found = exhaust(S, s, f, [(STICK, FORWARD)], one)
+    found = exhaust(S, s, Friction(f, f), [(STICK, FORWARD)], one)
     # forward: v = -s_t / (1 - 0.9 f) = s_t / 0.8; so both answers for a push, none for a pull
     assert (found is not None) == (pull > 0.0)
 
@@ -91,7 +93,7 @@ def test_smooth_nodes_know_contact_and_separation_only() -> None:
     S, f = np.diag([1.0, 4.0]), np.array([0.5])
     smooth = np.ones(1, dtype=bool)
     for s_n, expected in ((1.0, State.STICK), (-1.0, State.SEPARATION)):
-        found = exhaust(S, np.array([0.0, s_n]), f, [(STICK, OPEN)], smooth)
+        found = exhaust(S, np.array([0.0, s_n]), Friction(f, f), [(STICK, OPEN)], smooth)
         assert found is not None and found[0] == expected
 
 
