@@ -85,7 +85,6 @@ if TYPE_CHECKING:
     from receding_fenicsx.pictures import animate as animate
     from receding_fenicsx.pictures import plot as plot
     from receding_fenicsx.pictures import snapshot as snapshot
-    from receding_fenicsx.scene.cautions import warnings as scene_warnings
     from receding_fenicsx.scene.history import History as History
     from receding_fenicsx.scene.history import from_scene as history_from_scene
     from receding_fenicsx.scene.model import Body as Body
@@ -102,6 +101,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.toml_file import read_scene as read_scene
     from receding_fenicsx.scene.toml_file import to_toml as to_toml
     from receding_fenicsx.scene.validate import validate as validate
+    from receding_fenicsx.scene.validate import warnings as scene_warnings
     from receding_fenicsx.study import RunOptions as RunOptions
     from receding_fenicsx.study import condense as condense
     from receding_fenicsx.study import run as run
@@ -126,7 +126,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "from_toml": ("scene.toml_file", "Read a scene from TOML text"),
         "to_toml": ("scene.toml_file", "Write a scene as TOML text"),
         "validate": ("scene.validate", "Check a scene; raise InputError with the reason"),
-        "scene_warnings": ("scene.cautions:warnings", "Warnings about a scene that can be run"),
+        "scene_warnings": ("scene.validate:warnings", "Warnings about a scene that can be run"),
         "History": ("scene.history", "Polyline of load factors and the cycle that follows it"),
         "history_from_scene": ("scene.history:from_scene", "Return the History of a scene"),
     },

@@ -189,10 +189,10 @@ def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
 def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx.mpi import on_root
-    from receding_fenicsx.scene.cautions import warnings
     from receding_fenicsx.scene.history import from_scene
     from receding_fenicsx.scene.symmetry import is_mirror_symmetric
     from receding_fenicsx.scene.toml_file import read_scene
+    from receding_fenicsx.scene.validate import warnings
 
     scene = read_scene(options.scene, options.overrides)
     half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)

@@ -107,7 +107,7 @@ def animate(
 
     def find() -> tuple[str, Any]:
         scene, system, record = _finished(folder)
-        legs, at, time = history.spread(history.from_scene(scene), cycle, frames)
+        legs, at, time = history.evenly_spaced(history.from_scene(scene), cycle, frames)
         instants = [
             instant_of(scene, system, record, cycle, str(leg), float(s))
             for leg, s in zip(legs, at, strict=True)

@@ -16,7 +16,8 @@ from receding_fenicsx.bulk.platens import Prescribed, Ties, tied_dofs
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
-from receding_fenicsx.scene.model import Scene, nearest
+from receding_fenicsx.scene.checks import nearest
+from receding_fenicsx.scene.model import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

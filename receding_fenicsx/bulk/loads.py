@@ -23,7 +23,8 @@ from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
-from receding_fenicsx.scene.model import Load, Profile, Scene, evaluate
+from receding_fenicsx.scene.model import Load, Scene
+from receding_fenicsx.scene.profiles import Profile, evaluate
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

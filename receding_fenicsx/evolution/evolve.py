@@ -37,7 +37,8 @@ from receding_fenicsx.interface.system import (
 from receding_fenicsx.interface.system_checks import check_range, check_system
 from receding_fenicsx.scene.history import History, check_history, from_scene
 from receding_fenicsx.scene.identity import body_difference
-from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions, evaluate
+from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
+from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
 

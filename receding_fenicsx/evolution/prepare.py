@@ -11,7 +11,8 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.measures.axis import midside_beside_axis
 from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import Array, ContactSystem
-from receding_fenicsx.scene.model import Scene, evaluate
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.toml_file import to_toml
 
 PROFILE_ROUND_OFF = 1e-10

@@ -1,24 +1,24 @@
-"""Safe evaluation of the small formulas that a scene may hold, such as ``"0.3 + 0.1*cos(pi*x)"``.
+"""Safe evaluation of expressions in a scene, such as ``"0.3 + 0.1*cos(pi*x)"``.
 
-The text is parsed with :mod:`ast` and only the nodes named below are walked; nothing is ever passed
-to ``eval``, so a scene file from elsewhere cannot run code.
+The text is parsed by :mod:`ast` and only the operations listed below are evaluated. Nothing is
+passed to ``eval``, so a scene file cannot run code.
 """
 
 from __future__ import annotations
 
 import ast
-import difflib
 from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import suggestion
 
 Array = NDArray[np.float64]
 
 MAX_LENGTH = 1000
-"""Longest expression, in characters: keeps the parser away from its recursion limit."""
+"""Longest expression in characters; longer ones may exceed the recursion limit of the parser."""
 
 
 def _fold(pairwise: np.ufunc) -> Callable[..., Array]:
@@ -43,7 +43,7 @@ FUNCTIONS: dict[str, tuple[Callable[..., Array], int, int]] = {
     "max": (_fold(np.maximum), 2, 20),
     "where": (lambda test, yes, no: np.where(test != 0, yes, no), 3, 3),
 }
-"""Known functions: what they do, the least and the greatest number of arguments."""
+"""Functions in expressions: implementation, smallest and largest number of arguments."""
 
 BINARY: dict[type[ast.operator], Callable[[Array, Array], Array]] = {
     ast.Add: np.add,
@@ -66,19 +66,19 @@ COMPARE: dict[type[ast.cmpop], Callable[[Array, Array], NDArray[np.bool_]]] = {
 def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
     """Evaluate an expression in ``x`` (and ``y``) at many points.
 
-    Known are numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 where true, 0 elsewhere)
-    and ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
+    It may use numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 if true, else 0) and
+    ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
 
     Args:
         text: the expression.
         x: points.
-        y: second coordinate of the points; the expression may not name ``y`` when this is None.
+        y: second coordinate of the points; None where the expression may not use ``y``.
 
     Returns:
         Values, of the shape of ``x``.
 
     Raises:
-        InputError: the text is not such an expression, or its value is not finite somewhere.
+        InputError: the text is not an expression, or its value is not finite at a point.
     """
     if len(text) > MAX_LENGTH:
         raise InputError(f"expression of {len(text)} characters: at most {MAX_LENGTH} are allowed")
@@ -107,7 +107,7 @@ def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
 
 
 def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
-    """Value of one node of the parsed expression."""
+    """Return the value of one node of the parsed expression."""
     if isinstance(node, ast.Constant):
         number = node.value
         if isinstance(number, int | float) and not isinstance(number, bool):
@@ -150,8 +150,5 @@ def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
 
 
 def _unknown(name: str, known: list[str]) -> str:
-    close = difflib.get_close_matches(name, known, n=1)
-    guess = f"did you mean '{close[0]}'?" if close else f"known are {', '.join(known)}"
-    if name == "y":
-        guess = "only x may be used here"
-    return f"unknown name '{name}'; {guess}"
+    hint = "only x may be used here" if name == "y" else suggestion(name, known)
+    return f"unknown name '{name}'; {hint}"

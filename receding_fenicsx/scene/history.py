@@ -1,32 +1,32 @@
-"""Load histories: polylines in the space of load factors."""
+"""Load histories: polylines of load factors, from a scene or made directly."""
 
 from __future__ import annotations
 
-import difflib
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.checks import check_choice, suggestion
+from receding_fenicsx.scene.model import HistoryOptions, Scene
 
 KINDS = ("monotonic", "cyclic", "table")
-MOST_CYCLES = 1_000_000_000
-"""What the numbers of cycles in a run's files have room for."""
+MAX_CYCLES = 1_000_000_000
+"""Largest number of cycles; cycle numbers in the files of a run have room for it."""
 
 
 @dataclass(frozen=True)
 class History:
-    """A path from rest, then a closed polygon that is run through again and again.
+    """Load history: a path from rest, then a closed loop that each cycle repeats.
 
     Attributes:
-        load_names: n_loads names, one a column.
+        load_names: n_loads names, one per column.
         path: (n + 1, n_loads) load factors of cycle 0, from zero load to the start of the cycles.
-        loop: (m + 1, n_loads) closed polygon of every further cycle, first and last row equal to
+        loop: (m + 1, n_loads) load factors of every further cycle, closed: first and last row are
             ``path[-1]``; (0, n_loads) when there are no cycles.
-        cycles: how many times the loop is run through at most.
-        until_steady: stop as soon as the steady state is reached.
+        cycles: largest number of repetitions of the loop.
+        until_steady: whether to stop when the steady state is reached.
     """
 
     load_names: tuple[str, ...]
@@ -35,16 +35,28 @@ class History:
     cycles: int = 0
     until_steady: bool = False
 
+    def polyline(self, cycle: int) -> NDArray[np.float64]:
+        """Return the load factors at the corners of a cycle; cycle 0 is the path from rest.
+
+        Raises:
+            InputError: there is no such cycle.
+        """
+        if not 0 <= cycle <= self.cycles:
+            raise InputError(
+                f"cycle {cycle} does not occur: the history has cycles 0 to {self.cycles}"
+            )
+        return self.path if cycle == 0 else self.loop
+
 
 def check_history(history: History, load_names: tuple[str, ...]) -> None:
-    """Raise where a history cannot be played on a contact with these loads.
+    """Check that a history drives given loads, starts at rest and has a closed loop.
 
     Raises:
-        InputError: it drives other loads, its arrays have another shape or entries that are not
-            finite, it does not begin at rest, or its cycle does not join on and close.
+        InputError: the history has other loads, an array of a wrong shape or with entries that are
+            not finite, a path that does not start at rest, or a loop that is not closed.
     """
     if not isinstance(history, History):
-        raise InputError(f"evolve: plays a Scene or a History, not a {type(history).__name__}")
+        raise InputError(f"evolve: a Scene or a History is needed, not a {type(history).__name__}")
     if history.load_names != load_names:
         raise InputError(
             f"the history drives loads {list(history.load_names)}, the system has "
@@ -65,64 +77,62 @@ def check_history(history: History, load_names: tuple[str, ...]) -> None:
             )
     if np.any(path[0]):
         raise InputError(
-            f"the history's path begins at load factors {path[0].tolist()}: put a row of zeros, "
-            "the body at rest, before it"
+            f"the history's path starts at load factors {path[0].tolist()}: insert a row of zeros "
+            "(the body at rest) before it"
         )
     if len(loop) and (np.any(loop[0] != path[-1]) or np.any(loop[-1] != loop[0])):
         raise InputError(
-            f"the history's loop runs from {loop[0].tolist()} to {loop[-1].tolist()}: begin and "
-            f"end it where the path ends, at {path[-1].tolist()}"
+            f"the history's loop runs from {loop[0].tolist()} to {loop[-1].tolist()}: start and "
+            f"end it at the end of the path, {path[-1].tolist()}"
         )
 
 
 def from_scene(scene: Scene) -> History:
-    """Make the load history of a scene.
+    """Return the load history of a scene.
 
-    * "monotonic": path 0 to ``maximum``, no cycles.
-    * "cyclic": path 0 to ``maximum``, every cycle ``maximum``, ``minimum``, ``maximum``.
-    * "table": path from zero load through ``rows``, every cycle from the last row through
-      ``cycle_rows`` and back to it.
+    * "monotonic": path from 0 to ``maximum``, no cycles.
+    * "cyclic": path from 0 to ``maximum``; each cycle is ``maximum``, ``minimum``, ``maximum``.
+    * "table": path from zero load through ``rows``; each cycle runs from the last row through
+      ``cycle_rows`` back to it.
 
     Args:
-        scene: the scene; the columns of the history are its loads in their order there.
+        scene: the scene; the order of its loads is that of the columns of the history.
 
     Returns:
         The history.
 
     Raises:
-        InputError: the history drives no load or not every one, or its table has no meaning.
+        InputError: a load is not driven, or an option of the history is invalid.
     """
     if not isinstance(scene, Scene):
-        raise InputError(f"a history is made from a scene, not from a {type(scene).__name__}")
+        raise InputError(f"a Scene is needed, not a {type(scene).__name__}")
     options = scene.history
     names = scene.load_names
-    if options.kind not in KINDS:
-        raise InputError(
-            f'[history] kind: "{options.kind}" is unknown; use one of {", ".join(KINDS)}'
-        )
+    check_choice(options.kind, KINDS, "[history] kind")
     if options.until not in (None, "steady"):
         raise InputError(
-            f'[history] until: "{options.until}" is unknown; use "steady" or leave it out'
+            f'[history] until: "{options.until}" is unknown; use "steady" or remove it'
         )
     if options.kind == "table":
         return _from_table(scene, names)
     for key in ("columns", "rows", "cycle_rows"):
         if getattr(options, key):
             raise InputError(
-                f'[history] {key}: belongs to kind = "table"; this history is "{options.kind}"'
+                f'[history] {key}: is for kind = "table" only, not "{options.kind}"; remove it'
             )
-    driven = options.load
-    if driven is None:
-        if len(names) != 1:
-            raise InputError(
-                "[history] load: the scene has several loads; name the one that is driven"
-            )
-        driven = names[0]
+    if options.load is None and len(names) != 1:
+        raise InputError("[history] load: the scene has several loads; name the driven one")
+    driven = names[0] if options.load is None else options.load
     _check_driven((driven,), names, "load")
+    return _from_range(options, names)
+
+
+def _from_range(options: HistoryOptions, names: tuple[str, ...]) -> History:
+    """Return the history of one load between minimum and maximum."""
     if not options.maximum > 0.0:
         raise InputError(
-            f"[history] maximum: must be positive, not {options.maximum:g}, or nothing is ever "
-            "loaded; turn the load's own sign instead"
+            f"[history] maximum: must be positive, not {options.maximum:g}; to reverse the "
+            "load, change its own sign"
         )
     path = np.array([[0.0], [options.maximum]])
     if options.kind == "monotonic":
@@ -130,7 +140,7 @@ def from_scene(scene: Scene) -> History:
     if options.minimum >= options.maximum:
         raise InputError(
             f"[history] minimum: {options.minimum:g} is not below maximum = {options.maximum:g}; "
-            "lower it"
+            "reduce it"
         )
     _check_cycles(options.cycles)
     loop = np.array([[options.maximum], [options.minimum], [options.maximum]])
@@ -138,12 +148,12 @@ def from_scene(scene: Scene) -> History:
 
 
 def leg_number(history: History, name: str, cycle: int = 1) -> int:
-    """Number of a leg within a cycle from its name on the command line.
+    """Return the index of a leg in its cycle from its name on the command line.
 
     Args:
         history: the history.
-        name: "loading", "unloading", or the number itself.
-        cycle: cycle that the leg belongs to; 0 is the path from rest.
+        name: "loading", "unloading", or the index.
+        cycle: cycle of the leg; 0 is the path from rest.
 
     Returns:
         Index of the leg, from 0: in a cycle, "unloading" is the first leg and "loading" the last.
@@ -151,11 +161,7 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
     Raises:
         InputError: the cycle has no such leg.
     """
-    if not 0 <= cycle <= history.cycles:
-        raise InputError(
-            f"cycle {cycle} does not occur: the history has cycles 0 to {history.cycles}"
-        )
-    polyline = history.path if cycle == 0 else history.loop
+    polyline = history.polyline(cycle)
     n = len(polyline) - 1
     size = np.abs(polyline).sum(axis=1)
     if name in ("loading", "unloading"):
@@ -163,40 +169,36 @@ def leg_number(history: History, name: str, cycle: int = 1) -> int:
         legs = [k for k in range(n) if rises[k] == (name == "loading")]
         if len(legs) != 1:
             raise InputError(
-                f"cycle {cycle} has {len(legs)} {name} legs; give the leg's number, 0 to {n - 1}"
+                f"cycle {cycle} has {len(legs)} {name} legs; give a leg number, 0 to {n - 1}"
             )
         return legs[0]
     if not name.isdecimal() or int(name) >= n:
         raise InputError(
-            f"leg '{name}': cycle {cycle} has legs 0 to {n - 1}; give one of them, or loading or "
+            f"leg '{name}': cycle {cycle} has legs 0 to {n - 1}; give a number, or loading or "
             "unloading"
         )
     return int(name)
 
 
-def spread(
+def evenly_spaced(
     history: History, cycle: int, n: int
 ) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
-    """Spread instants over a cycle, evenly in the way that the loads go.
+    """Return instants of a cycle, evenly spaced in the path length of the loads.
 
     Args:
         history: the history.
         cycle: cycle, 0 for the path from rest.
-        n: instants, at least one more than the cycle has legs.
+        n: number of instants, at least the number of legs plus one.
 
     Returns:
-        For each instant the leg, the position s in [0, 1] along it, and the part of the cycle's
-        whole way that lies behind. The first is at the cycle's start (on the path from rest, where
-        nothing is loaded, a little later), every leg's end is among them, the last is at its end.
+        For each instant the leg, the position s in [0, 1] along it, and the fraction of the cycle's
+        path length up to it. The first instant is the cycle's start; in cycle 0 it is slightly
+        later, as nothing is loaded at the start. The end of every leg is one of the instants.
 
     Raises:
         InputError: there is no such cycle, or n is too small.
     """
-    if not 0 <= cycle <= history.cycles:
-        raise InputError(
-            f"cycle {cycle} does not occur: the history has cycles 0 to {history.cycles}"
-        )
-    polyline = history.path if cycle == 0 else history.loop
+    polyline = history.polyline(cycle)
     legs = len(polyline) - 1
     if n < legs + 1:
         raise InputError(f"{n} frames: a cycle of {legs} legs needs at least {legs + 1}")
@@ -216,23 +218,21 @@ def spread(
 def _from_table(scene: Scene, names: tuple[str, ...]) -> History:
     options = scene.history
     if options.load is not None:
-        raise InputError(
-            '[history] load: a table drives its columns; use columns = ["..."] instead'
-        )
+        raise InputError('[history] load: is not for kind = "table"; use columns = ["..."] instead')
     if not options.columns:
-        raise InputError("[history] columns: is missing; name the load of each column")
+        raise InputError("[history] columns: is missing; give the name of the load of each column")
     if len(set(options.columns)) < len(options.columns):
-        raise InputError("[history] columns: a load is named twice; name each once")
+        raise InputError("[history] columns: a load occurs twice; name each load once")
     _check_driven(options.columns, names, "columns")
     rows = _table(options.rows, options.columns, "rows")
     if not len(rows):
         raise InputError(
-            "[history] rows: is missing; give the load factors up to the cycles' start"
+            "[history] rows: is missing; give the load factors up to the start of the cycles"
         )
     if np.any(rows[0] != 0.0):
         rows = np.vstack([np.zeros_like(rows[:1]), rows])
     if not np.any(rows):
-        raise InputError("[history] rows: all load factors are zero; nothing is ever loaded")
+        raise InputError("[history] rows: all load factors are zero; give one that is not")
     _check_moves(rows, "rows")
     loop = _table(options.cycle_rows, options.columns, "cycle_rows")
     order = [options.columns.index(name) for name in names]
@@ -241,7 +241,7 @@ def _from_table(scene: Scene, names: tuple[str, ...]) -> History:
     if np.any(loop[-1] != rows[-1]):
         raise InputError(
             f"[history] cycle_rows: is not closed: ends at {loop[-1].tolist()}, but rows end at "
-            f"{rows[-1].tolist()}; end it there"
+            f"{rows[-1].tolist()}; use the same load factors"
         )
     if np.any(loop[0] != rows[-1]) or len(loop) == 1:
         loop = np.vstack([rows[-1:], loop])
@@ -257,7 +257,7 @@ def _table(
         if len(row) != len(columns):
             raise InputError(
                 f"[history] {key} row {i + 1}: has {len(row)} value(s) for {len(columns)} "
-                "column(s); give one a column"
+                "column(s); give one per column"
             )
     return np.array(rows, dtype=float).reshape(len(rows), len(columns))
 
@@ -266,8 +266,8 @@ def _check_moves(rows: NDArray[np.float64], key: str) -> None:
     still = np.flatnonzero(np.all(np.diff(rows, axis=0) == 0.0, axis=1))
     if len(still):
         raise InputError(
-            f"[history] {key}: the load factors {rows[still[0]].tolist()} stand twice in a row; "
-            "drop one"
+            f"[history] {key}: the load factors {rows[still[0]].tolist()} occur twice in a row; "
+            "remove one"
         )
 
 
@@ -276,20 +276,19 @@ def _check_cycles(cycles: int) -> None:
         raise InputError(
             f'[history] cycles: must be at least 1, not {cycles}; or use kind = "monotonic"'
         )
-    if cycles > MOST_CYCLES:
-        raise InputError(f"[history] cycles: must be at most {MOST_CYCLES}, not {cycles}")
+    if cycles > MAX_CYCLES:
+        raise InputError(f"[history] cycles: must be at most {MAX_CYCLES}, not {cycles}")
 
 
 def _check_driven(driven: tuple[str, ...], names: tuple[str, ...], key: str) -> None:
     for name in driven:
         if name not in names:
-            close = difflib.get_close_matches(name, names, n=1) or names
             raise InputError(
-                f"[history] {key}: no load is named '{name}'; did you mean '{close[0]}'?"
+                f"[history] {key}: no load is named '{name}'; {suggestion(name, names)}"
             )
     for name in names:
         if name not in driven:
             raise InputError(
-                f"load '{name}': is not driven by the history; leave it out, or use "
+                f"load '{name}': is not driven by the history; remove it, or use "
                 'kind = "table" with a column for it'
             )

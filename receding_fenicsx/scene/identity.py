@@ -1,4 +1,4 @@
-"""Where two scenes differ: whether a saved system or an interrupted run belongs to a scene."""
+"""Comparison of scenes: whether a saved system or an interrupted run belongs to a scene."""
 
 from __future__ import annotations
 
@@ -9,32 +9,28 @@ from pathlib import Path
 from typing import Any
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.model import TABLE_OF, Scene
 from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.symmetry import is_half_meshed
-from receding_fenicsx.scene.toml_file import ARRAYS, to_toml
+from receding_fenicsx.scene.toml_file import to_toml
 
 FREE_WHEN_RESUMED = frozenset({"title", "history.cycles", "history.until", "output.cycles"})
-"""Keys that may change when a run is gone on with: none changes a bit of the finished cycles."""
+"""Keys that may differ when a run is resumed: none changes the finished cycles."""
 FREE_WHEN_FINISHED = frozenset({"history.cycles", "history.until"})
-"""Keys whose change alone leaves nothing to do on a run that has gone as far as is asked."""
-
-TABLE_OF = {attribute: name for name, (_, attribute) in ARRAYS.items()}
-TABLE_OF |= {"others": "body", "materials": "material"}
-"""Names in a scene file of what occurs several times in a scene."""
+"""Keys that may differ when a finished run is already long enough: nothing is left to compute."""
 
 
 def difference(a: Any, b: Any, free: frozenset[str] = frozenset(), key: str = "") -> str | None:
-    """Return the first key by which two scenes, or tables of them, differ.
+    """Return the first key in which two scenes, or parts of scenes, differ.
 
     Args:
-        a: one of them.
-        b: the other.
+        a: a scene, or a part of one.
+        b: the other scene, or the same part of it.
         free: keys that may differ, "table.key".
-        key: where they stand.
+        key: key of the part, "" for scenes.
 
     Returns:
-        "[table] key" as messages name it, or None.
+        "[table] key", or None where nothing differs.
     """
     if key in free:
         return None
@@ -56,13 +52,13 @@ def difference(a: Any, b: Any, free: frozenset[str] = frozenset(), key: str = ""
 
 
 def condensed_part(scene: Scene) -> Scene:
-    """Return the scene without what its condensed system does not depend on.
+    """Return a scene reduced to the data that determine its condensed system.
 
-    Friction and gap are evaluated anew when a system is used; history, solver and output play no
-    part in it. A mesh file counts by its content, see :func:`digest`.
+    Friction, gap, history, solver and output do not enter the condensed stiffness. The path of a
+    mesh file does not matter; :func:`digest` includes its content.
     """
     if not scene.others:
-        # what is written with a system is the scene of the body alone
+        # a system file stores the scene of its single body
         scene = part_of(scene, scene.body)
     bodies = [replace(body, mesh=body.mesh and "file") for body in scene.bodies]
     return Scene(
@@ -78,9 +74,9 @@ def condensed_part(scene: Scene) -> Scene:
 
 
 def body_difference(a: Scene, b: Scene) -> str | None:
-    """Return the first thing by which the condensed bodies of two scenes differ, or None.
+    """Return the first difference between the condensed bodies of two scenes, or None.
 
-    Mesh files of the same path are taken for the same.
+    Mesh files of the same path count as equal.
     """
     found = difference(condensed_part(a), condensed_part(b))
     if found is None and is_half_meshed(a) != is_half_meshed(b):
@@ -92,7 +88,7 @@ def body_difference(a: Scene, b: Scene) -> str | None:
 
 
 def digest(scene: Scene) -> str:
-    """SHA-256 of all of a scene that its condensed system depends on, mesh files included."""
+    """Return the SHA-256 of the data that determine the condensed system, mesh files included."""
     whole = scene if scene.others else part_of(scene, scene.body)
     half = is_half_meshed(whole)
     found = hashlib.sha256(f"{half}\n{to_toml(condensed_part(scene))}".encode())

@@ -1,32 +1,28 @@
-"""What is modelled: the scene's dataclasses, and the values of profiles along its edges.
+"""Dataclasses of a scene: bodies, materials, contacts, loads, history and options.
 
-Units are any consistent set. ``docs/scene.md`` tells every key of the file with its default.
+Any consistent set of units can be used. ``docs/scene.md`` lists every key with its default.
 """
 
 from __future__ import annotations
 
-import difflib
-from collections.abc import Iterable
 from dataclasses import dataclass, field
 
-import numpy as np
-from numpy.typing import ArrayLike, NDArray
-
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.expressions import evaluate_expression
+from receding_fenicsx.scene.checks import nearest, unknown_name
+from receding_fenicsx.scene.profiles import Profile
 
-Array = NDArray[np.float64]
-
-Profile = float | str | dict[str, list[float]]
-"""A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""
-
-EDGES = ("bottom", "top", "left", "right")
-"""Edges of a rectangle; "bottom" is y = 0 and x = 0 is the centre."""
-HORIZONTAL = ("bottom", "top")
-OF_RECTANGLES = ("shape", "width", "height", "position")
-"""Keys of a body that belong to a rectangle and not to a mesh file."""
+RECTANGLE_KEYS = ("shape", "width", "height", "position")
+"""Keys of a body that a mesh file replaces."""
 FREE = "free"
-"""A component of a load's displacement that is not prescribed."""
+"""Component of a prescribed displacement that is not prescribed."""
+TABLE_OF = {
+    "others": "body",
+    "materials": "material",
+    "contacts": "contact",
+    "loads": "load",
+    "supports": "support",
+}
+"""Table of the scene file for each attribute of a scene that has another name."""
 
 
 @dataclass(frozen=True)
@@ -34,16 +30,17 @@ class Body:
     """Shape of an elastic body: a rectangle, or a mesh file with named physical groups.
 
     Attributes:
-        name: names the body in "NAME.edge"; needed when there are two.
+        name: name of the body in "NAME.edge"; required when there are two.
         shape: "rectangle".
-        width, height: its sides; of a cylinder (axisymmetric, at x = 0) the width is the diameter.
-        position: middle of the rectangle's bottom edge. Axisymmetric, a rectangle at x = r > 0 is
+        width, height: sides of the rectangle. The width of a cylinder (axisymmetric, at x = 0) is
+            its diameter.
+        position: middle of the rectangle's bottom edge. An axisymmetric rectangle at x = r > 0 is
             a ring between the radii r - width / 2 and r + width / 2.
-        mesh: a .geo or .msh file, in place of the rectangle; in a scene file its path is relative
-            to that file.
-        surface: physical surface of the mesh file that is the body; all of it when left out.
-        parameters: numbers given to the .geo file.
-        material: name of the body's table [material.NAME]. When left out, the one named like the
+        mesh: a .geo or .msh file instead of the rectangle. In a scene file the path is relative to
+            that file.
+        surface: physical surface of the mesh file that is the body; default: all surfaces.
+        parameters: values of the .geo file's constants.
+        material: name of the body's table [material.NAME]. Default: the table with the name of the
             body, or else [material].
     """
 
@@ -60,13 +57,13 @@ class Body:
 
 @dataclass(frozen=True)
 class Material:
-    """Isotropic linear elasticity.
+    """Isotropic linear elastic material.
 
     Attributes:
         young: Young's modulus, a stress; positive.
         poisson: Poisson's ratio, above -1 and below 0.5 (below 1 in plane stress).
-        kinematics: "plane strain", "plane stress" or "axisymmetric": x is then r, y is z.
-        name: that of a table [material.NAME].
+        kinematics: "plane strain", "plane stress" or "axisymmetric" (x is r, y is z).
+        name: NAME of a table [material.NAME].
     """
 
     young: float = 1.0
@@ -82,12 +79,12 @@ class Material:
 
 @dataclass(frozen=True)
 class MeshOptions:
-    """How the body is meshed.
+    """Mesh options.
 
     Attributes:
         contact_elements: elements on the whole nominal contact edge, 4 to 20000.
         cell: "triangle" or "quadrilateral".
-        degree: degree of the displacements, 1 or 2.
+        degree: polynomial degree of the displacements, 1 or 2.
         growth: size ratio of neighbouring layers away from the contact, 1 (uniform) to 3.
     """
 
@@ -99,18 +96,18 @@ class MeshOptions:
 
 @dataclass(frozen=True)
 class Contact:
-    """One contact edge.
+    """Contact edge.
 
     Attributes:
-        edge: the edge that may touch.
-        span: part of the edge; outside, the edge is free.
+        edge: edge that may touch the other side.
+        span: part of the edge that may touch; default: the whole edge.
         friction: coefficient of friction, not negative.
         initial_gap: gap before loading, a length, not negative.
-        against: the other body's edge; a rigid plane when left out.
+        against: edge of the other body; default: a rigid plane.
 
-    Positions along the edge, in ``span`` and the profiles, run from its middle: rightwards or
-    upwards on a rectangle, with the body on the left (along t) on a mesh of the user's own. On a
-    body of revolution they are radii.
+    Positions in ``span`` and in profiles are measured along the edge from its middle: to the right
+    or upwards on a rectangle, along t (the body on the left) on a mesh file. On a body of
+    revolution they are radii.
     """
 
     edge: str = "bottom"
@@ -122,19 +119,20 @@ class Contact:
 
 @dataclass(frozen=True)
 class Load:
-    """One named load with its load factor: one of pressure, traction, displacement and force.
+    """Named load: exactly one of pressure, traction, displacement and force.
+
+    The history multiplies it by its load factor.
 
     Attributes:
-        name: what the history calls it.
-        edge: where it acts.
-        span: part of the edge, along it as that of a contact.
-        pressure: stress normal to the edge; positive pushes on the body.
-        traction: [x, y] in global axes, stresses.
-        displacement: [x, y] prescribed; a component that is "free" is not.
+        name: name of the load in the history.
+        edge: edge on which it acts.
+        span: part of the edge on which it acts; positions as in :class:`Contact`.
+        pressure: stress normal to the edge; positive is compression.
+        traction: components [x, y] in global axes, stresses.
+        displacement: prescribed components [x, y]; "free" for a component that is not prescribed.
         platen: the edge moves rigidly without rotation, under ``force`` or by a constant
-            ``displacement``; loads with the same edge and span share it.
-        force: [x, y], resultant on a platen (axisymmetric: of the full circle; one half of a
-            symmetric body carries half).
+            ``displacement``. Loads with the same edge and span act on the same platen.
+        force: resultant [x, y] on a platen, of the whole body (axisymmetric: of the full circle).
     """
 
     name: str
@@ -149,13 +147,13 @@ class Load:
 
 @dataclass(frozen=True)
 class Support:
-    """Degrees of freedom held at an edge or a point.
+    """Homogeneous displacement condition at an edge or a point.
 
     Attributes:
-        fix: "x", "y" or "xy".
-        edge: the edge that is held.
-        point: a place, or the name of a group of points of a mesh file, that is held instead.
-        body: whose point it is, in a scene of two bodies.
+        fix: components held: "x", "y" or "xy".
+        edge: edge that is held; or ``point``.
+        point: coordinates, or the name of a physical point of a mesh file.
+        body: name of the point's body, in a scene of two bodies.
     """
 
     fix: str
@@ -166,19 +164,20 @@ class Support:
 
 @dataclass(frozen=True)
 class HistoryOptions:
-    """The load history's table in the scene file; see :mod:`receding_fenicsx.scene.history`.
+    """Options of the load history; see :mod:`receding_fenicsx.scene.history`.
 
     Attributes:
         kind: "cyclic", "monotonic" or "table".
-        load: name of the load that is driven, unless there is but one.
+        load: name of the load that varies; required when there are several.
         maximum: largest load factor, positive.
         minimum: smallest load factor of the cycles, below the maximum.
-        cycles: cycles at most.
+        cycles: largest number of cycles.
         until: "steady" to stop when the steady state is reached.
-        columns: of a table, the load of each column.
-        rows: of a table, load factors from rest to the cycles' start.
-        cycle_rows: of a table, corners of a cycle, from the last of ``rows`` and back to it.
-        initial_slip: tangential displacement at rest from which the first slip is counted.
+        columns: name of the load of each column (kind "table").
+        rows: load factors from rest to the start of the cycles (kind "table").
+        cycle_rows: load factors at the corners of a cycle, from the last of ``rows`` back to it
+            (kind "table").
+        initial_slip: tangential displacement from which the slip of the first leg is measured.
     """
 
     kind: str = "cyclic"
@@ -195,21 +194,25 @@ class HistoryOptions:
 
 @dataclass(frozen=True)
 class SolverOptions:
-    """Method and tolerances, each relative to the scene's own scales.
+    """Options of the solver; tolerances are relative to the scales of the scene.
 
     Attributes:
-        method: "events" (exact) or "gauss-seidel" (in load steps).
-        steps_per_leg: load steps a leg (Gauss-Seidel).
-        symmetry: "auto" models half of a symmetric body, "none" never.
-        over_relaxation: between 0 and 2 (Gauss-Seidel).
-        polish: solve directly once the states have settled (Gauss-Seidel).
-        change_tolerance: change in a sweep over the step's largest displacement, eq. (16).
-        residual_tolerance: residual of the contact law over the largest nodal force.
-        max_sweeps: sweeps a step; one that needs more is an error. Steps whose sweeps cycle or
-            creep (1000 leave more than a tenth of the residual) are taken on the exact path.
-        steady_tolerance: change of the nodal forces over a cycle, over the largest, below which
-            they repeat; slips repeat below 100 times as much of a cycle's largest slip.
-        on_jump: "stop" or "static", where no quasi-static path leads on.
+        method: "events" (exact) or "gauss-seidel" (load steps).
+        steps_per_leg: load steps per leg (Gauss-Seidel).
+        symmetry: "auto" models half of a mirror-symmetric body; "none" models the whole body.
+        over_relaxation: relaxation factor, between 0 and 2 (Gauss-Seidel).
+        polish: solve directly once the states no longer change (Gauss-Seidel).
+        change_tolerance: largest change in a sweep, over the largest displacement of the step,
+            eq. (16) (Gauss-Seidel).
+        residual_tolerance: residual of the contact law, over the largest nodal force
+            (Gauss-Seidel).
+        max_sweeps: largest number of sweeps of a step; more are an error. A step whose sweeps cycle
+            or converge too slowly (1000 sweeps leave more than a tenth of the residual) is solved
+            on the exact path (Gauss-Seidel).
+        steady_tolerance: change of the nodal forces over a cycle, relative to the largest force,
+            below which the cycle is steady. Changes of slip are compared with 100 times this
+            tolerance, relative to the largest slip in the cycle.
+        on_jump: "stop" or "static", where no quasi-static continuation exists.
     """
 
     method: str = "events"
@@ -226,13 +229,13 @@ class SolverOptions:
 
 @dataclass(frozen=True)
 class OutputOptions:
-    """What is kept of the history, and how often a run can be gone on with.
+    """Options of the record and the checkpoints.
 
     Attributes:
-        samples_per_leg: samples a leg of the kept cycles.
-        cycles: which cycles get samples and events ("all", list, None: default).
-        checkpoint_cycles: cycles between two checkpoints; after 20 times as many a tenth of the
-            finished cycles at most.
+        samples_per_leg: samples per leg of the sampled cycles.
+        cycles: cycles with samples and events: "all" or a list; default 0, 1, 2, 9 and the last.
+        checkpoint_cycles: cycles between two checkpoints. After 20 times as many cycles, the
+            distance grows to a tenth of the finished cycles.
     """
 
     samples_per_leg: int = 40
@@ -242,10 +245,10 @@ class OutputOptions:
 
 @dataclass(frozen=True)
 class Scene:
-    """Everything that a run is made from.
+    """Input of a run: bodies, materials, contacts, loads, history and options.
 
-    ``body`` and ``material`` are the first body and the material of bodies that name no other;
-    ``others`` and ``materials`` hold further bodies and the tables [material.NAME].
+    ``body`` is the first body, ``others`` the second one if there are two. ``material`` is the
+    default material, ``materials`` are the tables [material.NAME].
     """
 
     title: str = ""
@@ -263,17 +266,17 @@ class Scene:
 
     @property
     def axisymmetric(self) -> bool:
-        """Whether x stands for r and y for z of a body of revolution."""
+        """Whether the scene is a body of revolution: x is r and y is z."""
         return self.material_of(self.body).kinematics == "axisymmetric"
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of the loads; parts of one load on two bodies share its name."""
+        """Names of the loads, each once: the parts of a load on two bodies share its name."""
         return tuple(dict.fromkeys(load.name for load in self.loads))
 
     @property
     def bodies(self) -> tuple[Body, ...]:
-        """All bodies."""
+        """All bodies, the first one first."""
         return (self.body, *self.others)
 
     def material_of(self, body: Body) -> Material:
@@ -287,12 +290,12 @@ class Scene:
                 return material
         if body.material is None:
             return self.material
-        raise InputError(
-            f'[body] material: "{body.material}" is unknown; add [material.{body.material}]'
-        )
+        label = f"body '{body.name}'" if self.others else "[body]"
+        known = [material.name for material in self.materials]
+        unknown_name(body.material, known, f"{label} material", "material")
 
     def find_edge(self, edge: str) -> tuple[Body, str]:
-        """Return the body of an edge "NAME.edge" and the edge's own name.
+        """Split "NAME.edge" into the body and the name of its edge.
 
         The body's name may be left out in a scene of one body.
 
@@ -309,62 +312,3 @@ class Scene:
                 f'"{nearest(edge.partition(".")[0], names) or names[0]}.{edge.rpartition(".")[2]}"'
             )
         return self.body, edge
-
-
-def nearest(name: str, known: Iterable[str]) -> str | None:
-    """Return the known name that is most like a name, if one is like it at all."""
-    return next(iter(difflib.get_close_matches(name, list(known), n=1)), None)
-
-
-def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
-    """Evaluate a profile: constant, expression, or linear table held constant beyond its ends.
-
-    Args:
-        profile: number, expression or table.
-        x: points.
-        y: second coordinate of the points, for expressions that use it.
-
-    Returns:
-        Values, of the shape of ``x``.
-
-    Raises:
-        InputError: the expression cannot be read, or its value is not finite at one of the points.
-    """
-    points = np.asarray(x, dtype=float)
-    if isinstance(profile, str):
-        return evaluate_expression(
-            profile, points, None if y is None else np.asarray(y, dtype=float)
-        )
-    if isinstance(profile, dict):
-        return np.interp(points, profile["x"], profile["value"])
-    return np.full(points.shape, float(profile))
-
-
-def is_cylinder(scene: Scene, body: Body) -> bool:
-    """Whether a rectangle's middle is the axis of revolution, so that x >= 0 is all of it."""
-    return scene.axisymmetric and body.position[0] == 0.0
-
-
-def edge_range(scene: Scene, edge: str) -> tuple[float, float]:
-    """Ends of a rectangle's edge as a ``span`` counts them: from its middle, or radii."""
-    body, name = scene.find_edge(edge)
-    if name not in EDGES:
-        raise InputError(f"'{edge}' is no edge of a rectangle; use one of {', '.join(EDGES)}")
-    half = 0.5 * (body.width if name in HORIZONTAL else body.height)
-    if scene.axisymmetric and name in HORIZONTAL:
-        middle = body.position[0]
-        return 0.0 if is_cylinder(scene, body) else middle - half, middle + half
-    return -half, half
-
-
-def edge_points(scene: Scene, edge: str, along: ArrayLike) -> tuple[Array, Array]:
-    """Coordinates (x, y) of the points of a rectangle's edge at positions along it."""
-    body, name = scene.find_edge(edge)
-    t = np.asarray(along, dtype=float)
-    x, y = body.position
-    if name in HORIZONTAL:
-        if not scene.axisymmetric:  # there positions are radii
-            t = t + x
-        return t, np.full(t.shape, y + (0.0 if name == "bottom" else body.height))
-    side = -0.5 if name == "left" else 0.5
-    return np.full(t.shape, x + side * body.width), t + (y + 0.5 * body.height)

@@ -1,21 +1,22 @@
-"""The scene of one body out of several, for what knows only one body: meshes and the bulk."""
+"""Scene of a single body of a pair, for meshing and condensing it."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import HORIZONTAL, Body, Contact, Scene
+from receding_fenicsx.scene.model import Body, Contact, Scene
+from receding_fenicsx.scene.rectangle_edges import HORIZONTAL
 
 COUNT_TOLERANCE = 1e-9
-"""Distance of a number of elements from a whole one that is round-off."""
+"""Relative distance of a number of elements from an even number that counts as round-off."""
 
 
 def part_of(scene: Scene, body: Body) -> Scene:
-    """Return the scene of one of the bodies, its edges without the body's name.
+    """Return the scene of one body, with edge names without the body's name.
 
-    Contacts, loads and supports on other bodies are left out. A rectangle's number of contact
-    elements is chosen so that they have the same size on both bodies.
+    Contacts, loads and supports of the other body are omitted. The number of contact elements of a
+    rectangle is that for which elements have the same size on both bodies.
 
     Args:
         scene: the scene.
@@ -25,7 +26,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
         A scene of one body.
 
     Raises:
-        InputError: no even number of elements on this body has the size of those on the other.
+        InputError: elements of that size need an odd or fractional number on this body.
     """
 
     def own(edge: str | None) -> str | None:
@@ -67,8 +68,8 @@ def part_of(scene: Scene, body: Body) -> Scene:
 def contact_elements(scene: Scene, body: Body) -> int:
     """Return the number of contact elements on a body.
 
-    ``mesh.contact_elements`` is that of the first contact's edge; the other body gets elements of
-    the same size.
+    ``mesh.contact_elements`` counts those of the first contact's edge. The other body gets elements
+    of the same size.
     """
     n = scene.mesh.contact_elements
     first = scene.contacts[0] if scene.contacts else None
@@ -82,13 +83,13 @@ def contact_elements(scene: Scene, body: Body) -> int:
     if abs(wanted - 2 * round(wanted / 2)) > COUNT_TOLERANCE * wanted:
         raise InputError(
             f"[mesh] contact_elements: {n} on '{first.edge}' make {wanted:g} on '{first.against}', "
-            "which has to be an even number; change contact_elements, or a width"
+            "which must be an even number; change contact_elements, or a width"
         )
     return 2 * round(wanted / 2)
 
 
 def _length(scene: Scene, contact: Contact) -> tuple[float, float]:
-    """Return the lengths of the edges of both bodies, those of cylinders being diameters."""
+    """Return the lengths of the edges of both bodies; for a cylinder the diameter."""
     ends = [scene.find_edge(edge) for edge in (contact.edge, contact.against or contact.edge)]
     first, second = (body.width if name in HORIZONTAL else body.height for body, name in ends)
     return first, second

@@ -1,4 +1,4 @@
-"""Whether a scene is its own mirror image about x = 0, so that half of it will do."""
+"""Mirror symmetry of a scene about x = 0."""
 
 from __future__ import annotations
 
@@ -7,27 +7,34 @@ from collections import Counter
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.scene.model import FREE, Scene, Support, edge_points, edge_range, evaluate
-from receding_fenicsx.scene.validate import contact_samples, is_horizontal, load_samples
+from receding_fenicsx.scene.model import FREE, Scene, Support
+from receding_fenicsx.scene.profiles import evaluate
+from receding_fenicsx.scene.rectangle_edges import (
+    contact_samples,
+    edge_points,
+    edge_range,
+    is_horizontal,
+    load_samples,
+)
 
 Array = NDArray[np.float64]
 
 SYMMETRY_TOLERANCE = 1e-12
-"""Largest difference of mirrored values, over the largest value, that still counts as symmetric."""
+"""Largest difference of mirrored values, over the largest value, that counts as round-off."""
 
 
 def is_mirror_symmetric(scene: Scene) -> bool:
-    """Say whether the whole scene is its own mirror image about x = 0, so that half of it will do.
+    """Return whether a scene is mirror-symmetric about x = 0, so that half of it can be modelled.
 
-    Pressures, friction and gap must be even in x, the x-component of tractions and the initial slip
-    odd, the y-component even; every support needs its image. Expressions are compared at sample
-    points.
+    Friction, gap, pressures and y-components of tractions must be even in x. The initial slip and
+    x-components of tractions must be odd. Every support needs its mirror image. Expressions are
+    compared at sample points.
 
     Args:
         scene: a valid scene.
 
     Returns:
-        True when mesh, supports, contact, every load by itself and the initial slip are symmetric.
+        True when mesh, supports, contacts, each load and the initial slip are symmetric.
     """
     if any(body.mesh is not None or body.position[0] != 0.0 for body in scene.bodies):
         return False
@@ -67,14 +74,14 @@ def is_mirror_symmetric(scene: Scene) -> bool:
 
 
 def is_half_meshed(scene: Scene) -> bool:
-    """Whether only x >= 0 is meshed: an axisymmetric body, or half of a mirror-symmetric scene."""
+    """Return whether only x >= 0 is meshed: axisymmetric, or half of a mirror-symmetric scene."""
     if scene.axisymmetric:
         return True
     return scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
 
 
 def _is_even(values: Array, sign: float = 1.0, scale: float | None = None) -> bool:
-    """Whether values at points symmetric about 0 are even (sign 1) or odd (sign -1)."""
+    """Return whether values at points symmetric about 0 are even (sign 1) or odd (sign -1)."""
     scale = float(np.abs(values).max()) if scale is None else scale
     return bool(np.all(np.abs(values - sign * values[::-1]) <= SYMMETRY_TOLERANCE * scale))
 

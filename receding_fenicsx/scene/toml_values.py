@@ -1,36 +1,29 @@
-"""Readers of single TOML values: each returns the value or says what is wrong with it."""
+"""Readers of single TOML values: each checks the type and returns the value."""
 
 from __future__ import annotations
 
 import json
 import math
 from collections.abc import Callable
-from typing import Any, NoReturn
+from typing import Any
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Profile, nearest
-
-
-def unknown_name(name: str, known: list[str], where: str, what: str) -> NoReturn:
-    """Raise InputError for a name that is not known, with the nearest known one."""
-    close = nearest(name, known)
-    rest = f"known are {', '.join(known)}" if known else f"the scene has no {what}"
-    hint = f"did you mean '{close}'?" if close else rest
-    raise InputError(f"{where}: unknown {what} '{name}'; {hint}")
+from receding_fenicsx.scene.checks import unknown_name
+from receding_fenicsx.scene.profiles import Profile
 
 
 def _shown(value: object) -> str:
-    """A value as it stands in the file, cut short."""
+    """Return a value as written in the file, at most 60 characters."""
     text = json.dumps(value) if isinstance(value, bool | str) else str(value)
     return text if len(text) <= 60 else text[:57] + "..."
 
 
 def read_string(value: object, where: str) -> str:
-    """Return the value if it is a string."""
+    """Return a value that must be a string."""
     if not isinstance(value, str):
         raise InputError(f"{where}: must be a string in quotes, not {_shown(value)}")
     if "\0" in value:
-        raise InputError(f"{where}: {_shown(value)} holds a NUL character; leave it out")
+        raise InputError(f"{where}: {_shown(value)} holds a NUL character; remove it")
     return value
 
 
@@ -46,13 +39,13 @@ def _number(value: object, where: str) -> float:
     return number
 
 
-def _whole(value: object, where: str) -> int:
+def _integer(value: object, where: str) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise InputError(f"{where}: must be a whole number, not {_shown(value)}")
     return value
 
 
-def _truth(value: object, where: str) -> bool:
+def _boolean(value: object, where: str) -> bool:
     if not isinstance(value, bool):
         raise InputError(f"{where}: must be true or false, not {_shown(value)}")
     return value
@@ -99,7 +92,7 @@ def _profile(value: object, where: str) -> Profile:
         return _number(value, where)
     for key in value:
         if key not in ("x", "value"):
-            unknown_name(key, ["x", "value"], where, "key")
+            unknown_name(key, ("x", "value"), where, "key")
     if set(value) != {"x", "value"}:
         raise InputError(f"{where}: a table needs both lists, {{x = [...], value = [...]}}")
     return {key: list(_numbers(value[key], f"{where}.{key}")) for key in ("x", "value")}
@@ -117,20 +110,20 @@ def _traction(value: object, where: str) -> tuple[Profile, Profile]:
     return _profile(value[0], f"{where}[0]"), _profile(value[1], f"{where}[1]")
 
 
-def _kept_cycles(value: object, where: str) -> tuple[int, ...] | str:
+def _sampled_cycles(value: object, where: str) -> tuple[int, ...] | str:
     if value == "all":
         return "all"
     if not isinstance(value, list):
         raise InputError(f'{where}: must be "all" or a list of cycles, not {_shown(value)}')
-    return tuple(_whole(item, where) for item in value)
+    return tuple(_integer(item, where) for item in value)
 
 
 BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "str": read_string,
     "str | None": read_string,
     "float": _number,
-    "int": _whole,
-    "bool": _truth,
+    "int": _integer,
+    "bool": _boolean,
     "Profile": _profile,
     "Profile | None": _profile,
     "tuple[float, float]": _pair,
@@ -140,6 +133,6 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "tuple[Profile, Profile] | None": _traction,
     "tuple[str, ...]": _names,
     "tuple[tuple[float, ...], ...]": _rows,
-    "tuple[int, ...] | str | None": _kept_cycles,
+    "tuple[int, ...] | str | None": _sampled_cycles,
 }
-"""The reader of each type of field."""
+"""Reader of each field type of the scene's dataclasses."""

@@ -1,136 +1,92 @@
-"""Checks of a scene's bodies, materials and mesh options.
-
-Every message is one line: the table and key, what is wrong, what to do.
-"""
+"""Validation of bodies, materials and mesh options."""
 
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import (
-    HORIZONTAL,
-    OF_RECTANGLES,
-    Body,
-    Material,
-    MeshOptions,
-    Scene,
-    is_cylinder,
-)
-from receding_fenicsx.scene.toml_values import unknown_name
+from receding_fenicsx.scene.checks import check_choice, check_positive
+from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, Material, MeshOptions, Scene
+from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, is_cylinder
 
-LEAST_CONTACT_ELEMENTS = 4
-"""Fewer elements on the contact edge cannot show stick, slip and separation side by side."""
-MOST_CONTACT_ELEMENTS = 20000
-"""The condensed stiffness of more would fill tens of gigabytes."""
-LEAST_HOLE = 1e-6
-"""Radius of a ring's hole, over its width, up to which the ring reaches the axis."""
-SLENDEREST = 1e5
+MIN_CONTACT_ELEMENTS, MAX_CONTACT_ELEMENTS = 4, 20000
+"""Numbers of elements on a contact edge: fewer cannot show stick, slip and separation side by
+side; the condensed stiffness of more needs tens of gigabytes."""
+MIN_HOLE = 1e-6
+"""Smallest radius of a ring's hole, over the ring's width."""
+MAX_POSITION = 1e4
+"""Largest coordinate of a rectangle's position, over its smaller side: round-off grows with it."""
+MAX_SLENDERNESS = 1e5
 """Largest depth of a rectangle below its contact edge, over the length of that edge."""
-FARTHEST = 1e4
-"""Largest coordinate of a rectangle's position, over its smaller side: beyond, round-off shows."""
-MOST_CELLS = 1e8
-"""Cells of a rectangle, about, that no machine meshes and factors."""
-THINNEST = 0.01
+MIN_DEPTH = 0.01
 """Smallest depth of a rectangle below its contact edge, over the size of an element there."""
-LARGEST, SMALLEST = 1e50, 1e-50
-"""Sizes of numbers whose products and quotients, of up to six of them, are still numbers."""
-
-
-def check_size(value: float, where: str) -> None:
-    """Raise InputError for a number that arithmetic would make infinite."""
-    if not abs(value) <= LARGEST:
-        raise InputError(
-            f"{where}: {value:g} is beyond {LARGEST:g}; choose units in which it is nearer to 1"
-        )
-
-
-def check_positive(value: float, where: str) -> None:
-    """Raise InputError for a value that is not positive."""
-    if not value > 0.0:
-        raise InputError(f"{where}: must be positive, not {value:g}")
-    if value < SMALLEST:
-        raise InputError(
-            f"{where}: {value:g} is below {SMALLEST:g}; choose units in which it is nearer to 1"
-        )
-
-
-def check_count(value: int, most: int, where: str) -> None:
-    """Raise InputError for a number of things that is not positive, or more than ``most``."""
-    check_positive(value, where)
-    if value > most:
-        raise InputError(f"{where}: must be at most {most}, not {value}")
-
-
-def check_choice(value: object, choices: tuple[str, ...], where: str) -> None:
-    """Raise InputError for a value that is none of the choices."""
-    if value not in choices:
-        raise InputError(f'{where}: "{value}" is unknown; use one of {", ".join(choices)}')
+MAX_CELLS = 1e8
+"""Estimated number of cells of a rectangle above which no machine can mesh and factor it."""
 
 
 def check_bodies(scene: Scene) -> None:
     """Check names, shapes and materials of the bodies."""
     names = [body.name for body in scene.bodies]
     if len(names) > 2:
-        raise InputError(f"[[body]]: the scene has {len(names)}, two at most can be modelled")
+        raise InputError(f"[[body]]: the scene has {len(names)}; at most two can be modelled")
     for name in names:
         if scene.others and not name.strip():
             raise InputError("[[body]] name: is missing; give each body a name")
         if "." in name:
-            raise InputError(f'[[body]] name: "{name}" holds a dot; leave it out')
+            raise InputError(f'[[body]] name: "{name}" holds a dot; remove it')
         if names.count(name) > 1:
             raise InputError(
                 f"body '{name}': {names.count(name)} bodies have this name; rename one"
             )
-    known = [material.name for material in scene.materials]
     for body in scene.bodies:
-        label = f"body '{body.name}'" if scene.others else "[body]"
-        _check_body(body, label)
-        if body.material is not None and body.material not in known:
-            unknown_name(body.material, known, f"{label} material", "material")
+        _check_body(body, _label(scene, body))
     used = [scene.material_of(body) for body in scene.bodies]
     for material in scene.materials:
         if material not in used:
             raise InputError(
-                f"[material.{material.name}]: no body is made of it; name it in a [[body]]"
+                f"[material.{material.name}]: no body has this material; name it in a [[body]]"
             )
     for material in used:
         _check_material(material)
     if len({material.kinematics for material in used}) > 1:
-        raise InputError(
-            "[material] kinematics: differs from body to body; use the same for all of them"
-        )
+        raise InputError("[material] kinematics: differs between the bodies; use the same for both")
     for body in scene.bodies:
         if scene.axisymmetric and body.mesh is None:
-            _check_radii(scene, body, f"body '{body.name}'" if scene.others else "[body]")
+            _check_radii(scene, body, _label(scene, body))
+
+
+def _label(scene: Scene, body: Body) -> str:
+    return f"body '{body.name}'" if scene.others else "[body]"
 
 
 def _check_body(body: Body, label: str) -> None:
     if body.mesh is not None:
         default = Body()
-        for key in OF_RECTANGLES:
+        for key in RECTANGLE_KEYS:
             if getattr(body, key) != getattr(default, key):
-                raise InputError(f"{label} {key}: is that of a rectangle; leave out it or mesh")
+                raise InputError(
+                    f"{label} {key}: a body from a mesh file has none; remove {key} or mesh"
+                )
         return
     for key in ("surface", "parameters"):
         if getattr(body, key):
-            raise InputError(f"{label} {key}: needs a mesh file; give mesh, or leave it out")
+            raise InputError(f"{label} {key}: needs a mesh file; give mesh, or remove {key}")
     check_choice(body.shape, ("rectangle",), f"{label} shape")
     check_positive(body.width, f"{label} width")
     check_positive(body.height, f"{label} height")
-    if max(map(abs, body.position)) > FARTHEST * min(body.width, body.height):
+    if max(map(abs, body.position)) > MAX_POSITION * min(body.width, body.height):
         raise InputError(
             f"{label} position: [{body.position[0]:g}, {body.position[1]:g}] is more than "
-            f"{FARTHEST:g} times the body's size from the origin; put it nearer"
+            f"{MAX_POSITION:g} times the body's smaller side from the origin; move it nearer"
         )
 
 
 def _check_radii(scene: Scene, body: Body, label: str) -> None:
     """Refuse a ring that reaches the axis."""
     x = body.position[0]
-    if not is_cylinder(scene, body) and not x - 0.5 * body.width > LEAST_HOLE * body.width:
+    if not is_cylinder(scene, body) and not x - 0.5 * body.width > MIN_HOLE * body.width:
         raise InputError(
             f"{label} position: x = {x:g} and width {body.width:g} make a ring from "
-            f"r = {x - 0.5 * body.width:g} to {x + 0.5 * body.width:g}; keep it off the axis "
-            "r = 0, or put a cylinder (its width is the diameter) at x = 0"
+            f"r = {x - 0.5 * body.width:g} to {x + 0.5 * body.width:g}; move it off the "
+            "axis r = 0, or put a cylinder (its width is the diameter) at x = 0"
         )
 
 
@@ -141,42 +97,40 @@ def _check_material(material: Material) -> None:
     check_choice(material.kinematics, choices, f"{where} kinematics")
     if not -1.0 < material.poisson < material.poisson_limit:
         raise InputError(
-            f"{where} poisson: must lie above -1 and below {material.poisson_limit:g} in "
-            f"{material.kinematics}, "
-            f"not {material.poisson:g}"
+            f"{where} poisson: must be above -1 and below {material.poisson_limit:g} in "
+            f"{material.kinematics}, not {material.poisson:g}"
         )
 
 
 def check_mesh(scene: Scene) -> None:
-    """Check the options of the mesh."""
+    """Check the table [mesh]."""
     mesh = scene.mesh
     n = mesh.contact_elements
-    if not LEAST_CONTACT_ELEMENTS <= n <= MOST_CONTACT_ELEMENTS:
+    if not MIN_CONTACT_ELEMENTS <= n <= MAX_CONTACT_ELEMENTS:
         raise InputError(
             f"[mesh] contact_elements: {n} is too "
-            f"{'few' if n < LEAST_CONTACT_ELEMENTS else 'many'}; "
-            f"use {LEAST_CONTACT_ELEMENTS} to {MOST_CONTACT_ELEMENTS}"
+            f"{'few' if n < MIN_CONTACT_ELEMENTS else 'many'}; "
+            f"use {MIN_CONTACT_ELEMENTS} to {MAX_CONTACT_ELEMENTS}"
         )
     if n % 2 and any(body.mesh is None for body in scene.bodies):
         raise InputError(
-            f"[mesh] contact_elements: {n} is odd; use an even number, half of them on each side "
-            "of x = 0"
+            f"[mesh] contact_elements: {n} is odd; use an even number, half on each side of x = 0"
         )
     check_choice(mesh.cell, ("triangle", "quadrilateral"), "[mesh] cell")
     if mesh.degree not in (1, 2):
         raise InputError(f"[mesh] degree: {mesh.degree} is not available; use 1 or 2")
     if not 1.0 <= mesh.growth <= 3.0:
         raise InputError(
-            f"[mesh] growth: {mesh.growth:g} is no size ratio of layers; use 1 (uniform) to 3"
+            f"[mesh] growth: {mesh.growth:g} is not a valid size ratio; use 1 (uniform) to 3"
         )
 
 
 def count_cells(mesh: MeshOptions, slenderness: float) -> float:
-    """Return about how many triangles fill a rectangle.
+    """Estimate the number of triangles of a rectangle's mesh.
 
     Args:
-        mesh: how it is meshed.
-        slenderness: its depth below the contact edge over the length of that edge.
+        mesh: mesh options.
+        slenderness: depth below the contact edge over the length of that edge.
     """
     layers = mesh.contact_elements * slenderness
     if mesh.growth > 1.0:
@@ -186,24 +140,24 @@ def count_cells(mesh: MeshOptions, slenderness: float) -> float:
 
 
 def check_elements(mesh: MeshOptions, body: Body, edge: str) -> None:
-    """Refuse a rectangle that elements of its contact edge's size cannot fill well."""
+    """Check a rectangle's depth below its contact edge against the size of its elements."""
     flat = edge in HORIZONTAL
     depth, length = (body.height, body.width) if flat else (body.width, body.height)
     size = length / mesh.contact_elements
     key = "height" if flat else "width"
-    if depth < THINNEST * size:
+    if depth < MIN_DEPTH * size:
         raise InputError(
-            f"[body] {key}: {depth:g} is less than {THINNEST:g} of an element of the contact edge "
+            f"[body] {key}: {depth:g} is less than {MIN_DEPTH:g} of an element of the contact edge "
             f"({size:.3g}); enlarge it, or mesh.contact_elements"
         )
-    if depth > SLENDEREST * length:
+    if depth > MAX_SLENDERNESS * length:
         raise InputError(
-            f"[body] {key}: {depth:g} is more than {SLENDEREST:g} times the contact edge's length; "
-            "shorten it, what lies so far away has no effect"
+            f"[body] {key}: {depth:g} is more than {MAX_SLENDERNESS:g} times the contact edge's "
+            "length; reduce it, material so far away has no effect"
         )
     cells = count_cells(mesh, depth / length)
-    if cells > MOST_CELLS:
+    if cells > MAX_CELLS:
         raise InputError(
-            f"[mesh] growth: {mesh.growth:g} would fill the body with about {cells:.0e} cells; "
+            f"[mesh] growth: {mesh.growth:g} makes about {cells:.0e} cells; "
             "enlarge it, or use fewer contact_elements"
         )

@@ -126,7 +126,7 @@ def test_a_ring_is_the_same_made_by_a_mesh_file(shared_tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("x", [1.0, 2.0, -5.0, 2.0 + 1e-9])
 def test_a_ring_that_reaches_the_axis_is_refused(x: float) -> None:
-    with pytest.raises(InputError, match=r"\[body\] position: x = .* keep it off the axis r = 0"):
+    with pytest.raises(InputError, match=r"\[body\] position: x = .* move it off the axis r = 0"):
         validate(washer(body=Body(width=4.0, position=(x, 0.0))))
 
 

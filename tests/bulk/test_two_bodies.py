@@ -517,7 +517,7 @@ def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> No
     [
         ({"supports": ()}, "load 'p0' moves both bodies together, and nothing holds them"),
         ({"supports": (Support("x", edge="lower.bottom"),)}, "load 'p0' moves both bodies"),
-        ({"contacts": (Contact("upper.bottom"),)}, "against: has to name an edge of the other"),
+        ({"contacts": (Contact("upper.bottom"),)}, "against: must name an edge of the other"),
         ({"contacts": (Contact("upper.bottom", against="upper.top"),)}, "edge of the other body"),
         ({"mesh": MeshOptions(contact_elements=10, cell="hexagon")}, "cell"),
         (
@@ -526,10 +526,10 @@ def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> No
         ),
         ({"body": Body("upper", position=(0.0, 2.5))}, "do not lie on each other, but 0.5 apart"),
         ({"body": Body("upper", position=(6.0, 2.0))}, "do not overlap"),
-        ({"body": Body("upper", width=3.1, position=(0.0, 2.0))}, "which has to be an even number"),
+        ({"body": Body("upper", width=3.1, position=(0.0, 2.0))}, "which must be an even number"),
         ({"contacts": (Contact("upper.bottom", against="lower.bottom"),)}, "on each other"),
         ({"supports": (Support("xy", edge="lower.top"),)}, "'lower.top' lies on the contact edge"),
-        ({"supports": (Support("xy", point=(0.0, 0.0)),)}, "body: says whose the point is"),
+        ({"supports": (Support("xy", point=(0.0, 0.0)),)}, "body: must name the body of the point"),
         (
             {
                 "loads": (
@@ -539,7 +539,7 @@ def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> No
             },
             "load 'p': 2 loads have this name",
         ),
-        ({"others": 2 * (Body("lower"),)}, "the scene has 3, two at most"),
+        ({"others": 2 * (Body("lower"),)}, "the scene has 3; at most two"),
     ],
 )
 def test_pairs_that_cannot_be_modelled_are_refused(change: dict, words: str) -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.history import History, from_scene, leg_number, spread
+from receding_fenicsx.scene.history import History, evenly_spaced, from_scene, leg_number
 from receding_fenicsx.scene.toml_file import from_toml
 
 BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
@@ -61,19 +61,22 @@ def test_table_may_begin_at_zero_and_repeat_the_start_of_the_cycle() -> None:
     [
         ('kind = "cylic"', ["kind", "cyclic"]),
         ('until = "stable"', ["until", "steady"]),
-        ("maximum = 0.0", ["maximum", "positive", "nothing is ever loaded"]),
+        ("maximum = 0.0", ["maximum", "positive", "change its own sign"]),
         ("maximum = -1.0", ["maximum", "positive"]),
         ("minimum = 1.0", ["minimum", "not below maximum"]),
         ("minimum = 2.0", ["minimum", "not below maximum"]),
         ("cycles = 0", ["cycles", "at least 1", "monotonic"]),
-        ('load = "p1"', ["load", "no load is named 'p1'", "'p0'"]),
+        ('load = "p1"', ["load", "no load is named 'p1'", "p0"]),
         ("rows = [[1.0]]", ["rows", 'kind = "table"']),
         ('kind = "table"', ["columns", "missing"]),
         ('kind = "table"\ncolumns = ["p0"]', ["rows", "missing"]),
         ('kind = "table"\ncolumns = ["p0"]\nload = "p0"\nrows = [[1.0]]', ["load", "columns"]),
-        ('kind = "table"\ncolumns = ["q"]\nrows = [[1.0]]', ["columns", "named 'q'", "'p0'"]),
+        (
+            'kind = "table"\ncolumns = ["q"]\nrows = [[1.0]]',
+            ["columns", "named 'q'", "are p0"],
+        ),
         ('kind = "table"\ncolumns = ["p0", "p0"]\nrows = [[1, 1]]', ["columns", "twice"]),
-        ('kind = "table"\ncolumns = ["p0"]\nrows = [[0.0]]', ["rows", "nothing is ever loaded"]),
+        ('kind = "table"\ncolumns = ["p0"]\nrows = [[0.0]]', ["rows", "all load factors are zero"]),
         ('kind = "table"\ncolumns = ["p0"]\nrows = [[1.0, 2.0]]', ["rows row 1", "1 column"]),
         ('kind = "table"\ncolumns = ["p0"]\nrows = [[1.0], [1.0]]', ["rows", "twice in a row"]),
         ('kind = "table"\ncolumns = ["p0"]\nrows = [[nan]]', ["rows row 1", "finite"]),
@@ -174,20 +177,20 @@ def test_instants_spread_over_a_cycle_go_evenly_and_meet_every_turning_point() -
     table = History(("P", "Q"), path, loop, 3)
     way = np.array([1.0, 2.5, 1.5])  # over the largest loads, 2 and 1
     for n in (4, 11, 60):
-        leg, s, time = spread(table, 2, n)
+        leg, s, time = evenly_spaced(table, 2, n)
         assert len(leg) == len(s) == len(time) == n
         assert (leg[0], s[0], time[0], time[-1]) == (0, 0.0, 0.0, 1.0)
         assert np.all(np.diff(time) > 0.0)
         for k in range(3):
             assert np.any((leg == k) & (s == 1.0))
         assert time[(leg == 1) & (s == 1.0)][0] == pytest.approx(way[:2].sum() / way.sum())
-    assert np.diff(spread(table, 2, 60)[2]).max() < 1.2 / 59
+    assert np.diff(evenly_spaced(table, 2, 60)[2]).max() < 1.2 / 59
     # at rest nothing is loaded and nothing to be seen
-    assert spread(table, 0, 5)[1][0] > 0.0
+    assert evenly_spaced(table, 0, 5)[1][0] > 0.0
 
 
 @pytest.mark.parametrize(("cycle", "n"), [(4, 10), (-1, 10), (1, 3)])
 def test_instants_cannot_be_spread_over_what_is_not_there(cycle: int, n: int) -> None:
     path, loop = np.array([[0.0], [1.0]]), np.array([[1.0], [0.5], [0.2], [1.0]])
     with pytest.raises(InputError):
-        spread(History(("p0",), path, loop, 3), cycle, n)
+        evenly_spaced(History(("p0",), path, loop, 3), cycle, n)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.cautions import warnings
 from receding_fenicsx.scene.expressions import evaluate_expression
 from receding_fenicsx.scene.model import (
     Body,
@@ -18,13 +17,12 @@ from receding_fenicsx.scene.model import (
     Scene,
     SolverOptions,
     Support,
-    edge_points,
-    edge_range,
-    evaluate,
 )
+from receding_fenicsx.scene.profiles import evaluate
+from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range
 from receding_fenicsx.scene.symmetry import is_mirror_symmetric
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
-from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.scene.validate import validate, warnings
 
 DEMOS = Path(__file__).parents[2] / "demos"
 BLOCK = (DEMOS / "block.toml").read_text()
@@ -177,7 +175,7 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["output.cycles=[0, 401]"], ["[output] cycles", "401", "0 to 400"]),
         (["history.initial_slip=log(x)"], ["[history] initial_slip", "finite"]),
         # not available yet
-        (["body.mesh=my.msh", "body.width=3"], ["[body] width", "leave out it or mesh"]),
+        (["body.mesh=my.msh", "body.width=3"], ["[body] width", "remove width or mesh"]),
         (["body.surface=core"], ["[body] surface", "needs a mesh file"]),
         (["body.parameters={a = 1}"], ["[body] parameters", "needs a mesh file"]),
         (["body.parameters={a = true}"], ["[body] parameters.a", "number"]),
@@ -228,7 +226,7 @@ def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]
         ("[[contact]]", ["not valid TOML"]),
         ("[body]", ["not valid TOML"]),
         ("[axis]", ["unknown table 'axis'"]),
-        ("[material.a]\nyoung = 1", ["[material.a]", "no body is made of it"]),
+        ("[material.a]\nyoung = 1", ["[material.a]", "no body has this material"]),
         ("[material.a]\nyuong = 1", ["[material.a]", "did you mean 'young'?"]),
         ("[material.a]\nname = 1", ["[material.a]", "unknown key 'name'"]),
     ],
@@ -270,11 +268,11 @@ def test_names_of_bodies_and_edges_are_checked() -> None:
         ('name = "lower"', "", "name: is missing"),
         ('name = "lower"', 'name = "upper"', "body 'upper': 2 bodies"),
         ('"lower.bottom"', '"lowre.bottom"', 'edge: "lowre.bottom" names none.*"lower.bottom"'),
-        ('against = "lower.top"', "", "against: has to name an edge of the other body"),
+        ('against = "lower.top"', "", "against: must name an edge of the other body"),
         ('"lower.bottom"', '"lower.botom"', "edge:.*botom.*unknown"),
-        ("[material.lower]", "[material.lowe]", r"\[material.lowe\]: no body is made of it"),
+        ("[material.lower]", "[material.lowe]", r"\[material.lowe\]: no body has this material"),
         ("young = 3.0", "young = -3.0", r"\[material.lower\] young: must be positive"),
-        ("young = 3.0", 'kinematics = "plane stress"', "kinematics: differs from body to body"),
+        ("young = 3.0", 'kinematics = "plane stress"', "kinematics: differs between the bodies"),
     ]
     for old, new, words in cases:
         assert old in PAIR
@@ -537,7 +535,7 @@ def test_material_of_a_body_is_the_one_it_names_or_that_of_its_name() -> None:
         materials=(hard, steel),
     )
     assert [scene.material_of(body).young for body in scene.bodies] == [1.0, 2.0, 3.0, 3.0]
-    with pytest.raises(InputError, match=r"add \[material.tin\]"):
+    with pytest.raises(InputError, match="'d' material: unknown material 'tin'; known are b, s"):
         scene.material_of(Body("d", material="tin"))
 
 

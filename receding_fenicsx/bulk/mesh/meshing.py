@@ -40,8 +40,9 @@ from receding_fenicsx.bulk.mesh.rectangle import (
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_mesh
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.model import EDGES, Body, Scene, edge_points, is_cylinder
+from receding_fenicsx.scene.model import Body, Scene
 from receding_fenicsx.scene.one_body import part_of
+from receding_fenicsx.scene.rectangle_edges import EDGES, edge_points, is_cylinder
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

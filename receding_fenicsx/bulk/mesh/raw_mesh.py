@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import nearest
+from receding_fenicsx.scene.checks import nearest
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -11,7 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.scene.model import EDGES, Scene, edge_points, edge_range, is_cylinder
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.rectangle_edges import EDGES, edge_points, edge_range, is_cylinder
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

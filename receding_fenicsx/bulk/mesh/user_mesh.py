@@ -25,7 +25,8 @@ from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Body, MeshOptions, nearest
+from receding_fenicsx.scene.checks import nearest
+from receding_fenicsx.scene.model import Body, MeshOptions
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]

@@ -19,8 +19,8 @@ from receding_fenicsx.output.report.half_widths import (
     half_widths,
 )
 from receding_fenicsx.reference.ahn_barber import paper_table
-from receding_fenicsx.scene.cautions import warnings
 from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.validate import warnings
 
 TREND_CYCLES = 8
 """Cycles from which a trend of the dissipation is fitted."""

@@ -15,7 +15,9 @@ from receding_fenicsx.interface.mirror import mirror_nodes
 from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots.units import describe_factors, length_of, name_leg, pressure_of
 from receding_fenicsx.scene import history
-from receding_fenicsx.scene.model import HORIZONTAL, Load, Scene, edge_points, edge_range, evaluate
+from receding_fenicsx.scene.model import Load, Scene
+from receding_fenicsx.scene.profiles import evaluate
+from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_points, edge_range
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import evaluate
+from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
 
 BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()

@@ -1,0 +1,131 @@
+"""Profiles: values along an edge, given as a number, an expression, a table or a file."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import check_size
+from receding_fenicsx.scene.expressions import evaluate_expression
+
+Array = NDArray[np.float64]
+
+Profile = float | str | dict[str, list[float]]
+"""A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""
+
+PROFILE_KEYS = ("friction", "initial_gap", "pressure", "traction", "displacement", "initial_slip")
+"""Keys of a scene file whose values may be read from a file."""
+
+
+def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
+    """Evaluate a profile; a table is linear between its points and constant beyond its ends.
+
+    Args:
+        profile: number, expression or table.
+        x: points.
+        y: second coordinate of the points, for expressions that use it.
+
+    Returns:
+        Values, of the shape of ``x``.
+
+    Raises:
+        InputError: the expression cannot be read, or its value is not finite at one of the points.
+    """
+    points = np.asarray(x, dtype=float)
+    if isinstance(profile, str):
+        return evaluate_expression(
+            profile, points, None if y is None else np.asarray(y, dtype=float)
+        )
+    if isinstance(profile, dict):
+        return np.interp(points, profile["x"], profile["value"])
+    return np.full(points.shape, float(profile))
+
+
+def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) -> Array:
+    """Check a profile and evaluate it.
+
+    Args:
+        profile: number, expression or table.
+        x: points.
+        y: second coordinate of the points; None where an expression may use x only.
+        where: table and key, for messages.
+
+    Raises:
+        InputError: the table is incomplete or unsorted, the expression cannot be read, or a value
+            is not finite or too large.
+    """
+    if isinstance(profile, dict):
+        points, values = (np.asarray(profile[key], dtype=float) for key in ("x", "value"))
+        if len(points) != len(values) or len(points) < 2:
+            raise InputError(
+                f"{where}: a table needs two lists of equal length (at least 2), not "
+                f"{len(points)} and {len(values)} values"
+            )
+        if np.any(np.diff(points) <= 0.0):
+            raise InputError(f"{where}: x of the table must increase from value to value; sort it")
+    try:
+        found = evaluate(profile, x, y)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    check_size(float(np.abs(found).max(initial=0.0)), where)
+    return found
+
+
+def inline_files(raw: Any, folder: Path, where: str = "") -> Any:
+    """Replace every ``{file = "..."}`` of a parsed scene by the table that the file holds.
+
+    A scene saved with its results then needs no other file.
+
+    Args:
+        raw: parsed TOML, or a part of it.
+        folder: folder that paths are relative to.
+        where: keys down to the part, for messages.
+
+    Returns:
+        The parsed scene with tables for files.
+
+    Raises:
+        InputError: a file cannot be read, or is not a table of two columns; one line.
+    """
+    if isinstance(raw, dict):
+        if set(raw) == {"file"}:
+            if where.split()[-1] in PROFILE_KEYS:
+                return _read_columns(raw["file"], folder, where)
+            if isinstance(raw["file"], str):
+                raise InputError(
+                    f"{where.strip()}: cannot be read from a file, only "
+                    f"{', '.join(PROFILE_KEYS)} can; write its values into the scene"
+                )
+        return {key: inline_files(value, folder, f"{where} {key}") for key, value in raw.items()}
+    if isinstance(raw, list):
+        return [inline_files(item, folder, where) for item in raw]
+    return raw
+
+
+def _read_columns(name: object, folder: Path, where: str) -> dict[str, list[float]]:
+    """Read two columns, x and value, separated by commas or blanks; # starts a comment."""
+    label = f"{where.strip()} file"
+    if not isinstance(name, str):
+        raise InputError(f"{label}: must be a path in quotes")
+    try:
+        text = (folder / name).read_text(encoding="utf-8-sig").replace(",", " ")
+        cells = [line.partition("#")[0].split() for line in text.splitlines()]
+        rows = [[float(cell) for cell in row] for row in cells if row]
+    except FileNotFoundError:
+        raise InputError(f'{label}: "{name}": no such file; check the path') from None
+    except (OSError, UnicodeDecodeError, ValueError) as error:
+        raise InputError(
+            f'{label}: "{name}": cannot be read as columns of numbers ({error}); give x and value '
+            "on each line"
+        ) from None
+    if not rows or any(len(row) != 2 for row in rows):
+        counts = sorted({len(row) for row in rows}) or [0]
+        raise InputError(
+            f'{label}: "{name}": has {", ".join(map(str, counts))} column(s); give x and value on '
+            "each line"
+        )
+    return {"x": [row[0] for row in rows], "value": [row[1] for row in rows]}

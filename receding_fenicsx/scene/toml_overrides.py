@@ -1,0 +1,80 @@
+"""Overrides of single values of a scene file, as ``--set table.key=value`` gives them."""
+
+from __future__ import annotations
+
+import tomllib
+from typing import Any
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import unknown_name
+from receding_fenicsx.scene.toml_tables import ARRAYS, KNOWN, NAMED, as_list, named_materials
+
+
+def apply_override(raw: dict[str, Any], override: str) -> None:
+    """Change one value of a parsed scene file in place.
+
+    The value is read as TOML. Text that is not TOML (a word, an expression) is a string, so that a
+    shell command needs no quotes for it.
+
+    Args:
+        raw: the parsed file.
+        override: ``table.key=value``, ``load.NAME.key=value`` or ``title=value``.
+
+    Raises:
+        InputError: the text is not an override, or names a table or load that the scene does not
+            have.
+    """
+    key, equals, text = override.partition("=")
+    names = [part.strip() for part in key.split(".")]
+    if not equals or not all(names):
+        raise InputError(
+            f"--set {override}: write table.key=value, for example contact.friction=0.5"
+        )
+    try:
+        parsed = tomllib.loads(f"value = {text}")
+        value = parsed["value"] if set(parsed) == {"value"} else text
+    except (tomllib.TOMLDecodeError, RecursionError):
+        value = text.strip()
+    if names == ["title"]:
+        raw["title"] = value
+        return
+    if names[0] not in KNOWN:
+        unknown_name(names[0], KNOWN, f"--set {override}", "table")
+    if names[0] == "title" or len(names) == 1:
+        raise InputError(f"--set {override}: write {names[0]}.key=value")
+    _table_to_set(raw, names, override)[names[-1]] = value
+
+
+def _table_to_set(raw: dict[str, Any], names: list[str], override: str) -> dict[str, Any]:
+    """Return the table that an override "table.key" or "table.NAME.key" changes."""
+    kind = names[0]
+    # a name may itself hold a dot
+    name = ".".join(names[1:-1])
+    if kind == "load" and not name:
+        raise InputError(f"--set {override}: name the load, for example load.p0.pressure=2.0")
+    if kind == "material" and name in named_materials(raw):
+        return named_materials(raw)[name]
+    if kind in ARRAYS or isinstance(raw.get(kind), list):
+        tables = as_list(raw.setdefault(kind, {}), kind)
+        if kind in NAMED and name:
+            chosen = [table for table in tables if table.get("name") == name]
+            if not chosen:
+                known = [str(table["name"]) for table in tables if "name" in table]
+                unknown_name(name, known, f"--set {override}", kind)
+            return chosen[0]
+        if name.isdecimal() and 1 <= int(name) <= len(tables):
+            return tables[int(name) - 1]
+        if len(tables) != 1:
+            which = "NAME" if kind in NAMED else f"N (1 to {len(tables)})"
+            raise InputError(
+                f"--set {override}: the scene has {len(tables)} [[{kind}]] tables; write "
+                f"{kind}.{which}.key=value"
+            )
+        if not name:
+            return tables[0]
+    table = raw.setdefault(kind, {})
+    if name:
+        raise InputError(f"--set {override}: write {kind}.key=value")
+    if not isinstance(table, dict):
+        raise InputError(f"'{kind}' must be a table; write [{kind}]")
+    return table

@@ -1,0 +1,118 @@
+"""Validation of contact edges, spans and the initial slip."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import check_choice
+from receding_fenicsx.scene.model import Contact, Scene
+from receding_fenicsx.scene.profiles import evaluate_checked
+from receding_fenicsx.scene.rectangle_edges import (
+    EDGES,
+    contact_samples,
+    edge_range,
+    is_cylinder,
+    is_horizontal,
+)
+from receding_fenicsx.scene.validate_bodies import check_elements
+
+LENGTH_TOLERANCE = 1e-9
+"""Distance of two positions that count as equal, over the length of the edge."""
+
+
+def check_contacts(scene: Scene) -> None:
+    """Check the contact edges, their spans, friction and initial gap."""
+    if not scene.contacts:
+        raise InputError("[contact]: the scene has none; add one")
+    first = scene.contacts[0].edge
+    for i, contact in enumerate(scene.contacts):
+        where = "[contact]" if len(scene.contacts) == 1 else f"[[contact]] number {i + 1}"
+        _check_contact(scene, contact, where)
+        if not scene.others:
+            continue
+        own, other = (scene.find_edge(e)[0] for e in (contact.edge, contact.against or first))
+        if contact.against is None or own == other:
+            raise InputError(
+                f"{where} against: must name an edge of the other body; a pair cannot touch a "
+                "rigid plane too"
+            )
+        if own != scene.find_edge(first)[0]:
+            raise InputError(
+                f'{where} edge: is not on the body of "{first}"; exchange edge and against'
+            )
+
+
+def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
+    check_edge(scene, contact.edge, f"{where} edge")
+    if contact.against is not None:
+        check_edge(scene, contact.against, f"{where} against")
+        if not scene.others:
+            raise InputError(
+                f"{where} against: the scene has one body only; add a second [[body]], or remove "
+                "against for a rigid plane"
+            )
+    meshed = has_mesh_file(scene, contact.edge)
+    if scene.axisymmetric and not (meshed or is_horizontal(scene, contact.edge)):
+        raise InputError(
+            f'{where} edge: "{contact.edge}" of an axisymmetric body cannot be a contact edge; '
+            "use bottom or top"
+        )
+    check_span(scene, contact.edge, contact.span, f"{where} span")
+    if meshed:
+        return
+    check_elements(scene.mesh, *scene.find_edge(contact.edge))
+    x = contact_samples(scene, contact)
+    for profile, key in ((contact.friction, "friction"), (contact.initial_gap, "initial_gap")):
+        values = evaluate_checked(profile, x, None, f"{where} {key}")
+        if values.min() < 0.0:
+            at = x[np.argmin(values)]
+            raise InputError(
+                f"{where} {key}: is {values.min():g} at x = {at:.6g}; must not be negative"
+            )
+
+
+def check_edge(scene: Scene, edge: str, where: str) -> None:
+    """Check that a body has an edge; groups of a mesh file are checked when it is read."""
+    try:
+        body, name = scene.find_edge(edge)
+    except InputError as error:
+        raise InputError(f"{where}: {error}") from None
+    if body.mesh is not None:
+        return
+    check_choice(name, EDGES, where)
+    if is_cylinder(scene, body) and name == "left":
+        raise InputError(
+            f'{where}: "{edge}" is the axis r = 0 of the axisymmetric body; use another edge'
+        )
+
+
+def check_span(scene: Scene, edge: str, span: tuple[float, float] | None, where: str) -> None:
+    """Check that a span is an interval within its edge."""
+    if span is None:
+        return
+    low, high = span if has_mesh_file(scene, edge) else edge_range(scene, edge)
+    slack = LENGTH_TOLERANCE * abs(high - low)
+    if not span[1] - span[0] > slack:
+        raise InputError(
+            f"{where}: [{span[0]:g}, {span[1]:g}] is empty; write [lower end, upper end]"
+        )
+    if span[0] < low - slack or span[1] > high + slack:
+        raise InputError(
+            f'{where}: [{span[0]:g}, {span[1]:g}] reaches beyond edge "{edge}", which runs from '
+            f"{low:g} to {high:g}; shorten it"
+        )
+
+
+def has_mesh_file(scene: Scene, edge: str) -> bool:
+    """Return whether an edge is a group of a mesh file."""
+    return scene.find_edge(edge)[0].mesh is not None
+
+
+def check_initial_slip(scene: Scene) -> None:
+    """Check the profile of the initial slip on every contact edge of a rectangle."""
+    slip = scene.history.initial_slip
+    for contact in scene.contacts:
+        if slip is not None and not has_mesh_file(scene, contact.edge):
+            x = contact_samples(scene, contact)
+            evaluate_checked(slip, x, None, "[history] initial_slip")

@@ -1,0 +1,183 @@
+"""Validation of loads and supports."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import SMALLEST
+from receding_fenicsx.scene.model import FREE, Load, Scene, Support
+from receding_fenicsx.scene.profiles import evaluate_checked
+from receding_fenicsx.scene.rectangle_edges import (
+    edge_points,
+    edge_range,
+    is_cylinder,
+    is_horizontal,
+    load_samples,
+)
+from receding_fenicsx.scene.validate_contacts import (
+    LENGTH_TOLERANCE,
+    check_edge,
+    check_span,
+    has_mesh_file,
+)
+
+KINDS = ("pressure", "traction", "displacement", "force")
+"""Keys of a load of which exactly one is given."""
+
+
+def check_loads(scene: Scene) -> None:
+    """Check that loads act on edges outside the contact, are not zero, and have names."""
+    for load in scene.loads:
+        _check_load(scene, load)
+    _check_load_names(scene)
+
+
+def check_supports(scene: Scene) -> None:
+    """Check what supports hold, and that no load acts on held degrees of freedom only."""
+    for support in scene.supports:
+        _check_support(scene, support)
+    for load in scene.loads:
+        _check_acts(scene, load)
+
+
+def _check_load(scene: Scene, load: Load) -> None:
+    where = f"load '{load.name}'"
+    check_edge(scene, load.edge, f"{where} edge")
+    check_span(scene, load.edge, load.span, f"{where} span")
+    _check_kind(scene, load, where)
+    if has_mesh_file(scene, load.edge):
+        return
+    for contact in scene.contacts:
+        if scene.find_edge(load.edge) == scene.find_edge(contact.edge):
+            whole = edge_range(scene, load.edge)
+            (a, b), (c, d) = load.span or whole, contact.span or whole
+            if min(b, d) - max(a, c) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
+                raise InputError(
+                    f'{where}: overlaps the contact on the contact edge "{load.edge}"; use another '
+                    "edge, or a span outside the contact's"
+                )
+    along = load_samples(scene, load)
+    x, y = edge_points(scene, load.edge, along)
+    kind = _kinds(load)[0]
+    value = getattr(load, kind)
+    key = f"{where} {kind}"
+    zero = True
+    for part in value if isinstance(value, tuple) else (value,):
+        if part != FREE:
+            # a table is a function of the position along the edge, an expression of x and y
+            points = along if isinstance(part, dict) else x
+            values = evaluate_checked(part, points, y, key)
+            zero = zero and bool(np.all(np.abs(values) < SMALLEST))
+    if zero:
+        raise InputError(f"{key}: is zero everywhere; give it a value or remove the load")
+
+
+def _kinds(load: Load) -> list[str]:
+    """Return which of pressure, traction, displacement and force are given."""
+    return [kind for kind in KINDS if getattr(load, kind) is not None]
+
+
+def _check_kind(scene: Scene, load: Load, where: str) -> None:
+    """Check that a load has exactly one kind, and that its kind suits a platen."""
+    kinds = _kinds(load)
+    if len(kinds) != 1:
+        raise InputError(
+            f"{where}: has {' and '.join(kinds) or 'none'} of {', '.join(KINDS)}; give exactly one "
+            "of them"
+        )
+    kind = kinds[0]
+    if load.force is not None and not load.platen:
+        raise InputError(
+            f"{where} force: acts on a platen only; add platen = true, or use traction"
+        )
+    if load.platen and kind in ("pressure", "traction"):
+        raise InputError(
+            f"{where} platen: needs force or displacement, not {kind}; give one of them"
+        )
+    if scene.axisymmetric and load.platen and getattr(load, kind)[0] not in (0.0, FREE):
+        raise InputError(
+            f"{where} {kind}: a platen on a body of revolution moves along its axis only; "
+            f"write [0.0, {getattr(load, kind)[1]}]"
+        )
+
+
+def _check_load_names(scene: Scene) -> None:
+    if not scene.loads:
+        raise InputError("[[load]]: the scene has none; add one")
+    names = [(load.name, scene.find_edge(load.edge)[0].name) for load in scene.loads]
+    for name, body in names:
+        if not name.strip():
+            raise InputError("[[load]] name: is empty; give the load a name")
+        if not name.isprintable():
+            raise InputError(
+                f"[[load]] name: {name!r} holds a character that cannot be printed; remove it"
+            )
+        count = names.count((name, body))
+        if count > 1:
+            raise InputError(
+                f"load '{name}': {count} loads have this name; rename one (only parts on two "
+                "bodies share a name)"
+            )
+
+
+def _check_support(scene: Scene, support: Support) -> None:
+    where = "[[support]]"
+    if sorted(support.fix) not in (["x"], ["y"], ["x", "y"]):
+        raise InputError(f'{where} fix: "{support.fix}" is unknown; use one of x, y, xy')
+    if (support.edge is None) == (support.point is None):
+        have = "both" if support.edge is not None else "neither"
+        raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
+    if support.edge is None:
+        _check_point(scene, support, where)
+        return
+    check_edge(scene, support.edge, f"{where} edge")
+    edge = scene.find_edge(support.edge)
+    if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.contacts):
+        raise InputError(f'{where} edge: "{support.edge}" is the contact edge; use another edge')
+
+
+def _check_point(scene: Scene, support: Support, where: str) -> None:
+    """Check that a support's point lies on its body."""
+    names = [body.name for body in scene.bodies]
+    if (support.body is None) == bool(scene.others) or support.body not in (None, *names):
+        raise InputError(
+            f"{where} body: must name the body of the point; give one of {', '.join(names)}"
+            if scene.others
+            else f"{where} body: the scene has one body only; remove it"
+        )
+    body = scene.bodies[names.index(support.body) if support.body is not None else 0]
+    if body.mesh is not None:
+        return
+    if not isinstance(support.point, tuple):
+        raise InputError(f"{where} point: a rectangle has no named points; write [x, y]")
+    x, y = support.point
+    left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
+    low, high = (body.position[1] + part for part in (0.0, body.height))
+    if is_cylinder(scene, body):
+        left = 0.0
+    slack = LENGTH_TOLERANCE * max(body.width, body.height)
+    if not (left - slack <= x <= right + slack and low - slack <= y <= high + slack):
+        raise InputError(
+            f"{where} point: ({x:g}, {y:g}) lies outside the body, {left:g} <= x <= {right:g}, "
+            f"{low:g} <= y <= {high:g}; move it"
+        )
+
+
+def _check_acts(scene: Scene, load: Load) -> None:
+    """Refuse a force on an edge that supports hold in its direction: it has no effect."""
+    (kind,) = _kinds(load)
+    edge, value = scene.find_edge(load.edge), getattr(load, kind)
+    on_edge = [s for s in scene.supports if s.edge and scene.find_edge(s.edge) == edge]
+    held = {axis for support in on_edge for axis in support.fix}
+    if kind == "pressure":
+        # the normal of an edge of a mesh file is not known before meshing
+        normal = "y" if is_horizontal(scene, load.edge) else "x"
+        acts = {"x", "y"} if edge[0].mesh is not None else {normal}
+    else:
+        acts = {axis for axis, part in zip("xy", value, strict=True) if part != 0.0}
+    if kind != "displacement" and acts and acts <= held:
+        raise InputError(
+            f"load '{load.name}' edge: a support holds \"{load.edge}\" in the direction of the "
+            f"{kind}, which has no effect; load or hold another edge"
+        )
