@@ -76,7 +76,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.output.report.space_errors import space_errors as space_errors
     from receding_fenicsx.output.report.summary import summarise as summarise
     from receding_fenicsx.output.report.text import run_table as run_table
-    from receding_fenicsx.output.storage.export import export as export
+    from receding_fenicsx.output.storage.fclib import export as export
     from receding_fenicsx.output.storage.hdf5 import read_record as read_record
     from receding_fenicsx.output.storage.hdf5 import read_system as read_system
     from receding_fenicsx.output.storage.hdf5 import write_record as write_record

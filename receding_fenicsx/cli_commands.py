@@ -174,7 +174,7 @@ def _contact_nodes(scene: Scene) -> int:
 
 def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import mpi
-    from receding_fenicsx.output.storage.export import export
+    from receding_fenicsx.output.storage.fclib import export
 
     def work() -> None:
         where = options.cycle, options.leg, options.at

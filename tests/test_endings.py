@@ -193,7 +193,7 @@ def test_run_cannot_take_the_place_of_a_root(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = write(shared_tmp_path / "scene.toml", SCENE)
-    assert "/: is no place for a run" in refused(capsys, "run", path, "--out", "/")
+    assert "/: cannot be a run's folder" in refused(capsys, "run", path, "--out", "/")
     assert "is there already" in refused(capsys, "run", path, "--out", shared_tmp_path / "a/..")
     assert "is a folder" in refused(capsys, "condense", path, "--out", "/")
     assert "(File name too long)" in refused(capsys, "run", path, "--out", 300 * "x")
@@ -207,7 +207,7 @@ def test_run_cannot_take_the_place_of_a_root(
         ("journal.bin", bytes(500), "journal.bin: belongs to another system"),
         ("journal.bin", None, "holds no run that can be resumed"),
         ("system.h5", b"", "system.h5: is damaged"),
-        ("summary.json", b'{"turning_points": 3}', "summary.json: is no summary of a run"),
+        ("summary.json", b'{"turning_points": 3}', "summary.json: is not a summary of a run"),
     ],
 )
 @alone

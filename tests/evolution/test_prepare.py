@@ -143,10 +143,10 @@ def missing(path: Path) -> None:
 @pytest.mark.parametrize(
     ("spoil", "words"),
     [
-        (cut_off, "damaged or no HDF5 file"),
-        (truncated, "damaged or no HDF5 file"),
-        (foreign, "is no receding_fenicsx contact system"),
-        (no_hdf5, "damaged or no HDF5 file"),
+        (cut_off, "damaged or not an HDF5 file"),
+        (truncated, "damaged or not an HDF5 file"),
+        (foreign, "is not a receding_fenicsx contact system"),
+        (no_hdf5, "damaged or not an HDF5 file"),
         (of_another_version, "has format version 99"),
         (of_another_scene, "another [material] poisson"),
         (missing, "no such file"),

@@ -16,8 +16,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.gauss_seidel.compliance_form import solve_problem, step_problem
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.output.storage.export import export
-from receding_fenicsx.output.storage.fclib import write_fclib
+from receding_fenicsx.output.storage.fclib import export, write_fclib
 from receding_fenicsx.output.storage.hdf5 import write_system
 from receding_fenicsx.scene.toml_file import read_scene
 

@@ -189,7 +189,7 @@ def test_folder_in_use_is_left_alone(tmp_path: Path) -> None:
         assert child.stdout.readline() == b"locked\n"
         ways: tuple[dict[str, bool], ...] = ({"resume": True}, {"overwrite": True}, {})
         for how in ways:
-            with pytest.raises(InputError, match="another run is working there"):
+            with pytest.raises(InputError, match="another run is using this folder"):
                 interrupt(out, BLOCK, **how)
     finally:
         child.kill()

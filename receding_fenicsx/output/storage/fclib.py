@@ -1,6 +1,6 @@
-"""Load steps in the HDF5 layout of FCLIB, the Friction Contact Library, for other solvers.
+"""Export of one load step to FCLIB, the HDF5 format of the Friction Contact Library.
 
-``/fclib_local`` holds the matrix W (and V, R for a body that only the contact holds) as compressed
+``/fclib_local`` holds the matrix W (and V, R for a body that only the contact holds) in compressed
 rows, ``vectors`` q, mu (and s), ``spacedim`` 2, and ``info``; ``/solution`` holds u, r (and l).
 See https://frictionalcontactlibrary.github.io and
 :mod:`receding_fenicsx.interface.gauss_seidel.compliance_form`.
@@ -13,12 +13,88 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from receding_fenicsx.atomic import new_hdf5
-from receding_fenicsx.interface.gauss_seidel.compliance_form import StepProblem, StepSolution
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.atomic import check_file, new_hdf5
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.replay import state_at
+from receding_fenicsx.interface.gauss_seidel.compliance_form import (
+    StepProblem,
+    StepSolution,
+    solve_problem,
+    step_problem,
+)
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
+from receding_fenicsx.output.storage.hdf5 import read_record, read_system
+from receding_fenicsx.scene import history
+from receding_fenicsx.scene.toml_file import from_toml
 
 COMPRESSED_ROWS = -2
-"""What FCLIB's ``nz`` is for a matrix in compressed rows."""
+"""Value of FCLIB's ``nz`` that marks a matrix in compressed rows."""
+
+
+def export(
+    source: Path,
+    out: Path,
+    where: tuple[int, str, float] = (0, "0", 1.0),
+    since: float | None = None,
+    overwrite: bool = False,
+) -> str:
+    """Write the problem of one load step and its solution in FCLIB's format.
+
+    Args:
+        source: folder of a run, or file of a condensed system. For a system the step runs from
+            rest to load factors 1.
+        out: the HDF5 file.
+        where: end of the step: cycle, leg ("loading", "unloading" or its number) and position s on
+            the leg, in [0, 1].
+        since: position s of the step's start. Default: rest on the first leg of cycle 0, else one
+            load step of the scene's ``steps_per_leg`` before the end.
+        overwrite: replace an existing file.
+
+    Returns:
+        A line that describes the exported step.
+
+    Raises:
+        InputError: the run, the system or the instant does not exist, or the file cannot be written.
+        SolveError: the step has no solution, or none was found.
+    """
+    check_file(out, overwrite)
+    if source.is_dir():
+        system, load, start, text = _step(source, where, since)
+    else:
+        system, start = read_system(source), None
+        load = np.ones(len(system.load_names))
+        text = "from rest to load factors 1"
+    problem, solution = step_problem(system, load, start), solve_problem(system, load, start)
+    title = from_toml(system.scene_toml).title if system.scene_toml else ""
+    write_fclib(out, problem, solution, title, text, overwrite)
+    free = problem.V.shape[1]
+    return f"{text}: {len(problem.mu)} contacts, {free} rigid motion(s) left to the contact"
+
+
+def _step(
+    folder: Path, where: tuple[int, str, float], since: float | None
+) -> tuple[ContactSystem, Array, ContactState | None, str]:
+    """Return system, load at the end, state at the start and description of a step of a run."""
+    record = read_record(folder / "record.h5")
+    scene = from_toml(record.scene_toml)
+    system = read_system(folder / "system.h5", scene)
+    path = history.from_scene(scene)
+    cycle, name, at = where
+    number = history.leg_number(path, name, cycle)
+    if not 0.0 < at <= 1.0:
+        raise InputError(f"--at {at:g}: the end of a step must lie on its leg, 0 < s <= 1")
+    first = (cycle, number) == (0, 0)
+    if first and scene.history.initial_slip is not None:
+        raise InputError("with initial_slip the first leg does not start from rest; choose a later leg")
+    if since is None:
+        since = 0.0 if first else max(0.0, at - 1.0 / scene.solver.steps_per_leg)
+    if not 0.0 <= since < at:
+        raise InputError(f"--since {since:g}: the start of a step must lie in 0 <= s < {at:g}, its end")
+    polyline = path.path if cycle == 0 else path.loop
+    a, b = polyline[number], polyline[number + 1]
+    start = state_at(record, system, path, scene.solver, (cycle, number, since)).state
+    text = f"cycle {cycle}, leg {number}, from s = {since:g} to {at:g}"
+    return system, b if at == 1.0 else (1.0 - at) * a + at * b, start, text
 
 
 def write_fclib(
@@ -29,18 +105,18 @@ def write_fclib(
     description: str = "",
     overwrite: bool = False,
 ) -> None:
-    """Write a step's problem, and its solution where it is known.
+    """Write the problem of a load step, and its solution if given.
 
     Args:
         path: the file.
-        problem: the step.
+        problem: the load step.
         solution: its solution.
         title: title of the problem.
-        description: what it is.
-        overwrite: replace a file that is there already.
+        description: description of the problem.
+        overwrite: replace an existing file.
 
     Raises:
-        InputError: the file is there already or cannot be written.
+        InputError: the file exists already or cannot be written.
     """
     free = problem.V.shape[1]
     with new_hdf5(path, overwrite) as file:
@@ -71,7 +147,7 @@ def write_fclib(
 
 
 def _matrix(group: h5py.Group, matrix: Array) -> None:
-    """Write a full matrix in compressed rows."""
+    """Write a dense matrix in compressed rows."""
     rows, columns = matrix.shape
     for key, value in (
         ("nzmax", matrix.size),

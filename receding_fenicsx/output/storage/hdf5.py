@@ -1,4 +1,4 @@
-"""``record.h5`` and the condensed system's file: HDF5 that mirrors the dataclasses."""
+"""HDF5 files of records and of condensed systems; groups and names are those of the dataclasses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ RECORD = "receding_fenicsx record"
 SYSTEM = "receding_fenicsx contact system"
 
 NODE_FIELDS = ("x", "points", "f", "g0", "weight", "edge")
-"""Arrays of a Record that stand in the group /nodes."""
+"""Arrays of a Record in the group /nodes."""
 GROUPS: dict[str, type] = {
     "turning_points": States,
     "samples": States,
@@ -36,10 +36,10 @@ GROUPS: dict[str, type] = {
     "cycles": Cycles,
     "steady": Steady,
 }
-"""Tables of a Record, each in a group of its own."""
+"""Tables of a Record; each has its own group."""
 
-COMPRESS_FROM = 4096
-"""Arrays of at least this many values are compressed (without loss)."""
+COMPRESSED_SIZE = 4096
+"""Number of values from which an array is compressed (without loss)."""
 
 
 def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
@@ -47,11 +47,11 @@ def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
 
     Args:
         path: the file.
-        record: what to write.
-        overwrite: replace a file that is there already.
+        record: the record.
+        overwrite: replace an existing file.
 
     Raises:
-        InputError: the file is there already or cannot be written.
+        InputError: the file exists already or cannot be written.
     """
     with _create(path, RECORD, overwrite) as file:
         nodes = file.create_group("nodes")
@@ -69,7 +69,7 @@ def read_record(path: Path) -> Record:
     """Read ``record.h5``.
 
     Raises:
-        InputError: there is no such file, it is no record, or it is damaged.
+        InputError: the file does not exist, is not a record, or is damaged.
     """
     with _open(path, RECORD) as file:
         values: dict[str, Any] = {}
@@ -91,15 +91,15 @@ def read_record(path: Path) -> Record:
 
 
 def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> None:
-    """Write a condensed system with the text of its scene and the digest of what it depends on.
+    """Write a condensed system with its scene and the digest of the scene keys it depends on.
 
     Args:
         path: the file.
-        system: what to write.
-        overwrite: replace a file that is there already.
+        system: the condensed system.
+        overwrite: replace an existing file.
 
     Raises:
-        InputError: the file is there already or cannot be written.
+        InputError: the file exists already or cannot be written.
     """
     with _create(path, SYSTEM, overwrite) as file:
         values = {f.name: getattr(system, f.name) for f in dataclasses.fields(system)}
@@ -115,14 +115,14 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
 
     Args:
         path: the file.
-        scene: the scene that it shall be used for; None takes it as it is.
+        scene: scene that the system will be used for; None returns the system as stored.
 
     Returns:
-        The system, with the scene's own friction and gap.
+        The system, with friction and initial gap of ``scene``.
 
     Raises:
-        InputError: there is no such file, it is damaged, or it was condensed from a scene whose
-            body, material, mesh, contact edges, loads, supports or symmetry differ.
+        InputError: the file does not exist, is damaged, or was condensed from a scene with another
+            body, material, mesh, contact edge, load, support or symmetry.
     """
     with _open(path, SYSTEM) as file:
         values: dict[str, Any] = {}
@@ -136,12 +136,12 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
         n = len(system.x)
         size = n if system.kind == "normal" else 2 * n
         if system.K.shape != (size, size) or system.held.shape != (2 * n,):
-            raise InputError(f"{path}: its arrays do not fit together; condense the scene again")
+            raise InputError(f"{path}: its arrays have inconsistent shapes; condense the scene again")
         stored, intact = _read(file, "digest"), _read(file, "checksum") == _checksum(values)
     if scene is not None:
         _check_scene(path, stored, system.scene_toml, scene)
     if not intact:
-        raise InputError(f"{path}: is damaged; make it again")
+        raise InputError(f"{path}: is damaged; create it again")
     if scene is None:
         return system
     try:
@@ -151,9 +151,9 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
 
 
 def _checksum(values: dict[str, Any]) -> int:
-    """Return a checksum of a system's fields, from their names to their last bits.
+    """Return a checksum of the names, types and values of a system's fields.
 
-    HDF5's own checksums cover the arrays' bytes, but not where it finds them.
+    HDF5's own checksums cover the bytes of an array, but not its address in the file.
     """
     crc = 0
     for name, value in values.items():
@@ -167,13 +167,13 @@ def _checksum(values: dict[str, Any]) -> int:
 
 
 def _check_scene(path: Path, stored: str, scene_toml: str, scene: Scene) -> None:
-    """Refuse a system that was condensed from another scene."""
+    """Raise InputError if a system was condensed from another scene."""
     if not scene_toml:
-        raise InputError(f"{path}: was made by hand, for no scene; condense this scene")
+        raise InputError(f"{path}: was not condensed from a scene; condense this scene")
     if stored == digest(scene):
         return
     found = None
-    with suppress(InputError):  # its mesh file may be gone
+    with suppress(InputError):  # the mesh file of that scene may no longer exist
         found = body_difference(from_toml(scene_toml), scene)
     raise InputError(
         f"{path}: was condensed from a scene with another {found or 'mesh file'}; condense this "
@@ -197,27 +197,27 @@ def _open(path: Path, kind: str) -> Iterator[h5py.File]:
     try:
         with h5py.File(path, "r") as file:
             if file.attrs.get("format") != kind:
-                raise InputError(f"{path}: is no {kind}; give a file that this program wrote")
+                raise InputError(f"{path}: is not a {kind}; give a file that this program wrote")
             version = int(file.attrs.get("format_version", -1))
             if version != FORMAT_VERSION:
                 raise InputError(
                     f"{path}: has format version {version}, this program reads {FORMAT_VERSION}; "
-                    "make it again"
+                    "create it again"
                 )
             yield file
     except InputError as error:
         raise InputError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
     except (OSError, KeyError, ValueError, TypeError, RuntimeError):
-        raise InputError(f"{path}: is damaged or no HDF5 file; make it again") from None
+        raise InputError(f"{path}: is damaged or not an HDF5 file; create it again") from None
 
 
 def _write(group: h5py.Group, name: str, value: Any) -> None:
     """Write arrays as datasets, everything else as an attribute."""
     if isinstance(value, np.ndarray):
-        big = value.size >= COMPRESS_FROM
+        big = value.size >= COMPRESSED_SIZE
         options = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if big else {}
         if value.size and value.ndim:
-            options["fletcher32"] = True  # a number that was damaged is an error, not a number
+            options["fletcher32"] = True  # a damaged file then raises an error when it is read
         group.create_dataset(name, data=value, **options)
     elif isinstance(value, tuple):
         group.attrs.create(name, list(value), dtype=h5py.string_dtype(), shape=(len(value),))
@@ -226,11 +226,11 @@ def _write(group: h5py.Group, name: str, value: Any) -> None:
 
 
 def _read(group: h5py.Group, name: str) -> Any:
-    """Read what :func:`_write` wrote, in Python's own types."""
+    """Read a value that :func:`_write` wrote, as an array or a Python type."""
     if name in group:
         return np.asarray(group[name][()])
     if name not in group.attrs:
-        raise InputError(f"'{group.name.rstrip('/')}/{name}' is missing; make the file again")
+        raise InputError(f"'{group.name.rstrip('/')}/{name}' is missing; create the file again")
     value = group.attrs[name]
     if isinstance(value, np.ndarray):
         return [v.decode() if isinstance(v, bytes) else str(v) for v in value]
@@ -239,16 +239,16 @@ def _read(group: h5py.Group, name: str) -> Any:
 
 def _member(file: h5py.File, name: str) -> h5py.Group:
     if not isinstance(file.get(name), h5py.Group):
-        raise InputError(f"'/{name}' is missing; make the file again")
+        raise InputError(f"'/{name}' is missing; create the file again")
     return typing.cast(h5py.Group, file[name])
 
 
 def _check_lengths(record: Record) -> None:
-    """Refuse tables whose arrays do not fit together."""
+    """Raise InputError if arrays of a record have inconsistent shapes."""
     n, n_loads = len(record.x), len(record.load_names)
     for name in NODE_FIELDS:
         if len(getattr(record, name)) != n:
-            raise InputError(f"'/nodes/{name}' has not {n} rows; make the file again")
+            raise InputError(f"'/nodes/{name}' does not have {n} rows; create the file again")
     for name in ("turning_points", "samples"):
         table: States = getattr(record, name)
         rows = len(table.s)
@@ -257,4 +257,4 @@ def _check_lengths(record: Record) -> None:
             per_load = field.name in ("load", "load_displacement")
             wanted = (rows,) if len(shape) < 2 else (rows, n_loads if per_load else n)
             if shape != wanted:
-                raise InputError(f"'/{name}/{field.name}' has a wrong shape; make the file again")
+                raise InputError(f"'/{name}/{field.name}' has a wrong shape; create the file again")

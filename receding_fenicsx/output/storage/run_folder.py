@@ -1,7 +1,7 @@
-"""A run's folder DIR: made beside its place as ``DIR.part``, renamed when all of it is written.
+"""Run folders: written as ``DIR.part``, renamed to ``DIR`` when the run has finished.
 
-A run that is interrupted leaves ``DIR.part``: the condensed system, the journal with its
-checkpoints, and the record as far as there was time to write it.
+An interrupted run leaves ``DIR.part`` with the condensed system, the journal with its checkpoints,
+and the record as far as it was written.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
 SYSTEM, SCENE = "system.h5", "scene.toml"
-"""The condensed system and the scene, in a run's folder."""
+"""File names of the condensed system and of the scene in a run folder."""
 
 
 def part_of(path: Path) -> Path:
-    """Return where a run lives until it is finished.
+    """Return the folder ``DIR.part`` of an unfinished run.
 
     Raises:
-        InputError: ``path`` is the root of a file system, beside which nothing can be made.
+        InputError: ``path`` is the root of a file system.
     """
     place = Path(os.path.abspath(path))
     if not place.name:
-        raise InputError(f"{path}: is no place for a run; give a folder that is not there yet")
+        raise InputError(f"{path}: cannot be a run's folder; give the name of a new folder")
     return place.with_name(f"{place.name}.part")
 
 
@@ -41,46 +41,33 @@ def part_of(path: Path) -> Path:
 def run_folder(
     path: Path, scene: Scene, overwrite: bool = False, resume: bool = False
 ) -> Iterator[Path]:
-    """Give the folder to work in; on leaving without an error it becomes ``path``.
+    """Create the working folder of a run; rename it to ``path`` at the end of the block.
 
     Args:
-        path: where the finished folder shall be.
-        scene: what is run.
-        overwrite: replace what an earlier run left there, and an interrupted one beside it.
-        resume: go on with what an interrupted or a shorter run has left; begin where there is none.
+        path: folder of the finished run.
+        scene: scene of the run.
+        overwrite: replace an earlier run, finished or interrupted.
+        resume: continue an interrupted or a shorter run; start a new one if there is none.
 
     Yields:
-        The folder to work in. When an error leaves it without a checkpoint, it is removed.
+        The working folder ``DIR.part``. After an error it is removed unless it holds a checkpoint.
 
     Raises:
-        InputError: the folder is there already or cannot be made, another run is working in it, or
-            the run to be resumed is that of another scene.
+        InputError: the folder exists already or cannot be created, another process is using it, or
+            the run to be resumed has another scene.
         RecedingError: the disk is full.
     """
     path = Path(os.path.abspath(path))
     part = part_of(path)
     earlier = _earlier(path) if resume else None
-    if earlier is None:
-        check_folder(path, overwrite)
-        if not overwrite and not resume and part.exists():
-            os.close(_lock(part))
-            raise InputError(
-                f"{part}: holds an interrupted run; go on with it by --resume, or start anew by "
-                "--overwrite"
-            )
-    else:
+    if earlier is not None:
         _check_same(earlier, scene)
+    else:
+        check_folder(path, overwrite)
+        if not overwrite and not resume:
+            _check_not_interrupted(part)
     try:
-        part.mkdir(parents=True, exist_ok=True)
-        lock = _lock(part)
-        if earlier is None:
-            _clear(part)
-        elif earlier != part:
-            _clear(part)
-            for name in (SYSTEM, JOURNAL):
-                shutil.copy2(earlier / name, part / name)
-        with new_file(part / SCENE, overwrite=True) as beside:
-            beside.write_text(to_toml(scene), encoding="utf-8")
+        lock = _fill(part, scene, earlier)
     except OSError as error:
         if earlier != part:
             shutil.rmtree(part, ignore_errors=True)
@@ -101,16 +88,44 @@ def run_folder(
         os.close(lock)
 
 
+def _check_not_interrupted(part: Path) -> None:
+    """Raise InputError if another process is using a working folder, or it is left of one."""
+    if part.exists():
+        os.close(_lock(part))
+        raise InputError(
+            f"{part}: holds an interrupted run; continue it with --resume, or replace it with "
+            "--overwrite"
+        )
+
+
+def _fill(part: Path, scene: Scene, earlier: Path | None) -> int:
+    """Create and lock the working folder, with the scene and the files that a resumed run needs.
+
+    Returns:
+        The handle of the lock, to be closed.
+    """
+    part.mkdir(parents=True, exist_ok=True)
+    lock = _lock(part)
+    if earlier != part:
+        _clear(part)
+    if earlier is not None and earlier != part:
+        for name in (SYSTEM, JOURNAL):
+            shutil.copy2(earlier / name, part / name)
+    with new_file(part / SCENE, overwrite=True) as beside:
+        beside.write_text(to_toml(scene), encoding="utf-8")
+    return lock
+
+
 def has_run(path: Path) -> bool:
-    """Return whether there is a run to resume, interrupted or finished."""
+    """Return whether there is an interrupted or a finished run to resume."""
     return _earlier(Path(path)) is not None
 
 
 def is_finished(path: Path, scene: Scene) -> bool:
-    """Return whether a folder holds the whole run of a scene, so that nothing is left to resume.
+    """Return whether a folder holds the finished run of a scene, with no cycle left to resume.
 
     Raises:
-        InputError: it holds the run of another scene, or one that failed.
+        InputError: it holds the run of another scene, or a run that failed.
     """
     path = Path(path)
     if part_of(path).exists() or not (path / "summary.json").is_file():
@@ -129,7 +144,7 @@ def is_finished(path: Path, scene: Scene) -> bool:
 
 
 def _earlier(path: Path) -> Path | None:
-    """Return the folder of the run to be resumed: the interrupted one, or the finished one."""
+    """Return the folder of the run to resume, the interrupted one first; None if there is none."""
     for folder, names in ((part_of(path), ()), (path, (JOURNAL,))):
         if all((folder / name).is_file() for name in (SYSTEM, SCENE, *names)):
             return folder
@@ -137,7 +152,7 @@ def _earlier(path: Path) -> Path | None:
 
 
 def _has_news(part: Path, earlier: Path | None) -> bool:
-    """Return whether a folder holds a checkpoint that the run it goes on with did not have."""
+    """Return whether a working folder holds a checkpoint that the resumed run did not have."""
     journal = part / JOURNAL
     if earlier is None or earlier == part:
         return has_checkpoint(journal)
@@ -149,32 +164,32 @@ def _scene_of(folder: Path) -> Scene:
         return from_toml((folder / SCENE).read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, InputError) as error:
         raise InputError(
-            f"{folder / SCENE}: is damaged ({error}); start the run anew by --overwrite"
+            f"{folder / SCENE}: is damaged ({error}); start a new run with --overwrite"
         ) from None
 
 
 def _check_same(folder: Path, scene: Scene) -> None:
-    """Refuse to go on with the run of another scene."""
+    """Raise InputError if a folder holds the run of another scene."""
     other = difference(_scene_of(folder), scene, FREE_WHEN_RESUMED)
     if other is not None:
         raise InputError(
-            f"{folder}: was begun with another {other}; resume it with the same scene, or choose "
+            f"{folder}: is a run with another {other}; resume it with the same scene, or choose "
             "another folder"
         )
 
 
 def _lock(part: Path) -> int:
-    """Take hold of the folder for as long as this process lives; return the handle to close."""
+    """Lock a folder for this process; return the handle, which must be closed."""
     handle = os.open(part, os.O_RDONLY)
     try:
         fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except BlockingIOError:
         os.close(handle)
         raise InputError(
-            f"{part}: another run is working there; wait for it, or choose another folder"
+            f"{part}: another run is using this folder; wait for it, or choose another folder"
         ) from None
     except OSError:
-        pass  # a file system without locks
+        pass  # the file system has no locks
     return handle
 
 
@@ -187,7 +202,7 @@ def _clear(folder: Path) -> None:
 
 
 def _publish(part: Path, path: Path, overwrite: bool) -> None:
-    """Put the finished folder into its place."""
+    """Rename the finished working folder to its final name."""
     check_folder(path, overwrite)
     old = part.with_name(f".{path.absolute().name}.{os.getpid()}.old")
     if path.exists():
