@@ -76,8 +76,8 @@ def test_a_way_on_that_is_denied_is_found(monkeypatch: pytest.MonkeyPatch) -> No
     pass_event = walk.Walk._event
 
     def deny(self: walk.Walk, label: int, segment: Segment) -> tuple[Segment, bool]:
-        if abs(self.load(self.s)[0] - denied) <= 1e-12:
-            raise self._explain(self.state, np.array([label % self.system.n]))
+        if abs(self.point.load[0] - denied) <= 1e-12:
+            raise self.states.error(self.point.state, np.array([label % self.system.n]))
         return pass_event(self, label, segment)
 
     monkeypatch.setattr(walk.Walk, "_event", deny)

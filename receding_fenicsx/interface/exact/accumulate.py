@@ -1,7 +1,11 @@
-"""What adds up along a leg: dissipation, work of the loads, and the residual at every event.
+"""Integrals along a leg: dissipation, work of the loads, and the residual at every event.
 
-Between two stops (events, ends) forces and displacements are linear, so that the mean force counts.
-Stops are collected and summed up many at once, to save time.
+Between two stops a and b (events, ends) forces and displacements are linear, so that
+
+    dissipation = -(Q_a + Q_b)/2 (v_b - v_a),
+    work = sum_k (lambda_a + lambda_b)_k/2 r*_k . (u_b - u_a)
+
+are exact. Stops are collected and added up many at once, to save time.
 """
 
 from __future__ import annotations
@@ -11,6 +15,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.law import FORWARD
 from receding_fenicsx.interface.residual import law_residual, local_stiffness, reachable
@@ -19,11 +24,11 @@ from receding_fenicsx.interface.system import Array
 EVENT_RESIDUAL = 1e-11
 """Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
 
-STOPS = 512
-"""Stops after which they are summed up."""
+STOPS_AT_ONCE = 512
+"""Stops after which they are added up."""
 
 Watch = Callable[[Array, Array, float], NDArray[np.intp]]
-"""Looks at displacements (k, 2N) and load factors (k, n_loads) for a force scale."""
+"""Returns nodes to report, from displacements (k, 2N), load factors (k, n_loads), force scale."""
 
 
 class Sums:
@@ -32,78 +37,71 @@ class Sums:
     Attributes:
         dissipation: (N,) frictional dissipation.
         work: (n_loads,) integral of lambda_k r*_k . du.
-        residual: largest residual at the stops that were looked at afresh, over ``force_scale``.
+        residual: largest residual at the stops where it was evaluated afresh, over ``force_scale``.
         start: (2N,) displacements at the leg's start.
-        excess: by how much a residual was above what is accepted there.
+        excess: largest amount by which a residual exceeded what is accepted there.
         force_scale: largest nodal force of the history so far.
-        found: what ``watch`` has found.
+        watched: nodes that ``watch`` has reported.
     """
 
     def __init__(
-        self,
-        segments: Segments,
-        ends: tuple[Array, Array],
-        force_scale: float,
-        start: tuple[float, Array, States],
-        check_all: bool,
-        watch: Watch | None,
+        self, segments: Segments, point: PathPoint, check_all: bool, watch: Watch | None
     ) -> None:
-        """Stand at the start of a leg.
+        """Start at the beginning of a leg.
 
         Args:
             segments: rates in known sets of states.
-            ends: (n_loads,) load factors at the leg's start and end.
-            force_scale: largest nodal force of the history so far.
-            start: place on the leg, quantities y and states.
+            point: the start.
             check_all: evaluate the residual afresh at every stop.
-            watch: looks at every stop.
+            watch: called with every stop.
         """
         n = segments.system.n
-        self.segments, self.system, self.ends = segments, segments.system, ends
-        self.force_scale, self.check_all, self.watch = force_scale, check_all, watch
+        self.segments, self.system, self.problem = segments, segments.system, point.problem
+        self.force_scale, self.check_all, self.watch = point.problem.force_scale, check_all, watch
         self.stiffness = local_stiffness(self.system)
         self.gaps = bool(np.any(self.system.g0))
-        self.dissipation, self.work, self.residual = np.zeros(n), np.zeros(len(ends[0])), 0.0
-        self.start = start[1][: 2 * n] - np.concatenate([np.zeros(n), self.system.g0])
-        self.excess, self.found = 0.0, np.zeros(0, dtype=np.intp)
-        self.go_on_from(*start)
+        self.dissipation, self.residual, self.excess = np.zeros(n), 0.0, 0.0
+        self.work = np.zeros(len(self.system.r_star))
+        self.start = point.y[: 2 * n] - np.concatenate([np.zeros(n), self.system.g0])
+        self.watched = np.zeros(0, dtype=np.intp)
+        self._stops = [(point.s, point.y.copy(), point.state)]
 
     @property
     def state(self) -> States:
         """(N,) states on the way to the last stop."""
         return self._stops[-1][2]
 
-    def go_on_from(self, s: float, y: Array, state: States) -> None:
-        """Begin a sum at a place of the leg, from quantities y (4N,) and states."""
+    def restart(self, s: float, y: Array, state: States) -> None:
+        """Continue from a corrected point, with quantities y (4N,) and states."""
         self._stops = [(s, y.copy(), state)]
 
-    def pass_stop(self, s: float, y: Array, state: States) -> None:
-        """Take note of a stop: its place, the quantities y (4N,), the states on the way there."""
+    def add_stop(self, s: float, y: Array, state: States) -> None:
+        """Record a stop: its place, the quantities y (4N,), the states on the way there."""
         self._stops.append((s, y.copy(), state))
-        if len(self._stops) > STOPS:
+        if len(self._stops) > STOPS_AT_ONCE:
             self.add_up()
 
     def add_up(self) -> None:
-        """Add what the stops since the last sum bring, and check their residuals."""
-        if len(self._stops) == 1:  # the leg ended where the last sum did
+        """Add up the stops since the last time, and check their residuals."""
+        if len(self._stops) == 1:  # nothing new
             return
-        n, system, (a, b) = self.system.n, self.system, self.ends
+        n, system, (a, b) = self.system.n, self.system, self.problem.ends
         s = np.array([stop[0] for stop in self._stops])[:, None]
         y = np.concatenate([stop[1] for stop in self._stops]).reshape(-1, 4 * n)
         u, load = y[:, : 2 * n], (1.0 - s) * a + s * b
         if self.gaps:
             u = u - np.concatenate([np.zeros(n), system.g0])
-        a, b = system.friction.shares
-        twice_Q = 2.0 * a * y[:, 2 * n : 3 * n] - 2.0 * b * y[:, 3 * n :]
+        of_A, of_B = system.friction.shares
+        twice_Q = 2.0 * of_A * y[:, 2 * n : 3 * n] - 2.0 * of_B * y[:, 3 * n :]
         slip = u[1:, :n] - u[:-1, :n]
         dissipation = -0.25 * np.einsum("ij,ij->j", twice_Q[1:] + twice_Q[:-1], slip)
         self.dissipation += np.where(self.segments.frictional, dissipation, 0.0)
         stroke = np.diff(u @ system.r_star.T, axis=0)
         self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
         if self.watch is not None:
-            found = self.watch(u[1:], load[1:], self.force_scale)
-            self.found = np.union1d(self.found, found)
-        if self.check_all or self._doubt(y, load) > EVENT_RESIDUAL:
+            reported = self.watch(u[1:], load[1:], self.force_scale)
+            self.watched = np.union1d(self.watched, reported)
+        if self.check_all or self._suspected_error(y, load) > EVENT_RESIDUAL:
             states = np.array([stop[2] for stop in self._stops[1:]])
             self._check(u[1:], load[1:], slip, states)
         self._stops = self._stops[-1:]
@@ -111,23 +109,23 @@ class Sums:
     def accepted(self, u: Array) -> float:
         """Return the residual that is accepted at displacements u, over the force scale so far.
 
-        Forces may be small at the beginning of a leg beside those of its end, and displacements at
-        the end beside those of the beginning, whose round-off is carried along.
+        Forces at the start of a leg may be small against those of its end, and displacements at the
+        end small against those of the start, whose round-off remains in them.
         """
-        excused = (reachable(self.system, at, self.force_scale) for at in (self.start, u))
-        return max(EVENT_RESIDUAL, *excused)
+        accepted = (reachable(self.system, at, self.force_scale) for at in (self.start, u))
+        return max(EVENT_RESIDUAL, *accepted)
 
-    def _doubt(self, y: Array, load: Array) -> float:
-        """Return by how much, over all stops, a limit is passed, or Q and P do not belong to u.
+    def _suspected_error(self, y: Array, load: Array) -> float:
+        """Return the largest error over all stops, over the force scale, at little cost.
 
-        Both relative to the force scale.
+        It is the amount by which a limit is passed, or by which Q and P do not belong to u.
         """
         n = self.system.n
         passed = -float((y[1:, n:].min(axis=0) * self.segments.weight[n:]).min())
         return max(passed, self.segments.imbalance(y, load)) / self.force_scale
 
     def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:
-        """Evaluate the residual afresh at several stops, slip being that of the piece before."""
+        """Evaluate the residual afresh at several stops, with the slip of the segment before."""
         r = load @ self.system.r_star + u @ self.system.K
         moved = np.where(states >= FORWARD, slip, 0.0)
         self.force_scale = max(self.force_scale, float(np.abs(r).max()))

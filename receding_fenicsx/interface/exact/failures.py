@@ -1,4 +1,4 @@
-"""What is said where an exact path ends: which equilibrium or continuation is missing."""
+"""Errors raised when the exact path cannot continue."""
 
 from __future__ import annotations
 
@@ -6,40 +6,37 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.law import SEPARATION
-from receding_fenicsx.interface.system import Array
 
-LISTED = 12
+LISTED_NODES = 12
 """Nodes that a message names at most."""
 
 
 def explain(
     segments: Segments,
+    point: PathPoint,
     states: States,
-    y: Array,
-    place: tuple[Array, float],
     force_scale: float,
     nodes: NDArray[np.intp],
     exhausted: bool,
 ) -> SolveError:
-    """Return the error for the place at which a path ends.
+    """Return the error for a path that ends: lift-off, gross sliding or no continuation.
 
     Args:
         segments: of the condensed body.
+        point: where the path ends.
         states: (N,) states on the way there.
-        y: (4N,) quantities [v, gap, A, B] there.
-        place: load factors and s.
         force_scale: largest nodal force of the history so far.
         nodes: those whose rates have no solution.
         exhausted: all sets of their states were tried.
     """
-    load, s = place
-    where = (
-        f"at load factors [{', '.join(f'{value:.9g}' for value in load)}] (s = {s:.9g} of the leg)"
-    )
+    s = point.problem.place(point.s)
+    factors = ", ".join(f"{value:.9g}" for value in point.load)
+    where = f"at load factors [{factors}] (s = {s:.9g} of the leg)"
     contact = states != SEPARATION
-    A, B = (y - segments.limit * force_scale).reshape(4, -1)[2:]
+    A, B = (point.y - segments.limit * force_scale).reshape(4, -1)[2:]
     if segments.lifts_freely and np.all(((A <= 0.0) & (B <= 0.0))[contact]):
         return _not_pressed(segments, contact, where, at_start=s == 0.0)
     loose = contact & segments.frictional
@@ -48,7 +45,9 @@ def explain(
         return NoEquilibrium(
             f"gross sliding {where}: all contact nodes are at their limit, in the same direction"
         )
-    listed = ", ".join(map(str, nodes[:LISTED].tolist())) + " ..." * (len(nodes) > LISTED)
+    listed = ", ".join(map(str, nodes[:LISTED_NODES].tolist())) + " ..." * (
+        len(nodes) > LISTED_NODES
+    )
     which = f"the rates of nodes [{listed}]" if len(nodes) else "the rates of the contact"
     return NoQuasiStaticContinuation(
         f"no quasi-static continuation {where}: {which} have no solution"

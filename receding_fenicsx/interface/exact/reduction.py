@@ -20,6 +20,7 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import LIMIT_TOLERANCE, Segments
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SEPARATION, STICK
@@ -80,17 +81,30 @@ class Reduction:
         kept = np.array_equal(start.state[away], self.frozen[away])
         return kept and np.array_equal(start.u[self.constant], self.back[self.constant, -1])
 
-    def finish(self, walk: Walk, leg: Leg, ends: tuple[Array, Array]) -> Leg | Indices:
-        """Return the leg of all nodes, or the frozen nodes that reach a limit on it.
+    def follow(self, problem: LegProblem, check_all: bool) -> Leg | Indices:
+        """Follow a leg with the active nodes, and watch the others.
 
         Args:
-            walk: the walk of the active nodes, watched by ``leaving``.
-            leg: the leg that it found.
-            ends: (n_loads,) load factors at the start and at the end.
+            problem: the leg of all nodes.
+            check_all: evaluate the residual afresh after every event.
+
+        Returns:
+            The leg of all nodes, or the frozen nodes that reach a limit on it.
+
+        Raises:
+            SolveError: the path ends, or its residual is above its tolerance.
         """
-        if len(walk.sums.found):
-            return walk.sums.found
-        (a, b), n = ends, self.full.n
+        (a, b), n = problem.ends, self.full.n
+        reduced = replace(
+            problem,
+            start=self.shrink(problem.start),
+            ends=(np.append(a, 1.0), np.append(b, 1.0)),
+        )
+        walk = Walk(self.segments, reduced, check_all, watch=self.leaving)
+        walk.run(1.0)
+        leg = walk.finish()
+        if len(walk.sums.watched):
+            return walk.sums.watched
         end = self.expand(leg.end, b)
         dissipation = np.zeros(n)
         dissipation[self.nodes] = leg.dissipation
@@ -102,7 +116,7 @@ class Reduction:
             work=float(walk.sums.work[:-1].sum() + 0.5 * (a + b) @ self.swing @ (b - a)),
             residual=residual,
             force_scale=scale,
-            samples=[(s, self.expand(state, (1.0 - s) * a + s * b)) for s, state in leg.samples],
+            samples=[(s, self.expand(state, problem.load(s))) for s, state in leg.samples],
             events=[(s, int(self.nodes[i]), old, new) for s, i, old, new in leg.events],
         )
 

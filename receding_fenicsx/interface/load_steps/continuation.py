@@ -15,55 +15,51 @@ answer is another equilibrium, at a finite distance however small the step. Two 
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.equilibrium import Limit
-from receding_fenicsx.interface.exact.path import APEX
+from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.unloading import REMAINING_LOAD, stops_short
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.residual import largest_force, local_stiffness
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg
 
 ON_LIMIT = 1e-10
 """Distance from a limit, over the largest nodal force, that counts as none."""
 
 
 @dataclass(frozen=True)
-class Way:
+class ExactPath:
     """The exact path through a part of a leg.
 
     Attributes:
-        walk: stands where the path ends, or at the end of the part.
+        walk: at the place where the path ends, or at the end of the part.
         error: why it ends, None at the end of the part.
-        apex: the part ends at complete unloading of a body that lifts freely; the walk stands just
-            before.
+        at_rest: the part ends at complete unloading, just beyond the walk.
     """
 
     walk: Walk
     error: SolveError | None
-    apex: bool
+    at_rest: bool
 
     @property
     def s(self) -> float:
-        """Place on the leg up to which it goes."""
-        return self.walk.s
+        """Place on the leg up to which it leads."""
+        return self.walk.point.s
 
     @property
     def end(self) -> ContactState:
-        """State at its end."""
-        system = self.walk.system
-        n, y, load = system.n, self.walk.y, self.walk.load(self.walk.s)
-        u = np.concatenate([y[:n], y[n : 2 * n] - system.g0])
-        return ContactState(u, reactions(system, load, u), self.walk.state.copy())
+        """State there."""
+        return self.walk.point.contact_state()
 
     def finish(self) -> Leg:
         """Return the path to the end of the part; raise SolveError where its residual is large."""
-        return self.walk.finish(self.apex)
+        return self.walk.finish(self.at_rest)
 
 
 class Continuation:
@@ -100,37 +96,23 @@ class Continuation:
         off_limit = np.where(sign == 0.0, np.abs(slip), np.abs(start.Q + coefficient * start.P))
         return bool(np.all(off_limit[rubs] <= none) and np.all((sign * slip)[rubs] >= -none))
 
-    def follow(
-        self,
-        start: ContactState,
-        ends: tuple[Array, Array],
-        part: tuple[float, float],
-        force_scale: float,
-        limit: Limit | None,
-        samples: Iterable[float] = (),
-    ) -> Way:
+    def follow(self, problem: LegProblem, s_end: float, limit: Limit | None) -> ExactPath:
         """Follow the exact path through a part of a leg.
 
         Args:
-            start: state at the start of the part.
-            ends: (n_loads,) load factors at the start and at the end of the leg.
-            part: s at the start and at the end of the part.
-            force_scale: largest nodal force of the history so far.
+            problem: the leg, from the state at the start of the part.
+            s_end: place on the leg where the part ends.
             limit: where equilibrium ends on the leg.
-            samples: places on the leg of states to keep.
         """
-        scale = max(largest_force(self.system, load, start.r, force_scale) for load in ends)
-        walk = Walk(self.segments, start, ends, scale, 0, False)
-        walk.s = walk.progress_at = part[0]
-        walk.sample_at = list(samples)
-        walk.sums.go_on_from(walk.s, walk.y, walk.state)
-        if limit is not None:
-            walk.equilibrium_ends = limit.s
-        # a free body without load has no single set of states
-        unloaded = not np.any(walk.load(part[1])) and not np.any(self.system.g0)
-        apex = unloaded and self.segments.lifts_freely
+        start, ends = problem.start, problem.ends
+        scale = problem.force_scale
+        scale = max(largest_force(self.system, load, start.r, scale) for load in ends)
+        s_limit = np.inf if limit is None else limit.s
+        problem = replace(problem, force_scale=scale)
+        walk = Walk(self.segments, problem, equilibrium_ends=s_limit)
+        short = stops_short(self.segments, problem.load(s_end))
         try:
-            walk.run(max(part[1] - APEX, part[0]) if apex else part[1])
-            return Way(walk, None, apex)
+            walk.run(max(s_end - REMAINING_LOAD, problem.s_start) if short else s_end)
+            return ExactPath(walk, None, short)
         except SolveError as error:
-            return Way(walk, error, apex)
+            return ExactPath(walk, error, short)

@@ -15,6 +15,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact import static
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_PIVOT, SingularExchange
+from receding_fenicsx.interface.exact.round_off import RoundOff
 from receding_fenicsx.interface.exact.segments import (
     RATE_IMBALANCE,
     RATE_TOLERANCE,
@@ -106,11 +107,12 @@ def test_round_off_of_a_walk_is_cleared_on_the_way(monkeypatch: pytest.MonkeyPat
 
     def drifting(self: Walk, segment: Segment, ds: float) -> None:
         advance(self, segment, ds)
-        slips = (self.state == FORWARD) | (self.state == BACKWARD)
+        state = self.point.state
+        slips = (state == FORWARD) | (state == BACKWARD)
         error = 0.03 * EVENT_RESIDUAL * self.sums.force_scale
         # neighbours in opposite directions: a common motion meets hardly any stiffness
         error = np.where(np.arange(BLOCK.n) % 2, error, -error) / self.segments.weight[: BLOCK.n]
-        self.y[: BLOCK.n] += np.where(slips, error, 0.0)
+        self.point.y[: BLOCK.n] += np.where(slips, error, 0.0)
 
     history = table(BLOCK, [0.0, 1.0, 1.0 / 3.0])
     exact = evolve(BLOCK, history)
@@ -121,7 +123,7 @@ def test_round_off_of_a_walk_is_cleared_on_the_way(monkeypatch: pytest.MonkeyPat
     found, expected = cleared.turning_points, exact.turning_points
     assert np.array_equal(found.state, expected.state)
     assert found.P == pytest.approx(expected.P, abs=1e-9 * expected.P.max())
-    monkeypatch.setattr(Walk, "_clear_if_due", lambda _: None)
+    monkeypatch.setattr(RoundOff, "remove_if_grown", lambda _: None)
     with pytest.raises(SolveError, match="lost accuracy"):
         evolve(BLOCK, history)
 

@@ -556,7 +556,7 @@ def test_nodes_of_small_friction_among_others_are_followed() -> None:
 @pytest.mark.parametrize("stops", [1, 2, 3, 7])
 def test_a_leg_may_end_where_its_last_sum_did(stops: int, monkeypatch: pytest.MonkeyPatch) -> None:
     whole = evolve(SMALL, cyclic(2))
-    monkeypatch.setattr("receding_fenicsx.interface.exact.accumulate.STOPS", stops)
+    monkeypatch.setattr("receding_fenicsx.interface.exact.accumulate.STOPS_AT_ONCE", stops)
     parts = evolve(SMALL, cyclic(2))
     assert parts.cycles.dissipation == near(whole.cycles.dissipation)
     assert parts.energy_error_max <= 1e-12
@@ -581,7 +581,7 @@ def test_jumps_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     # a leg that jumps twice stands for one that jumps without end
     system, history = random_case(53, 5.0, largest=6)
     assert evolve(system, history, SolverOptions(on_jump="static")).jumps >= 2
-    monkeypatch.setattr("receding_fenicsx.interface.exact.path.JUMPS", 1)
+    monkeypatch.setattr("receding_fenicsx.interface.exact.jumps.MAX_JUMPS", 1)
     said = r"^cycle 2, leg 0: .*jumps again at load factors \[0\.4425\d*, 0\.0816\d*\]"
     with pytest.raises(NoQuasiStaticContinuation, match=said):
         evolve(system, history, SolverOptions(on_jump="static"))

@@ -18,9 +18,9 @@ from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.exact.pivot_matrix import PivotMatrix
+from receding_fenicsx.interface.exact.round_off import RoundOff
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import Tableau
-from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import from_scene
@@ -163,7 +163,7 @@ def test_a_bad_tableau_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def count_products(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
     """Count what costs as much as a product with the whole stiffness, from now on."""
-    counts = {"refined": 0, "build": 0, "cleared": 0}
+    counts = {"refined": 0, "build": 0, "removed": 0}
 
     def counting(owner: type, method: str, key: str) -> None:
         plain = getattr(owner, method)
@@ -176,7 +176,7 @@ def count_products(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
 
     counting(Tableau, "refined", "refined")
     counting(Tableau, "build", "build")
-    counting(Walk, "_clear", "cleared")
+    counting(RoundOff, "remove", "removed")
     return counts
 
 
@@ -186,7 +186,7 @@ def test_only_what_round_off_has_spoilt_is_refined(monkeypatch: pytest.MonkeyPat
     _, record = condensed("strip_on_wall.toml", "mesh.contact_elements=300")
     assert record.n_events > 2000 and record.residual_max <= 1e-11
     assert counts["refined"] <= 0.05 * record.n_events
-    assert counts["cleared"] <= 0.1 * record.n_events
+    assert counts["removed"] <= 0.1 * record.n_events
     assert counts["build"] <= 6
 
 

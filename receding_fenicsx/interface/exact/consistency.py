@@ -1,0 +1,209 @@
+"""Consistent states: those in which no node on a limit is driven across it.
+
+At a reversal or after an event, nodes on a limit (friction limit, zero gap, zero pressure) may go
+either way. Whether a set of states is right is seen from its rates:
+
+1. All nodes whose rates violate their limit change state, after some rounds only the worst one.
+2. When a set of states returns, linear complementarity decides the nodes on limits.
+3. A free body that balances on its contact is moved to the middle of its play, and 2 is repeated.
+4. Otherwise an error says which continuation is missing.
+"""
+
+from __future__ import annotations
+
+from contextlib import suppress
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.interface.exact.accumulate import Sums
+from receding_fenicsx.interface.exact.failures import explain
+from receding_fenicsx.interface.exact.legs import PathPoint
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.rolling import middle
+from receding_fenicsx.interface.exact.segments import Segment, Segments, States
+from receding_fenicsx.interface.exact.tableau import A, B, V
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.lcp.contact import is_exhaustible, solve_states
+
+SIMULTANEOUS_ROUNDS = 3
+"""Rounds in which all violating nodes change state together; afterwards only the worst does."""
+
+LIMIT_APPROACH = 1e-9
+"""Part of the leg before the place where equilibrium ends within which the path ends there."""
+
+
+class ConsistentStates:
+    """Finds consistent states at the present point of a path."""
+
+    def __init__(
+        self,
+        segments: Segments,
+        point: PathPoint,
+        sums: Sums,
+        equilibrium_ends: float,
+    ) -> None:
+        """Prepare for one leg.
+
+        Args:
+            segments: rates in known sets of states.
+            point: present point of the path; its states and quantities on limits are changed.
+            sums: integrals along the leg.
+            equilibrium_ends: place on the leg beyond which there is no equilibrium.
+        """
+        self.segments, self.point, self.sums = segments, point, sums
+        self.equilibrium_ends = equilibrium_ends
+        a, b = point.problem.ends
+        self.direction = b - a
+        self._on_limit = segments.limit * point.problem.force_scale
+
+    def find(self, hit: int | None = None) -> Segment:
+        """Change states until no node on a limit is driven across it; return the rates.
+
+        Args:
+            hit: label of the quantity that has just reached its limit.
+
+        Raises:
+            SolveError: there are no such states.
+        """
+        segments, point = self.segments, self.point
+        before = point.state
+        point.state = state = before.copy()
+        seen = {state.tobytes()}
+        rounds = 0
+        if hit is not None:
+            self.change([hit])
+            seen.add(state.tobytes())
+        try:
+            while True:
+                segment = segments.at(state, self.direction)
+                violating = self.violations(segment)
+                if len(violating) == 0:
+                    return segment
+                rounds += 1
+                if rounds > SIMULTANEOUS_ROUNDS:
+                    badness = np.abs(segment.q[violating]) * segments.weight[violating]
+                    violating = violating[[int(np.argmax(badness))]]
+                self.change(violating.tolist())
+                if state.tobytes() in seen or rounds > len(state):
+                    return self._decide(before)
+                seen.add(state.tobytes())
+        except SingularExchange:
+            state[:] = before
+            return self._decide(before)
+
+    def violations(self, segment: Segment) -> NDArray[np.intp]:
+        """Return labels of quantities on their limit that are driven across it."""
+        fall = segment.falling
+        on_limit = fall[self.point.y[fall] <= self._on_limit[fall]]
+        if not len(segment.reversed_nodes):
+            return on_limit
+        return np.concatenate([segment.reversed_nodes, on_limit])
+
+    def change(self, labels: list[int]) -> None:
+        """Change the present states of the nodes whose labelled quantities are violated."""
+        state, y, on_limit = self.point.state, self.point.y, self._on_limit
+        n = len(state)
+        kinds_of: dict[int, int] = {}
+        for label in labels:
+            kind, i = divmod(label, n)
+            kinds_of[i] = kinds_of.get(i, 0) | 1 << kind
+        frictional = self.segments.frictional
+        for i, kinds in kinds_of.items():
+            old = int(state[i])
+            if not frictional[i]:
+                new = SEPARATION if old == STICK else STICK
+            elif old == SEPARATION:
+                new = STICK
+            elif old >= FORWARD:
+                new = STICK if kinds & 1 << V else SEPARATION
+            elif kinds == 1 << A:
+                new = FORWARD
+            else:
+                new = BACKWARD if kinds == 1 << B else SEPARATION
+            state[i] = new
+            # what the new states fix, and what is within round-off of its limit, is exactly zero
+            a, b = A * n + i, B * n + i
+            if new == SEPARATION or y[a] <= on_limit[a]:
+                y[a] = 0.0
+            if new == SEPARATION or y[b] <= on_limit[b]:
+                y[b] = 0.0
+
+    def error(
+        self, states: States, nodes: NDArray[np.intp] | None = None, exhausted: bool = False
+    ) -> SolveError:
+        """Return the error for a path that ends at the present point.
+
+        Args:
+            states: (N,) states on the way there.
+            nodes: those whose rates have no solution; all on a limit when left out.
+            exhausted: all sets of their states were tried.
+        """
+        scale = self.sums.force_scale
+        if nodes is None:
+            nodes = self.segments.undecided(self.point.y, states, scale).nodes
+        return explain(self.segments, self.point, states, scale, nodes, exhausted)
+
+    def _decide(self, before: States) -> Segment:
+        """Decide the nodes on limits by linear complementarity."""
+        point = self.point
+        if point.s >= self.equilibrium_ends - LIMIT_APPROACH:
+            raise self.error(before)
+        segment, exhausted = self._pivoted(before)
+        if segment is None and self._balance(before):
+            point.state[:] = before
+            with suppress(SingularExchange):  # the loads turn the body on
+                segment = self.segments.at(point.state, self.direction)
+            if segment is not None and len(self.violations(segment)):
+                segment, exhausted = self._pivoted(before)
+        if segment is None:
+            raise self.error(before, exhausted=exhausted)
+        return segment
+
+    def _pivoted(self, before: States) -> tuple[Segment | None, bool]:
+        """Solve the linear complementarity problem of the rates of nodes on limits.
+
+        Returns:
+            The rates, None without a solution; and whether all sets of states were tried.
+        """
+        segments, system, n = self.segments, self.segments.system, self.segments.system.n
+        undecided = segments.undecided(self.point.y, before, self.sums.force_scale)
+        free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
+        decided_open = (before == SEPARATION) & ~np.isin(np.arange(n), undecided.nodes)
+        open_n = np.flatnonzero(decided_open & ~system.held[n:])
+        open_t = np.flatnonzero(decided_open & segments.frictional)
+        free = np.concatenate([open_t, free_v, n + open_n])
+        try:
+            found = solve_states(system, self.direction @ system.r_star, undecided, free)
+        except np.linalg.LinAlgError:
+            return None, False
+        if found is None:
+            return None, is_exhaustible(undecided)
+        self.point.state[:] = np.where(found > 0, found, before)
+        try:
+            segment = segments.at(self.point.state, self.direction)
+        except SingularExchange:
+            return None, False
+        return (None if len(self.violations(segment)) else segment), False
+
+    def _balance(self, before: States) -> bool:
+        """Turn a body that balances on one node until nodes on both sides are equally far.
+
+        The loads do not determine to which side it leans.
+
+        Returns:
+            Whether the body can turn so.
+        """
+        system, point = self.segments.system, self.point
+        n, y = system.n, point.y
+        motions = self.segments.neutral(np.where(before == SEPARATION, before, STICK))
+        open_ = (before == SEPARATION) & ~system.held[n:]
+        turn = middle(motions, y[n : 2 * n], open_)
+        if turn is None:
+            return False
+        self.sums.add_up()
+        y[: 2 * n] += turn
+        y[n : 2 * n][~open_] = 0.0
+        self.sums.restart(point.s, y, before)
+        return True

@@ -1,0 +1,152 @@
+"""Legs to be followed, places on them, and legs joined from pieces."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
+
+Event = tuple[float, int, int, int]
+"""Place s on the leg, node, old state, new state."""
+
+
+@dataclass(frozen=True)
+class LegProblem:
+    """A leg to be followed from a given state, or a piece of a leg.
+
+    Attributes:
+        start: state at ``s_start``.
+        ends: (n_loads,) load factors at s = 0 and at s = 1.
+        force_scale: largest nodal force of the history so far.
+        samples: places s at which states are stored, increasing.
+        s_start: place at which ``start`` is.
+        part: where s = 0 and s = 1 lie on the leg of the history, for messages.
+        jumps: jumps on the leg of the history before this piece.
+    """
+
+    start: ContactState
+    ends: tuple[Array, Array]
+    force_scale: float
+    samples: tuple[float, ...] = ()
+    s_start: float = 0.0
+    part: tuple[float, float] = (0.0, 1.0)
+    jumps: int = 0
+
+    def load(self, s: float) -> Array:
+        """Return the (n_loads,) load factors at s."""
+        return (1.0 - s) * self.ends[0] + s * self.ends[1]
+
+    def place(self, s: float) -> float:
+        """Return where s lies on the leg of the history."""
+        return self.part[0] + s * (self.part[1] - self.part[0])
+
+    def piece(
+        self,
+        start: ContactState,
+        ends: tuple[Array, Array],
+        force_scale: float,
+        s: tuple[float, float],
+        jumps: int = 0,
+    ) -> LegProblem:
+        """Return a piece of this leg as a leg of its own.
+
+        Args:
+            start: state at its start.
+            ends: (n_loads,) load factors at its start and at its end.
+            force_scale: largest nodal force so far.
+            s: where it starts and ends on this leg.
+            jumps: jumps on this leg just before it.
+        """
+        part = self.place(s[0]), self.place(s[1])
+        total = self.jumps + jumps
+        return LegProblem(start, ends, force_scale, self.samples, part=part, jumps=total)
+
+
+@dataclass
+class PathPoint:
+    """Contact at one place of a leg, as the quantities of the event search; changed in place.
+
+    Attributes:
+        problem: the leg.
+        system: the condensed body in 2N form.
+        s: place on the leg.
+        y: (4N,) quantities [v, gap, A, B].
+        state: (N,) states; replaced, not changed in place, once a stop has been recorded.
+    """
+
+    problem: LegProblem
+    system: ContactSystem
+    s: float
+    y: Array
+    state: NDArray[np.int8]
+
+    @property
+    def load(self) -> Array:
+        """(n_loads,) load factors."""
+        return self.problem.load(self.s)
+
+    def contact_state(self) -> ContactState:
+        """Return displacements, states and reactions, the latter evaluated afresh."""
+        return self.extrapolated(self.s, self.y)
+
+    def extrapolated(self, s: float, y: Array) -> ContactState:
+        """Return the same for quantities ``y`` at another place, with the present states."""
+        n, g0 = self.system.n, self.system.g0
+        u = np.concatenate([y[:n], y[n : 2 * n] - g0])
+        r = reactions(self.system, self.problem.load(s), u)
+        return ContactState(u, r, self.state.copy())
+
+    def with_displacements(self, u: Array) -> ContactState:
+        """Return the same for other displacements (2N,)."""
+        return ContactState(u, reactions(self.system, self.load, u), self.state.copy())
+
+
+def evenly_spaced(samples: int) -> tuple[float, ...]:
+    """Return so many places on a leg, the last one at s = 1."""
+    return tuple(j / samples for j in range(1, samples + 1))
+
+
+def changes(s: float, old: NDArray[np.int8], new: NDArray[np.int8]) -> list[Event]:
+    """Return the events between two sets of states at one place of a leg."""
+    return [(s, int(i), int(old[i]), int(new[i])) for i in np.flatnonzero(old != new)]
+
+
+def unchanged(problem: LegProblem) -> Leg:
+    """Return a leg on which nothing changes."""
+    return Leg(
+        end=problem.start,
+        dissipation=np.zeros(len(problem.start.state)),
+        force_scale=problem.force_scale,
+        samples=[(s, problem.start) for s in problem.samples],
+    )
+
+
+def joined(first: Leg, second: Leg, s0: float, scale: float = 1.0) -> Leg:
+    """Return two successive legs as one.
+
+    Args:
+        first: leg up to s0; its own places are multiplied by ``scale``.
+        second: leg from s0 to 1, whose own places run from 0 to 1.
+        s0: place where they meet.
+        scale: s0 where the places of the first run from 0 to 1, 1 where they run from 0 to s0.
+    """
+
+    def late(s: float) -> float:
+        return s0 + s * (1.0 - s0)
+
+    return Leg(
+        end=second.end,
+        dissipation=first.dissipation + second.dissipation,
+        work=first.work + second.work,
+        residual=max(first.residual, second.residual),
+        force_scale=second.force_scale,
+        samples=[(s * scale, state) for s, state in first.samples]
+        + [(late(s), state) for s, state in second.samples],
+        events=[(s * scale, i, old, new) for s, i, old, new in first.events]
+        + [(late(s), i, old, new) for s, i, old, new in second.events],
+        jumps=[(s * scale, energy) for s, energy in first.jumps]
+        + [(late(s), energy) for s, energy in second.jumps],
+    )

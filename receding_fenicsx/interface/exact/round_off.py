@@ -1,0 +1,130 @@
+"""Round-off gathered along a leg: measured, removed, and its effect on displacements estimated.
+
+Each event adds round-off to the quantities y, so that displacements and forces drift apart. Their
+imbalance is measured from time to time and removed by one step of iterative refinement where it has
+grown.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from receding_fenicsx.interface.exact.accumulate import Sums
+from receding_fenicsx.interface.exact.legs import Event, PathPoint
+from receding_fenicsx.interface.exact.segments import EPSILON, Segments
+from receding_fenicsx.interface.residual import REACHABLE_AT_MOST, ROUND_OFFS, residual_at_rest
+from receding_fenicsx.interface.system import Array, ContactState
+
+MEASURING_INTERVAL = 16
+"""Events between two measurements of the imbalance at most; fewer while it grows fast."""
+
+IMBALANCE_TOLERANCE = 1e-12
+"""Imbalance of displacements and forces, over the force scale, above which it is removed."""
+
+IMBALANCE_GROWTH = 2.0
+"""Growth of the imbalance since the last refinement, as a factor, below which it is not removed."""
+
+SIGN_PATTERNS = 8
+"""Random sign patterns of round-off by which its effect on the displacements is estimated."""
+
+ESTIMATED_STATES = 64
+"""Last sets of states on a leg in which that effect is estimated."""
+
+INHERITED_RESIDUAL = 2.0
+"""Residual accepted over that of the leg's start, as a factor: stuck nodes keep its errors."""
+
+
+class RoundOff:
+    """Measures and removes the imbalance of a path between displacements and forces."""
+
+    def __init__(self, segments: Segments, point: PathPoint, sums: Sums) -> None:
+        """Start with nothing measured.
+
+        Args:
+            segments: of the condensed body.
+            point: present point of the path; its y is corrected.
+            sums: integrals along the leg, in which a correction does not count as slip.
+        """
+        self._segments, self._point, self._sums = segments, point, sums
+        self._events, self._interval = 0, MEASURING_INTERVAL
+        self._after_refinement = 0.0
+
+    def imbalance(self) -> float:
+        """Return the error between forces and displacements."""
+        return self._segments.imbalance(self._point.y, self._point.load)
+
+    def is_balanced(self) -> bool:
+        """Return whether the imbalance is below its tolerance."""
+        return not self.imbalance() > IMBALANCE_TOLERANCE * self._sums.force_scale
+
+    def count_event(self) -> None:
+        """Note an event; measure the imbalance when due.
+
+        To be called in the new states: in the old ones a refinement would assign the round-off of
+        all nodes on their limits to the one that has just reached its own.
+        """
+        self._events += 1
+        if self._events >= self._interval:
+            self.remove_if_grown()
+
+    def remove_if_grown(self) -> None:
+        """Remove the imbalance if it has grown; measure it the more often the faster it grows."""
+        self._events = 0
+        grown = self.imbalance() > max(
+            IMBALANCE_TOLERANCE * self._sums.force_scale, IMBALANCE_GROWTH * self._after_refinement
+        )
+        interval = self._interval // 2 if grown else 2 * self._interval
+        self._interval = min(max(interval, 1), MEASURING_INTERVAL)
+        if grown:
+            point = self._point
+            # the correction must not count as slip
+            self._sums.add_up()
+            self.remove()
+            self._sums.restart(point.s, point.y, point.state)
+
+    def remove(self) -> ContactState:
+        """Correct the displacements by one step of iterative refinement; return the state."""
+        point, segments = self._point, self._segments
+        n, now = segments.system.n, point.contact_state()
+        u = now.u + segments.tableau(point.state).correction(now.r)[: 2 * n]
+        refined = point.with_displacements(u)
+        point.y[:] = segments.values(refined)
+        self._after_refinement = self.imbalance()
+        return refined
+
+
+def displacement_uncertainty(
+    segments: Segments,
+    ends: tuple[ContactState, ContactState],
+    events: Iterable[Event],
+    force_scale: float,
+) -> float:
+    """Return the residual that round-off may leave in gaps and slips, over the force scale.
+
+    Displacements are uncertain by the response of the body to round-off of the reactions: in a
+    nearly singular body far more than the forces are. Stuck nodes keep the error of the start.
+
+    Args:
+        segments: of the condensed body.
+        ends: states at the leg's start and end.
+        events: changes of state on the leg.
+        force_scale: largest nodal force of the history so far.
+    """
+    n, weight = segments.system.n, segments.weight
+    reach: Array = np.abs(segments.system.K) @ np.max([np.abs(end.u) for end in ends], axis=0)
+    signs = np.random.default_rng(0).choice([-EPSILON, EPSILON], (SIGN_PATTERNS, 2 * n))
+    now = ends[0].state.copy()
+    met = {now.tobytes(): now.copy()}
+    for _, i, _, new in events:
+        now[i] = new
+        met[now.tobytes()] = now.copy()
+    largest = 0.0
+    for state in list(met.values())[-ESTIMATED_STATES:]:
+        tableau = segments.tableau(state)
+        for error in signs * reach:
+            change = tableau.correction(error)[: 2 * n] * weight[: 2 * n]
+            largest = max(largest, float(np.abs(change).max()))
+    inherited = INHERITED_RESIDUAL * residual_at_rest(segments.system, ends[0], force_scale)
+    return min(max(inherited, ROUND_OFFS * largest / force_scale), REACHABLE_AT_MOST)

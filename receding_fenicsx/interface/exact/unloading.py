@@ -1,0 +1,68 @@
+"""Complete unloading: all loads vanish, and the contact carries no force.
+
+Where all loads vanish on a free body without gaps, equilibrium gives P = Q = 0 and K u = 0: every
+node reaches all its limits at once, and no single set of states leads there. A leg that ends there
+is followed up to a small remaining load, and its end is set to the displacements at rest.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.law import STICK
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
+
+UNLOADED_FORCE = 1e-11
+"""Nodal force, over the largest so far, up to which a contact is unloaded: round-off."""
+
+UNLOADING_EVENTS = 1e-9
+"""Part of a leg before its end at no load within which changes of state are round-off."""
+
+REMAINING_LOAD = 1e-9
+"""Load, as a part of the leg's first load, at which a leg to complete unloading stops."""
+
+
+def carries_nothing(state: ContactState, force_scale: float) -> bool:
+    """Return whether all reactions are round-off."""
+    return float(np.abs(state.r).max(initial=0.0)) <= UNLOADED_FORCE * force_scale
+
+
+def is_at_rest(system: ContactSystem, load: Array) -> bool:
+    """Return whether all loads vanish on a contact that fits without gaps."""
+    return not np.any(load) and not np.any(system.g0)
+
+
+def stops_short(segments: Segments, load: Array) -> bool:
+    """Return whether a leg to this load has to stop at the remaining load."""
+    return is_at_rest(segments.system, load) and segments.lifts_freely
+
+
+def zero_crossing(ends: tuple[Array, Array]) -> float | None:
+    """Return the s inside a leg at which all loads vanish together, or None."""
+    a, b = ends
+    if np.array_equal(a, b):
+        return None
+    s = float(a @ (a - b)) / float((a - b) @ (a - b))
+    load = (1.0 - s) * a + s * b
+    vanishes = np.abs(load).max() <= REMAINING_LOAD * np.abs(a).max()
+    return s if 0.0 < s < 1.0 and vanishes else None
+
+
+def displacements_at_rest(segments: Segments, end: ContactState) -> Array:
+    """Return the (2N,) displacements of the unloaded body: the rigid sliding reached.
+
+    It is the mean of the stuck nodes; all others are still displaced by the remaining load, and by
+    round-off.
+
+    Args:
+        segments: of the condensed body.
+        end: state under the remaining load.
+    """
+    system, n = segments.system, segments.system.n
+    u = np.zeros(2 * n)
+    if segments.slides_freely:
+        stuck = segments.frictional & (end.state == STICK)
+        u[:n] = (end.v[stuck] if stuck.any() else end.v).mean()
+    u[:n][system.held[:n]] = end.v[system.held[:n]]
+    return u

@@ -1,0 +1,125 @@
+"""Leg that grows by accepted load steps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.interface.equilibrium import Limit
+from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump
+from receding_fenicsx.interface.exact.legs import Event, LegProblem, changes
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.gauss_seidel.sweeps import Step
+from receding_fenicsx.interface.residual import local_stiffness, relative_residual
+from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg
+
+
+class LegInSteps:
+    """Leg under way in load steps.
+
+    Attributes:
+        system: the condensed body in 2N form.
+        problem: the leg, from the state at its start.
+        limit: where equilibrium ends on the leg, None where it does not.
+        leg: what has been followed so far.
+    """
+
+    def __init__(self, system: ContactSystem, problem: LegProblem, limit: Limit | None) -> None:
+        """Start at the beginning of a leg."""
+        self.system, self.problem, self.limit = system, problem, limit
+        self.leg = Leg(
+            end=problem.start,
+            dissipation=np.zeros(system.n),
+            force_scale=problem.force_scale,
+        )
+
+    @property
+    def end(self) -> ContactState:
+        """State reached so far."""
+        return self.leg.end
+
+    def load(self, s: float) -> Array:
+        """Return the (n_loads,) load factors at s."""
+        return self.problem.load(s)
+
+    def rest(self, s: float, force_scale: float) -> LegProblem:
+        """Return the exact path's problem from the state reached, at s."""
+        return LegProblem(self.end, self.problem.ends, force_scale, s_start=s)
+
+    def check_equilibrium(self, s: float) -> None:
+        """Raise NoEquilibrium where equilibrium ends before s."""
+        if self.limit is not None and s > self.limit.s:
+            raise NoEquilibrium(self.limit.text)
+
+    def add(self, found: Step | Leg, part: tuple[float, float]) -> None:
+        """Add an accepted step, or a piece of the exact path, between two places."""
+        leg = self.leg
+        if isinstance(found, Leg):
+            leg.work += found.work
+        else:
+            mean = 0.5 * (self.load(part[0]) + self.load(part[1]))
+            leg.work += float(mean @ self.system.r_star @ (found.end.u - leg.end.u))
+        leg.events += seen_changes(found, leg.end, part[1], [part[0]])
+        leg.dissipation = leg.dissipation + found.dissipation
+        leg.residual = max(leg.residual, found.residual)
+        leg.force_scale = max(leg.force_scale, found.force_scale)
+        leg.end = found.end
+
+    def replace(self, found: Leg, s: float) -> None:
+        """Replace everything so far by the exact path from the start of the leg to s."""
+        leg = self.leg
+        leg.samples = found.samples
+        at_start = [event for event in leg.events if event[0] == 0.0]
+        stops = [place for place, _ in found.samples]
+        leg.events = at_start + seen_changes(found, self.problem.start, s, stops)
+        leg.dissipation, leg.work, leg.end = found.dissipation, found.work, found.end
+        leg.residual = max(leg.residual, found.residual)
+
+    def add_jump(
+        self, segments: Segments, part: tuple[float, float], on_jump: str, error: SolveError
+    ) -> None:
+        """Pass a jump, as the exact path does.
+
+        Args:
+            segments: of the condensed body.
+            part: places of the jump and of the state after it.
+            on_jump: "stop" raises ``error``, "static" passes the jump.
+            error: why the path ends.
+        """
+        if on_jump != "static" or not isinstance(error, NoQuasiStaticContinuation):
+            raise error
+        leg, system, load, start = self.leg, self.system, self.load(part[1]), self.end
+        check_jumps(len(leg.jumps), load)
+        jump = find_jump(segments, start, load, load)
+        leg.jumps.append((part[0], jump.released))
+        leg.work += jump.work
+        leg.events += changes(part[1], start.state, jump.end.state)
+        slip = (jump.end.u - start.u)[: system.n]
+        residual = relative_residual(
+            system, jump.end, slip, local_stiffness(system), leg.force_scale
+        )
+        leg.residual = max(leg.residual, residual)
+        leg.end = jump.end
+
+
+def seen_changes(
+    found: Step | Leg, start: ContactState, s: float, stops: list[float]
+) -> list[Event]:
+    """Return the changes of state of a step, at its end, or of the exact path, at their places.
+
+    Args:
+        found: step or exact path from ``start`` to ``s``.
+        start: state at its start.
+        s: its end.
+        stops: places of its start or of stored states; a change there is moved just beyond.
+    """
+    passed: list[Event] = []
+    if isinstance(found, Leg):
+        passed = [
+            (float(np.nextafter(e[0], 1.0)) if e[0] in stops else e[0], *e[1:])
+            for e in found.events
+        ]
+    state = start.state.copy()
+    for _, node, _, new in passed:
+        state[node] = new
+    return [*passed, *changes(s, state, found.end.state)]
