@@ -166,10 +166,11 @@ class EventPath:
                 raise NoEquilibrium(limit.text) from error
             if node is None:
                 raise
+            f = float(self.system.friction.mean[node])
             raise SolveError(
                 f"the exact path is lost on the way to load factors {b.tolist()}: the friction "
-                f"f = {float(self.system.friction.mean[node]):.2g} of node {node} is so small that its limit "
-                f"cannot be told from round-off; make it 0, or {LOW_FRICTION:.0e} at least"
+                f"f = {f:.2g} of node {node} is so small that its limit cannot be told from "
+                f"round-off; make it 0, or {LOW_FRICTION:.0e} at least"
             ) from error
         if limit is not None and limit.s < 1.0 - BEYOND_EQUILIBRIUM:
             # round-off of a vanishing stiffness has carried the loads
