@@ -183,7 +183,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "plot": ("pictures", "Draw all figures of a run and its report"),
         "snapshot": ("pictures", "Draw the body of a finished run at one instant"),
         "animate": ("pictures", "Make a film of one cycle of a finished run"),
-        "export": ("output.storage.export", "Write a load step in the layout of FCLIB"),
+        "export": ("output.storage.fclib", "Write a load step in the layout of FCLIB"),
     },
     "Known solutions": {
         "reference": ("reference:", "closed_forms, layer and ahn_barber (modules)"),

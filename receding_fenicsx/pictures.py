@@ -98,12 +98,11 @@ def animate(
         The files that were made, .mp4 and .gif, on rank 0; None on the others.
     """
     with drawing_modules():
-        from receding_fenicsx.output.snapshots import animation
-        from receding_fenicsx.output.snapshots import draw as snapshots
+        from receding_fenicsx.output.snapshots import animation, colours
     comm = comm or world()
     folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)
-    quantity = snapshots.quantity_of(stress)
+    quantity = colours.quantity_of(stress)
 
     def find() -> tuple[str, Any]:
         scene, system, record = _finished(folder)
@@ -146,6 +145,7 @@ def draw(
     if not body:
         return
     with drawing_modules():
+        from receding_fenicsx.output.snapshots import colours
         from receding_fenicsx.output.snapshots import draw as snapshots
 
     def choose() -> list[Instant]:
@@ -155,7 +155,7 @@ def draw(
     fine = picture_body(scene, comm)
     try:
         for instant in instants:
-            snapshots.snapshot(fine, instant, place / "snapshots", snapshots.IN_EVERY_RUN)
+            snapshots.snapshot(fine, instant, place / "snapshots", colours.DEFAULT_QUANTITIES)
     finally:
         fine.destroy()
 

@@ -244,7 +244,7 @@ def test_system_serves_scenes_of_the_same_body_and_no_others(tmp_path: Path) -> 
         with pytest.raises(InputError, match=f"another {named}; condense this scene again"):
             read_system(path, from_toml(BLOCK, [other]))
     write_system(path, system_of(""), overwrite=True)
-    with pytest.raises(InputError, match="made by hand"):
+    with pytest.raises(InputError, match="was not condensed from a scene"):
         read_system(path, from_toml(BLOCK))
 
 

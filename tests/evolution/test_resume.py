@@ -121,7 +121,7 @@ def test_finished_run_goes_on_for_more_cycles(shared_tmp_path: Path) -> None:
         assert is_finished(out, asked)
         record = read_record(out / "record.h5")
         assert set(record.samples.cycle) == {4} and len(record.cycles.dissipation) == 17
-    with pytest.raises(InputError, match=r"begun with another \[contact\] friction"):
+    with pytest.raises(InputError, match=r"a run with another \[contact\] friction"):
         study.run(
             small("contact.friction=0.2"), out, study.RunOptions(pictures=False, resume=True), comm
         )
@@ -149,7 +149,7 @@ def test_resuming_from_the_command_line(
     assert ("written to" in capsys.readouterr().out) == (comm.rank == 0)
     comm.Barrier()
     for extra, words in (
-        (["--set", "mesh.growth=1.2"], "begun with another [mesh] growth"),
+        (["--set", "mesh.growth=1.2"], "a run with another [mesh] growth"),
         (["--overwrite"], "give one of them"),
         (["--system", "x.h5"], "give one of them"),
     ):

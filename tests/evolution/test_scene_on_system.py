@@ -131,7 +131,7 @@ def test_what_is_neither_a_scene_nor_a_path_or_doubly_given_is_refused() -> None
     ):
         with pytest.raises(InputError, match="brings its own solver, output and initial slip"):
             evolve(body(), scene, **given)
-    with pytest.raises(InputError, match="was not condensed from a scene"):
+    with pytest.raises(InputError, match="made by hand, for no scene"):
         evolve(replace(body(), scene_toml=""), scene)
     smooth = condense(block("contact.friction=0.0"))
     assert smooth is not None

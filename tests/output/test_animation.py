@@ -16,14 +16,18 @@ from matplotlib.figure import Figure
 from PIL import Image
 
 from receding_fenicsx import evolve, read_scene, study
-from receding_fenicsx.bulk.fields import fields_at
+from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.evolution.collect import Instant
 from receding_fenicsx.evolution.replay import instant_of
+from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.snapshots import animation, layout
-from receding_fenicsx.output.snapshots.draw import quantity_of
+from receding_fenicsx.output.snapshots import animation, draw
+from receding_fenicsx.output.snapshots.colours import quantity_of
+from receding_fenicsx.output.snapshots.layout import RIGHT, Layout
+from receding_fenicsx.output.snapshots.page import Clock, _draw_clock, compose
 from receding_fenicsx.output.snapshots.view import View
 from receding_fenicsx.pictures import animate
 from receding_fenicsx.timing import Timer
@@ -43,13 +47,13 @@ def film(folder: Path) -> list[Path] | None:
 def test_film_shows_all_frames_with_the_states_and_the_loads(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawn: list[tuple[View, layout.Layout, layout.Clock]] = []
+    drawn: list[tuple[View, Layout, Clock]] = []
 
-    def note(view: View, page: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
-        drawn.append((view, page, clock))
-        return layout.compose(view, page, pixels, colours, clock)
+    def note(view: View, layout: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
+        drawn.append((view, layout, clock))
+        return compose(view, layout, pixels, colours, clock)
 
-    monkeypatch.setattr(animation, "compose", note)
+    monkeypatch.setattr(draw, "compose", note)
     made = film(shared_tmp_path / "run")
     if COMM.rank != 0:
         assert made is None
@@ -74,7 +78,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     assert width == pytest.approx(style.PAGE * animation.FILM_DPI, abs=2)
     assert width % 2 == height % 2 == 0
     frames = [np.frombuffer(frame, np.uint8).reshape(height, width, 3) for frame in reader]
-    assert len(frames) == FRAMES + animation.HELD
+    assert len(frames) == FRAMES + animation.LAST_FRAME_REPEATS
     # the last picture stands still, the ones before differ
     for a, b in pairwise(frames[:FRAMES]):
         assert np.abs(a.astype(int) - b).mean() > 1.0
@@ -107,14 +111,14 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
     bulk = bulk_of(scene, MPI.COMM_SELF, Timer())
     made = [fields_at(bulk, now.load, np.concatenate([now.v, now.state.w])) for now in instants]
     fields = [found for found in made if found is not None]
-    drawn: list[tuple[View, layout.Clock]] = []
+    drawn: list[tuple[View, Clock]] = []
 
     def note(view: View, layout: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
         drawn.append((view, clock))
         return Figure(figsize=(1.0, 1.0))
 
-    monkeypatch.setattr(animation, "compose", note)
-    monkeypatch.setattr(animation.renderer, "draw", lambda picture: None)
+    monkeypatch.setattr(draw, "compose", note)
+    monkeypatch.setattr(draw.renderer, "draw", lambda picture: None)
     film = animation.Scenario(instants, np.array([0.0, 0.5, 0.9]))
     animation.draw_frames(bulk, film, fields, quantity_of("max_shear"))
     bulk.destroy()
@@ -130,18 +134,40 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
         assert clock.tractions[1] >= largest
 
 
+def test_film_of_two_bodies_merges_no_vertices_of_both(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = read_scene(BLOCK.with_name("layer.toml"), ["mesh.contact_elements=16"])
+    bulk = bulk_of(scene, MPI.COMM_SELF, Timer())
+    free = np.zeros(len(bulk.contact.x))
+    state = ContactState(np.zeros(2 * len(free)), np.zeros(2 * len(free)), free.astype(np.int8) + 1)
+    rest = Instant(0, 0, 0.0, np.zeros(len(bulk.load_names)), free, state)
+    drawn: list[Fields] = []
+    monkeypatch.setattr(animation, "draw_frames", lambda b, film, fields, q: drawn.extend(fields))
+    monkeypatch.setattr(animation, "write_mp4", lambda *_: None)
+    monkeypatch.setattr(animation, "write_gif", lambda *_: None)
+    scenario = animation.Scenario([rest], np.array([0.0]))
+    animation.animate(bulk, scenario, quantity_of("von_mises"), tmp_path / "film")
+    whole = fields_at(bulk, rest.load, np.zeros(2 * len(free)))
+    bulk.destroy()
+    assert whole is not None and whole.body is not None
+    (found,) = drawn
+    assert list(found.stress) == ["von_mises"]
+    assert found.body is not None and np.array_equal(found.body, whole.body)
+
+
 @pytest.mark.parametrize("now", [0.0, 0.5, 1.0])
 def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
     time = np.array([0.0, 0.5, 1.0])
     load = np.array([[1.0, 0.5], [-1.0, 1.0], [1.0, 0.5]])
     here = np.array([np.interp(now, time, column) for column in load.T])
-    clock = layout.Clock(time, load, ("P", "Q"), now, here, (0.0, 1.0))
+    clock = Clock(time, load, ("P", "Q"), now, here, (0.0, 1.0))
     with mpl.rc_context(style.RC):
         # the size that the dial has on the page
         figure = Figure(figsize=(4.0, 3.0), dpi=200)
         canvas = FigureCanvasAgg(figure)
-        axes = figure.add_axes((0.5, 0.5, (layout.RIGHT - 0.45) / 4.0, 0.2))
-        layout._draw_clock(axes, clock)
+        axes = figure.add_axes((0.5, 0.5, (RIGHT - 0.45) / 4.0, 0.2))
+        _draw_clock(axes, clock)
         canvas.draw()
     dots = [line for line in axes.lines if line.get_marker() == "o"]
     assert len(dots) == 2

@@ -154,7 +154,7 @@ def test_run_of_another_scene_is_not_resumed(
 ) -> None:
     interrupt(tmp_path / "run")
     other = replace(BLOCK, **{table: replace(getattr(BLOCK, table), **change)})
-    with pytest.raises(InputError, match=f"begun with another {named}"):
+    with pytest.raises(InputError, match=f"a run with another {named}"):
         interrupt(tmp_path / "run", other, resume=True)
     for free in (
         replace(BLOCK, title="another"),
@@ -173,7 +173,7 @@ def test_differing_load_and_contact_are_named(tmp_path: Path) -> None:
         (replace(BLOCK, loads=(load, load)), "load"),
         (replace(BLOCK, contacts=(contact,)), r"\[contact\] friction"),
     ):
-        with pytest.raises(InputError, match=f"begun with another {named}"):
+        with pytest.raises(InputError, match=f"a run with another {named}"):
             interrupt(tmp_path / "run", other, resume=True)
 
 

@@ -25,9 +25,11 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.snapshots.draw import QUANTITIES, colours_of, scaled
-from receding_fenicsx.output.snapshots.layout import compose, layout_of
-from receding_fenicsx.output.snapshots.view import Arrows, Strip, View, view_of
+from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, scaled
+from receding_fenicsx.output.snapshots.layout import layout_of
+from receding_fenicsx.output.snapshots.load_arrows import Arrows
+from receding_fenicsx.output.snapshots.page import compose
+from receding_fenicsx.output.snapshots.view import Strip, View, view_of
 from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene.model import (
     Body,

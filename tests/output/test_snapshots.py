@@ -22,7 +22,8 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.snapshots.draw import QUANTITIES, colours_of, fringe_value, snapshot
+from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, fringe_value
+from receding_fenicsx.output.snapshots.draw import snapshot
 from receding_fenicsx.output.snapshots.render import Picture, Renderer, renderer
 from receding_fenicsx.output.snapshots.view import view_of
 from receding_fenicsx.pictures import picture_body

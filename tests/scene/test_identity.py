@@ -117,7 +117,7 @@ def test_run_is_gone_on_with_only_where_no_key_but_the_free_ones_differs(tmp_pat
         with pytest.raises(InputError) as caught:
             is_finished(out, other)
         named = f"[{table}] {last}" if table else key
-        assert f"begun with another {named};" in str(caught.value), key
+        assert f"a run with another {named};" in str(caught.value), key
     assert FREE < seen and len(seen) > 55
 
 

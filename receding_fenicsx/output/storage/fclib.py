@@ -54,7 +54,7 @@ def export(
         A line that describes the exported step.
 
     Raises:
-        InputError: the run, the system or the instant does not exist, or the file cannot be written.
+        InputError: run, system or instant does not exist, or the file cannot be written.
         SolveError: the step has no solution, or none was found.
     """
     check_file(out, overwrite)
@@ -82,14 +82,14 @@ def _step(
     cycle, name, at = where
     number = history.leg_number(path, name, cycle)
     if not 0.0 < at <= 1.0:
-        raise InputError(f"--at {at:g}: the end of a step must lie on its leg, 0 < s <= 1")
+        raise InputError(f"--at {at:g}: must lie on the leg, 0 < s <= 1")
     first = (cycle, number) == (0, 0)
     if first and scene.history.initial_slip is not None:
-        raise InputError("with initial_slip the first leg does not start from rest; choose a later leg")
+        raise InputError("initial_slip: the first leg does not start from rest; use a later leg")
     if since is None:
         since = 0.0 if first else max(0.0, at - 1.0 / scene.solver.steps_per_leg)
     if not 0.0 <= since < at:
-        raise InputError(f"--since {since:g}: the start of a step must lie in 0 <= s < {at:g}, its end")
+        raise InputError(f"--since {since:g}: must lie on the leg, 0 <= s < {at:g} (--at)")
     polyline = path.path if cycle == 0 else path.loop
     a, b = polyline[number], polyline[number + 1]
     start = state_at(record, system, path, scene.solver, (cycle, number, since)).state

@@ -136,7 +136,7 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
         n = len(system.x)
         size = n if system.kind == "normal" else 2 * n
         if system.K.shape != (size, size) or system.held.shape != (2 * n,):
-            raise InputError(f"{path}: its arrays have inconsistent shapes; condense the scene again")
+            raise InputError(f"{path}: arrays have inconsistent shapes; condense the scene again")
         stored, intact = _read(file, "digest"), _read(file, "checksum") == _checksum(values)
     if scene is not None:
         _check_scene(path, stored, system.scene_toml, scene)

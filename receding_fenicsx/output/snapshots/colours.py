@@ -1,0 +1,153 @@
+"""Stresses that pictures show, and their colours: colour maps, fringes, contour lines."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.ticker import MaxNLocator
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.system import Array
+from receding_fenicsx.output.snapshots.view import View
+
+MIN_FRINGES = 10
+"""Smallest number of isochromatic fringes between zero and the largest shear."""
+FRINGE_COLOURS = 4096
+"""Number of colours of a fringe pattern."""
+CLIPPED_AREA = 0.5
+"""Per cent of the area whose values may lie beyond either end of the colour bar: singular points
+would otherwise take most of its range."""
+NEGLIGIBLE_STRESS = 0.02
+"""Part of the largest absolute value below which the field does not affect the colour range."""
+CONTOURS = 9
+"""Approximate number of contour lines."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A stress as pictures show it.
+
+    Attributes:
+        name: key in :attr:`Fields.stress`.
+        symbol: its symbol as mathematics.
+        colours: name of a colour map; if ``signed``, its middle is zero stress.
+        signed: the sign has a meaning.
+        fringes: shown as light and dark fringes.
+    """
+
+    name: str
+    symbol: str
+    colours: str = "RdBu_r"
+    signed: bool = True
+    fringes: bool = False
+
+
+QUANTITIES = (
+    Quantity("von_mises", r"\sigma_\mathrm{Mises}", "viridis", signed=False),
+    Quantity("sxx", r"\sigma_{xx}"),
+    Quantity("syy", r"\sigma_{yy}"),
+    Quantity("sxy", r"\sigma_{xy}"),
+    Quantity("max_shear", r"2\tau_\mathrm{max}", signed=False, fringes=True),
+)
+DEFAULT_QUANTITIES = tuple(q for q in QUANTITIES if q.name in ("von_mises", "max_shear"))
+"""Stresses that every run draws; a picture takes about half a second."""
+
+
+def quantity_of(name: str) -> Quantity:
+    """Return the stress with this name.
+
+    Raises:
+        InputError: the name is unknown.
+    """
+    found = [quantity for quantity in QUANTITIES if quantity.name == name]
+    if not found:
+        known = ", ".join(quantity.name for quantity in QUANTITIES)
+        raise InputError(f"stress '{name}': is unknown; use one of {known}")
+    return found[0]
+
+
+@dataclass(frozen=True)
+class Colours:
+    """Colours of a field.
+
+    Attributes:
+        limits: values of the first and the last colour.
+        table: (k, 3 or 4) colours in [0, 1].
+        label: label of the colour bar.
+        note: stress of one fringe, or "".
+        extend: where values lie beyond the limits: "neither", "min", "max" or "both".
+    """
+
+    limits: tuple[float, float]
+    table: Array
+    label: str
+    note: str
+    extend: str
+
+
+def scaled(view: View, quantity: Quantity) -> Array:
+    """Return a stress of a view; for fringes 2 tau_max, the difference of principal stresses."""
+    return view.stress[quantity.name] * (2.0 if quantity.fringes else 1.0)
+
+
+def colours_of(
+    values: Array, quantity: Quantity, pressure_symbol: str, areas: Array | None = None
+) -> tuple[Colours, Array]:
+    """Choose the colours and the contour lines of a field.
+
+    Args:
+        values: (n,) field at the vertices.
+        quantity: the stress.
+        pressure_symbol: symbol of the pressure that it is divided by; "" for none.
+        areas: (n,) area of each vertex; equal areas by default.
+
+    Returns:
+        The colours, and the values of the contour lines (none for fringes).
+    """
+    # a large body is almost free of stress far from its load
+    stressed = np.abs(values) > NEGLIGIBLE_STRESS * np.abs(values).max(initial=0.0)
+    weights = np.ones(len(values)) if areas is None else areas
+    parts = np.array([CLIPPED_AREA, 100.0 - CLIPPED_AREA]) / 100
+    low, high = _quantiles(values[stressed], weights[stressed], parts)
+    divided = f"/{pressure_symbol}" if pressure_symbol else ""
+    label = f"${quantity.symbol}{divided}$"
+    if quantity.fringes:
+        fringe = fringe_value(high)
+        limits = (0.0, max(float(values.max()), fringe))
+        order = np.linspace(0.0, limits[1] / fringe, FRINGE_COLOURS)
+        grey = np.cos(np.pi * order) ** 2
+        note = f"one fringe {fringe:g}" + (rf"$\,{pressure_symbol}$" if pressure_symbol else "")
+        table = np.stack([grey] * 3, axis=1)
+        return Colours(limits, table, label, note, "neither"), np.empty(0)
+    # zero is always part of the range
+    low, high = min(low, 0.0), max(high, 0.0)
+    largest = max(-low, high) or 1.0
+    if high - low == 0.0:
+        high = largest
+    part = np.linspace(low, high, 256) / largest
+    table = mpl.colormaps[quantity.colours](0.5 + 0.5 * part if quantity.signed else part)
+    above, below = values.max() > high, values.min() < low
+    extend = {(0, 0): "neither", (1, 0): "max", (0, 1): "min", (1, 1): "both"}
+    colours = Colours((low, high), table, label, "", extend[int(above), int(below)])
+    return colours, np.asarray(MaxNLocator(CONTOURS).tick_values(low, high))
+
+
+def _quantiles(values: Array, weights: Array, parts: Array) -> tuple[float, float]:
+    """Return two weighted quantiles of values; zeros if there are none."""
+    if not len(values):
+        return 0.0, 0.0
+    order = np.argsort(values, kind="stable")
+    below = np.cumsum(weights[order]) - 0.5 * weights[order]
+    low, high = np.interp(parts * weights.sum(), below, values[order])
+    return float(low), float(high)
+
+
+def fringe_value(largest: float) -> float:
+    """Return a round stress of one fringe with at least ``MIN_FRINGES`` up to the largest value."""
+    if largest <= 0.0:
+        return 1.0
+    power = 10.0 ** np.floor(np.log10(largest / MIN_FRINGES))
+    steps = [step * power for step in (1.0, 2.0, 5.0)]
+    return float(max(step for step in steps if step * MIN_FRINGES <= largest * (1.0 + 1e-9)))

@@ -1,0 +1,195 @@
+"""Page of a picture: rendered field, marks, tractions, colour bar, captions, loads of a film."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import ListedColormap, Normalize
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from receding_fenicsx.interface.measures.zones import zones
+from receding_fenicsx.interface.system import Array
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.units import position_label
+from receding_fenicsx.output.snapshots.body_marks import draw_loads, draw_outlines, draw_states
+from receding_fenicsx.output.snapshots.colours import Colours
+from receding_fenicsx.output.snapshots.layout import RIGHT, Layout
+from receding_fenicsx.output.snapshots.render import Pixels
+from receding_fenicsx.output.snapshots.view import View
+
+Box = tuple[float, float, float, float]
+"""Left, bottom, width and height in inches."""
+TICK_SPACING = 0.18
+"""Smallest distance in inches of the labels of a colour bar."""
+MAX_TICKS = 6
+"""Largest number of labels of a colour bar."""
+CLOCK_MARGIN = 0.12
+"""Room left and right of the curves of the loads in a film, over their length."""
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Position of a picture in a film, and what is the same in all pictures of the film.
+
+    Attributes:
+        time: (n,) time of the film's pictures, from 0 to 1.
+        load: (n, n_loads) load factors at these times, each over its largest value.
+        names: names of the loads as mathematics.
+        now: time of this picture.
+        now_load: (n_loads,) load factors of this picture, each over its largest value.
+        tractions: limits of the axis of the tractions in all pictures.
+        legend: place of the legend of the tractions in all pictures.
+    """
+
+    time: Array
+    load: Array
+    names: tuple[str, ...]
+    now: float
+    now_load: Array
+    tractions: tuple[float, float]
+    legend: str = "upper right"
+
+
+def compose(
+    view: View, layout: Layout, pixels: Pixels, colours: Colours, clock: Clock | None = None
+) -> Figure:
+    """Draw the page around the rendered field.
+
+    Args:
+        view: body and contact at the instant.
+        layout: layout of the page.
+        pixels: the rendered field.
+        colours: its colours.
+        clock: position in a film; None for a single picture.
+
+    Returns:
+        The page.
+    """
+    figure = Figure(figsize=(layout.width, layout.height), dpi=layout.dpi)
+    body = _axes_at(figure, layout.body)
+    body.imshow(pixels, extent=layout.window, interpolation="antialiased", aspect="auto", zorder=1)
+    body.set_xlim(layout.window[0], layout.window[1])
+    body.set_ylim(layout.window[2], layout.window[3])
+    body.set_axis_off()
+    draw_outlines(body, view)
+    draw_states(body, view)
+    draw_loads(body, view)
+    _draw_tractions(_axes_at(figure, layout.tractions), view, layout, clock)
+    if clock is not None:
+        left, bottom, width, height = layout.tractions
+        box = (left + width + 0.22, bottom, RIGHT - 0.45, height)
+        _draw_clock(_axes_at(figure, box), clock)
+    _draw_colour_bar(figure, view, layout, colours)
+    _write_captions(figure, view, layout, colours.note)
+    return figure
+
+
+def _axes_at(figure: Figure, box: Box) -> Axes:
+    """Add axes in a box of a page."""
+    page = figure.get_size_inches()
+    left, bottom, width, height = (a / b for a, b in zip(box, (*page, *page), strict=True))
+    return figure.add_axes((left, bottom, width, height))
+
+
+def _draw_colour_bar(figure: Figure, view: View, layout: Layout, colours: Colours) -> None:
+    """Draw the colour bar beside the body, as high as the body."""
+    left, foot, width, height = layout.body
+    *_, bottom, top = layout.window
+    scale = height / (top - bottom)
+    ends = np.clip([view.moved[:, 1].min(), view.moved[:, 1].max()], bottom, top)
+    base, tall = foot + scale * float(ends[0] - bottom), scale * float(ends[1] - ends[0])
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(*colours.limits), ListedColormap(colours.table.tolist())),
+        cax=_axes_at(figure, (left + width + 0.1, base, 0.13, tall)),
+        label=colours.label,
+        extend=colours.extend,
+        extendfrac=0.03,
+    )
+    # labels of a flat body's colour bar would overlap
+    labels = min(max(int(tall / TICK_SPACING), 1), MAX_TICKS)
+    bar.locator = MaxNLocator(labels, steps=[1, 2, 2.5, 5, 10])
+    bar.update_ticks()
+    bar.ax.tick_params(direction="out", right=True)
+
+
+def _write_captions(figure: Figure, view: View, layout: Layout, note: str) -> None:
+    """Write instant and exaggeration above the body, the legend of the states below the page."""
+    left, _, width, _ = layout.body
+    top = 1.0 - 0.08 / layout.height
+    begin, end = left / layout.width, (left + width) / layout.width
+    figure.text(begin, top, view.caption, ha="left", va="top")
+    moved = f"displacements × {view.factor:g}"
+    moved = f"{note}, {moved}" if note else moved
+    figure.text(end, top, moved, ha="right", va="top", color=style.INK_OF_GUIDES)
+    figure.legend(
+        handles=style.state_patches([1, 2, 3, 4] if view.friction else [1, 2], view.friction),
+        loc="lower center",
+        bbox_to_anchor=(0.5 * (begin + end), 0.0),
+        ncols=4,
+        columnspacing=1.6,
+    )
+
+
+def _draw_clock(axes: Axes, clock: Clock) -> None:
+    """Draw the loads over the film's time, with a dot at the time of the picture."""
+    for k, name in enumerate(clock.names):
+        colour = "black" if len(clock.names) == 1 else style.SERIES_COLOURS[k % 6]
+        axes.plot(clock.time, clock.load[:, k], color=colour, lw=0.9, label=name)
+        axes.plot(clock.now, clock.now_load[k], "o", color=colour, ms=5.0, clip_on=False)
+    # keep the dots clear of the numbers at the axis
+    axes.set_xlim(-CLOCK_MARGIN, 1.0 + CLOCK_MARGIN)
+    axes.set_xticks([])
+    low, high = min(0.0, float(clock.load.min())), max(0.0, float(clock.load.max()))
+    room = 0.06 * (high - low)
+    axes.set_ylim(low - room, high + room)
+    axes.yaxis.tick_right()
+    axes.set_yticks(sorted({low, high}))
+    axes.tick_params(left=False, pad=2.0)
+    if len(clock.names) == 1:
+        # a word is wider than these axes
+        between = "\n" if r"\mathrm" in clock.names[0] else " "
+        axes.set_xlabel(f"{clock.names[0]}{between}over time", labelpad=3.0)
+    else:
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), fontsize=7.0, labelspacing=0.2)
+
+
+def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None) -> None:
+    """Draw p, q and the friction limits along the first contact edge.
+
+    Below a horizontal edge each position stands under its place in the picture.
+    """
+    known = np.isfinite(view.p)
+    divided = f"/{view.pressure_symbol}" if view.pressure_symbol else ""
+    axes.axhline(0.0, color="black", lw=0.4)
+    limit = (view.f * view.p)[known]
+    curves = [(view.p, style.PRESSURE_COLOUR, "p")]
+    if view.friction:
+        curves.append((view.q, style.SHEAR_COLOUR, "q"))
+        axes.fill_between(view.x[known], -limit, limit, **style.CONE)
+    for _, begin, _ in zones(view.x, view.state)[1:]:
+        axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
+    for values, colour, name in curves:
+        axes.plot(view.x[known], values[known], color=colour, label=f"${name}{divided}$")
+    if clock is None:
+        others = np.concatenate([view.q[known], limit, -limit])
+        axes.set_ylim(*style.focus(view.p[known], others))
+    else:
+        axes.set_ylim(*clock.tractions)
+    strip = view.strips[0]
+    if abs(strip.normal[1]) == 1.0:
+        shown = (np.array(layout.window[:2]) - strip.place[0, 0]) / strip.direction[0] + strip.x[0]
+        axes.set_xlim(shown[0], shown[1])
+    else:
+        axes.set_xlim(strip.x[0], strip.x[-1])
+    # one place in all pictures of a film
+    place = "best" if clock is None else clock.legend
+    axes.legend(loc=place, borderaxespad=0.2, handlelength=1.2)  # type: ignore[call-overload]
+    label = position_label(view.length_symbol, view.axisymmetric)
+    which = f" on {view.strips[0].name}" if len(view.strips) > 1 else ""
+    axes.set_xlabel(label + which, labelpad=1.0)
+    axes.set_ylabel(",  ".join(f"${name}{divided}$" for *_, name in curves))
+    style.ticks(axes.yaxis, 5)
