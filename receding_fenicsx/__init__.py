@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.evolution.record import Record as Record
     from receding_fenicsx.evolution.replay import instant_of as instant_of
     from receding_fenicsx.evolution.replay import state_at as state_at
+    from receding_fenicsx.evolution.solvers import SOLVERS as SOLVERS
     from receding_fenicsx.interface.law import STATE_NAMES as STATE_NAMES
     from receding_fenicsx.interface.law import State as State
     from receding_fenicsx.interface.measures.tractions import traction_at as traction_at
@@ -58,8 +59,10 @@ if TYPE_CHECKING:
     from receding_fenicsx.interface.measures.zones import contact_half_width as contact_half_width
     from receding_fenicsx.interface.measures.zones import stick_half_width as stick_half_width
     from receding_fenicsx.interface.measures.zones import zones as zones
+    from receding_fenicsx.interface.solver import Solver as Solver
     from receding_fenicsx.interface.system import ContactState as ContactState
     from receding_fenicsx.interface.system import ContactSystem as ContactSystem
+    from receding_fenicsx.interface.system import Leg as Leg
     from receding_fenicsx.interface.system import friction_margin as friction_margin
     from receding_fenicsx.interface.system import reactions as reactions
     from receding_fenicsx.mpi import given as given
@@ -151,6 +154,9 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "run": ("study", "Run a scene: mesh, condense, evolve, write files and pictures"),
         "RunOptions": ("study", "What a run writes and draws, and what it starts from"),
         "evolve": ("evolution.evolve", "Follow a history on a condensed system"),
+        "Solver": ("interface.solver", "Protocol of a solver: follows one leg after another"),
+        "SOLVERS": ("evolution.solvers", "Solvers by their names in [solver] method"),
+        "Leg": ("interface.system", "What a solver returns for a leg"),
         "Record": ("evolution.record", "Results: turning points, samples, events, cycles"),
         "read_record": ("output.storage.hdf5", "Read a Record from an HDF5 file"),
         "write_record": ("output.storage.hdf5", "Write a Record to an HDF5 file"),
@@ -208,6 +214,7 @@ _NAMES = {name: entry for group in _PUBLIC.values() for name, entry in group.ite
 
 __all__ = [
     "HEADLINE_NAMES",
+    "SOLVERS",
     "STATE_NAMES",
     "Body",
     "Contact",
@@ -217,6 +224,7 @@ __all__ = [
     "HistoryOptions",
     "InputError",
     "Interrupted",
+    "Leg",
     "Load",
     "Material",
     "MeshOptions",
@@ -229,6 +237,7 @@ __all__ = [
     "RunOptions",
     "Scene",
     "SolveError",
+    "Solver",
     "SolverOptions",
     "State",
     "Support",
