@@ -1,4 +1,4 @@
-"""Evolution with a journal: progress, a record that survives signals, going on from checkpoints."""
+"""Evolution with a journal: progress, records of interrupted runs, resuming from checkpoints."""
 
 from __future__ import annotations
 
@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 from receding_fenicsx.errors import Interrupted, SolveError
 from receding_fenicsx.evolution.collect import record_of
-from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
+from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.storage import hdf5, summary_file
@@ -26,8 +27,8 @@ log = logging.getLogger(__name__)
 
 INTERRUPTED = 130
 """Exit code after Ctrl-C, 128 + SIGINT."""
-PACE_CYCLES = 20
-"""Cycles that the time left is estimated from."""
+RECENT_CYCLES = 20
+"""Number of last cycles from which the remaining time is estimated."""
 
 
 def run_history(
@@ -36,13 +37,13 @@ def run_history(
     folder: Path | None,
     say: Callable[[str], None] | None = None,
 ) -> tuple[Record, SolveError | None]:
-    """Evolve a scene's history, going on from the folder's last checkpoint if it has one.
+    """Evolve a scene's history, from the last checkpoint in the folder if there is one.
 
     Args:
         scene: the scene.
         system: its condensed system.
-        folder: where the run lives; None keeps nothing.
-        say: told how far it is.
+        folder: folder of the journal; None keeps no journal.
+        say: called with the progress.
 
     Returns:
         The record, and the error that ended the history early if one did.
@@ -55,24 +56,24 @@ def run_history(
     journal: Journal = Journal(every)
     if folder is not None:
         journal = JournalFile(folder / JOURNAL, system, every)
-        if journal.passed:
-            log.info("goes on from the checkpoint after cycle %d", len(journal.passed) - 1)
+        if journal.cycles:
+            log.info("resumes from the checkpoint after cycle %d", len(journal.cycles) - 1)
     try:
-        record = evolve(system, scene, progress=_Pace(say), journal=journal)
+        return continue_history(problem_of_scene(system, scene), journal, _Pace(say)), None
     except SolveError as error:
-        # nothing of a history that fails at its very first load is worth keeping
+        # a history that fails in its very first leg leaves nothing worth keeping
         if not isinstance(error.record, Record) or not len(error.record.turning_points.s):
             raise
         record, error.record = error.record, None
         return record, error
     except (KeyboardInterrupt, SystemExit) as signalled:
-        done = len(journal.passed) - 1
-        if folder is None or done < 0:
+        if folder is None or not journal.cycles:
             raise
         code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
-        text = f"interrupted after cycle {done} of {history.from_scene(scene).cycles}"
+        last, cycles = len(journal.cycles) - 1, history.from_scene(scene).cycles
+        text = f"interrupted after cycle {last} of {cycles}"
         journal.write()
-        record = record_of(system, scene.solver, journal.passed)
+        record = record_of(system, scene.solver, journal.cycles)
         hdf5.write_record(folder / "record.h5", record, overwrite=True)
         brief = summary.summarise(record, {"failure": text})
         summary_file.write_summary(folder / "summary.json", brief, overwrite=True)
@@ -82,31 +83,30 @@ def run_history(
     finally:
         journal.write()
         journal.close()
-    return record, None
 
 
 class _Pace:
-    """Says and logs how far the evolution is, and how long the rest may take."""
+    """Progress of the evolution: cycles done, and an upper estimate of the remaining time."""
 
     def __init__(self, say: Callable[[str], None] | None) -> None:
         self.say = say
-        self.times = deque([time.monotonic()], maxlen=PACE_CYCLES + 1)
+        self.times = deque([time.monotonic()], maxlen=RECENT_CYCLES + 1)
 
     def __call__(self, cycle: int, cycles: int, message: str) -> None:
-        """Take note of a finished cycle."""
+        """Log a finished cycle and tell the progress."""
         self.times.append(time.monotonic())
         log.info("cycle %d of %d: %s", cycle, cycles, message)
         if self.say is None:
             return
         a_cycle = (self.times[-1] - self.times[0]) / (len(self.times) - 1)
         left = duration(a_cycle * (cycles - cycle))
-        # the terminal's one line holds the counts and the time; the rest is logged
+        # the terminal has one line for the counts and the time; the rest is logged
         events = message.partition(",")[0]
         self.say(f"evolve: cycle {cycle} of {cycles}, {events}, {left} left at most")
 
 
 def duration(seconds: float) -> str:
-    """Return a duration in the unit that suits it."""
+    """Return a duration in seconds, minutes or hours, depending on its length."""
     if seconds < 100.0:
         return f"{seconds:.0f} s"
     if seconds < 6000.0:

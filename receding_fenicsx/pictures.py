@@ -13,7 +13,7 @@ import numpy as np
 from receding_fenicsx import mpi
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.mpi import world

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.instants import Instant, instant, rest_state
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import SLIP_SIGN, State
@@ -60,7 +60,7 @@ def state_at(
     if s == 1.0 or (s == 0.0 and row > 0):
         state = turning_point(record, system, row if s == 1.0 else row - 1)
     else:
-        start, scale = _rest(system), 0.0
+        start, scale = rest_state(system), 0.0
         if row > 0:
             start = turning_point(record, system, row - 1)
             scale = float(max(np.abs(table.P[:row]).max(), np.abs(table.Q[:row]).max()))
@@ -70,10 +70,7 @@ def state_at(
             steps = max(1, math.ceil(s * solver.steps_per_leg))
             tracer = make_solver(model, replace(solver, steps_per_leg=steps))
             state = tracer.trace_leg(start, (a, load), scale).end
-    v = state.v
-    if system.slip_map is not None:
-        v = system.slip_map @ np.concatenate([state.w, load])
-    return Instant(cycle, leg, s, load, v, state)
+    return instant(system, where, load, state)
 
 
 def turning_point(record: Record, system: ContactSystem, row: int) -> ContactState:
@@ -95,12 +92,6 @@ def turning_point(record: Record, system: ContactSystem, row: int) -> ContactSta
     slips = SLIP_SIGN[state] != 0.0
     Q[slips] = (-system.friction.at_slip(state) * P)[slips]
     return ContactState(u, r, state.astype(np.int8))
-
-
-def _rest(system: ContactSystem) -> ContactState:
-    n = system.n
-    state = np.where(system.g0 > 0.0, State.SEPARATION, State.STICK).astype(np.int8)
-    return ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
 
 
 def instant_of(

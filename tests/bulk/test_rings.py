@@ -18,8 +18,8 @@ from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.meshing import _raw, contact_nodes_of
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.collect import Instant
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.system import Array, ContactState
 from receding_fenicsx.mpi import on_root

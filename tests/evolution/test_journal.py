@@ -13,8 +13,9 @@ from small import cyclic, small_system
 
 from receding_fenicsx.errors import InputError, NoEquilibrium, RecedingError
 from receding_fenicsx.evolution import journal as journal_module
-from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.evolve import Progress, continue_history, evolve
 from receding_fenicsx.evolution.journal import Journal, JournalFile, is_checkpoint
+from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
@@ -47,6 +48,19 @@ def equal(a: object, b: object, place: str = "record") -> None:
         assert a == b, place
 
 
+def play(
+    system: ContactSystem,
+    history: History,
+    solver: SolverOptions | None = None,
+    output: OutputOptions | None = None,
+    *,
+    journal: Journal,
+    progress: Progress | None = None,
+) -> Record:
+    """Evolve a history from the end of a journal."""
+    return continue_history(problem_of_history(system, history, solver, output), journal, progress)
+
+
 def kill_after(cycle: int):  # type: ignore[no-untyped-def]
     def progress(number: int, cycles: int, message: str) -> None:
         if number == cycle:
@@ -66,7 +80,7 @@ def interrupted(
     """Evolve until killed after a cycle; return the journal opened again."""
     with pytest.raises(Killed):
         journal = JournalFile(path, system, every)
-        evolve(system, history, solver, progress=kill_after(cycle), journal=journal)
+        play(system, history, solver, progress=kill_after(cycle), journal=journal)
     journal.close()
     return JournalFile(path, system, every)
 
@@ -79,7 +93,7 @@ def test_run_gone_on_with_has_samples_of_the_cycles_that_are_asked_for_then(
     undisturbed = evolve(BLOCK, cyclic(14), solver, wanted)
     journal = interrupted(tmp_path / "journal", 10, cyclic(14), solver=solver)
     # of the finished cycles 0, 1, 2 and 9 were kept
-    record = evolve(BLOCK, cyclic(14), solver, wanted, journal=journal)
+    record = play(BLOCK, cyclic(14), solver, wanted, journal=journal)
     for table in ("samples", "events"):
         one, other = getattr(record, table), getattr(undisturbed, table)
         assert list(dict.fromkeys(one.cycle)) == [0, 4, 9, 13]
@@ -89,17 +103,17 @@ def test_run_gone_on_with_has_samples_of_the_cycles_that_are_asked_for_then(
         one, other = getattr(record.samples, name), getattr(undisturbed.samples, name)
         assert np.abs(one - other).max() <= 1e-11 * np.abs(other).max(), name
     # asking for them leaves no trace in the path
-    equal(record.cycles, evolve(BLOCK, cyclic(14), solver, journal=Journal(5)).cycles)
+    equal(record.cycles, play(BLOCK, cyclic(14), solver, journal=Journal(5)).cycles)
 
 
 @pytest.mark.parametrize("killed", [1, 5, 14, 23])
 def test_exact_path_gone_on_with_is_the_undisturbed_one_in_every_bit(
     tmp_path: Path, killed: int
 ) -> None:
-    undisturbed = evolve(BLOCK, cyclic(24), journal=Journal(5))
+    undisturbed = play(BLOCK, cyclic(24), journal=Journal(5))
     journal = interrupted(tmp_path / "journal", killed, cyclic(24))
-    assert len(journal.passed) == 5 * (killed // 5) + 1
-    equal(evolve(BLOCK, cyclic(24), journal=journal), undisturbed)
+    assert len(journal.cycles) == 5 * (killed // 5) + 1
+    equal(play(BLOCK, cyclic(24), journal=journal), undisturbed)
 
 
 @pytest.mark.parametrize("killed", [2, 7])
@@ -107,46 +121,46 @@ def test_gauss_seidel_gone_on_with_is_the_undisturbed_one_in_every_bit(
     tmp_path: Path, killed: int
 ) -> None:
     small = block_system(16, 8)
-    undisturbed = evolve(small, cyclic(8), GAUSS_SEIDEL, journal=Journal(3))
+    undisturbed = play(small, cyclic(8), GAUSS_SEIDEL, journal=Journal(3))
     journal = interrupted(tmp_path / "journal", killed, cyclic(8), small, GAUSS_SEIDEL, 3)
-    equal(evolve(small, cyclic(8), GAUSS_SEIDEL, journal=journal), undisturbed)
+    equal(play(small, cyclic(8), GAUSS_SEIDEL, journal=journal), undisturbed)
 
 
 def test_run_killed_again_and_again_until_steady_ends_the_same(tmp_path: Path) -> None:
     history = replace(cyclic(500), until_steady=True)
-    undisturbed = evolve(BLOCK, history, journal=Journal(5))
+    undisturbed = play(BLOCK, history, journal=Journal(5))
     assert undisturbed.steady.reached
     for killed in range(8, undisturbed.steady.cycle, 9):
         interrupted(tmp_path / "journal", killed, history).close()
     journal = JournalFile(tmp_path / "journal", BLOCK, 5)
-    equal(evolve(BLOCK, history, journal=journal), undisturbed)
+    equal(play(BLOCK, history, journal=journal), undisturbed)
 
 
 def test_nearly_incompressible_body_is_gone_on_with_to_the_bit(tmp_path: Path) -> None:
     stiff = block_system(40, 20, poisson=0.4999)
-    undisturbed = evolve(stiff, cyclic(12), journal=Journal(5))
+    undisturbed = play(stiff, cyclic(12), journal=Journal(5))
     journal = interrupted(tmp_path / "journal", 11, cyclic(12), stiff)
-    equal(evolve(stiff, cyclic(12), journal=journal), undisturbed)
+    equal(play(stiff, cyclic(12), journal=journal), undisturbed)
 
 
 def test_frictionless_contact_is_gone_on_with_in_its_normal_form(tmp_path: Path) -> None:
     from receding_fenicsx.interface.normal_form import eliminate_tangential
 
     normal = eliminate_tangential(block_system(16, 8, f=0.0))
-    undisturbed = evolve(normal, cyclic(9), journal=Journal(5))
+    undisturbed = play(normal, cyclic(9), journal=Journal(5))
     journal = interrupted(tmp_path / "journal", 7, cyclic(9), normal)
-    equal(evolve(normal, cyclic(9), journal=journal), undisturbed)
+    equal(play(normal, cyclic(9), journal=journal), undisturbed)
 
 
 def test_more_cycles_go_on_from_a_finished_run(tmp_path: Path) -> None:
-    undisturbed = evolve(BLOCK, cyclic(17), journal=Journal(5))
+    undisturbed = play(BLOCK, cyclic(17), journal=Journal(5))
     first = JournalFile(tmp_path / "journal", BLOCK, 5)
-    evolve(BLOCK, cyclic(12), journal=first)
+    play(BLOCK, cyclic(12), journal=first)
     first.write()
     first.close()
     again = JournalFile(tmp_path / "journal", BLOCK, 5)
-    assert len(again.passed) == 11  # cycles 0 to 10: the last checkpoint
-    equal(evolve(BLOCK, cyclic(17), journal=again), undisturbed)
+    assert len(again.cycles) == 11  # cycles 0 to 10: the last checkpoint
+    equal(play(BLOCK, cyclic(17), journal=again), undisturbed)
 
 
 def test_every_cut_leaves_the_checkpoints_before_it(tmp_path: Path) -> None:
@@ -157,7 +171,7 @@ def test_every_cut_leaves_the_checkpoints_before_it(tmp_path: Path) -> None:
         journal.write()
         ends.append(path.stat().st_size)
 
-    evolve(BLOCK, cyclic(6), journal=journal, progress=note)
+    play(BLOCK, cyclic(6), journal=journal, progress=note)
     journal.close()
     whole = path.read_bytes()
     sizes = sorted(set(ends))
@@ -167,7 +181,7 @@ def test_every_cut_leaves_the_checkpoints_before_it(tmp_path: Path) -> None:
         path.write_bytes(whole[:cut])
         opened = JournalFile(path, BLOCK, 2)
         kept = sum(cut >= size for size in sizes)
-        assert len(opened.passed) == max(0, 2 * kept - 1), cut
+        assert len(opened.cycles) == max(0, 2 * kept - 1), cut
         opened.close()
         # what was cut off is gone from the file too
         assert path.stat().st_size == (sizes[kept - 1] if kept else 32)
@@ -183,7 +197,7 @@ def test_damaged_block_is_not_believed(tmp_path: Path) -> None:
         damaged[place] ^= 1
         path.write_bytes(damaged)
         opened = JournalFile(path, BLOCK, 5)
-        assert len(opened.passed) < len(journal.passed)
+        assert len(opened.cycles) < len(journal.cycles)
         opened.close()
 
 
@@ -205,19 +219,19 @@ def test_full_disk_is_said_and_leaves_the_last_checkpoint(
 ) -> None:
     path = tmp_path / "journal"
     journal = interrupted(path, 6, cyclic(8))
-    size, passed = path.stat().st_size, len(journal.passed)
+    size, finished = path.stat().st_size, len(journal.cycles)
 
     def full(_: int) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
     monkeypatch.setattr(os, "fsync", full)
     with pytest.raises(RecedingError, match="No space left") as caught:
-        evolve(BLOCK, cyclic(30), journal=journal)
+        play(BLOCK, cyclic(30), journal=journal)
     assert caught.value.exit_code == 1
     assert path.stat().st_size == size
     journal.close()
     monkeypatch.undo()
-    assert len(JournalFile(path, BLOCK, 5).passed) == passed
+    assert len(JournalFile(path, BLOCK, 5).cycles) == finished
 
 
 def test_writing_takes_a_small_part_of_the_time_and_no_more_as_the_history_grows(
@@ -239,7 +253,7 @@ def test_writing_takes_a_small_part_of_the_time_and_no_more_as_the_history_grows
     def tick(number: int, cycles: int, message: str) -> None:
         clock[0] += 1.0
 
-    evolve(BLOCK, cyclic(200), journal=journal, progress=tick)
+    play(BLOCK, cyclic(200), journal=journal, progress=tick)
     assert 0.5 < spent[0] <= 0.5 + 0.02 * clock[0]
     # and where a cycle takes long beside its writing, every checkpoint is written
     journal.write()
@@ -270,8 +284,8 @@ def test_failed_history_keeps_the_legs_before_the_failure() -> None:
 
 
 def test_output_options_change_no_bit_of_the_path(tmp_path: Path) -> None:
-    plain = evolve(BLOCK, cyclic(6), journal=Journal(5))
-    many = evolve(BLOCK, cyclic(6), None, OutputOptions(7, "all"), journal=Journal(5))
+    plain = play(BLOCK, cyclic(6), journal=Journal(5))
+    many = play(BLOCK, cyclic(6), None, OutputOptions(7, "all"), journal=Journal(5))
     equal(many.turning_points, plain.turning_points)
     equal(many.cycles, plain.cycles)
 
@@ -287,5 +301,5 @@ def test_block_renewed_near_its_steady_state_keeps_its_accuracy() -> None:
     history = replace(from_scene(scene), until_steady=False)
     system = condense(scene, MPI.COMM_SELF)
     assert system is not None
-    record = evolve(system, history, scene.solver, journal=Journal(10))
+    record = play(system, history, scene.solver, journal=Journal(10))
     assert record.residual_max < 3e-12

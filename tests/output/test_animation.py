@@ -19,7 +19,7 @@ from receding_fenicsx import evolve, read_scene, study
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, RecedingError
-from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.mpi import on_root

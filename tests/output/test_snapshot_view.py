@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 
 from receding_fenicsx import evolve, read_scene, study
 from receding_fenicsx.bulk.fields import Fields, fields_at
-from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.law import State

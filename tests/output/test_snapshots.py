@@ -17,8 +17,8 @@ from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.bulk.mesh import meshing
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.evolution.collect import Instant
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style

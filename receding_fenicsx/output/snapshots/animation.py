@@ -22,7 +22,7 @@ from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.system import Array
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style

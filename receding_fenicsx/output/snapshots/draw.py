@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.bulk.fields import gather_fields, solve_fields
-from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.figures import save

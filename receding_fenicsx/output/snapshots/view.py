@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.fields import Fields
-from receding_fenicsx.evolution.collect import Instant
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.mirror import mirror_nodes
 from receding_fenicsx.interface.system import Array

@@ -1,0 +1,73 @@
+"""Checks of an evolving history: energy identity, range of the forces, landing of open nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.scene.history import History
+
+SMALLEST_LEG_ENERGY = 1e-4
+"""Smallest scale of a leg's energy error, over the largest energy of a leg so far."""
+
+SMALLEST_FORCE_RANGE = 1e-7
+"""Change of the held reactions in a cycle, over the largest force so far, below which its events
+are lost in round-off."""
+
+
+def energy_error(
+    system: ContactSystem, start: ContactState, leg: Leg, energy_scale: float
+) -> tuple[float, float]:
+    """Return the relative error of D + change of (1/2 u K u) + integral lambda r* . du = 0.
+
+    Args:
+        system: the condensed body in 2N form.
+        start: state at the leg's start.
+        leg: the leg.
+        energy_scale: largest energy of an earlier leg.
+
+    Returns:
+        The error, and the largest energy of a leg so far.
+    """
+    stored = 0.5 * float((leg.end.u - start.u) @ system.K @ (leg.end.u + start.u))
+    D = float(leg.dissipation.sum()) + sum(energy for _, energy in leg.jumps)
+    largest = max(energy_scale, abs(D) + abs(stored))
+    scale = max(abs(D) + abs(stored), SMALLEST_LEG_ENERGY * largest)
+    return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
+
+
+def check_force_range(model: ContactSystem, history: History, force: float) -> None:
+    """Raise SolveError where the cycles change the forces too little to be told from round-off.
+
+    Args:
+        model: the condensed body in 2N form.
+        history: the history.
+        force: largest nodal force of the first loading.
+    """
+    way = (history.loop - history.loop[0]) @ model.r_star
+    change = float(np.abs(way).max(initial=0.0))
+    if change < SMALLEST_FORCE_RANGE * force:
+        raise SolveError(
+            f"[history]: a cycle changes the forces by {change / force:.1e} of the largest; "
+            f"below {SMALLEST_FORCE_RANGE:.0e} its events cannot be told from round-off: enlarge "
+            "the load range"
+        )
+
+
+def check_landing(model: ContactSystem, end: ContactState) -> None:
+    """Raise InputError where an open node with friction lands in the static problem of a first leg.
+
+    Its slip counts from the place of first contact, which a static problem does not give.
+    """
+    slips = model.friction.present & ~model.held[: model.n] & ~model.held[model.n :]
+    landed = np.flatnonzero(slips & (model.g0 > 0.0) & (end.state != State.SEPARATION))
+    if len(landed):
+        i = int(landed[0])
+        raise InputError(
+            f"initial_slip: node {i} (x = {model.x[i]:.6g}) has an initial gap, "
+            f"{model.g0[i]:.3g}, and lands on the first leg, which an initial slip makes one "
+            "static problem: where its slip begins is not defined; leave out the initial slip, "
+            "or the gap"
+        )

@@ -1,0 +1,86 @@
+"""Data of finished cycles, from which a history is resumed and its record assembled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+from receding_fenicsx.evolution.instants import Event, Instant
+from receding_fenicsx.interface.law import Array
+from receding_fenicsx.interface.measures.steady import SteadyWatch
+from receding_fenicsx.interface.system import ContactSystem, typical_stiffness
+from receding_fenicsx.scene.model import SolverOptions
+
+
+@dataclass
+class Samples:
+    """Instants and events along the legs of one cycle."""
+
+    instants: list[Instant] = field(default_factory=list)
+    events: list[Event] = field(default_factory=list)
+
+
+class Totals(NamedTuple):
+    """Maxima and sums over the history up to an instant.
+
+    Attributes:
+        force_scale: largest nodal force.
+        energy_scale: largest energy of a leg.
+        residual: largest residual of the contact law over the force scale.
+        energy_error: largest relative error of a leg's energy identity.
+        sweeps: Gauss-Seidel sweeps.
+        events: changes of state of the whole contact.
+        jumps: jumps stepped over.
+        released: energy released by the jumps, of the modelled body.
+    """
+
+    force_scale: float = 0.0
+    energy_scale: float = 0.0
+    residual: float = 0.0
+    energy_error: float = 0.0
+    sweeps: int = 0
+    events: int = 0
+    jumps: int = 0
+    released: float = 0.0
+
+
+@dataclass(frozen=True)
+class FinishedCycle:
+    """Results of one finished cycle.
+
+    Attributes:
+        corners: the ends of its legs.
+        dissipation: (N,) frictional dissipation of the modelled nodes.
+        slip: (N,) v at its end less v at its start.
+        slip_range: largest range of v over its corners, of nodes that touch at one of them.
+        totals: over the history up to its end.
+        samples: its samples and events, where they were asked for.
+    """
+
+    corners: list[Instant]
+    dissipation: Array
+    slip: Array
+    slip_range: float
+    totals: Totals
+    samples: Samples | None = None
+
+
+def steady_watch(
+    system: ContactSystem, solver: SolverOptions, cycles: list[FinishedCycle]
+) -> SteadyWatch:
+    """Return the watch for the steady state after some finished cycles."""
+    watch = SteadyWatch(solver.steady_tolerance, typical_stiffness(system))
+    for number in range(len(cycles)):
+        add_to_watch(watch, cycles, number)
+    return watch
+
+
+def add_to_watch(watch: SteadyWatch, cycles: list[FinishedCycle], number: int) -> None:
+    """Add a finished cycle to the watch for the steady state."""
+    cycle, end = cycles[number], cycles[number].corners[-1]
+    if number == 0:
+        watch.start(end.state.r, end.v)
+    else:
+        first, last = (float(c.dissipation.sum()) for c in (cycles[1], cycle))
+        force = cycle.totals.force_scale
+        watch.add(end.state.r, end.v, cycle.slip_range, last, first, force)

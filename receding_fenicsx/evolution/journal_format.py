@@ -1,0 +1,161 @@
+"""Format of the journal file: blocks of finished cycles as bytes, and back.
+
+The file begins with a title: its kind, its format version, and the numbers of nodes and loads. Each
+block is a head (counts and a checksum) and three tables of fixed rows: cycles, instants (ends of
+legs, then samples, of each cycle) and events.
+"""
+
+from __future__ import annotations
+
+import os
+import zlib
+from typing import BinaryIO
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals
+from receding_fenicsx.evolution.instants import Event, Instant
+from receding_fenicsx.interface.system import ContactState, ContactSystem
+
+MAGIC = b"recedingjournal1"
+"""First bytes of the file: its kind and its format version."""
+
+TITLE_BYTES = len(MAGIC) + 16
+"""Length of the title."""
+
+HEAD = np.dtype([("cycles", "<i8"), ("instants", "<i8"), ("changes", "<i8"), ("crc", "<u4")])
+TOTALS = np.dtype([(k, np.asarray(v).dtype) for k, v in Totals._field_defaults.items()])
+EVENT = np.dtype([("cycle", "<i4"), ("node", "<i4"), ("leg", "<i4"), ("old", "i1"), ("new", "i1")])
+
+
+class JournalFormat:
+    """Finished cycles as bytes and back, for a number of modelled nodes and of loads.
+
+    Attributes:
+        title: first bytes of the file.
+    """
+
+    def __init__(self, system: ContactSystem) -> None:
+        """Lay out the tables for a system."""
+        n, loads = system.n, len(system.load_names)
+        self.title = MAGIC + np.array((n, loads), "<i8").tobytes()
+        self._cycle = np.dtype(
+            [
+                ("dissipation", "<f8", (n,)),
+                ("slip", "<f8", (n,)),
+                ("slip_range", "<f8"),
+                ("totals", TOTALS),
+                ("unused", "i1"),  # so that older checkpoints can be read
+                ("kept", "i1"),
+                ("corners", "<i4"),
+                ("samples", "<i4"),
+                ("changes", "<i4"),
+            ]
+        )
+        self._instant = np.dtype(
+            [
+                ("cycle", "<i4"),
+                ("leg", "<i4"),
+                ("s", "<f8"),
+                ("load", "<f8", (loads,)),
+                ("v", "<f8", (n,)),
+                ("u", "<f8", (2 * n,)),
+                ("r", "<f8", (2 * n,)),
+                ("state", "i1", (n,)),
+            ]
+        )
+        self._event = np.dtype([*EVENT.descr, ("s", "<f8"), ("load", "<f8", (loads,))])
+
+    def pack(self, cycles: list[FinishedCycle]) -> bytes:
+        """Return the block of some cycles."""
+        rows = np.zeros(len(cycles), self._cycle)
+        instants: list[Instant] = []
+        events: list[Event] = []
+        for row, cycle in zip(rows, cycles, strict=True):
+            samples = cycle.samples or Samples()
+            instants += cycle.corners + samples.instants
+            events += samples.events
+            for key in ("dissipation", "slip", "slip_range"):
+                row[key] = getattr(cycle, key)
+            row["totals"] = tuple(cycle.totals)
+            row["kept"] = cycle.samples is not None
+            row["corners"], row["samples"] = len(cycle.corners), len(samples.instants)
+            row["changes"] = len(samples.events)
+        points = np.zeros(len(instants), self._instant)
+        for key in ("cycle", "leg", "s", "load", "v"):
+            points[key] = [getattr(i, key) for i in instants]
+        for key in ("u", "r", "state"):
+            points[key] = [getattr(i.state, key) for i in instants]
+        changes = np.zeros(len(events), self._event)
+        if events:
+            for key in Event._fields:
+                changes[key] = [getattr(event, key) for event in events]
+        data = rows.tobytes() + points.tobytes() + changes.tobytes()
+        head = np.array([(len(rows), len(points), len(changes), zlib.crc32(data))], HEAD)
+        return head.tobytes() + data
+
+    def unpack(self, file: BinaryIO) -> list[FinishedCycle] | None:
+        """Read the next block; None when there is no complete one."""
+        bytes_ = file.read(HEAD.itemsize)
+        if len(bytes_) < HEAD.itemsize:
+            return None
+        head = np.frombuffer(bytes_, HEAD)[0]
+        tables = self._cycle, self._instant, self._event
+        counts = [int(head[key]) for key in ("cycles", "instants", "changes")]
+        sizes = [n * t.itemsize for n, t in zip(counts, tables, strict=True)]
+        if min(counts) < 0 or sum(sizes) > os.fstat(file.fileno()).st_size:
+            return None
+        data = file.read(sum(sizes))
+        if len(data) < sum(sizes) or zlib.crc32(data) != head["crc"]:
+            return None
+        ends = np.cumsum([0, *sizes])
+        cycles, points, changes = (
+            np.frombuffer(data[a:b], t) for a, b, t in zip(ends[:-1], ends[1:], tables, strict=True)
+        )
+        return _cycles(cycles, [_instant(i) for i in points], [_event(e) for e in changes])
+
+
+def _instant(row: np.void) -> Instant:
+    return Instant(
+        int(row["cycle"]),
+        int(row["leg"]),
+        float(row["s"]),
+        row["load"].copy(),
+        row["v"].copy(),
+        ContactState(row["u"].copy(), row["r"].copy(), row["state"].copy()),
+    )
+
+
+def _event(row: np.void) -> Event:
+    return Event(
+        cycle=int(row["cycle"]),
+        leg=int(row["leg"]),
+        s=float(row["s"]),
+        load=row["load"].copy(),
+        node=int(row["node"]),
+        old=int(row["old"]),
+        new=int(row["new"]),
+    )
+
+
+def _cycles(
+    rows: NDArray[np.void], instants: list[Instant], events: list[Event]
+) -> list[FinishedCycle]:
+    """Return the cycles of a block; its instants and events are taken in their order."""
+    cycles = []
+    for row in rows:
+        corners, sampled, count = (int(row[key]) for key in ("corners", "samples", "changes"))
+        samples = Samples(instants[corners : corners + sampled], events[:count])
+        cycles.append(
+            FinishedCycle(
+                instants[:corners],
+                row["dissipation"].copy(),
+                row["slip"].copy(),
+                float(row["slip_range"]),
+                Totals(**{key: row["totals"][key].item() for key in Totals._fields}),
+                samples if row["kept"] else None,
+            )
+        )
+        del instants[: corners + sampled], events[:count]
+    return cycles

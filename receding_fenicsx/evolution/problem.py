@@ -1,0 +1,121 @@
+"""Problem to be evolved: a condensed system with its history, solver, output and initial slip."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.prepare import system_for
+from receding_fenicsx.interface.law import Array
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system_checks import check_range, check_system
+from receding_fenicsx.scene.history import History, check_history, from_scene
+from receding_fenicsx.scene.identity import body_difference
+from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
+from receding_fenicsx.scene.profiles import evaluate
+from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.validate import validate
+
+DEFAULT_SAMPLED_CYCLES = (0, 1, 2, 9)
+"""Cycles that get samples and events by default, beside the last one."""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """Problem to be evolved, checked; see :func:`problem_of_scene` and :func:`problem_of_history`.
+
+    Attributes:
+        system: the condensed body.
+        history: path from rest, then cycles.
+        solver: method and tolerances.
+        output: which cycles get samples and events.
+        initial_slip: (N,) tangential displacement at rest; 0 at held nodes.
+    """
+
+    system: ContactSystem
+    history: History
+    solver: SolverOptions
+    output: OutputOptions
+    initial_slip: Array
+
+    @property
+    def has_initial_slip(self) -> bool:
+        """Whether the first leg is one static problem, with slip counted from an initial one."""
+        return bool(np.any(self.initial_slip))
+
+    @property
+    def last_cycle(self) -> int:
+        """Number of the last cycle of the history."""
+        return self.history.cycles if len(self.history.loop) else 0
+
+    def is_sampled(self, cycle: int) -> bool:
+        """Return whether samples of a cycle were asked for by its number."""
+        wanted = DEFAULT_SAMPLED_CYCLES if self.output.cycles is None else self.output.cycles
+        return wanted == "all" or cycle in wanted
+
+
+def problem_of_scene(system: ContactSystem, scene: Scene) -> Problem:
+    """Return the problem of a scene on the system condensed from its body.
+
+    Raises:
+        InputError: the scene is not valid, or the system is that of another body.
+    """
+    validate(scene)
+    if not system.scene_toml:
+        raise InputError(
+            "evolve: the system was made by hand, for no scene; give a History, or condense the "
+            "scene"
+        )
+    other = body_difference(from_toml(system.scene_toml), scene)
+    if other is not None:
+        raise InputError(
+            f"evolve: the system was condensed from a scene with another {other}; condense this "
+            "scene"
+        )
+    system, slip = system_for(scene, system), scene.history.initial_slip
+    initial_slip = None if slip is None else evaluate(slip, system.x)
+    return _checked(system, from_scene(scene), scene.solver, scene.output, initial_slip)
+
+
+def problem_of_history(
+    system: ContactSystem,
+    history: History,
+    solver: SolverOptions | None = None,
+    output: OutputOptions | None = None,
+    initial_slip: Array | None = None,
+) -> Problem:
+    """Return the problem of a path of load factors on a system as it is.
+
+    Raises:
+        InputError: the history's loads are not the system's, or an array has a wrong length or
+            values without meaning.
+    """
+    return _checked(
+        replace(system, scene_toml=""),
+        history,
+        solver or SolverOptions(),
+        output or OutputOptions(),
+        initial_slip,
+    )
+
+
+def _checked(
+    system: ContactSystem,
+    history: History,
+    solver: SolverOptions,
+    output: OutputOptions,
+    initial_slip: Array | None,
+) -> Problem:
+    check_system(system)
+    check_history(history, system.load_names)
+    check_range(system, np.vstack([history.path, history.loop]))
+    n = system.n
+    v = np.zeros(n) if initial_slip is None else np.array(initial_slip, dtype=float)
+    if v.shape != (n,):
+        raise InputError(f"initial_slip has shape {v.shape}, expected ({n},)")
+    if not np.all(np.isfinite(v)):
+        raise InputError(f"initial_slip of node {np.argmin(np.isfinite(v))} is not finite")
+    v[system.held[:n]] = 0.0
+    return Problem(system, history, solver, output, v)

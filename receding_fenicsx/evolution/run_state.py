@@ -1,0 +1,200 @@
+"""State of an evolving history: traces its legs, cycle by cycle, and takes samples."""
+
+from __future__ import annotations
+
+import logging
+from dataclasses import replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution.checks import check_landing, energy_error
+from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
+from receding_fenicsx.evolution.instants import Event, Instant, instant, rest_state
+from receding_fenicsx.evolution.problem import Problem
+from receding_fenicsx.evolution.solvers import make_solver
+from receding_fenicsx.interface.law import STATE_NAMES, Array, State
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.normal_form import frictional_form
+from receding_fenicsx.interface.system import ContactState, Leg
+
+log = logging.getLogger(__name__)
+
+
+class Position(NamedTuple):
+    """Where a history stands: state of the modelled nodes, load factors, totals up to there."""
+
+    state: ContactState
+    load: Array
+    totals: Totals
+
+
+class RunState:
+    """State of an evolving history.
+
+    Attributes:
+        problem: what is evolved.
+        cycles: the finished cycles.
+        model: the condensed body in the 2N form of the solvers.
+        steady: watch for the steady state.
+        solver: the solver, with what it remembers of the legs since the last restart.
+        position: where the history stands.
+        corners: ends of the finished legs of the cycle that is being traced.
+    """
+
+    def __init__(self, problem: Problem, cycles: list[FinishedCycle]) -> None:
+        """Stand at the end of the last finished cycle, or at rest, with a new solver."""
+        self.problem, self.cycles = problem, cycles
+        self.model = frictional_form(problem.system)
+        self.steady = steady_watch(problem.system, problem.solver, cycles)
+        self.solver = make_solver(self.model, problem.solver)
+        self.position = self._end_of(len(cycles) - 1)
+        self.corners: list[Instant] = []
+        self._images = np.bincount(mirror_of(problem.system).index)
+
+    def restart(self) -> None:
+        """Restart from the end of the last finished cycle with a new solver."""
+        self._restart_after(len(self.cycles) - 1)
+
+    def trace_cycle(self, number: int) -> FinishedCycle:
+        """Trace the legs of the next cycle.
+
+        Raises:
+            SolveError: a leg has no solution; ``corners`` and ``position`` tell how far it came.
+        """
+        dissipation = np.zeros(self.problem.system.n)
+        samples = Samples() if self.problem.is_sampled(number) else None
+        start = instant(
+            self.problem.system, (number, 0, 0.0), self.position.load, self.position.state
+        )
+        self.corners = []
+        for k, (a, b) in enumerate(self._legs(number)):
+            try:
+                leg = self._trace(number, k, (a, b), samples)
+            except SolveError as error:
+                error.args = (f"cycle {number}, leg {k}: {error}",)
+                raise
+            totals = self._totals_after(leg, is_static=self._is_static(number, k))
+            self.position = Position(leg.end, b, totals)
+            dissipation += leg.dissipation
+            self.corners.append(instant(self.problem.system, (number, k, 1.0), b, leg.end))
+        corners, self.corners = self.corners, []
+        v = np.array([start.v, *(corner.v for corner in corners)])
+        states = np.array([corner.state.state for corner in (start, *corners)])
+        touches = np.any(states != State.SEPARATION, axis=0)
+        return FinishedCycle(
+            corners=corners,
+            dissipation=dissipation,
+            slip=v[-1] - v[0],
+            slip_range=float(np.ptp(v[:, touches], axis=0).max(initial=0.0)),
+            totals=self.position.totals,
+            samples=samples,
+        )
+
+    def sample_finished(self) -> None:
+        """Keep the samples of those finished cycles for which they are asked for, and no others.
+
+        A resumed run may ask for other cycles than it began with.
+        """
+        moved = False
+        for number, cycle in enumerate(self.cycles):
+            if not self.problem.is_sampled(number):
+                self.cycles[number] = replace(cycle, samples=None)
+            elif cycle.samples is None:
+                self._restart_after(number - 1)
+                self.cycles[number] = replace(cycle, samples=self._sample(number))
+                moved = True
+        if moved:
+            self.restart()
+
+    def sample_last(self) -> Samples | None:
+        """Trace the last cycle once more for its samples, unless it has them or others were asked.
+
+        By default the last cycle is sampled; which one that is, is known at the end only.
+        """
+        number = len(self.cycles) - 1
+        if self.cycles[number].samples is not None or self.problem.output.cycles is not None:
+            return None
+        self.position = self._end_of(number - 1)
+        return self._sample(number)
+
+    def _restart_after(self, number: int) -> None:
+        self.solver = make_solver(self.model, self.problem.solver)
+        self.position = self._end_of(number)
+
+    def _end_of(self, number: int) -> Position:
+        """Return the end of a finished cycle, or rest for -1."""
+        if number < 0:
+            rest = rest_state(self.problem.system, self.problem.initial_slip)
+            return Position(rest, self.problem.history.path[0], Totals())
+        cycle = self.cycles[number]
+        return Position(cycle.corners[-1].state, cycle.corners[-1].load, cycle.totals)
+
+    def _sample(self, number: int) -> Samples:
+        """Trace a finished cycle once more from its start, for its samples and events."""
+        samples = Samples()
+        for k, (a, b) in enumerate(self._legs(number)):
+            leg = self._trace(number, k, (a, b), samples)
+            totals = self.position.totals._replace(force_scale=leg.force_scale)
+            self.position = Position(leg.end, b, totals)
+        return samples
+
+    def _legs(self, number: int) -> list[tuple[Array, Array]]:
+        history = self.problem.history
+        return list(pairwise(history.path if number == 0 else history.loop))
+
+    def _is_static(self, number: int, k: int) -> bool:
+        """Return whether a leg is one static problem: the first one after an initial slip."""
+        return number == 0 and k == 0 and self.problem.has_initial_slip
+
+    def _trace(
+        self, number: int, k: int, ends: tuple[Array, Array], samples: Samples | None
+    ) -> Leg:
+        """Trace one leg; add its samples and events where they are wanted."""
+        state, scale = self.position.state, self.position.totals.force_scale
+        if self._is_static(number, k):
+            leg = self.solver.static_leg(state, ends, scale)
+            check_landing(self.model, leg.end)
+        else:
+            count = self.problem.output.samples_per_leg if samples is not None else 0
+            leg = self.solver.trace_leg(state, ends, scale, count)
+        if samples is not None:
+            a, b = ends
+            samples.instants += [
+                instant(self.problem.system, (number, k, s), (1 - s) * a + s * b, sampled)
+                for s, sampled in leg.samples
+            ]
+            samples.events += [
+                Event(number, k, s, (1 - s) * a + s * b, *change) for s, *change in leg.events
+            ]
+        return leg
+
+    def _totals_after(self, leg: Leg, is_static: bool) -> Totals:
+        """Return the totals at the end of a leg; a static problem has no energy identity."""
+        before = self.position.totals
+        error, scale = 0.0, before.energy_scale
+        if not is_static:
+            error, scale = energy_error(self.model, self.position.state, leg, scale)
+        _log_leg(leg, error)
+        return Totals(
+            force_scale=leg.force_scale,
+            energy_scale=scale,
+            residual=max(before.residual, leg.residual),
+            energy_error=max(before.energy_error, error),
+            sweeps=before.sweeps + leg.sweeps,
+            events=before.events + int(sum(self._images[event[1]] for event in leg.events)),
+            jumps=before.jumps + len(leg.jumps),
+            released=before.released + sum(energy for _, energy in leg.jumps),
+        )
+
+
+def _log_leg(leg: Leg, error: float) -> None:
+    """Log every change of state of a leg, its residual and its energy error."""
+    if not log.isEnabledFor(logging.DEBUG):
+        return
+    for s, node, old, new in leg.events:
+        names = STATE_NAMES[State(old)], STATE_NAMES[State(new)]
+        log.debug("s = %.9f: node %d, %s to %s", s, node, *names)
+    log.debug("end of a leg: residual %.1e, energy error %.1e", leg.residual, error)
