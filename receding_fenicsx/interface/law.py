@@ -144,6 +144,6 @@ def sticks(Q: float, P: float, f_forward: float, f_backward: float) -> bool:
     return P > 0.0 and -f_forward * P <= Q <= f_backward * P
 
 
-def slips(direction: float, slip: float, P: float) -> bool:
-    """Return whether one node slips in a direction (1 or -1): P > 0, no slip against it (eq. 9)."""
-    return direction * slip >= 0.0 and P > 0.0
+def slips(state: int, slip: float, P: float) -> bool:
+    """Return whether one node slips in the direction of a state: P > 0 and no slip against it."""
+    return P > 0.0 and (slip >= 0.0 if state == FORWARD else slip <= 0.0)

@@ -10,9 +10,9 @@ from small import cyclic, small_system, table
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.gauss_seidel.node_problem import NodeProblem
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
     GaussSeidelOptions,
-    local_solution,
     solve_step,
 )
 from receding_fenicsx.interface.law import State
@@ -48,7 +48,8 @@ def test_one_node_is_solved_from_any_first_guess_with_one_answer() -> None:
         node = small_system(K, {"load": [Q0, P0]}, f, -w_c)
         answers = []
         for guess in (1, 2, 3, 4):
-            state, v, w = local_solution(Q0, P0, k_t, k_n, c, f, w_c, v_ref, guess)
+            problem = NodeProblem(k_t, k_n, c, f, f, w_c)
+            state, v, w = problem.solve(Q0, P0, v_ref, guess)
             u = np.array([v, w])
             r = np.array([Q0, P0]) + K @ u
             stiffness = np.array([k_t]), np.array([k_n])

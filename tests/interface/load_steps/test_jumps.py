@@ -11,9 +11,9 @@ from small import small_system, table
 
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, NotConverged
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.gauss_seidel.node_problem import NodeProblem
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
     GaussSeidelOptions,
-    local_solution,
     solve_step,
 )
 from receding_fenicsx.interface.law import State
@@ -180,7 +180,7 @@ def test_slip_that_stays_at_its_limit_does_not_divide_by_zero(sign: float) -> No
     for field in ("P", "Q", "v", "w"):
         assert getattr(b, field) == pytest.approx(getattr(a, field), abs=1e-12), field
     for assumed in (1, 2, 3, 4):
-        state, v, w = local_solution(0.0, 1.0, 2.0, 2.0, sign, 2.0, -0.25, 0.125, assumed)
+        state, v, w = NodeProblem(2.0, 2.0, sign, 2.0, 2.0, -0.25).solve(0.0, 1.0, 0.125, assumed)
         assert (state, v, w) == (State.STICK, 0.125, -0.25)
 
 
