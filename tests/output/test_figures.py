@@ -25,15 +25,9 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import figures, series, style
 from receding_fenicsx.output.plots.series import first_unloading, limit_without_slip, slip_lines
+from receding_fenicsx.output.plots.timelines import Timeline, timeline, without_flicker
 from receding_fenicsx.output.plots.units import describe_factors, load_symbol, scales_of
-from receding_fenicsx.output.plots.zone_map import (
-    FLICKER,
-    Timeline,
-    fill_strip,
-    steadied,
-    timeline,
-    zone_map,
-)
+from receding_fenicsx.output.plots.zone_map import FLICKER, fill_strip, zone_map
 from receding_fenicsx.output.plots.zone_plots import load_axis
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
@@ -113,16 +107,16 @@ def test_zone_map_covers_the_leg_once(kind: str, cycle: int, leg: int) -> None:
 def test_only_short_lone_excursions_between_stick_and_slip_are_left_out() -> None:
     quiet = timeline(STICK, [(0.5, FORWARD)])
     lone = timeline(STICK, [(0.2, FORWARD), (0.25, STICK), (0.5, FORWARD)])
-    cleaned = steadied([quiet, lone, quiet], 0.06)
+    cleaned = without_flicker([quiet, lone, quiet], 0.06)
     assert np.array_equal(cleaned[1].state, quiet.state)
     assert np.array_equal(cleaned[1].s, quiet.s)
     opened = timeline(STICK, [(0.2, OPEN), (0.25, STICK)])
     shared = [lone, lone, quiet]
     for kept in ([quiet, opened, quiet], shared):
-        for before, after in zip(kept, steadied(kept, 0.06), strict=True):
+        for before, after in zip(kept, without_flicker(kept, 0.06), strict=True):
             assert np.array_equal(before.state, after.state)
             assert np.array_equal(before.s, after.s)
-    assert np.array_equal(steadied([quiet, lone, quiet], 0.04)[1].s, lone.s)
+    assert np.array_equal(without_flicker([quiet, lone, quiet], 0.04)[1].s, lone.s)
 
 
 def test_drawn_zones_differ_from_the_events_nowhere_for_longer_than_a_flicker() -> None:
@@ -175,12 +169,9 @@ def test_timeline_leaves_out_states_that_do_not_last() -> None:
 
 
 def test_change_of_one_node_only_tapers_midway_to_its_neighbour() -> None:
-    pieces: list = []
-    lines: list = []
     alone = Timeline(np.array([1, 3, 1], np.int8), np.array([0.0, 0.2, 0.6, 1.0]))
     never = Timeline(np.array([1], np.int8), np.array([0.0, 1.0]))
-    fill_strip(alone, never, 0.0, 1.0, pieces, lines)
-    (outer, whole), (inner, island) = pieces
+    (outer, whole), (inner, island) = fill_strip(alone, never, 0.0, 1.0).pieces
     assert (outer, inner) == (State.STICK, State.FORWARD_SLIP)
     assert area(whole) == 1.0
     # a triangle with its base on the node and its tip halfway

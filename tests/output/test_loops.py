@@ -13,7 +13,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.plots import figures, style
-from receding_fenicsx.output.plots.loops import loop_of, shown_cycles, telling_nodes
+from receding_fenicsx.output.plots.loops import loop_of, representative_nodes, shown_cycles
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions
 
@@ -55,7 +55,7 @@ def test_cycle_without_samples_is_refused() -> None:
 
 def test_chosen_nodes_have_different_fates() -> None:
     found = record()
-    nodes = telling_nodes(found)
+    nodes = representative_nodes(found)
     assert len(nodes) == len(set(nodes)) == 4
     assert np.all(found.x[nodes] > 0.0)
     state = found.samples.state[found.samples.cycle == CYCLES][:, nodes]

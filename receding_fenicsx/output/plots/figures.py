@@ -27,7 +27,12 @@ from receding_fenicsx.output.plots.cycle_plots import (
     slip_per_cycle,
 )
 from receding_fenicsx.output.plots.loop_plots import hysteresis, moving_loads, trajectories
-from receding_fenicsx.output.plots.loops import loop_of, sampled_cycles, shown_cycles, telling_nodes
+from receding_fenicsx.output.plots.loops import (
+    loop_of,
+    representative_nodes,
+    sampled_cycles,
+    shown_cycles,
+)
 from receding_fenicsx.output.plots.series import (
     Still,
     first_unloading,
@@ -161,7 +166,7 @@ def draw_all(
         paths = [loop_of(record, cycle) for cycle in shown_cycles(record)]
         if moving_loads(paths):
             yield "hysteresis", hysteresis(record, scales=scales)
-        if telling_nodes(record):
+        if representative_nodes(record):
             yield "trajectories", trajectories(record, scales=scales)
     if last > 0:
         table = record.turning_points

@@ -1,4 +1,4 @@
-"""Hysteresis loops of the loads, and what chosen nodes go through in the planes of their forces."""
+"""Figures of hysteresis loops of the loads, and of paths of single nodes through a cycle."""
 
 from __future__ import annotations
 
@@ -16,31 +16,30 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots import selection, style
-from receding_fenicsx.output.plots.loops import Loop, loop_of, shown_cycles, telling_nodes
+from receding_fenicsx.output.plots.loops import Loop, loop_of, representative_nodes, shown_cycles
 from receding_fenicsx.output.plots.units import Scales, is_word, load_symbol, scales_of
 
 FIRST_LOADING = {"color": style.GUIDE_COLOUR, "lw": 0.9}
 
-
 ROUND_OFF = 1e-9
-"""Part of the largest position, displacement or traction that is none."""
+"""Part of the largest position, displacement or traction below which a value is round-off."""
 
 
 def hysteresis(
     record: Record, cycles: int | Sequence[int] | None = None, scales: Scales | None = None
 ) -> Figure:
-    """Draw each load against its work-conjugate displacement: the loops' area is dissipation.
+    """Draw each load against its work-conjugate displacement; the areas of the loops are work.
 
-    For a prescribed displacement, the force that it takes is drawn over it.
+    A prescribed displacement is drawn against its force.
 
     Args:
         record: the record.
-        cycles: cycles with samples; first loading, the first and the last when left out.
-        scales: units; the record's own when left out.
+        cycles: cycles with samples; by default first loading, the first and the last cycle.
+        scales: units; by default those of the record.
 
     Returns:
-        The figure, a row a load: the loops, and on the right the same less the straight line that
-        joins the last loop's extreme loads, which shows how far they open.
+        The figure, one row for each load. Right of each loop is the difference from its chord, the
+        straight line between the extreme loads of the last loop, which shows the loop's opening.
 
     Raises:
         InputError: the record has no samples of a cycle, or no displacements of the loads.
@@ -49,7 +48,7 @@ def hysteresis(
     paths = _paths(record, cycles)
     moves = moving_loads(paths)
     if not moves:
-        raise InputError("hysteresis: no load moves, or the record has no load displacements")
+        raise InputError("hysteresis: no load changes, or the record has no load displacements")
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.PAGE, 0.75 + 1.95 * len(moves))
         panels = figure.subplots(len(moves), 2, squeeze=False)
@@ -65,8 +64,8 @@ def hysteresis(
                 load = path.load[:, k] / scales.load_max[k]
                 size = path.displacement[:, k] / unit
                 bend = (path.displacement[:, k] - straight * path.load[:, k]) / unit
-                bend = _felt(bend - _offset(paths[-1], k, straight) / unit, most)
-                # first loading is no loop and lies far from the chord
+                bend = _without_round_off(bend - _offset(paths[-1], k, straight) / unit, most)
+                # first loading is not a loop and lies far from the chord
                 shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
                 for axes, conjugate in zip(row, shown, strict=False):
                     x, y = (load, conjugate) if prescribed else (conjugate, load)
@@ -91,64 +90,46 @@ def trajectories(
     cycles: int | Sequence[int] | None = None,
     scales: Scales | None = None,
 ) -> Figure:
-    """Draw what nodes go through in the planes of tractions (q, p) and displacements (v, w).
+    """Draw paths of nodes in the planes of tractions (q, p) and displacements (v, w).
 
     Args:
         record: the record.
-        nodes: contact nodes, a column each; some that differ when left out.
-        cycles: cycles with samples; first loading, the first and the last when left out.
-        scales: units; the record's own when left out.
+        nodes: contact nodes, one column each; by default representative nodes.
+        cycles: cycles with samples; by default first loading, the first and the last cycle.
+        scales: units; by default those of the record.
 
     Returns:
-        The figure: above, (Q, P) over the node's weight in the friction cone |Q| <= f P; below,
-        (v, w) over the plane w = -g0. Dots are turning points.
+        The figure: above, (q, p) with the friction cone |q| <= f p; below, (v, w) with the plane
+        w = -g0. Dots are turning points.
 
     Raises:
         InputError: the record has no samples of a cycle, no such node, or no node in contact.
     """
     scales = scales or scales_of(record)
     paths = _paths(record, cycles)
-    chosen = telling_nodes(record) if nodes is None else selection.nodes(record, nodes)
+    chosen = representative_nodes(record) if nodes is None else selection.nodes(record, nodes)
     if not chosen:
-        raise InputError("trajectories: no node touches in the sampled cycles; name nodes")
-    unit, behind = scales.peak_traction()
-    length, beside = scales.slip()
-    reach, pressed = (float(np.abs(a).max()) for a in (record.x, [path.p.max() for path in paths]))
-    most = max(float(np.abs(path.v).max()) for path in paths) / length or 1.0
-    low, high = (f([f(path.w[:, chosen]) for path in paths]) / length for f in (np.min, np.max))
-    room = 0.1 * (high - low) or 1.0
-    lifted = low - room, high + room
+        raise InputError("trajectories: no node is in contact in the sampled cycles; give nodes")
     with mpl.rc_context(style.RC):
         columns = len(chosen)
         figure = style.new_figure(max(style.COLUMN, 0.3 + 1.8 * columns), 4.3)
         panels = figure.subplots(2, columns, squeeze=False)
+        reach = float(np.abs(record.x).max())
         for n, i in enumerate(chosen):
             above, below = panels[:, n]
-            for path in paths:
-                _draw_path(
-                    above, _felt(path.q[:, i], pressed) / unit, path.p[:, i] / unit, path, paths
-                )
-                _draw_path(below, path.v[:, i] / length, path.w[:, i] / length, path, paths)
-            _draw_cone(above, float(record.f[i]))
-            if np.any([path.w[:, i] > -record.g0[i] for path in paths][-1]):
-                below.axhline(-float(record.g0[i]) / length, **style.GUIDE)
+            _draw_traction_path(above, record, paths, i, scales)
+            _draw_displacement_path(below, record, paths, i, scales)
+            below.set_ylim(*_normal_range(paths, chosen, scales))
+            below.tick_params(labelleft=n == 0)
             x = float(record.x[i]) if abs(record.x[i]) > ROUND_OFF * reach else 0.0
             where = f"{scales.x_label[:-1]} = {x / scales.length:z.3g}$"
             above.set_title(style.panel_title(n, columns, where))
-            below.set_ylim(*lifted)
-            left, right = below.get_xlim()
-            if right - left < ROUND_OFF * most:
-                # a node that does not move
-                below.set_xlim(-0.5 * most, 0.5 * most)
-            below.tick_params(labelleft=n == 0)
             for axes in (above, below):
                 style.ticks(axes.xaxis, 3)
                 style.ticks(axes.yaxis, 5)
                 axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
-            above.set_xlabel(f"$q{behind}$")
-            below.set_xlabel(f"$v{beside}$")
-        panels[0, 0].set_ylabel(f"$p{behind}$")
-        panels[1, 0].set_ylabel(f"$w{beside}$")
+        panels[0, 0].set_ylabel(f"$p{scales.peak_traction()[1]}$")
+        panels[1, 0].set_ylabel(f"$w{scales.slip()[1]}$")
         handles: list[Any] = _cycle_handles(paths)
         if np.any(record.f[chosen] > 0.0):
             handles.append(Patch(label=r"friction cone, $|Q| \leq f P$", **style.CONE))
@@ -156,8 +137,48 @@ def trajectories(
     return figure
 
 
-def _felt(values: Array, largest: float) -> Array:
-    """Values, those that are round-off of the largest being zero."""
+def _draw_traction_path(
+    axes: Axes, record: Record, paths: Sequence[Loop], node: int, scales: Scales
+) -> None:
+    """Draw p against q of a node, with its friction cone."""
+    unit, divided = scales.peak_traction()
+    largest = float(np.abs([path.p.max() for path in paths]).max())
+    for path in paths:
+        q = _without_round_off(path.q[:, node], largest)
+        _draw_path(axes, q / unit, path.p[:, node] / unit, path, paths)
+    _draw_cone(axes, float(record.f[node]))
+    axes.set_xlabel(f"$q{divided}$")
+
+
+def _draw_displacement_path(
+    axes: Axes, record: Record, paths: Sequence[Loop], node: int, scales: Scales
+) -> None:
+    """Draw w against v of a node, with the plane w = -g0 if the node separates from it."""
+    unit, divided = scales.slip()
+    for path in paths:
+        _draw_path(axes, path.v[:, node] / unit, path.w[:, node] / unit, path, paths)
+    if np.any(paths[-1].w[:, node] > -record.g0[node]):
+        axes.axhline(-float(record.g0[node]) / unit, **style.GUIDE)
+    largest = max(float(np.abs(path.v).max()) for path in paths) / unit or 1.0
+    left, right = axes.get_xlim()
+    if right - left < ROUND_OFF * largest:
+        # the node does not move
+        axes.set_xlim(-0.5 * largest, 0.5 * largest)
+    axes.set_xlabel(f"$v{divided}$")
+
+
+def _normal_range(
+    paths: Sequence[Loop], nodes: Sequence[int], scales: Scales
+) -> tuple[float, float]:
+    """Return the common range of w of several nodes."""
+    unit, _ = scales.slip()
+    low, high = (f([f(path.w[:, nodes]) for path in paths]) / unit for f in (np.min, np.max))
+    room = 0.1 * (high - low) or 1.0
+    return low - room, high + room
+
+
+def _without_round_off(values: Array, largest: float) -> Array:
+    """Return values with 0 in place of round-off of the largest."""
     return np.where(np.abs(values) > ROUND_OFF * largest, values, 0.0)
 
 
@@ -167,7 +188,7 @@ def _paths(record: Record, cycles: int | Sequence[int] | None) -> list[Loop]:
 
 
 def moving_loads(paths: Sequence[Loop]) -> list[int]:
-    """Loads that change within the cycles, if any are shown, and have known displacements."""
+    """Return the loads that change within the paths and have known displacements."""
     loops = [path for path in paths if path.cycle] or paths
     return [
         k
@@ -178,14 +199,14 @@ def moving_loads(paths: Sequence[Loop]) -> list[int]:
 
 
 def _chord(path: Loop, k: int) -> float:
-    """Displacement per load between the extreme loads of a path."""
+    """Return the displacement per load between the extreme loads of a path."""
     low, high = np.argmin(path.load[:, k]), np.argmax(path.load[:, k])
     run = float(path.load[high, k] - path.load[low, k])
     return float(path.displacement[high, k] - path.displacement[low, k]) / run if run else 0.0
 
 
 def _offset(path: Loop, k: int, straight: float) -> float:
-    """Where the chord of a path meets zero load."""
+    """Return the displacement at zero load on the chord of a path."""
     high = np.argmax(path.load[:, k])
     return float(path.displacement[high, k] - straight * path.load[high, k])
 
@@ -197,7 +218,7 @@ def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]
 
 
 def _draw_cone(axes: Axes, f: float) -> None:
-    """Fill |q| <= f p up to the top of the axes, and keep the axes' limits."""
+    """Fill |q| <= f p up to the top of the axes, and set their limits."""
     top = 1.05 * max(float(line.get_ydata().max()) for line in axes.lines)  # type: ignore[union-attr]
     top = top or 1.0
     left, right = axes.get_xlim()

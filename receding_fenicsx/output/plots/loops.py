@@ -1,4 +1,4 @@
-"""Paths through a cycle as arrays: hysteresis loops, and what single nodes go through."""
+"""Paths through a cycle: loads with their displacements, tractions and displacements of nodes."""
 
 from __future__ import annotations
 
@@ -13,17 +13,17 @@ from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import Array
 
-MOST_NODES = 4
-"""Nodes whose paths are drawn unless they are asked for."""
-FELT = 1e-6
-"""Force of a node, over the largest, below which it is round-off of a node that does not touch."""
-MOST_CYCLES = 3
-"""Cycles whose paths are drawn in one panel unless they are asked for."""
+MAX_NODES = 4
+"""Largest number of representative nodes."""
+NEGLIGIBLE_FORCE = 1e-6
+"""Part of the largest nodal force below which a node counts as not in contact."""
+MAX_CYCLES = 3
+"""Largest number of cycles shown by default."""
 
 
 @dataclass(frozen=True)
 class Loop:
-    """n instants of one cycle in their order, from the end of the cycle before.
+    """n instants of one cycle in order of time, from the end of the cycle before.
 
     Attributes:
         cycle: the cycle.
@@ -47,17 +47,17 @@ class Loop:
     def area(self) -> Array:
         r"""(n_loads,) work of each load over the closed cycle.
 
-        For a force the integral of its factor times d delta; for a prescribed displacement, whose
-        conjugate delta is the force, the integral of delta times the factor's change.
-        Over a closed cycle their sum is the dissipation; the trapezoidal rule on the samples is
-        exact where no node changes its state between two of them.
+        For a force it is the integral of the load factor over its displacement; for a prescribed
+        displacement, the integral of its force over the load factor. The sum over the loads is the
+        dissipation of the closed cycle. The trapezoidal rule on the samples is exact if no node
+        changes its state between two samples.
         """
         mean = 0.5 * (self.load[1:] + self.load[:-1])
         return -self.load_sign * np.sum(mean * np.diff(self.displacement, axis=0), axis=0)
 
 
 def sampled_cycles(record: Record) -> list[int]:
-    """Cycles that the record holds samples of."""
+    """Return the cycles that the record holds samples of."""
     return [int(cycle) for cycle in np.unique(record.samples.cycle)]
 
 
@@ -72,9 +72,9 @@ def check_sampled(record: Record, cycle: int) -> None:
 
 
 def shown_cycles(record: Record) -> list[int]:
-    """First loading, first and last cycle, as far as there are samples."""
+    """Return first loading, first and last cycle, as far as there are samples."""
     cycles = sampled_cycles(record)
-    return sorted({*cycles[:2], *cycles[-1:]})[:MOST_CYCLES]
+    return sorted({*cycles[:2], *cycles[-1:]})[:MAX_CYCLES]
 
 
 def loop_of(record: Record, cycle: int) -> Loop:
@@ -111,18 +111,18 @@ def loop_of(record: Record, cycle: int) -> Loop:
     )
 
 
-def telling_nodes(record: Record) -> list[int]:
-    """Choose nodes whose paths differ, of the half x > 0 where half of the body was modelled.
+def representative_nodes(record: Record) -> list[int]:
+    """Choose nodes with different paths, with x > 0 if half of the body was modelled.
 
     Returns:
-        Up to ``MOST_NODES`` nodes in the order of x: of those that touch in the last sampled cycle
-        the one that dissipates most, the middle ones of those that open too and of those that
-        always stick, and others evenly between them.
+        Up to ``MAX_NODES`` nodes in order of x, in contact in the last sampled cycle: the one with
+        the largest dissipation, the middle one of those that also separate, the middle one of those
+        that always stick, and others evenly between them.
     """
     rows = np.isin(record.samples.cycle, sampled_cycles(record)[-1:])
     state = record.samples.state[rows]
     force = record.samples.P[rows]
-    pressed = force > FELT * force.max(initial=0.0)
+    pressed = force > NEGLIGIBLE_FORCE * force.max(initial=0.0)
     usable = np.any(pressed, axis=0) & (record.weight > 0.0)
     if record.half and np.any(usable & (record.x > 0.0)):
         usable &= record.x > 0.0
@@ -138,7 +138,7 @@ def telling_nodes(record: Record) -> list[int]:
     between = np.flatnonzero(usable)
     if len(chosen) > 1:
         between = between[(between > min(chosen)) & (between < max(chosen))]
-    missing = min(MOST_NODES - len(chosen), len(between))
+    missing = min(MAX_NODES - len(chosen), len(between))
     for part in (np.arange(missing) + 1.0) / (missing + 1.0):
         chosen.add(int(between[round(part * (len(between) - 1))]))
     return sorted(chosen, key=lambda i: float(record.x[i]))

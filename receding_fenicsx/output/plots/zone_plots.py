@@ -1,4 +1,4 @@
-"""Zone maps as figures (the paper's Figs. 5, 7 and 9)."""
+"""Figures of zone maps (Figs. 5, 7 and 9 of the paper)."""
 
 from __future__ import annotations
 
@@ -21,13 +21,13 @@ from receding_fenicsx.output.plots.zone_labels import place_labels
 from receding_fenicsx.output.plots.zone_map import FLICKER, ZoneMap, zone_map
 
 PANEL_HEIGHT = 1.85
-"""Inches from the bottom to the top of a panel's axes, or a little less."""
+"""Approximate height of a panel's axes in inches."""
 AXES_WIDTH = 2.95
-"""Inches from the left to the right of the axes, or a little less."""
-JUMP = 0.25
-"""Part of a leg between two neighbouring nodes' instants across which no line is drawn."""
-TURNING = 0.005
-"""Part of a leg within which its end is taken for the turning point."""
+"""Approximate width in inches of the axes of a figure with one column."""
+MAX_LINE_STEP = 0.25
+"""Largest part of a leg between the instants of two neighbouring nodes on one dashed line."""
+TURNING_POINT = 0.005
+"""Part of a leg next to its ends that belongs to the turning points."""
 DASHED: dict[str, Any] = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
 
 
@@ -38,18 +38,18 @@ def zone_maps(
     still: Still | None = None,
     columns: int = 1,
 ) -> Figure:
-    """Map the zones along legs.
+    """Draw zone maps of legs, one panel each.
 
     Args:
         record: the record; it must hold samples of the legs.
-        legs: (cycle, leg), a panel each; or a cycle, for all its legs.
-        scales: units; the record's own when left out.
-        still: nodes that reach the friction limit without slipping, for a dashed line.
-        columns: panels beside each other at most; with more than one the figure is as wide as a
-            page, and every cycle begins a row.
+        legs: list of (cycle, leg), or a cycle for all its legs.
+        scales: units; by default those of the record.
+        still: nodes that reach the friction limit without slip, drawn as a dashed line.
+        columns: largest number of panels in a row; if greater than 1, the figure is as wide as a
+            page, and each cycle begins a row.
 
     Returns:
-        The figure; only x >= 0 is shown where the contact is symmetric.
+        The figure; of a symmetric contact it shows x >= 0 only.
 
     Raises:
         InputError: the record has no samples of a leg.
@@ -67,31 +67,25 @@ def zone_maps(
             grid[place].set_axis_off()
         shown: set[int] = set()
         dashed = False
+        inches = (AXES_WIDTH - style.COLUMN + width) / columns
+        labels = [load_axis(record, *where, scales)[2] for where in legs]
         for n, ((row, column), (cycle, leg)) in enumerate(zip(places, legs, strict=True)):
             axes = grid[row, column]
             drawn = zone_map(record, cycle, leg, stuck, FLICKER)
             shown |= {int(state) for state, _ in drawn.pieces}
-            axes.set_title(
-                style.panel_title(n, len(legs), describe_leg(record, cycle, leg, scales))
-            )
+            title = describe_leg(record, cycle, leg, scales)
+            axes.set_title(style.panel_title(n, len(legs), title))
             begin, end, label = load_axis(record, cycle, leg, scales)
-            inches = (AXES_WIDTH - style.COLUMN + width) / columns
             _draw_map(axes, drawn, (begin, end), scales, inches)
-            if column == 0 or label != load_axis(record, *legs[n - 1], scales)[2]:
+            if column == 0 or label != labels[n - 1]:
                 axes.set_ylabel(label)
             if still is not None:
                 dashed |= _draw_limit(axes, record, still, leg, (begin, end), scales)
             if (row + 1, column) not in places:
                 axes.set_xlabel(scales.x_label)
                 axes.tick_params(labelbottom=True)
-        handles: list[Line2D] = []
         if still is not None and dashed:
-            text = "reaches the friction limit, does not slip"
-            if not still.strict:
-                text = (
-                    f"reaches the friction limit, slips < {_power(NEGLIGIBLE_SLIP)} of the largest"
-                )
-            handles = [Line2D([], [], label=text, **DASHED)]
+            handles = [Line2D([], [], label=_limit_label(still), **DASHED)]
             figure.legend(handles=handles, loc="outside upper center")
         figure.legend(
             handles=style.state_patches(shown, bool(np.any(record.f > 0.0))),
@@ -102,8 +96,16 @@ def zone_maps(
     return figure
 
 
+def _limit_label(still: Still) -> str:
+    """Return the label of the dashed line."""
+    if still.strict:
+        return "reaches the friction limit, does not slip"
+    power = f"$10^{{{round(np.log10(NEGLIGIBLE_SLIP))}}}$"
+    return f"reaches the friction limit, slips < {power} of the largest"
+
+
 def _places(legs: list[tuple[int, int]], columns: int) -> list[tuple[int, int]]:
-    """Row and column of each leg's panel."""
+    """Return row and column of each leg's panel."""
     places = [(0, 0)]
     for (before, _), (cycle, _) in pairwise(legs):
         row, column = places[-1]
@@ -113,14 +115,14 @@ def _places(legs: list[tuple[int, int]], columns: int) -> list[tuple[int, int]]:
 
 
 def load_axis(record: Record, cycle: int, leg: int, scales: Scales) -> tuple[float, float, str]:
-    """Return what stands vertically in a zone map: its value at the ends of the leg, its label.
+    """Return the vertical axis of a zone map: values at both ends of the leg, and its label.
 
-    It is the load over its largest value where one load alone changes, else the part s of the leg.
+    If one load alone changes, it is the load factor over its largest value, else s.
     """
     begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
     changing = np.flatnonzero(begin != end)
     if len(changing) != 1:
-        return 0.0, 1.0, "part $s$ of the leg"
+        return 0.0, 1.0, "position $s$ on the leg"
     k = int(changing[0])
     return float(begin[k]), float(end[k]), scales.load_label(record.load_names[k])
 
@@ -128,14 +130,14 @@ def load_axis(record: Record, cycle: int, leg: int, scales: Scales) -> tuple[flo
 def _draw_map(
     axes: Axes, drawn: ZoneMap, ends: tuple[float, float], scales: Scales, inches: float
 ) -> None:
-    """Draw zones, their ends and the states' numbers; the axes are so many inches wide."""
+    """Draw zones, their boundaries and numbers on axes with a width in inches."""
     begin, end = ends
 
     def place(points: Array) -> Array:
         return points * [1.0 / scales.length, end - begin] + [0.0, begin]
 
     colours = [style.STATE_COLOURS[state] for state, _ in drawn.pieces]
-    # the hairline of the same colour closes the seams that antialiasing leaves
+    # a hairline of the same colour closes the gaps that antialiasing leaves
     axes.add_collection(
         PolyCollection(
             [place(polygon) for _, polygon in drawn.pieces],
@@ -184,14 +186,14 @@ def _draw_limit(
     ends: tuple[float, float],
     scales: Scales,
 ) -> bool:
-    """Draw where nodes reach the limit without slipping; return whether any do on this leg."""
-    # what happens at the turning point itself would lie on the frame
-    here = (still.leg == leg) & (still.s > TURNING) & (still.s < 1.0 - TURNING)
+    """Draw where nodes reach the friction limit without slip; return whether there are any."""
+    # at a turning point the line would lie on the frame
+    here = (still.leg == leg) & (still.s > TURNING_POINT) & (still.s < 1.0 - TURNING_POINT)
     node, s = still.node[here], still.s[here]
     if scales.symmetric and record.x[0] < 0.0:
         right = record.x[node] >= 0.0
         node, s = node[right], s[right]
-    cuts = np.flatnonzero((np.diff(node) > 1) | (np.abs(np.diff(s)) > JUMP)) + 1
+    cuts = np.flatnonzero((np.diff(node) > 1) | (np.abs(np.diff(s)) > MAX_LINE_STEP)) + 1
     for nodes, part in zip(np.split(node, cuts), np.split(s, cuts), strict=True):
         if len(nodes) > 1:
             y = ends[0] + part * (ends[1] - ends[0])
@@ -201,7 +203,3 @@ def _draw_limit(
 
 def _pair(point: Array) -> tuple[float, float]:
     return float(point[0]), float(point[1])
-
-
-def _power(value: float) -> str:
-    return f"$10^{{{round(np.log10(value))}}}$"
