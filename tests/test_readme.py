@@ -246,6 +246,16 @@ def test_places_in_the_table_of_methods_exist() -> None:
         assert any(path.is_file() and str(path).endswith(name) for path in found), name
 
 
+def test_first_files_to_open_for_a_task_hold_the_names_told() -> None:
+    section = text_of("docs/extending.md").partition("## Where to change what")[2]
+    rows = re.findall(r"^\| (.+) \| `(\S+)` \| `(\w+)` \|$", section, re.M)
+    assert len(rows) >= 20
+    for task, file, name in rows:
+        text = (ROOT / "receding_fenicsx" / file).read_text(encoding="utf-8")
+        # where it is defined, not only used
+        assert re.search(rf"^\s*(def |class )?{name}\b\s*[(:=]", text, re.M), (task, file, name)
+
+
 def test_scene_in_the_readme_is_the_papers() -> None:
     scene = read_scene(ROOT / "demos" / "block.toml")
     nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
