@@ -1,11 +1,11 @@
 #!/usr/bin/env bash
-# Sets up what is missing, then runs a demo on two ranks.
+# Installs what is missing, then runs a demo on two ranks.
 set -euo pipefail
 
-usage="usage: bash demos/run.sh                    set up what is missing, then run the paper's study (demos/block.py)
-       bash demos/run.sh NAME [options]     run demos/NAME.py instead; the options are its own
-       bash demos/run.sh --setup            only set up
-The demos run under mpirun -n 2. With RECEDING_ENV=pypi before it, all comes from PyPI instead of Debian."
+usage="usage: bash demos/run.sh                    install what is missing, then run the paper's study (demos/block.py)
+       bash demos/run.sh NAME [options]     run demos/NAME.py with its own options instead
+       bash demos/run.sh --setup            install only
+Demos run under mpirun -n 2. RECEDING_ENV=pypi bash demos/run.sh uses packages from PyPI instead of Debian."
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)
 # shellcheck source=demos/setup.sh
@@ -27,7 +27,7 @@ case ${1-} in
         ;;
     -*)
         printf '%s\n' "$usage" >&2
-        say "options come after the demo's name, got: $1"
+        say "options must follow the demo's name, got: $1"
         exit 2
         ;;
 esac
@@ -39,7 +39,7 @@ if [ ! -f "$demo" ]; then
     shopt -s nullglob
     names=("$root"/demos/*.py)
     names=("${names[@]##*/}")
-    say "there is no demos/$name.py; there are: ${names[*]%.py}"
+    say "no such demo: demos/$name.py; available: ${names[*]%.py}"
     exit 2
 fi
 set_up

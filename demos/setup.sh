@@ -1,12 +1,12 @@
 # shellcheck shell=bash
 # shellcheck disable=SC2154 # whoever sources it has set `root`
-# Sourced by demos/run.sh and tests/run.sh, which set `root` to the project's folder.
+# Installation of the Python environment; sourced by demos/run.sh and tests/run.sh, which set `root` to the project folder.
 #
-# set_up   makes what is missing: Debian packages, and root/.venv, an environment that sees Debian's DOLFINx; or, with
-#          RECEDING_ENV=pypi, root/.venv-pypi, an environment of PyPI's wheels alone.
-# Then     $python is the environment's interpreter, $mpirun starts MPI programs.
+# set_up   installs what is missing: Debian packages and root/.venv, an environment that uses Debian's DOLFINx; with
+#          RECEDING_ENV=pypi root/.venv-pypi, an environment of PyPI wheels only.
+# It sets  $python, the environment's interpreter, and $mpirun, which starts MPI programs.
 
-# What PyPI's gmsh loads, and VTK for pictures without a display:
+# Libraries of PyPI's gmsh, and of VTK for off-screen rendering:
 graphics_packages=(
     libosmesa6 libgl1 libglu1-mesa libxrender1 libxcursor1 libxfixes3 libxft2 libfontconfig1 libxinerama1
 )
@@ -16,10 +16,10 @@ debian_packages=(
     "${graphics_packages[@]}"
 )
 
-# What must run before an environment counts as made: the imports, and compiling a form.
+# Test of a new environment: imports, and compilation of a form.
 works='
 from receding_fenicsx.bulk.elasticity import warm_up
-import gmsh, h5py, matplotlib, pytest, scipy, vtk
+import PIL, gmsh, h5py, matplotlib, pytest, scipy, vtk
 from mpi4py import MPI
 warm_up(MPI.COMM_SELF, "triangle", 1)'
 
@@ -30,7 +30,7 @@ die() {
     exit 1
 }
 
-# For what this machine lacks, not what is wrong with the project.
+# Ends with exit code 69: this machine lacks a requirement; nothing is wrong with the project.
 unavailable() {
     say "$@"
     exit 69
@@ -40,15 +40,15 @@ set_up() {
     case ${RECEDING_ENV:-debian} in
         debian) set_up_debian ;;
         pypi) set_up_pypi ;;
-        *) die "RECEDING_ENV=$RECEDING_ENV is not known; leave it out, or say debian or pypi" ;;
+        *) die "RECEDING_ENV=$RECEDING_ENV is unknown; use debian (default) or pypi" ;;
     esac
-    # A foreign PYTHONPATH or packages in the user's home would come before what was set up here.
+    # PYTHONPATH and packages in the user's home would take precedence over this environment.
     unset PYTHONPATH PYTHONHOME
     export PYTHONNOUSERSITE=1
-    # One BLAS thread a rank: on small dense systems more of them are up to 70 times slower.
+    # One BLAS thread per rank: on small dense systems more threads are up to 70 times slower.
     export OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1
-    # Open MPI: allow root, allow more ranks than cores, pin no rank to a core, let a waiting rank give its core to others,
-    # and do not read the memory of another process directly, which containers forbid.
+    # Open MPI: allow root and more ranks than cores, bind no rank to a core, yield the core while waiting, and do not read
+    # the memory of another process directly, which containers forbid.
     export OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1
     export OMPI_MCA_rmaps_base_oversubscribe=1 OMPI_MCA_hwloc_base_binding_policy=none
     export OMPI_MCA_mpi_yield_when_idle=1
@@ -57,32 +57,32 @@ set_up() {
 
 set_up_debian() {
     venv=$root/.venv
-    base_python=/usr/bin/python3 # Debian's DOLFINx serves this one only, whatever python3 comes first on PATH
+    base_python=/usr/bin/python3 # Debian's DOLFINx works with this interpreter only
     venv_options=(--system-site-packages)
     base_imports='import venv, ensurepip, mpi4py.MPI, petsc4py.PETSc, dolfinx'
     install_debian_packages
     ensure_environment
-    mpirun=/usr/bin/mpirun.openmpi # what Debian's DOLFINx is linked with; `mpirun` may be another MPI's
+    mpirun=/usr/bin/mpirun.openmpi # the MPI of Debian's DOLFINx; `mpirun` may belong to another one
     [ -x "$mpirun" ] || mpirun=/usr/bin/mpirun
 }
 
 set_up_pypi() {
     venv=$root/.venv-pypi
-    base_python=$(find_new_python) || unavailable "PyPI's DOLFINx needs Python >= 3.12 with venv and ensurepip, and there is none on" \
+    base_python=$(find_new_python) || unavailable "PyPI's DOLFINx needs Python >= 3.12 with venv and ensurepip; none is on" \
         "PATH or among pyenv's versions. Install one: 'pyenv install 3.13', or Debian 13's python3-venv and python3-dev"
     venv_options=()
     base_imports='import venv, ensurepip'
     command -v "${CC:-cc}" >/dev/null ||
-        unavailable "there is no C compiler (${CC:-cc}), with which DOLFINx compiles its forms. Install gcc, or name yours in CC"
+        unavailable "no C compiler found (${CC:-cc}); DOLFINx needs one to compile its forms. Install gcc, or set CC"
     ensure_environment
-    mpirun=$venv/bin/mpiexec # PyPI's MPI cannot be started by another one
+    mpirun=$venv/bin/mpiexec # PyPI's MPI needs its own mpiexec
 }
 
-# Prints the oldest Python >= 3.12 that can make environments, or nothing: for the newest there may be no wheels yet.
+# Prints the oldest Python >= 3.12 that can create environments, or nothing; the newest may have no wheels yet.
 find_new_python() {
     local candidate
     for candidate in python3 python3.{12..19} "${PYENV_ROOT:-$HOME/.pyenv}"/versions/3.*/bin/python; do
-        # a name without a slash may be a shim of pyenv for a version that is not chosen: only running it tells
+        # a name without a slash may be a pyenv shim of a version that is not selected: run it to find out
         "$candidate" -I -c 'if True:
             import sys, venv, ensurepip
             if sys.version_info >= (3, 12) and sys.version_info.releaselevel == "final":
@@ -90,7 +90,7 @@ find_new_python() {
     done | sort -k1,1n -k2,2n -k3,3n | head -n 1 | cut -d ' ' -f 4- | grep .
 }
 
-# Prints those of the Debian packages that are not installed.
+# Prints the Debian packages that are not installed.
 missing_packages() {
     comm -23 <(printf '%s\n' "${debian_packages[@]}" | sort) <(
         dpkg-query -W -f '${db:Status-Status} ${Package}\n' "${debian_packages[@]}" 2>/dev/null |
@@ -101,36 +101,36 @@ missing_packages() {
 install_debian_packages() {
     local missing become=() command
     if ! command -v dpkg-query >/dev/null || ! command -v apt-get >/dev/null; then
-        die "apt is not here: this sets up Debian 12 and its like only. Elsewhere set RECEDING_ENV=pypi, which needs" \
-            "Python >= 3.12, or make DOLFINx work in a Python environment of your own and run 'pip install .' in it"
+        die "apt was not found; this script supports Debian 12 and similar systems. Elsewhere set RECEDING_ENV=pypi, which" \
+            "needs Python >= 3.12, or install DOLFINx in a Python environment of your own and run 'pip install .' in it"
     fi
     mapfile -t missing < <(missing_packages)
     [ ${#missing[@]} -gt 0 ] || return 0
     command="apt-get install --no-install-recommends ${missing[*]}"
     if [ "$(id -u)" -ne 0 ]; then
         if ! command -v sudo >/dev/null; then
-            die "Debian packages are missing, and you are neither root nor have sudo. Ask an administrator to run: $command"
+            die "Debian packages are missing, you are not root and sudo was not found. Ask an administrator to run: $command"
         fi
-        # Without a terminal sudo could only wait for a password that nobody can type.
+        # Without a terminal sudo would wait for a password for ever.
         if ! sudo -n true 2>/dev/null && ! { [ -t 0 ] && sudo -v; }; then
-            die "Debian packages are missing, and sudo does not let you install them. Ask an administrator to run: $command"
+            die "Debian packages are missing, and sudo is not permitted to install them. Ask an administrator to run: $command"
         fi
         become=(sudo)
     fi
-    say "installing Debian packages (3 GB on a bare system, 1 to 2 minutes): ${missing[*]}"
+    say "installing Debian packages (up to 3 GB, 1 to 2 minutes): ${missing[*]}"
     local apt=("${become[@]}" env DEBIAN_FRONTEND=noninteractive apt-get -q -o DPkg::Lock::Timeout=300)
     if [ -n "$(dpkg --audit 2>/dev/null)" ]; then # an earlier installation was interrupted
         "${become[@]}" env DEBIAN_FRONTEND=noninteractive dpkg --configure -a >&2 || true
     fi
-    # Old lists name files that the mirror no longer has. A failure here is shown, and matters only if the next step fails.
+    # Outdated package lists name files that the mirror no longer has. A failure here matters only if the next step fails.
     "${apt[@]}" update >&2 || true
     if ! "${apt[@]}" install -y --no-install-recommends "${missing[@]}" >&2; then
-        die "apt could not install the Debian packages (its own words are above): is the network there, and is this Debian 12" \
-            "(python3-dolfinx-real is in its 'main')? Nothing else was changed; to be repeated after: $command"
+        die "apt could not install the Debian packages (its messages are above). Check the network; is this Debian 12" \
+            "(python3-dolfinx-real is in its 'main')? Nothing else was changed. Try again after: $command"
     fi
 }
 
-# The environment depends on this script, on what pyproject.toml says of the package, on the interpreter, and on its folder.
+# Hash of what an environment depends on: this script, the package part of pyproject.toml, the interpreter and the folder.
 environment_key() {
     {
         cat "$root/demos/setup.sh"
@@ -141,10 +141,10 @@ environment_key() {
 }
 
 ensure_environment() {
-    stamp=$venv/complete # written last; holds the key of what the environment was made from
+    stamp=$venv/complete # written last; holds the environment key
     spare=$venv.old
     if ! is_complete; then
-        [ -w "$root" ] || die "no right to write in $root; clone the project into a folder of your own"
+        [ -w "$root" ] || die "$root is not writable; clone the project into a folder of your own"
         build_environment
     fi
     python=$venv/bin/python
@@ -154,16 +154,16 @@ is_complete() {
     [ -f "$stamp" ] && [ -x "$venv/bin/python" ] && [ "$(<"$stamp")" = "$(environment_key)" ]
 }
 
-# However it ends, it leaves either a complete environment or the one from before.
+# Leaves either a complete environment or the previous one, also when interrupted.
 build_environment() {
     local log
     child=''
     exec 9>"$venv.lock"
     if ! flock -n 9; then
-        say "another setup is under way in $root; waiting for it"
+        say "another setup is running in $root; waiting for it"
         flock 9
     fi
-    # What a killed setup left: the environment from before stands aside.
+    # A killed setup leaves the previous environment in $spare.
     if [ -e "$spare" ]; then
         if [ -f "$stamp" ]; then rm -rf "$spare"; else rm -rf "$venv" && mv "$spare" "$venv"; fi
     fi
@@ -173,18 +173,18 @@ build_environment() {
     fi
 
     if ! python_says "$base_imports"; then
-        die "what the environment is made from is installed, but $base_python cannot import it: $python_said"
+        die "$base_python cannot import the packages that the environment needs: $python_said"
     fi
     trap 'leave_no_half' EXIT
     trap 'exit 129' HUP
     trap 'exit 130' INT
     trap 'exit 143' TERM
     if [ -e "$venv" ] || [ -L "$venv" ]; then mv "$venv" "$spare"; fi
-    say "making the Python environment ${venv##*/} (1 GB from the network, about half a minute)"
-    "$base_python" -I -m venv "${venv_options[@]}" "$venv" || die "could not make $venv: is the disk full?"
+    say "creating the Python environment ${venv##*/} (1 GB from the network, about half a minute)"
+    "$base_python" -I -m venv "${venv_options[@]}" "$venv" || die "could not create $venv; is the disk full?"
     mkdir "$venv/tmp"
     log=$venv/tmp/pip.log
-    # In a session of its own, so that it can be ended with all its children.
+    # In a session of its own, so that it can be stopped with all its children.
     TMPDIR=$venv/tmp PIP_USER=0 PIP_REQUIRE_VIRTUALENV=0 PIP_DISABLE_PIP_VERSION_CHECK=1 PYTHONNOUSERSITE=1 \
         setsid env -u PYTHONPATH -u PYTHONHOME -u PIP_TARGET -u PIP_PREFIX \
         "$venv/bin/python" -m pip install --retries 2 --editable "${root}[test,dev]" >"$log" 2>&1 </dev/null &
@@ -192,19 +192,19 @@ build_environment() {
     if ! wait "$child"; then
         child=''
         grep -E '^ *(ERROR|error):|No space left|Connection|Temporary failure' "$log" | tail -n 4 >&2 || true
-        unavailable "pip could not install the Python packages (its own words are above): is the network there," \
-            "is a proxy or an index to be set (PIP_INDEX_URL), is the disk full? Nothing half-made was left"
+        unavailable "pip could not install the Python packages (its messages are above). Check the network, the proxy or" \
+            "index (PIP_INDEX_URL) and the disk space. The unfinished environment was removed"
     fi
     child=''
     python=$venv/bin/python
     if ! python_says "$works"; then
         if [[ $python_said == *'shared object file'* ]]; then
-            unavailable "a library of the system is missing: $python_said. On Debian the packages with all of them are:" \
-                "${graphics_packages[*]}. The environment was taken away again"
+            unavailable "a system library is missing: $python_said. On Debian install: ${graphics_packages[*]}." \
+                "The unfinished environment was removed"
         fi
-        die "the Python environment was made, but does not work: $python_said. It was taken away again"
+        die "the new Python environment does not work and was removed: $python_said"
     fi
-    rm -rf "$venv/tmp" # while it holds the log, nothing is complete
+    rm -rf "$venv/tmp" # with its log, before the environment counts as complete
     environment_key >"$stamp.part"
     mv "$stamp.part" "$stamp"
     trap - EXIT HUP INT TERM
@@ -212,7 +212,7 @@ build_environment() {
     exec 9>&-
 }
 
-# Runs a line of Python; on failure leaves the last line of what it said in python_said.
+# Runs Python code; on failure sets python_said to the last line of its output.
 python_says() {
     local all
     all=$(env -u PYTHONPATH -u PYTHONHOME PYTHONNOUSERSITE=1 OMPI_ALLOW_RUN_AS_ROOT=1 OMPI_ALLOW_RUN_AS_ROOT_CONFIRM=1 \
@@ -223,7 +223,7 @@ python_says() {
 
 leave_no_half() {
     local status=$?
-    set +e # the child's own end by a signal must not end the clearing up
+    set +e # a child ended by a signal must not stop this clean-up
     trap '' HUP INT TERM
     if [ -n "$child" ]; then
         kill -TERM -- "-$child" 2>/dev/null
@@ -232,6 +232,6 @@ leave_no_half() {
     [ -f "$stamp" ] && exit "$status"
     rm -rf "$venv"
     [ -e "$spare" ] && mv "$spare" "$venv"
-    [ "$status" -lt 128 ] || say "interrupted; nothing half-made was left"
+    [ "$status" -lt 128 ] || say "interrupted; the unfinished environment was removed"
     exit "$status"
 }

@@ -1,4 +1,4 @@
-"""Files that are either whole or not there: written beside their place, then renamed into it."""
+"""Atomic writing of files: written under a temporary name in the same folder, then renamed."""
 
 from __future__ import annotations
 
@@ -16,69 +16,71 @@ from receding_fenicsx.errors import NO_ROOM, InputError, RecedingError
 
 @contextmanager
 def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
-    """Give a name beside ``path`` to write to; on leaving it is flushed to disk and renamed.
+    """Give a temporary name to write to; on leaving, flush the file to disk and rename it.
 
     Args:
-        path: where the finished file shall be.
-        overwrite: replace a file that is there already.
+        path: path of the finished file.
+        overwrite: replace an existing file.
 
     Yields:
-        The name to write to.
+        The temporary name.
 
     Raises:
-        InputError: the file is there already, or its folder cannot be written to.
+        InputError: the file already exists, or its folder is not writable.
         RecedingError: the disk is full.
     """
     path = Path(path)
     check_file(path, overwrite)
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
-        yield beside
-        sync(beside)
-        os.replace(beside, path)
+        yield temporary
+        sync(temporary)
+        os.replace(temporary, path)
         sync(path.parent)
     except OSError as error:
         raise unwritable(path, error) from None
     finally:
-        beside.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
-IMAGES = (1, 14, 0)
-"""HDF5 from which on images of files in memory are whole: those of 1.10 have wrong checksums. With
-a newer h5py in turn a Python object as file crashes the collector of garbage after an error."""
+HDF5_WITH_IMAGES = (1, 14, 0)
+"""First HDF5 release whose file images in memory are used. Those of 1.10 have wrong checksums; with
+a newer h5py, a file in a Python object crashes the garbage collector after an error."""
 
 
 @contextmanager
 def new_hdf5(path: Path, overwrite: bool = False) -> Iterator[h5py.File]:
-    """Give an HDF5 file to fill; on leaving it is written as :func:`new_file` does.
+    """Give an open HDF5 file; on leaving it is written as by :func:`new_file`.
 
-    It is filled in memory: HDF5 crashes the interpreter at its end where a disk is full.
+    The file is filled in memory, because HDF5 crashes at the interpreter's exit on a full disk.
 
     Args:
-        path: where the finished file shall be.
-        overwrite: replace a file that is there already.
+        path: path of the finished file.
+        overwrite: replace an existing file.
 
     Yields:
         The open file.
     """
-    with new_file(path, overwrite) as beside:
+    with new_file(path, overwrite) as temporary:
         # attributes above 64 kB (a scene with long tables) need the layout of HDF5 1.8
         layout = ("v108", "v110")
-        if h5py.version.hdf5_version_tuple < IMAGES:
+        if h5py.version.hdf5_version_tuple < HDF5_WITH_IMAGES:
             memory = io.BytesIO()
             with h5py.File(memory, "w", libver=layout) as file:
                 yield file
             image = memory.getvalue()
         else:
-            with h5py.File(beside, "w", driver="core", backing_store=False, libver=layout) as file:
+            with h5py.File(
+                temporary, "w", driver="core", backing_store=False, libver=layout
+            ) as file:
                 yield file
                 file.flush()
                 image = file.id.get_file_image()
-        beside.write_bytes(image)
+        temporary.write_bytes(image)
 
 
 def make_folder(path: Path) -> None:
-    """Make a folder, and those that it is in, unless it is there."""
+    """Create a folder and its parents unless they exist."""
     try:
         path.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -86,9 +88,9 @@ def make_folder(path: Path) -> None:
 
 
 def check_room(path: Path, size: int) -> None:
-    """Raise unless a file of so many bytes can be written at ``path`` now.
+    """Raise unless there is room for a file of ``size`` bytes at ``path``.
 
-    For files that other libraries write, which crash where a disk is full.
+    For files written by other libraries that crash on a full disk.
     """
     try:
         with tempfile.TemporaryFile(dir=path.parent) as file:
@@ -98,7 +100,7 @@ def check_room(path: Path, size: int) -> None:
 
 
 def unwritable(path: Path, error: OSError) -> RecedingError:
-    """Return the error to be raised where a file cannot be written."""
+    """Return the error to raise where a file cannot be written."""
     text = f"{path}: cannot be written ({error.strerror or error})"
     if error.errno in NO_ROOM:
         return RecedingError(f"{text}; make room or choose another disk")
@@ -106,22 +108,22 @@ def unwritable(path: Path, error: OSError) -> RecedingError:
 
 
 def check_file(path: Path, overwrite: bool = False) -> None:
-    """Raise InputError unless a file may be made at ``path``."""
+    """Raise InputError unless a file may be created at ``path``."""
     if path.is_dir():
         raise InputError(f"{path}: is a folder; give the name of a file")
     if path.exists() and not overwrite:
-        raise InputError(f"{path}: is there already; choose another name or give --overwrite")
+        raise InputError(f"{path}: already exists; choose another name or give --overwrite")
     if not path.parent.is_dir():
-        raise InputError(f"{path}: its folder does not exist; make it first")
+        raise InputError(f"{path}: its folder does not exist; create it first")
 
 
 def check_folder(path: Path, overwrite: bool = False) -> None:
-    """Raise InputError unless a run's folder may be made at ``path``."""
+    """Raise InputError unless a run folder may be created at ``path``."""
     path = Path(path)
     if not path.exists():
         return
     if not path.is_dir():
-        raise InputError(f"{path}: is a file; give a folder that is not there yet")
+        raise InputError(f"{path}: is a file; give a new folder")
     try:
         empty = not any(path.iterdir())
     except OSError as error:
@@ -131,15 +133,15 @@ def check_folder(path: Path, overwrite: bool = False) -> None:
     if empty:
         return
     if not overwrite:
-        raise InputError(f"{path}: is there already; choose another folder or give --overwrite")
+        raise InputError(f"{path}: already exists; choose another folder or give --overwrite")
     if not (path / "summary.json").is_file():
         raise InputError(
-            f"{path}: holds no earlier run, so it is not replaced; choose another folder"
+            f"{path}: is not a run folder, so it is not replaced; choose another folder"
         )
 
 
 def sync(path: Path) -> None:
-    """Have a file's content, or a folder's names, written to disk."""
+    """Flush a file's content, or a folder's names, to disk."""
     handle = os.open(path, os.O_RDONLY)
     try:
         os.fsync(handle)

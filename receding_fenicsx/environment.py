@@ -1,4 +1,4 @@
-"""What is installed: versions, and whether everything that is needed works."""
+"""Installed versions, and tests of the installation (``receding-fenicsx doctor``)."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 from importlib import import_module, metadata
 from pathlib import Path
 
-TESTED = ("0.5", "0.11")
-"""Releases of DOLFINx that the test suite is run with."""
+TESTED_DOLFINX = ("0.5", "0.11")
+"""Releases of DOLFINx that the test suite runs with."""
 
 CHILD_SECONDS = 120
-"""Patience with a child process that tries something."""
+"""Time limit of a child process."""
 
 FACTORISE = """
 try:
@@ -39,7 +39,7 @@ pc.setType("cholesky")
 pc.setFactorSolverType("mumps")
 pc.setUp()
 """
-"""Factorises a small matrix by MUMPS, and lets it say its version."""
+"""Program that factorises a small matrix by MUMPS, which prints its version."""
 
 RENDER = """
 import pyvista
@@ -48,15 +48,15 @@ plotter.add_mesh(pyvista.Sphere(), color="red")
 picture = plotter.screenshot(return_img=True)
 raise SystemExit(0 if picture.std() > 0 else 3)
 """
-"""Draws a ball and looks whether it is there."""
+"""Program that renders a sphere; exit code 3 if the picture is empty."""
 
 MPI_VARIABLES = re.compile(r"^(PMIX_|OMPI_|PMI_|PRTE_|HYDI_|MPI_LOCALNRANKS|MPI_LOCALRANKID)")
-"""Variables by which a process of an MPI job is known: a child must not take itself for one."""
+"""Variables that make a child process join this MPI job; they are removed for it."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One thing that was looked for: its version, or what to do when ``version`` is None."""
+    """Requirement with its version; None if it is missing, then ``advice`` tells what to do."""
 
     name: str
     version: str | None
@@ -64,34 +64,34 @@ class Finding:
 
 
 def versions() -> dict[str, str]:
-    """Versions of what a run depends on; what is missing is left out."""
+    """Return the versions of all requirements that are installed."""
     found = {f.name: f.version for f in _modules()}
     return {name: version for name, version in found.items() if version is not None}
 
 
 def examine() -> list[Finding]:
-    """Look for everything that the program needs, also by trying it."""
-    findings = [_doubted(finding) for finding in _modules()]
+    """Look for all requirements and test those that can be tested."""
+    findings = [_tested(finding) for finding in _modules()]
     compiler = next((c for c in (os.environ.get("CC"), "cc", "gcc") if c and shutil.which(c)), None)
     findings.append(
         Finding("C compiler", compiler, "install gcc: DOLFINx compiles its forms with it")
     )
-    starter = Path(sys.executable).with_name("mpiexec")  # PyPI's MPI wants its own
-    program = str(starter) if starter.exists() else shutil.which("mpirun")
+    own = Path(sys.executable).with_name("mpiexec")  # PyPI's MPI needs its own
+    program = str(own) if own.exists() else shutil.which("mpirun")
     findings.append(Finding("mpirun", program, "install the MPI that DOLFINx is linked with"))
     findings.append(_rendering())
     return findings
 
 
-def _doubted(finding: Finding) -> Finding:
-    """Try what can be tried, and say where a version is not one that is tested."""
+def _tested(finding: Finding) -> Finding:
+    """Test MUMPS; add a note to an untested DOLFINx or a slow BLAS."""
     if finding.version is None:
         return finding
     if finding.name == "MUMPS":
         return _factorisation(finding)
     release = ".".join(finding.version.split(".")[:2])
-    if finding.name == "dolfinx" and release not in TESTED:
-        tested = " and ".join(TESTED)
+    if finding.name == "dolfinx" and release not in TESTED_DOLFINX:
+        tested = " and ".join(TESTED_DOLFINX)
         return replace(finding, version=f"{finding.version}, not tested ({tested} are)")
     if "reference BLAS" in finding.version:
         slow = "3 to 5 times slower than OpenBLAS: apt install libopenblas0-pthread"
@@ -100,7 +100,7 @@ def _doubted(finding: Finding) -> Finding:
 
 
 def child_environment() -> dict[str, str]:
-    """The environment without what would make a child process a part of this MPI job."""
+    """Return the environment variables for a child process that does not join this MPI job."""
     return {key: value for key, value in os.environ.items() if not MPI_VARIABLES.match(key)}
 
 
@@ -123,7 +123,7 @@ def _modules() -> list[Finding]:
         ("mpi4py", lambda: _module_version("mpi4py"), debian),
         ("dolfinx", lambda: _module_version("dolfinx"), debian),
         ("petsc", _petsc, debian),
-        ("MUMPS", _mumps, "use a PETSc that was built with MUMPS, as Debian's is"),
+        ("MUMPS", _mumps, "use a PETSc built with MUMPS, such as Debian's"),
         (
             "gmsh",
             _gmsh,
@@ -133,7 +133,7 @@ def _modules() -> list[Finding]:
         ("matplotlib", lambda: _module_version("matplotlib"), pip.format("matplotlib")),
         ("pyvista", lambda: metadata.version("pyvista"), pip.format("pyvista")),
         ("vtk", lambda: metadata.version("vtk"), pip.format("'vtk>=9.5,<9.6'")),
-        ("imageio", lambda: metadata.version("imageio"), pip.format("imageio")),
+        ("pillow", lambda: metadata.version("pillow"), pip.format("pillow")),
         (
             "imageio-ffmpeg",
             lambda: metadata.version("imageio-ffmpeg"),
@@ -180,8 +180,8 @@ def _mumps() -> str:
 
 
 def _factorisation(finding: Finding) -> Finding:
-    """Factorise in a child process, as only MUMPS's own words tell the version everywhere."""
-    advice = "see whether PETSc and MPI belong together"
+    """Factorise in a child process; the output of MUMPS holds its version on every system."""
+    advice = "check that PETSc and MPI belong together"
     done = _child(FACTORISE)
     if isinstance(done, str):
         return Finding(finding.name, None, f"{done}; {advice}")
@@ -198,17 +198,17 @@ def _gmsh() -> str:
 
 def _blas() -> str:
     import_module("numpy")
-    with contextlib.suppress(ImportError):  # MUMPS's may be another one than NumPy's
+    with contextlib.suppress(ImportError):  # MUMPS may use another BLAS than NumPy
         import_module("petsc4py.PETSc")
     names = _loaded(r"lib((?:scipy_)?openblas[^/]*?|mkl_rt|blis[^/]*?)(?:-[0-9a-f]+)?\.so")
-    # OpenBLAS too puts a libblas beside itself, in a folder of its own
+    # OpenBLAS too has a libblas, in a folder of its own
     names += ["the reference BLAS"] if _loaded(r"(libblas)\.so", "/blas/") else []
     threads = os.environ.get("OPENBLAS_NUM_THREADS") or os.environ.get("OMP_NUM_THREADS") or "all"
     return f"{' and '.join(names) or 'unknown'}, {threads} thread(s)"
 
 
 def _loaded(pattern: str, folder: str = "/") -> list[str]:
-    """First groups of matches among the shared libraries that this process has loaded."""
+    """Return the first groups of matches among the shared libraries of this process."""
     try:
         lines = Path("/proc/self/maps").read_text().split("\n")
     except OSError:
@@ -219,7 +219,7 @@ def _loaded(pattern: str, folder: str = "/") -> list[str]:
 
 
 def _child(program: str) -> subprocess.CompletedProcess[str] | str:
-    """Run a Python program outside this MPI job; return what became of it, or why it did not."""
+    """Run a Python program outside this MPI job; return its result, or the name of the error."""
     try:
         return subprocess.run(
             [sys.executable, "-c", program],
@@ -233,7 +233,7 @@ def _child(program: str) -> subprocess.CompletedProcess[str] | str:
 
 
 def _rendering() -> Finding:
-    """Draw in a child process: without EGL and OSMesa VTK may crash instead of complaining."""
+    """Render in a child process, since VTK may crash without EGL and OSMesa."""
     name = "off-screen rendering"
     advice = "apt install libosmesa6 (or libegl1)"
     libraries = [lib for lib in ("EGL", "OSMesa") if ctypes.util.find_library(lib)]

@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# Sets up what is missing, then runs the tests on one rank and on two. Arguments go to pytest.
-# With RECEDING_ENV=pypi before it, all comes from PyPI instead of Debian.
+# Installs what is missing, then runs the tests on one rank and on two. Arguments are passed to pytest.
+# RECEDING_ENV=pypi uses packages from PyPI instead of Debian.
 set -euo pipefail
 
 root=$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd -P)

@@ -206,7 +206,7 @@ def test_doctor_runs_on_two_ranks(mpirun: Run) -> None:
     [("0.5.2", False), ("0.9.0", True), ("0.10.0.post5", True), ("0.11.0.post0", False)],
 )
 def test_doctor_says_on_which_dolfinx_nothing_was_tested(version: str, doubted: bool) -> None:
-    found = environment._doubted(environment.Finding("dolfinx", version))
+    found = environment._tested(environment.Finding("dolfinx", version))
     assert found.version == version + ", not tested (0.5 and 0.11 are)" * doubted
 
 
@@ -214,13 +214,13 @@ def test_doctor_says_when_mumps_does_not_work(monkeypatch: pytest.MonkeyPatch) -
     if not root:
         return
     monkeypatch.setattr(environment, "FACTORISE", "raise OSError('no such matrix')")
-    found = environment._doubted(environment.Finding("MUMPS", "5.5.0"))
+    found = environment._tested(environment.Finding("MUMPS", "5.5.0"))
     assert found.version is None
     assert "OSError: no such matrix" in found.advice
 
 
 def test_doctor_warns_of_the_reference_blas() -> None:
-    found = environment._doubted(environment.Finding("BLAS", "the reference BLAS, 1 thread(s)"))
+    found = environment._tested(environment.Finding("BLAS", "the reference BLAS, 1 thread(s)"))
     assert "apt install libopenblas0-pthread" in str(found.version)
 
 

@@ -194,7 +194,7 @@ def test_run_cannot_take_the_place_of_a_root(
 ) -> None:
     path = write(shared_tmp_path / "scene.toml", SCENE)
     assert "/: cannot be a run's folder" in refused(capsys, "run", path, "--out", "/")
-    assert "is there already" in refused(capsys, "run", path, "--out", shared_tmp_path / "a/..")
+    assert "already exists" in refused(capsys, "run", path, "--out", shared_tmp_path / "a/..")
     assert "is a folder" in refused(capsys, "condense", path, "--out", "/")
     assert "(File name too long)" in refused(capsys, "run", path, "--out", 300 * "x")
 

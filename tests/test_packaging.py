@@ -1,8 +1,10 @@
-"""What pyproject.toml says of the package's folders stands there, and is what is installed."""
+"""Packaging: folders, data files and dependencies in pyproject.toml, and the built wheel."""
 
 from __future__ import annotations
 
+import ast
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -38,6 +40,51 @@ def test_package_data_exist() -> None:
         folder = ROOT / SETUPTOOLS["package-dir"][package]
         for pattern in patterns:
             assert any(folder.glob(pattern)), f"{package}: {pattern}"
+
+
+BROUGHT_BY_DOLFINX = {"basix", "dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl"}
+"""Modules of Debian's python3-dolfinx-real, and of PyPI's dolfinx-solver-real."""
+DISTRIBUTIONS = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg"}
+"""Distribution of each module that has another name."""
+NOT_IMPORTED = {"vtk": "release for pyvista", "dolfinx-solver-real": "brings DOLFINx"}
+"""Dependencies that the package does not import itself, and their purpose."""
+
+
+def imported_modules() -> set[str]:
+    """Return the top-level names of all imports of the package, those inside functions too."""
+    found = set()
+    for path in (ROOT / "receding_fenicsx").rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Import):
+                found |= {alias.name for alias in node.names}
+            elif isinstance(node, ast.ImportFrom):
+                assert node.level == 0 and node.module is not None, path
+                found.add(node.module)
+    return {name.partition(".")[0] for name in found}
+
+
+def test_imports_of_the_package_are_its_declared_dependencies() -> None:
+    project = PYPROJECT["project"]
+    requirements = project["dependencies"] + project["optional-dependencies"]["tables"]
+    declared = {re.split(r"[<>=~!; ]", text)[0] for text in requirements}
+    names = imported_modules() - sys.stdlib_module_names - BROUGHT_BY_DOLFINX
+    imported = {DISTRIBUTIONS.get(name, name) for name in names - {"receding_fenicsx"}}
+    assert imported == declared - set(NOT_IMPORTED)
+
+
+@pytest.mark.skipif(
+    os.path.basename(sys.prefix) != ".venv-pypi", reason="Debian's packages are no distributions"
+)
+def test_pypi_dolfinx_brings_the_modules_that_are_not_declared() -> None:
+    todo, found = ["dolfinx-solver-real"], set()
+    while todo:
+        name = re.split(r"[<>=~!;\[ (]", todo.pop())[0].lower()
+        if name not in found:
+            found.add(name)
+            todo += [text for text in metadata.requires(name) or () if "extra ==" not in text]
+    providers = metadata.packages_distributions()
+    for module in BROUGHT_BY_DOLFINX:
+        assert {name.lower() for name in providers[module]} & found, module
 
 
 BUILD = "from setuptools import build_meta as b; print(b.build_{kind}({folder!r}))"

@@ -130,7 +130,7 @@ def test_existing_folders_are_left_alone_unless_asked(shared_tmp_path: Path) -> 
     study.run(scene, out, study.RunOptions(pictures=False), comm)
     comm.Barrier()
     before = (out / "record.h5").stat().st_mtime_ns
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         study.run(scene, out, study.RunOptions(pictures=False), comm)
     assert (out / "record.h5").stat().st_mtime_ns == before
     comm.Barrier()

@@ -1,1 +1,27 @@
-"""Scenes: their dataclasses, TOML files, validation, load histories and symmetry."""
+"""Scenes: the input of a run, its TOML file, validation, load history and symmetry.
+
+A scene describes bodies, materials, mesh, contacts, loads, supports, history and options. It knows
+nothing of finite elements. From a file to a history:
+
+1. :func:`~receding_fenicsx.scene.toml_file.read_scene` parses the file.
+   :func:`~receding_fenicsx.scene.toml_overrides.apply_override` applies ``--set table.key=value``,
+   and :func:`~receding_fenicsx.scene.profiles.inline_files` replaces ``{file = "gap.csv"}`` by the
+   table in that file.
+2. :func:`~receding_fenicsx.scene.toml_tables.scene_of` converts the tables into the dataclass
+   :class:`~receding_fenicsx.scene.model.Scene`. It refuses unknown keys and wrong types; each value
+   is read by a function of :mod:`~receding_fenicsx.scene.toml_values`.
+3. :func:`~receding_fenicsx.scene.validate.validate` checks the values, also of a scene made in
+   Python. Its parts are :mod:`~receding_fenicsx.scene.validate_bodies`,
+   :mod:`~receding_fenicsx.scene.validate_contacts`, :mod:`~receding_fenicsx.scene.validate_loads`
+   and :mod:`~receding_fenicsx.scene.validate_options`.
+   :func:`~receding_fenicsx.scene.validate.warnings` lists options that make results inaccurate.
+4. :func:`~receding_fenicsx.scene.history.from_scene` makes the load history, a polyline of load
+   factors.
+5. :func:`~receding_fenicsx.scene.symmetry.is_mirror_symmetric` decides whether half of the body is
+   modelled. :func:`~receding_fenicsx.scene.one_body.part_of` gives each body of a pair its own
+   scene.
+6. :func:`~receding_fenicsx.scene.profiles.evaluate` evaluates friction, gap and loads at points;
+   :mod:`~receding_fenicsx.scene.rectangle_edges` knows where the points of a rectangle's edges are.
+7. :func:`~receding_fenicsx.scene.toml_file.to_toml` writes the scene with the results.
+   :func:`~receding_fenicsx.scene.identity.difference` compares it with the scene of a later run.
+"""

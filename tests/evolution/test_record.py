@@ -126,7 +126,7 @@ def test_long_scene_texts_fit(record: Record, tmp_path: Path) -> None:
 def test_files_are_not_overwritten_unless_asked(record: Record, tmp_path: Path) -> None:
     path = tmp_path / "record.h5"
     path.write_text("precious")
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         write_record(path, record)
     assert path.read_text() == "precious"
     write_record(path, record, overwrite=True)

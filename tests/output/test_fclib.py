@@ -200,7 +200,7 @@ def test_export_of_a_run_s_step_is_that_step(tmp_path: Path) -> None:
         assert file["fclib_local/info/title"][()] == b"Ahn & Barber block"
     # a step is the exact path up to what changes within it
     np.testing.assert_allclose(r[0::2], P, atol=1e-6 * P.max())
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="already exists"):
         export(tmp_path / "run", path)
     assert "from s = 0 to 1" in export(tmp_path / "run", path, overwrite=True)
     for where, since, words in (

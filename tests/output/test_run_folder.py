@@ -68,7 +68,7 @@ def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> N
     out.mkdir()
     with run_folder(out, BLOCK) as folder:  # an empty folder holds nothing to lose
         (folder / "summary.json").write_text("first")
-    with pytest.raises(InputError, match=r"is there already.*--overwrite"), run_folder(out, BLOCK):
+    with pytest.raises(InputError, match=r"already exists.*--overwrite"), run_folder(out, BLOCK):
         pass
     with pytest.raises(RuntimeError), run_folder(out, BLOCK, overwrite=True) as folder:
         raise RuntimeError
@@ -79,7 +79,7 @@ def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> N
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
     with (
-        pytest.raises(InputError, match="holds no earlier run"),
+        pytest.raises(InputError, match="is not a run folder"),
         run_folder(tmp_path / "thesis", BLOCK, overwrite=True),
     ):
         pass
