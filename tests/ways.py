@@ -170,6 +170,9 @@ def follow(
     u = np.array(u, np.longdouble)
     if not np.any(a):
         u = _laid(system, body, b - a, u)
+        # nodes that the body has rolled off touch no more
+        rolled_off = (body.g0 + u[body.n :]) * body.k[body.n :] > NEAR * force
+        state = np.where(rolled_off & ~body.carried, OPEN, state)
     ends: list[End] = []
     waiting = [(0.0, u, np.array(state, int), 0)]
     pieces = 0

@@ -95,13 +95,12 @@ class PathPoint:
     def extrapolated(self, s: float, y: Array) -> ContactState:
         """Return the same for quantities ``y`` at another place, with the present states."""
         n, g0 = self.system.n, self.system.g0
-        u = np.concatenate([y[:n], y[n : 2 * n] - g0])
+        return self.with_displacements(s, np.concatenate([y[:n], y[n : 2 * n] - g0]))
+
+    def with_displacements(self, s: float, u: Array) -> ContactState:
+        """Return the same for displacements (2N,) at another place."""
         r = reactions(self.system, self.problem.load(s), u)
         return ContactState(u, r, self.state.copy())
-
-    def with_displacements(self, u: Array) -> ContactState:
-        """Return the same for other displacements (2N,)."""
-        return ContactState(u, reactions(self.system, self.load, u), self.state.copy())
 
 
 def evenly_spaced(samples: int) -> tuple[float, ...]:

@@ -30,7 +30,7 @@ from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.unloading import (
     REMAINING_LOAD,
-    UNLOADING_EVENTS,
+    UNLOADING_ROUND_OFF,
     carries_nothing,
     is_at_rest,
     stops_short,
@@ -186,7 +186,7 @@ class EventPath:
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
         except NoQuasiStaticContinuation:
-            at_end = LAST_EVENTS if np.any(b) else UNLOADING_EVENTS
+            at_end = LAST_EVENTS if np.any(b) else UNLOADING_ROUND_OFF
             if walk.point.s >= 1.0 - at_end:
                 # at the end itself only round-off decides: left to the next leg
                 walk.point.s = 1.0

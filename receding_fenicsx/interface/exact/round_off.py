@@ -86,13 +86,17 @@ class RoundOff:
 
     def remove(self) -> ContactState:
         """Correct the displacements by one step of iterative refinement; return the state."""
-        point, segments = self._point, self._segments
-        n, now = segments.system.n, point.contact_state()
-        u = now.u + segments.tableau(point.state).correction(now.r)[: 2 * n]
-        refined = point.with_displacements(u)
-        point.y[:] = segments.values(refined)
+        refined = self.refined(self._point.s, self._point.y)
+        self._point.y[:] = self._segments.values(refined)
         self._after_refinement = self.imbalance()
         return refined
+
+    def refined(self, s: float, y: Array) -> ContactState:
+        """Return the state for quantities y (4N,) at s after one step of iterative refinement."""
+        point, n = self._point, self._segments.system.n
+        now = point.extrapolated(s, y)
+        u = now.u + self._segments.tableau(point.state).correction(now.r)[: 2 * n]
+        return point.with_displacements(s, u)
 
 
 def displacement_uncertainty(

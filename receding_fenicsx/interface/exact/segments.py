@@ -280,12 +280,18 @@ class Segments:
 
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""
+        y = self.margins(state)
+        y[2 * self.system.n :] = np.maximum(y[2 * self.system.n :], 0.0)
+        return y
+
+    def margins(self, state: ContactState) -> Array:
+        """Return the same, A and B below zero where the limit of friction is passed."""
         nodes = self.frictional, self.smooth
         forward, backward = limit_distances(self.system.friction, nodes, state.state, state.r)
         contact = state.state != SEPARATION
         gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
         # a gap keeps its round-off: times the stiffness it would be a force out of balance
-        return np.concatenate([state.v, gap, np.maximum(forward, 0.0), np.maximum(backward, 0.0)])
+        return np.concatenate([state.v, gap, forward, backward])
 
     def undecided(self, y: Array, state: States, force_scale: float) -> Undecided:
         """Return the nodes that sit on a limit, sorted by which limit."""

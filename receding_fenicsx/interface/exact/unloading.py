@@ -16,8 +16,12 @@ from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
 UNLOADED_FORCE = 1e-11
 """Nodal force, over the largest so far, up to which a contact is unloaded: round-off."""
 
-UNLOADING_EVENTS = 1e-9
+UNLOADING_ROUND_OFF = 1e-9
 """Part of a leg before its end at no load within which changes of state are round-off."""
+
+UNLOADING_EVENTS = 1e-6
+"""Part of a leg before its end at no load within which they may be round-off of the displacements
+of a nearly singular body."""
 
 REMAINING_LOAD = 1e-9
 """Load, as a part of the leg's first load, at which a leg to complete unloading stops."""

@@ -14,10 +14,11 @@ from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments
 from receding_fenicsx.interface.exact.unloading import (
     UNLOADED_FORCE,
     UNLOADING_EVENTS,
+    UNLOADING_ROUND_OFF,
     displacements_at_rest,
 )
 from receding_fenicsx.interface.residual import ROUND_OFFS, residual_at_rest
-from receding_fenicsx.interface.system import ContactState, Leg
+from receding_fenicsx.interface.system import Array, ContactState, Leg
 
 SIMULTANEOUS = 1e-9
 """Part of the leg within which events count as simultaneous: all nodes on limits are looked at."""
@@ -97,7 +98,10 @@ class Walk:
                 continue
             last = first >= s_end - point.s - END_TOLERANCE
             if self._unloading and not last:
-                last = self._rest_is_round_off(segment, first, s_end)
+                unloaded = self._unloaded(segment, first, s_end)
+                if unloaded is not None:
+                    self._end_at(unloaded, segment, s_end)
+                    return
             ds = s_end - point.s if last else max(first, 0.0)
             if self.sample_at and self.sample_at[0] <= point.s + ds:
                 self._sample(segment, point.s + ds)
@@ -109,18 +113,37 @@ class Walk:
                 self._check_progress()
             segment, looked_at = self._event(int(segment.falling[k]), segment)
 
-    def _rest_is_round_off(self, segment: Segment, first: float, s_end: float) -> bool:
-        """Return whether the event just before the end of unloading is round-off."""
+    def _unloaded(self, segment: Segment, first: float, s_end: float) -> Array | None:
+        """Return the (4N,) quantities at the end of unloading.
+
+        None where the event just before, after ``first``, is more than round-off.
+        """
         left = s_end - self.point.s
         if left - first > UNLOADING_EVENTS:
-            return False
+            return None
+        y = self.point.y + left * segment.q
+        if left - first <= UNLOADING_ROUND_OFF and self._keeps_limits(y):
+            return y
+        # the round-off of large displacements before is no error at the end
+        y = self.segments.margins(self.round_off.refined(s_end, y))
+        return y if self._keeps_limits(y) else None
+
+    def _keeps_limits(self, y: Array) -> bool:
+        """Return whether quantities at the end of unloading pass limits by round-off at most."""
         n, weight = self.system.n, self.segments.weight
-        passed = (self.point.y + left * segment.q) * weight
         # gaps keep the round-off of the displacements at the start of the leg
         at_start = float(np.abs(self.sums.start * weight[: 2 * n]).max())
         allowed = UNLOADED_FORCE * self.sums.force_scale
         gaps = max(allowed, ROUND_OFFS * EPSILON * at_start)
+        passed = y * weight
         return bool(passed[2 * n :].min() >= -allowed and passed[n : 2 * n].min() >= -gaps)
+
+    def _end_at(self, y: Array, segment: Segment, s_end: float) -> None:
+        """Move on to the end of unloading, where the quantities (4N,) are given."""
+        self._sample(segment, float(np.nextafter(s_end, 0.0)))
+        self.point.y[:], self.point.s = y, s_end
+        self._sample(segment, s_end)
+        self.sums.add_stop(s_end, self.point.y, self.point.state)
 
     def _advance(self, segment: Segment, ds: float) -> None:
         """Move on by ds."""
@@ -233,6 +256,10 @@ class Walk:
 
     def _refined_end(self) -> ContactState:
         """Return the state at the present point, round-off removed where it matters."""
+        if self._unloading:
+            # round-off of larger displacements before must not remain as slip
+            self.round_off.remove()
+            return self.round_off.remove()
         if self.segments.trials > self._trials_before or not self.round_off.is_balanced():
             return self.round_off.remove()
         end = self.point.contact_state()
