@@ -1,4 +1,4 @@
-"""Profiles from files become part of the scene."""
+"""Profiles: tables, and files that become part of the scene."""
 
 from pathlib import Path
 
@@ -53,3 +53,11 @@ def test_a_file_that_is_no_profile_is_refused_in_one_line(
     text = str(caught.value)
     assert "\n" not in text and "contact" in text
     assert all(word in text for word in words), text
+
+
+def test_table_is_linear_inside_and_constant_outside() -> None:
+    table = {"x": [0.0, 1.0, 3.0], "value": [1.0, 2.0, 0.0]}
+    np.testing.assert_allclose(
+        evaluate(table, [-5.0, 0.5, 2.0, 9.0]), [1.0, 1.5, 1.0, 0.0], rtol=1e-15
+    )
+    np.testing.assert_array_equal(evaluate(0.25, np.zeros((2, 3))), np.full((2, 3), 0.25))

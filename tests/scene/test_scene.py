@@ -1,13 +1,10 @@
 import dataclasses
 import math
-from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.expressions import evaluate_expression
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -18,9 +15,6 @@ from receding_fenicsx.scene.model import (
     SolverOptions,
     Support,
 )
-from receding_fenicsx.scene.profiles import evaluate
-from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range
-from receding_fenicsx.scene.symmetry import is_mirror_symmetric
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
 from receding_fenicsx.scene.validate import validate, warnings
 
@@ -315,196 +309,6 @@ def test_unreadable_files_are_refused(tmp_path: Path) -> None:
     (tmp_path / "cut.toml").write_text(BLOCK[: len(BLOCK) // 2 + 3])
     with pytest.raises(InputError, match=r"cut\.toml: "):
         read_scene(tmp_path / "cut.toml")
-
-
-# -- expressions and profiles --------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("2", lambda x, y: 2 + 0 * x),
-        ("-x**2/3 + pi", lambda x, y: -(x**2) / 3 + math.pi),
-        ("x*y - (x - 1)*+2", lambda x, y: x * y - (x - 1) * 2),
-        ("min(x, 0.5, y) + max(x, -0.25)", lambda x, y: min(x, 0.5, y) + max(x, -0.25)),
-        ("abs(x) + sqrt(abs(x))", lambda x, y: abs(x) + math.sqrt(abs(x))),
-        ("sin(x) + cos(y)*tanh(x)", lambda x, y: math.sin(x) + math.cos(y) * math.tanh(x)),
-        ("exp(-x) + log(2 + x)", lambda x, y: math.exp(-x) + math.log(2 + x)),
-        ("where(x > 0, 1, 2)", lambda x, y: 1.0 if x > 0 else 2.0),
-        ("(-0.5 <= x < 0.5) + (x == 1)", lambda x, y: (-0.5 <= x < 0.5) + (x == 1)),
-        ("2*(x != y)", lambda x, y: 2.0 * (x != y)),
-        ("  1e-3 ", lambda x, y: 1e-3),
-    ],
-)
-def test_expression_has_pythons_value(text: str, expected: Callable[[float, float], float]) -> None:
-    x = np.array([-1.0, -0.5, 0.0, 0.25, 1.0])
-    y = np.array([0.5, -0.5, 2.0, 0.25, -1.0])
-    wanted = [expected(a, b) for a, b in zip(x, y, strict=True)]
-    np.testing.assert_allclose(evaluate_expression(text, x, y), wanted, rtol=1e-15, atol=1e-16)
-
-
-@pytest.mark.parametrize(
-    ("text", "word"),
-    [
-        ("__import__('os').system('true')", "not allowed"),
-        ("x.__class__", "not allowed"),
-        ("(lambda: 1)()", "not allowed"),
-        ("[x for x in (1,)]", "not allowed"),
-        ("x[0]", "not allowed"),
-        ("'a'", "not allowed"),
-        ("True", "not allowed"),
-        ("1j", "not allowed"),
-        ("x and 1", "not allowed"),
-        ("x if x else 1", "not allowed"),
-        ("x^2", "write ** for a power"),
-        ("open(x)", "unknown name 'open'"),
-        ("sqr(x)", "did you mean 'sqrt'?"),
-        ("sin(x, x)", "takes 1 argument"),
-        ("min(x)", "takes 2 to 20"),
-        ("sin(x=x)", "not allowed"),
-        ("z", "unknown name 'z'"),
-        ("y", "only x"),
-        ("", "not an expression"),
-        ("x +", "not an expression"),
-        ("x = 1", "not an expression"),
-        ("9**9**9**9", "finite"),
-        ("sqrt(x)", "finite"),
-        ("log(x - x)", "finite"),
-        ("1" + 400 * "0", "too large"),
-        (1001 * "1", "characters"),
-        (450 * "(" + "x" + 450 * ")", "not an expression"),
-        ("\0", "not an expression"),
-    ],
-)
-def test_other_text_is_no_expression(text: str, word: str) -> None:
-    with pytest.raises(InputError) as caught:
-        evaluate_expression(text, np.array([-1.0, 1.0]))
-    assert word in str(caught.value)
-
-
-def test_long_sums_are_refused_or_right_but_never_crash() -> None:
-    text = "+".join(400 * ["x"])
-    np.testing.assert_allclose(evaluate_expression(text, np.array([0.5])), [200.0])
-    with pytest.raises(InputError):
-        evaluate_expression(999 * "-" + "x", np.array([0.5]))
-
-
-def test_table_is_linear_inside_and_constant_outside() -> None:
-    table = {"x": [0.0, 1.0, 3.0], "value": [1.0, 2.0, 0.0]}
-    np.testing.assert_allclose(
-        evaluate(table, [-5.0, 0.5, 2.0, 9.0]), [1.0, 1.5, 1.0, 0.0], rtol=1e-15
-    )
-    np.testing.assert_array_equal(evaluate(0.25, np.zeros((2, 3))), np.full((2, 3), 0.25))
-
-
-def test_edges_are_measured_from_the_centre() -> None:
-    scene = block()
-    assert edge_range(scene, "bottom") == (-2.0, 2.0)
-    assert edge_range(scene, "left") == (-0.5, 0.5)
-    for edge, point in {
-        "bottom": (0.25, 0.0),
-        "top": (0.25, 1.0),
-        "left": (-2.0, 0.75),
-        "right": (2.0, 0.75),
-    }.items():
-        x, y = edge_points(scene, edge, 0.25)
-        assert (float(x), float(y)) == point
-    with pytest.raises(InputError, match="no edge"):
-        edge_range(scene, "roof")
-
-
-# -- mirror symmetry -----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize(
-    "overrides",
-    [
-        [],
-        ["contact.friction=0.3 + 0.1*cos(pi*x)"],
-        ["contact.friction={x=[-1, 0, 1], value=[0.1, 0.4, 0.1]}"],
-        ["contact.initial_gap=0.01*x**2"],
-        ["contact.span=[-1.5, 1.5]"],
-        ["load.p0.pressure=exp(-x**2)"],
-        ["history.initial_slip=1e-3*x**3"],
-    ],
-)
-def test_mirror_images_of_themselves_are_symmetric(overrides: list[str]) -> None:
-    assert is_mirror_symmetric(block(*overrides))
-
-
-@pytest.mark.parametrize(
-    "overrides",
-    [
-        ["contact.friction=0.3 + 1e-6*x"],
-        ["contact.friction={x=[-1, 0, 2], value=[0.1, 0.4, 0.1]}"],
-        ["contact.initial_gap=0.01*(x + 2)"],
-        ["contact.span=[-1.5, 1.25]"],
-        ["load.p0.span=[-1.0, 1.25]"],
-        ["load.p0.pressure=1 + 0.1*x"],
-        ["load.p0.edge=left", "load.p0.span=[-0.5, 0.5]"],
-        ["contact.edge=right"],
-        ["history.initial_slip=1e-3*x**2"],
-        ["history.initial_slip=1e-3"],
-    ],
-)
-def test_scenes_with_a_left_and_a_right_are_not_symmetric(overrides: list[str]) -> None:
-    assert not is_mirror_symmetric(block(*overrides))
-
-
-@pytest.mark.parametrize(
-    ("traction", "symmetric"),
-    [
-        ("[0.0, -1.0]", True),
-        ("[1.0, 0.0]", False),
-        ('["x", "-1 - x**2"]', True),
-        ('["x**2", -1.0]', False),
-        ('["x", "x"]', False),
-        ('["1e-15*x**2", -1.0]', True),
-    ],
-)
-def test_traction_is_symmetric_when_its_x_part_is_odd(traction: str, symmetric: bool) -> None:
-    text = BLOCK.replace("pressure = 1.0", f"traction = {traction}")
-    assert text != BLOCK
-    assert is_mirror_symmetric(from_toml(text)) == symmetric
-
-
-@pytest.mark.parametrize(
-    ("part", "symmetric"),
-    [
-        ({"platen": True, "force": (0.0, -1.0)}, True),
-        ({"platen": True, "force": (0.3, -1.0)}, False),
-        ({"platen": True, "force": (0.3, 0.0)}, False),
-        ({"displacement": ("0.1*x", -0.2)}, True),
-        ({"displacement": (0.1, -0.2)}, False),
-        ({"displacement": ("free", "0.1*x")}, False),
-        ({"pressure": "1 + x"}, False),
-    ],
-)
-def test_load_is_symmetric_when_nothing_of_it_goes_to_a_side(part: dict, symmetric: bool) -> None:
-    scene = dataclasses.replace(block(), loads=(Load("p0", "top", **part),))
-    validate(scene)
-    assert is_mirror_symmetric(scene) == symmetric
-
-
-@pytest.mark.parametrize(
-    ("supports", "symmetric"),
-    [
-        ((Support("x", edge="left"), Support("x", edge="right")), True),
-        ((Support("xy", edge="left"), Support("yx", edge="right")), True),
-        ((Support("x", edge="left"), Support("y", edge="right")), False),
-        ((Support("x", edge="left"),), False),
-        ((Support("xy", edge="top"),), True),
-        ((Support("x", point=(0.0, 1.0)),), True),
-        ((Support("x", point=(-1.0, 1.0)), Support("x", point=(1.0, 1.0))), True),
-        ((Support("x", point=(-1.0, 1.0)), Support("x", point=(1.0, 0.5))), False),
-    ],
-)
-def test_supports_need_their_images(supports: tuple[Support, ...], symmetric: bool) -> None:
-    scene = dataclasses.replace(block("load.p0.span=[-0.5, 0.5]"), supports=supports)
-    assert is_mirror_symmetric(scene) == symmetric
-
-
-# -- warnings -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,25 @@
+from pathlib import Path
+
+import pytest
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range
+from receding_fenicsx.scene.toml_file import read_scene
+
+DEMOS = Path(__file__).parents[2] / "demos"
+
+
+def test_edges_are_measured_from_the_centre() -> None:
+    scene = read_scene(DEMOS / "block.toml")
+    assert edge_range(scene, "bottom") == (-2.0, 2.0)
+    assert edge_range(scene, "left") == (-0.5, 0.5)
+    for edge, point in {
+        "bottom": (0.25, 0.0),
+        "top": (0.25, 1.0),
+        "left": (-2.0, 0.75),
+        "right": (2.0, 0.75),
+    }.items():
+        x, y = edge_points(scene, edge, 0.25)
+        assert (float(x), float(y)) == point
+    with pytest.raises(InputError, match="no edge"):
+        edge_range(scene, "roof")
