@@ -17,10 +17,9 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.mpi import world
-from receding_fenicsx.output.storage import hdf5
+from receding_fenicsx.output.storage.run_folder import read_run
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.timing import Say, Timer
 
 if TYPE_CHECKING:
@@ -63,12 +62,12 @@ def snapshot(
     folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)
 
-    def find() -> tuple[str, Instant]:
-        scene, system, record = _finished(folder)
-        return record.scene_toml, instant_of(scene, system, record, cycle, leg, at)
+    def find() -> tuple[Scene, Instant]:
+        scene, system, record = read_run(folder)
+        return scene, instant_of(scene, system, record, cycle, leg, at)
 
-    text, instant = comm.bcast(mpi.on_root(comm, find))
-    bulk = picture_body(from_toml(text), comm)
+    scene, instant = comm.bcast(mpi.on_root(comm, find))
+    bulk = picture_body(scene, comm)
     try:
         with timer("pictures"):
             return snapshots.snapshot(bulk, instant, folder / "snapshots")
@@ -104,30 +103,23 @@ def animate(
     timer = Timer(progress if comm.rank == 0 else None)
     quantity = colours.quantity_of(stress)
 
-    def find() -> tuple[str, Any]:
-        scene, system, record = _finished(folder)
+    def find() -> tuple[Scene, Any]:
+        scene, system, record = read_run(folder)
         legs, at, time = history.evenly_spaced(history.from_scene(scene), cycle, frames)
         instants = [
             instant_of(scene, system, record, cycle, str(leg), float(s))
             for leg, s in zip(legs, at, strict=True)
         ]
-        return record.scene_toml, animation.Scenario(instants, time)
+        return scene, animation.Scenario(instants, time)
 
-    text, scenario = comm.bcast(mpi.on_root(comm, find))
-    bulk = picture_body(from_toml(text), comm)
+    scene, scenario = comm.bcast(mpi.on_root(comm, find))
+    bulk = picture_body(scene, comm)
     try:
         with timer("pictures"):
             file = folder / "animations" / f"cycle{cycle:04d}_{stress}"
             return animation.animate(bulk, scenario, quantity, file)
     finally:
         bulk.destroy()
-
-
-def _finished(folder: Path) -> tuple[Scene, ContactSystem, Record]:
-    """Read a finished run."""
-    record = hdf5.read_record(folder / "record.h5")
-    scene = from_toml(record.scene_toml)
-    return scene, hdf5.read_system(folder / "system.h5", scene), record
 
 
 def draw(

@@ -12,6 +12,7 @@ Everything here describes the whole contact, also when half of the body was mode
 from __future__ import annotations
 
 from dataclasses import dataclass, fields, replace
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -19,6 +20,8 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.evolution import moment, tables
 from receding_fenicsx.evolution.record_data import Events, Ints, RecordData, States
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import from_toml
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -31,6 +34,11 @@ class Record(RecordData):
 
     The arrays are those of :class:`~receding_fenicsx.evolution.record_data.RecordData`.
     """
+
+    @cached_property
+    def scene(self) -> Scene | None:
+        """The scene that was evolved, parsed once from ``scene_toml``; None where there is none."""
+        return from_toml(self.scene_toml) if self.scene_toml else None
 
     def by_edge(self) -> dict[str, Record]:
         """Return the record of each contact edge by itself, by the edge's name.

@@ -14,7 +14,6 @@ from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.steady import slip_exponents
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import from_toml
 
 if TYPE_CHECKING:
     from receding_fenicsx.evolution.record import Record
@@ -73,10 +72,8 @@ def paper_table(record: Record) -> list[dict[str, Any]]:
         Rows ``{"quantity", "paper", "ours", "agrees"}``; "ours" and "agrees" are None where too few
         cycles were run. Empty when the record is not of the paper's block.
     """
-    if not record.scene_toml:
-        return []
-    scene = from_toml(record.scene_toml)
-    if not is_papers_block(scene):
+    scene = record.scene
+    if scene is None or not is_papers_block(scene):
         return []
     rows = [_loading_zones(record), _unloading_zones(record)]
     rows += [_dissipation(record), _exponent(record, scene.body.height)]

@@ -15,7 +15,6 @@ from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends
 from receding_fenicsx.reference.ahn_barber import is_papers_block
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import from_toml
 
 LONGEST_NAME = 10
 """Letters of a load's name that labels have room for."""
@@ -129,7 +128,7 @@ class Scales:
 
 def scales_of(record: Record) -> Scales:
     """Find the scales of a record: those of the paper where the scene has them."""
-    scene = from_toml(record.scene_toml) if record.scene_toml else None
+    scene = record.scene
     length = length_of(scene)
     pressure, symbol = pressure_of(scene, record.load_names)
     largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)

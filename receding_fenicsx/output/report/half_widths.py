@@ -18,7 +18,6 @@ from receding_fenicsx.interface.measures.zone_ends import (
 )
 from receding_fenicsx.interface.measures.zones import contact_half_width, stick_half_width
 from receding_fenicsx.scene.model import Material
-from receding_fenicsx.scene.toml_file import from_toml
 
 AGAINST_X = ("top", "left")
 """Edges of a rectangle along which x runs against the tangential direction t = (n_y, -n_x)."""
@@ -106,9 +105,9 @@ def contact_betas(record: Record) -> tuple[float, ...]:
     where no scene tells the materials, and of several edges together.
     """
     numbers = set(record.edge.tolist())
-    if not record.scene_toml or len(numbers) != 1:
+    scene = record.scene
+    if scene is None or len(numbers) != 1:
         return ()
-    scene = from_toml(record.scene_toml)
     contact = scene.contacts[numbers.pop()]
     body, edge = scene.find_edge(contact.edge)
     materials = [scene.material_of(body)]

@@ -19,7 +19,6 @@ from receding_fenicsx.output.report.half_widths import (
     half_widths,
 )
 from receding_fenicsx.reference.ahn_barber import paper_table
-from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import warnings
 
 TREND_CYCLES = 8
@@ -40,7 +39,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
     Returns:
         What ``summary.json`` holds: numbers, strings, lists and dictionaries.
     """
-    scene = from_toml(record.scene_toml) if record.scene_toml else None
+    scene = record.scene
     steady = record.steady
     return {
         "title": scene.title if scene else "",

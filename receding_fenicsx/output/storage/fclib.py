@@ -23,7 +23,8 @@ from receding_fenicsx.interface.gauss_seidel.compliance_form import (
     step_problem,
 )
 from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
-from receding_fenicsx.output.storage.hdf5 import read_record, read_system
+from receding_fenicsx.output.storage.hdf5 import read_system
+from receding_fenicsx.output.storage.run_folder import read_run
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.toml_file import from_toml
 
@@ -75,9 +76,7 @@ def _step(
     folder: Path, where: tuple[int, str, float], since: float | None
 ) -> tuple[ContactSystem, Array, ContactState | None, str]:
     """Return system, load at the end, state at the start and description of a step of a run."""
-    record = read_record(folder / "record.h5")
-    scene = from_toml(record.scene_toml)
-    system = read_system(folder / "system.h5", scene)
+    scene, system, record = read_run(folder)
     path = history.from_scene(scene)
     cycle, name, at = where
     number = history.leg_number(path, name, cycle)

@@ -16,6 +16,9 @@ from pathlib import Path
 from receding_fenicsx.atomic import check_folder, new_file, sync, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.output.storage.hdf5 import read_record, read_system
 from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.scene.identity import FREE_WHEN_FINISHED, FREE_WHEN_RESUMED, difference
 from receding_fenicsx.scene.model import Scene
@@ -114,6 +117,18 @@ def _fill(part: Path, scene: Scene, earlier: Path | None) -> int:
     with new_file(part / SCENE, overwrite=True) as beside:
         beside.write_text(to_toml(scene), encoding="utf-8")
     return lock
+
+
+def read_run(folder: Path) -> tuple[Scene, ContactSystem, Record]:
+    """Read scene, condensed system and record of a finished run.
+
+    Raises:
+        InputError: a file is missing or damaged, or the record has no scene.
+    """
+    record = read_record(folder / "record.h5")
+    if record.scene is None:
+        raise InputError(f"{folder / 'record.h5'}: has no scene; give the folder of a run")
+    return record.scene, read_system(folder / SYSTEM, record.scene), record
 
 
 def has_run(path: Path) -> bool:
