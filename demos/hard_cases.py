@@ -1,10 +1,13 @@
-"""Hard cases: what is expected, what came out, and how well it satisfies the laws.
+"""Hard cases: expected outcome, outcome, and violation of the laws.
 
-You will see one row a case: what was expected (written down in ``tests/hard_block.py``,
-``hard_bodies.py`` and ``hard_trials.py`` before any run), the outcome, the largest violation of the
-contact law and of the energy identity found by code that shares nothing with the solvers, the CPU
-time, and what was said. Only lift-off, overturning, gross sliding, a pulling load, jumps that an
-enumeration of all states confirms, and load ranges lost in round-off may be refused.
+**Problem.** More than 200 cases that are hard for a contact solver. Their expected outcomes were
+written down before any run (``tests/hard_block.py``, ``hard_bodies.py``, ``hard_trials.py``). Only
+lift-off, overturning, gross sliding, a pulling load, jumps that an enumeration of all states
+confirms, and load ranges lost in round-off may be refused.
+
+**What to look for.** One row for each case: expected and actual outcome, the largest violation of
+the contact law and of the energy balance found by code that shares nothing with the solvers, CPU
+time, and the message. A ``!`` marks an outcome that was not expected.
 """
 
 import argparse
@@ -41,7 +44,7 @@ def row(case: Case, found: Outcome) -> list[str]:
 
 
 def play(folder: Path, fast: bool, only: str) -> None:
-    """Play the cases, print and write the table."""
+    """Run the cases, print and write the table."""
     rows, unexpected = [], []
     for case in (*BLOCK_CASES, *BODY_CASES, *TRIAL_CASES):
         if (fast and not case.fast) or only not in case.name:
@@ -63,7 +66,7 @@ def play(folder: Path, fast: bool, only: str) -> None:
 
 
 def main() -> None:
-    """Play all cases, or some."""
+    """Run all cases, or some."""
     parser = argparse.ArgumentParser(description="Hard cases: expected, outcome, residuals.")
     parser.add_argument("--out", type=Path, default=Path("results/hard_cases"))
     parser.add_argument("--fast", action="store_true", help="leave out the slow ones")

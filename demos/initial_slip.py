@@ -1,16 +1,19 @@
-"""The steady state's dependence on the initial slip, and a map of it over friction and load range.
+"""Dependence of the steady state on the initial slip, and its map over friction and load range.
 
-A frictional contact remembers: with normal and tangential displacements coupled, which steady state
-it reaches may depend on the slip it starts from. You will see
+**Problem.** The paper's block, started not from rest but with a tangential displacement v0 at its
+contact nodes, from which the first slip is counted.
 
-* for hundreds of random initial slips on one condensed system: the steady dissipation over the
-  size of the slip, and which nodes never slip again;
-* over friction and minimum load (hundreds of cells): the steady dissipation, and how far random
-  initial slips spread it and the permanent stick zone.
+**Equations.** Coulomb friction remembers: stick fixes v where it is. If normal and tangential
+displacements are coupled (K_tn != 0), different initial slips may lead to different steady cycles;
+without coupling all lead to the same dissipation.
 
-Cells are shared among the ranks by mpi4py.futures (one rank does all by itself). Every finished
-cell is a line of ``cells.csv``: a run that was stopped goes on where it ended when it is started
-again with the same --out. ``initial_slip.sbatch`` is a batch script for a cluster.
+**What to look for.** For hundreds of random initial slips on one condensed system: the steady
+dissipation over the size of the slip, and which nodes never slip again. Over friction and minimum
+load (hundreds of cells): the steady dissipation, and its spread over random initial slips.
+
+The demo shows how to share work among ranks by mpi4py.futures (one rank does all by itself). Every
+finished cell is a line of ``cells_N.csv``: a stopped run continues when it is started again
+with the same --out. ``initial_slip.sbatch`` is a batch script for a cluster.
 """
 
 import os
@@ -34,17 +37,17 @@ import numpy as np
 import receding_fenicsx as rf
 
 BLOCK = Path(__file__).with_name("block.toml")
-MOST_CYCLES = 400
-STUCK = 1e-9
-"""Dissipation density over the largest one below which a node counts as stuck for good."""
-SHAKEN_DOWN = 1e-6
-"""Steady dissipation over the map's largest of a cycle 1 below which there is none."""
+MAX_CYCLES = 400
+PERMANENT_STICK = 1e-9
+"""Dissipation density over the largest one below which a node counts as permanently stuck."""
+SHAKEDOWN = 1e-6
+"""Steady dissipation over the largest of a cycle 1 in the map, below which it counts as none."""
 SLIP_SIZES = (0.03, 3.0)
 """Smallest and largest size of a random slip, over the largest slip of the first loading."""
 MAP_SIZE = 2.0
 """Size of the random slips of the map."""
 FRICTION, MINIMUM = 0.35, 1.0 / 3.0
-"""The paper's."""
+"""Values of the paper."""
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ class Task:
 
 @dataclass(frozen=True)
 class Cell:
-    """What came of a task.
+    """Result of a task.
 
     Attributes:
         size: size of the initial slip over the largest slip of the first loading.
@@ -96,7 +99,7 @@ def play(task: Task) -> Cell:
     """Evolve one history to its steady state."""
     body = replace(system, f=np.full(system.n, task.f))
     loop = np.array([[1.0], [task.minimum], [1.0]])
-    history = rf.History(("p0",), np.array([[0.0], [1.0]]), loop, MOST_CYCLES, True)
+    history = rf.History(("p0",), np.array([[0.0], [1.0]]), loop, MAX_CYCLES, True)
     output = rf.OutputOptions(samples_per_leg=1, cycles=())
     size, slip = 0.0, None
     if task.seed:
@@ -112,13 +115,13 @@ def play(task: Task) -> Cell:
         return Cell(size, np.nan, np.nan, -1, "")
     D, density = record.cycles.dissipation, record.cycles.dissipation_density[-1]
     touching = np.all(record.turning_points.state[-2:] != rf.State.SEPARATION, axis=0)
-    stuck = touching & (density <= STUCK * record.cycles.dissipation_density[0].max())
+    stuck = touching & (density <= PERMANENT_STICK * record.cycles.dissipation_density[0].max())
     text = "".join("01"[bool(s)] for s in stuck)
     return Cell(size, float(D[0]), float(D[-1]), record.steady.cycle, text)
 
 
 def read_cells(path: Path) -> dict[str, Cell]:
-    """Read the finished cells of the same scene; a line that was cut short is left out."""
+    """Read the finished cells of the same scene; skip a truncated line."""
     cells: dict[str, Cell] = {}
     if not path.is_file():
         return cells
@@ -134,12 +137,12 @@ def read_cells(path: Path) -> dict[str, Cell]:
 
 
 def stamp() -> str:
-    """Return the first line of the file of finished cells: what scene they belong to."""
+    """Return the first line of the file of finished cells: a checksum of the scene."""
     return f"# scene {zlib.crc32(system.scene_toml.encode()):08x}"
 
 
 def work(tasks: list[Task], path: Path) -> dict[str, Cell]:
-    """Share what is not finished yet among the ranks; return all cells on rank 0."""
+    """Share the unfinished tasks among the ranks; return all cells on rank 0."""
     comm = MPI.COMM_WORLD
     with MPICommExecutor(comm, root=0) as executor:
         if executor is None:
@@ -217,7 +220,7 @@ def draw_map(
     D = np.array([[[c.steady for c in cell] for cell in row] for row in grid])
     first = np.array([[cell[0].first for cell in row] for row in grid])
     stuck = np.array([[[c.stuck.count("1") for c in cell] for cell in row] for row in grid])
-    alive = D.max(axis=2) > SHAKEN_DOWN * np.nanmax(first)
+    alive = D.max(axis=2) > SHAKEDOWN * np.nanmax(first)
     spread = np.ptp(D, axis=2) / np.where(alive, D.max(axis=2), np.nan)
     panels = (
         (
@@ -241,7 +244,7 @@ def draw_map(
 
 
 def main() -> None:
-    """Play all histories and draw them."""
+    """Evolve all histories and draw them."""
     global system
     parser = argparse.ArgumentParser(description="Steady states from random initial slips.")
     parser.add_argument("--out", type=Path, default=Path("results/initial_slip"))

@@ -1,12 +1,15 @@
-"""Kill a run of 500 cycles on two ranks ten times: each resume ends in the same bits.
+"""Kill a run of 500 cycles on two ranks ten times: each resumed run ends with the same bits.
 
-You will see a table: at which cycle both ranks were killed by SIGKILL, from which checkpoint the
-run went on, and how many of the datasets of ``record.h5`` differ from those of an undisturbed run
-in any bit: none. The demo ends with exit code 1 if one does. It shows how to go on with a run from
-Python, and how to listen to its progress.
+**Problem.** A long run writes checkpoints. Both ranks are killed by SIGKILL at a random cycle, and
+the run is resumed from its last checkpoint.
 
-The cycles are drawn at random, from a fixed seed, and the run's own progress tells when one is
-reached, so that every kill hits the evolution, however fast the machine.
+**What to look for.** A table: the cycle of the kill, the cycle from which the run continues, and
+how many datasets of ``record.h5`` differ in any bit from those of an undisturbed run: none. The
+demo ends with exit code 1 if one does.
+
+The demo shows how to resume a run from Python and how to follow its progress. The cycles are drawn
+at random from a fixed seed. The progress of the run itself tells when a cycle is reached, so every
+kill hits the evolution, however fast the machine.
 """
 
 import argparse
@@ -34,7 +37,7 @@ SEED = 2008
 
 
 def play(folder: Path, elements: int) -> None:
-    """Go on with the run in a folder, or begin it; all ranks call this together."""
+    """Resume the run in a folder, or start it; all ranks call this together."""
     from mpi4py import MPI
 
     scene = rf.read_scene(HERE.with_name("block.toml"), [f"mesh.contact_elements={elements}"])
@@ -51,7 +54,7 @@ def play(folder: Path, elements: int) -> None:
 
 
 def cycles_of(output: Iterator[str], processes: list[int]) -> Iterator[int]:
-    """Read what a run says: give the number of each finished cycle, note the ranks' processes."""
+    """Yield the number of each finished cycle from the output; note the ranks' processes."""
     for line in output:
         if found := re.match(r"process (\d+)", line):
             processes.append(int(found[1]))
@@ -82,7 +85,7 @@ def start(folder: Path, elements: int) -> "subprocess.Popen[str]":
 
 
 def finish(folder: Path, elements: int) -> int:
-    """Go on with the run to its end; return the first cycle that was played."""
+    """Run or resume to the end; return the first cycle that was evolved."""
     with start(folder, elements) as process:
         assert process.stdout is not None
         played = list(cycles_of(process.stdout, []))
@@ -92,7 +95,7 @@ def finish(folder: Path, elements: int) -> int:
 
 
 def kill(folder: Path, elements: int, cycle: int) -> int:
-    """Begin the run and kill its ranks once a cycle has passed; return the last one heard of."""
+    """Start the run and kill its ranks once a cycle has passed; return the last cycle seen."""
     processes: list[int] = []
     last = 0
     with start(folder, elements) as process:
@@ -129,7 +132,7 @@ def differing(folder: Path, undisturbed: Path) -> tuple[list[str], int]:
 
 
 def main(kills: int, elements: int) -> int:
-    """Play the run undisturbed, then kill and go on with it again and again; print the table."""
+    """Run undisturbed, then kill and resume again and again; print the table."""
     cycles = np.sort(np.random.default_rng(SEED).integers(EARLIEST, LATEST, kills, endpoint=True))
     bad = 0
     with tempfile.TemporaryDirectory() as name:
@@ -150,7 +153,7 @@ def main(kills: int, elements: int) -> int:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description="Kill a run and go on with it.")
+    parser = argparse.ArgumentParser(description="Kill a run and resume it.")
     parser.add_argument("--kills", type=int, default=10, help="how often (10)")
     parser.add_argument("--elements", type=int, default=80, help="contact elements (80)")
     parser.add_argument("--play", type=Path, help=argparse.SUPPRESS)

@@ -1,7 +1,7 @@
-"""The problem, drawn: a block pressed against a frictional plane (Fig. 2 of Ahn & Barber 2008).
+"""Figure of the problem: a block pressed against a frictional plane (Fig. 2 of Ahn & Barber 2008).
 
-You will see the block, its load, its dimensions, and the senses of the nodal reactions P and Q. The
-demo draws the figure at the head of the README; it needs Matplotlib only.
+**What to look for.** The block, its load, its dimensions, and the directions of the nodal reactions
+P and Q. The demo draws the figure at the head of the README; it needs Matplotlib only.
 """
 
 import argparse
@@ -55,7 +55,7 @@ def draw() -> plt.Figure:
 
 def main() -> None:
     """Write the figure to the file given by --out."""
-    parser = argparse.ArgumentParser(description="Draws the problem.")
+    parser = argparse.ArgumentParser(description="Draw the problem.")
     parser.add_argument("--out", default="results/problem.png", help="PNG or PDF file")
     out = Path(parser.parse_args().out)
     out.parent.mkdir(parents=True, exist_ok=True)

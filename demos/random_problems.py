@@ -1,18 +1,20 @@
-"""Random contact problems, each judged by code that shares nothing with the solvers.
+"""Random contact problems, each checked by code that shares nothing with the solvers.
 
-You will see how many of 5000 small problems were accepted, refused for which reason, and wrong:
-nodes held and free, exact ties, near-singular stiffness, gaps, friction from 0 to 3, free bodies,
-one to three loads, cycles, complete unloading, by the exact path and in load steps.
+**Problem.** 5000 small problems: nodes held and free, exact ties, near-singular stiffness, gaps,
+friction from 0 to 3, free bodies, one to three loads, cycles, complete unloading, by the exact path
+and in load steps.
 
-A record says in which states (stick, separation, forward or backward slip) the nodes are between
-any two events. In given states the law is a linear system,
+**Equations.** A record holds the states (stick, separation, forward or backward slip) between any
+two events. In given states the contact law is a linear system,
 
     Q_i + sign_i f_i P_i = 0  or  v_i = v_i(old),    w_i = -g0_i  or  P_i = Q_i = 0,
     [Q; P] = sum_k lambda_k r*_k + K [v; w],
 
-which ``tests/replay.py`` solves anew. All inequalities, slip directions, events, jumps, energies
-have to hold there, and the record has to agree. Where a path is refused, ``tests/ways.py`` tries
-all states of all nodes on limits: a refusal is true where none leads on.
+which ``tests/replay.py`` solves anew. All inequalities, slip directions, events, jumps and energies
+must hold there, and the record must agree. Where a path is refused, ``tests/ways.py`` tries all
+states of all nodes on limits: a refusal is right if no state continues the path.
+
+**What to look for.** How many problems were accepted, refused for which reason, and wrong (0).
 
     python demos/random_problems.py --count 5000 --seed 0
 """
@@ -33,7 +35,7 @@ comm = MPI.COMM_WORLD
 
 
 def main() -> None:
-    """Judge the problems, each rank its share; print counts, and what is wrong."""
+    """Check the problems, each rank its share; print the counts and the wrong ones."""
     parser = argparse.ArgumentParser(description="Random problems, accepted, refused and wrong.")
     parser.add_argument("--count", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=0, help="number of the first problem")

@@ -1,19 +1,21 @@
-"""Speed against error: what each mesh, element and method costs, and how wrong it is.
+"""Speed against error: cost and error of each mesh, element and method.
 
-You will see, for the paper's block,
+**Problem.** The paper's block. What does an error of 1 %, 0.1 % or 0.01 % cost?
 
-* space: CPU seconds of every stage and peak memory against the error of five headline numbers, over
-  mesh size, element, growth and half or whole body; the limit is the mean of the finest meshes of
-  two element families, their difference the floor below which no error is told;
-* time: Gauss-Seidel over load steps a leg and over tolerances, with and without over-relaxation and
-  polish, against the exact path on the same mesh;
-* the whole way against a uniform grid of 320 by 80 squares swept plainly, as in the paper;
-* advice: what to take for 1 %, 0.1 % and 0.01 %, and what it costs.
+**What to look for.**
+
+* Space: CPU seconds of every stage and peak memory against the error of five headline numbers, over
+  mesh size, element, growth and half or whole body. The limit is the mean of the finest meshes of
+  two element families, and their difference its uncertainty.
+* Time: Gauss-Seidel over load steps a leg and over tolerances, with and without over-relaxation and
+  polish, against the exact path on the same mesh.
+* The whole run against a uniform grid of 320 by 80 squares with plain sweeps, as in the paper.
+* Advice: mesh and element for 1 %, 0.1 % and 0.01 %, and their cost.
 
 CSV files, log-log figures and ``report.md`` go to the folder of --out; ``speed_report.py`` makes
-figures and page anew from the CSV files. Error estimates are compared with true errors by
-``error_estimates.py``. One thread; times are CPU seconds (user and system),
-medians over repetitions, with forms compiled before.
+figures and page anew from the CSV files; ``error_estimates.py`` compares error estimates with true
+errors. One thread; times are CPU seconds (user and system), medians over repetitions, with forms
+compiled before.
 """
 
 import os
@@ -257,7 +259,7 @@ def write_csv(path: Path, rows: Iterable[Row]) -> None:
 
 
 def study_all(folder: Path, parts: list[str], repeat: int, sizes: list[int]) -> None:
-    """Measure what is asked for, and write the report."""
+    """Measure the chosen parts, and write the report."""
     folder.mkdir(parents=True, exist_ok=True)
     for cell in CELLS:
         for degree in (1, 2):

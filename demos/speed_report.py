@@ -1,7 +1,7 @@
-"""Makes figures and the page of ``speed_against_error.py`` from its CSV files.
+"""Figures and page of ``speed_against_error.py`` from its CSV files.
 
-You will see, in the folder given by --out, ``space_error`` and ``time_error`` (PNG and PDF) and
-``report.md``; it asserts what the page claims.
+**What to look for.** In the folder given by --out: ``space_error`` and ``time_error`` (PNG and PDF)
+and ``report.md``. The demo asserts the claims of the page.
 """
 
 import argparse
@@ -20,7 +20,7 @@ import receding_fenicsx as rf
 Row = dict[str, Any]
 
 GOALS = (1e-2, 1e-3, 1e-4)
-"""Errors that advice is given for."""
+"""Errors for which the page gives advice."""
 TITLES = {
     "centre_pressure": "centre pressure",
     "contact_half_width": "contact half-width",
@@ -29,15 +29,15 @@ TITLES = {
     "dissipation_ratio": "steady dissipation over cycle 1",
 }
 FASTER, READY_FASTER = 50.0, 3.0
-"""What is claimed of the whole way, and of the way to the condensed system, against the grid."""
+"""Claimed gain over the grid: of the whole run, and up to the condensed system."""
 TIME_ERROR = 1e-10
-"""Error of the exact path, stopped on the way, that is round-off."""
+"""Largest round-off of the exact path when its legs are cut into parts."""
 SMALLEST = 1e-7
-"""Errors below this are drawn here."""
+"""Smaller errors are drawn at this value."""
 
 
 def family(row: Row) -> str:
-    """Say what is common to all sizes of a mesh."""
+    """Return the name of a mesh family: cell, order, growth, body."""
     body = ", whole body" if row["whole"] else ""
     return f"{row['cell']}s, order {row['degree']}, growth {row['growth']:g}{body}"
 
