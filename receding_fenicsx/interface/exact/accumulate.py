@@ -91,7 +91,7 @@ class Sums:
         u, load = y[:, : 2 * n], (1.0 - s) * a + s * b
         if self.gaps:
             u = u - np.concatenate([np.zeros(n), system.g0])
-        of_A, of_B = system.friction.shares
+        of_A, of_B = self.segments.shares
         twice_Q = 2.0 * of_A * y[:, 2 * n : 3 * n] - 2.0 * of_B * y[:, 3 * n :]
         slip = u[1:, :n] - u[:-1, :n]
         dissipation = -0.25 * np.einsum("ij,ij->j", twice_Q[1:] + twice_Q[:-1], slip)
@@ -122,7 +122,7 @@ class Sums:
         """
         n = self.system.n
         passed = -float((y[1:, n:].min(axis=0) * self.segments.weight[n:]).min())
-        return max(passed, self.segments.imbalance(y, load)) / self.force_scale
+        return max(passed, self.segments.balance.error(y, load)) / self.force_scale
 
     def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:
         """Evaluate the residual afresh at several stops, with the slip of the segment before."""

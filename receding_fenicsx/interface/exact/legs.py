@@ -110,7 +110,11 @@ def evenly_spaced(samples: int) -> tuple[float, ...]:
 
 def changes(s: float, old: NDArray[np.int8], new: NDArray[np.int8]) -> list[Event]:
     """Return the events between two sets of states at one place of a leg."""
-    return [(s, int(i), int(old[i]), int(new[i])) for i in np.flatnonzero(old != new)]
+    nodes = (old != new).nonzero()[0]
+    return [
+        (s, *change)
+        for change in zip(nodes.tolist(), old[nodes].tolist(), new[nodes].tolist(), strict=True)
+    ]
 
 
 def unchanged(problem: LegProblem) -> Leg:

@@ -53,7 +53,7 @@ class RoundOff:
 
     def imbalance(self) -> float:
         """Return the error between forces and displacements."""
-        return self._segments.imbalance(self._point.y, self._point.load)
+        return self._segments.balance.error(self._point.y, self._point.load)
 
     def is_balanced(self) -> bool:
         """Return whether the imbalance is below its tolerance."""

@@ -14,6 +14,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.exact.balance import BalanceCheck
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.tableau import (
     A,
@@ -34,37 +35,33 @@ from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
 States = NDArray[np.int8]
 
 LIMIT_TOLERANCE = 1e-12
-"""Distance from a limit, over the largest nodal force, up to which a node sits on it."""
+"""Distance from a limit, over the largest nodal force, up to which a node is on it."""
 
 RATE_TOLERANCE = 1e-11
-"""Rate over the Euclidean norm of all rates (as forces) below which it is taken for zero."""
+"""Rate over the Euclidean norm of all rates (as forces) below which it counts as zero."""
 
 RATE_IMBALANCE = 1e-12
 """Imbalance of rates, over the norm of those of forces alone, above which they are refined."""
 
 EPSILON = float(np.finfo(float).eps)
 
-UNIT_ROUND_OFFS = 16.0
-"""What no refinement betters: such round-offs of the norm of all rates."""
+UNREFINABLE_ROUND_OFFS = 16.0
+"""Imbalance of rates, in round-offs of the norm of all rates, that refinement does not reduce."""
 
-REFINEMENTS = 3
-"""Steps of iterative refinement at most."""
+MAX_REFINEMENTS = 3
+"""Steps of iterative refinement of one set of rates."""
 
-RENEWAL = 0.05
-"""Refinements, in multiples of the number of contact freedoms, that take as long as a new
-tableau."""
+REFINEMENTS_BEFORE_REBUILD = 0.05
+"""Refinements, over the number of contact freedoms, that take as long as a new tableau."""
 
-SLIGHT = 0.1
-"""Friction below which the distances A and B from its limits are measured by f P, not by P: they
-are small because f is, and a node on both limits at once has to be one without pressure."""
+SMALL_FRICTION = 0.1
+"""Friction below which the tolerance of the margins A and B is reduced in proportion to it: both
+are small because f is, and only a node without pressure may count as on both limits at once."""
 
-COUNTED = 1e-3
-"""Friction below which the rates A + B of slipping nodes are worked out from P itself."""
+TINY_FRICTION = 1e-3
+"""Friction below which the rates A + B of slipping nodes are computed from P itself."""
 
-PROBES = 4
-"""Random sums by which the forces at an event are compared with those of the displacements."""
-
-CACHED_BYTES = 2**26
+CACHE_BYTES = 2**26
 """Memory for the rates of sets of states that have been met before."""
 
 
@@ -97,7 +94,11 @@ class Segments:
         smooth: (N,) nodes without friction, or held tangentially.
         weight: (4N,) brings every entry of y to the size of a nodal force.
         limit: (4N,) distance from a limit, per unit of force scale, up to which a node sits on it.
-        trials: sets of states whose rates were worked out.
+        friction: coefficients of friction.
+        shares: (N,) factors a, b of Q = a A - b B.
+        balance: check that forces and displacements belong together.
+        trials: sets of states whose rates were computed.
+        refinements: refinements of rates since the tableau was made.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
     """
@@ -114,16 +115,17 @@ class Segments:
         stiffness = np.concatenate(local_stiffness(system))
         self._pin = float(stiffness.max())
         self.weight = np.concatenate([stiffness, force, force])
-        slack = np.where(self.frictional, np.minimum(1.0, f / SLIGHT), 1.0)
+        scale = np.where(self.frictional, np.minimum(1.0, f / SMALL_FRICTION), 1.0)
         self.limit = LIMIT_TOLERANCE / self.weight
-        self.limit[2 * n :] *= np.tile(slack, 2)
-        self._slack = slack
-        self._counted = np.flatnonzero(self.frictional & (f < COUNTED))
+        self.limit[2 * n :] *= np.tile(scale, 2)
+        self._margin_scale = scale
+        self._tiny_friction = np.flatnonzero(self.frictional & (f < TINY_FRICTION))
+        self.friction, self.shares = system.friction, system.friction.shares
+        self.balance = BalanceCheck(system, self.frictional, self.smooth)
         self.lifts_freely = has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
         self._tableau: Tableau | None = None
-        self._probes: tuple[Array, Array, Array] | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
         self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
 
@@ -186,7 +188,7 @@ class Segments:
         self.trials += 1
         made = self._make(state, direction)
         self._known[key] = made
-        if len(self._known) * 2 * made.q.nbytes > CACHED_BYTES:
+        if len(self._known) * 2 * made.q.nbytes > CACHE_BYTES:
             self._known.popitem(last=False)[1].next.clear()
         return made
 
@@ -197,8 +199,8 @@ class Segments:
             raise SingularExchange
         forces = q * self.weight
         threshold = -RATE_TOLERANCE * sqrt(forces.dot(forces))
-        if len(self._counted):
-            self._count_pressure(state, q, direction, forces)
+        if len(self._tiny_friction):
+            self._margins_from_pressure(state, q, direction, forces)
         # what falls and is not a displacement is bounded: an output A, B or gap of its state
         falling = (forces[n:] < threshold).nonzero()[0]
         falling += n
@@ -212,71 +214,41 @@ class Segments:
         it is renewed.
         """
         tableau, n = self.tableau(state), self.system.n
-        if self.refinements > RENEWAL * 2 * n:
+        if self.refinements > REFINEMENTS_BEFORE_REBUILD * 2 * n:
             tableau.build(state)
             self.refinements = 0
         q = tableau.rates(direction)
-        imbalance = self.imbalance(q, direction, of_rates=True)
+        imbalance = self.balance.error(q, direction, of_rates=True)
         all_ = q * self.weight
         forces = all_[2 * n :]
         accepted = max(
             RATE_IMBALANCE * sqrt(forces.dot(forces)),
-            UNIT_ROUND_OFFS * EPSILON * sqrt(all_.dot(all_)),
+            UNREFINABLE_ROUND_OFFS * EPSILON * sqrt(all_.dot(all_)),
         )
-        for _ in range(REFINEMENTS):
+        for _ in range(MAX_REFINEMENTS):
             if imbalance <= accepted:
                 break
             self.refinements += 1
             better = tableau.refined(q, direction)
-            left = self.imbalance(better, direction, of_rates=True)
+            left = self.balance.error(better, direction, of_rates=True)
             if left >= imbalance:
                 break
             q, imbalance = better, left
         return q
 
-    def _count_pressure(self, state: States, q: Array, direction: Array, forces: Array) -> None:
-        """Set the rates 2 f P of slipping nodes with little friction by their pressure itself.
+    def _margins_from_pressure(
+        self, state: States, q: Array, direction: Array, forces: Array
+    ) -> None:
+        """Compute the rates A + B of slipping nodes with tiny friction from their pressure.
 
-        As outputs of the tableau they carry round-off of the size of P, which is theirs over f.
+        As outputs of the tableau they carry round-off of the size of P, 1/f times their own size.
         """
         n, system = self.system.n, self.system
         for slipping, kind in ((FORWARD, B), (BACKWARD, A)):
-            i = self._counted[state[self._counted] == slipping]
+            i = self._tiny_friction[state[self._tiny_friction] == slipping]
             P = direction @ system.r_star[:, n + i] + system.K[n + i] @ q[: 2 * n]
-            q[kind * n + i] = system.friction[i].opening(P)
-            forces[kind * n + i] = q[kind * n + i] / self._slack[i]
-
-    def imbalance(self, y: Array, load: Array, of_rates: bool = False) -> float:
-        """Return the largest of a few random sums over the nodes of the errors of Q and P.
-
-        With independent errors it is some sqrt(N) times theirs, and never much below the largest.
-        Its cost does not grow with N^2.
-
-        Args:
-            y: (4N,) quantities, or (k, 4N) of k instants.
-            load: (n_loads,) or (k, n_loads) load factors.
-            of_rates: y are rates, load is that of the load factors.
-        """
-        if self._probes is None:
-            self._probes = self._make_probes()
-        on_y, on_load, gaps = self._probes
-        errors = y @ on_y + load @ on_load
-        return float(np.abs(errors if of_rates else errors - gaps).max())
-
-    def _make_probes(self) -> tuple[Array, Array, Array]:
-        """Return (4N, PROBES) and (n_loads, PROBES) weights of the sums, and what gaps add."""
-        n, system = self.system.n, self.system
-        # Q and P, not the limits: where friction is small these hide what is wrong with P
-        on_Q, on_P = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, PROBES))
-        on_Q *= self.frictional[:, None]
-        on_P *= (self.frictional | self.smooth)[:, None]
-        opening = np.where(self.frictional, system.friction.opening(np.ones(n)), 1.0)[:, None]
-        a, b = system.friction[:, None].shares
-        on_A, on_B = a * on_Q + on_P / opening, on_P / opening - b * on_Q
-        on_B[~self.frictional] = 0.0
-        on_r = np.vstack([on_Q, on_P])
-        on_u = system.K @ on_r
-        return np.vstack([on_u, -on_A, -on_B]), system.r_star @ on_r, system.g0 @ on_u[n:]
+            q[kind * n + i] = self.friction[i].opening(P)
+            forces[kind * n + i] = q[kind * n + i] / self._margin_scale[i]
 
     def values(self, state: ContactState) -> Array:
         """Return y = [v, gap, A, B]; quantities that the states fix get their exact value."""
@@ -287,7 +259,7 @@ class Segments:
     def margins(self, state: ContactState) -> Array:
         """Return the same, A and B below zero where the limit of friction is passed."""
         nodes = self.frictional, self.smooth
-        forward, backward = limit_distances(self.system.friction, nodes, state.state, state.r)
+        forward, backward = limit_distances(self.friction, nodes, state.state, state.r)
         contact = state.state != SEPARATION
         gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
         # a gap keeps its round-off: times the stiffness it would be a force out of balance

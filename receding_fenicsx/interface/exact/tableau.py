@@ -164,7 +164,8 @@ class Tableau:
     def _made(self, state: NDArray[np.int8]) -> PivotData:
         """Return the map for ``state``, made from that with all nodes stuck."""
         n = len(state)
-        outputs, inputs = self._exchanges(np.full(n, STICK, dtype=np.int8), state)
+        stuck = np.full(n, STICK, dtype=np.int8)
+        outputs, inputs = self._exchanges(self._different(stuck, state), stuck, state)
         # Q = 0 of a frictionless node is an input for good
         Z = np.flatnonzero(self.free_v)
         outputs += (REACTION * n + Z).tolist()
@@ -178,13 +179,13 @@ class Tableau:
         return np.flatnonzero((one != other) & (self.frictional | self.smooth))
 
     def _exchanges(
-        self, old: NDArray[np.int8], new: NDArray[np.int8]
+        self, nodes: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]
     ) -> tuple[list[int], list[int]]:
-        """Return the labels of outputs and inputs to exchange between two sets of states."""
+        """Return the labels of outputs and inputs to exchange where nodes change their states."""
         n = len(old)
         outputs: list[int] = []
         inputs: list[int] = []
-        for i in self._different(old, new).tolist():
+        for i in nodes.tolist():
             table = EXCHANGES if self.frictional[i] else SMOOTH_EXCHANGES
             for out, into in table.get((int(old[i]), int(new[i])), ()):
                 outputs.append(out * n + i)
@@ -207,10 +208,12 @@ class Tableau:
         Raises:
             SingularExchange: a motion of the body is left without stiffness.
         """
-        changes = len(self._different(state, self.state))
+        changing = self._different(state, self.state)
+        changes = len(changing)
         if changes > ONE_BY_ONE:
             self._restore_nearest(state, changes)
-        outputs, inputs = self._exchanges(self.state, state)
+            changing = self._different(state, self.state)
+        outputs, inputs = self._exchanges(changing, self.state, state)
         matrix = self.matrix
         if matrix.age > MAX_AGE * len(matrix.T):
             done = False

@@ -147,10 +147,10 @@ class Walk:
 
     def _advance(self, segment: Segment, ds: float) -> None:
         """Move on by ds."""
-        point = self.point
-        point.y += np.multiply(segment.q, ds, out=self._step)
+        point, y = self.point, self.point.y
+        y += np.multiply(segment.q, ds, out=self._step)
         point.s += ds
-        self.sums.add_stop(point.s, point.y, point.state)
+        self.sums.add_stop(point.s, y, point.state)
 
     def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
         """Pass the event at which a quantity reached its limit.

@@ -17,10 +17,10 @@ from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_PIVOT, SingularExchange
 from receding_fenicsx.interface.exact.round_off import RoundOff
 from receding_fenicsx.interface.exact.segments import (
+    MAX_REFINEMENTS,
     RATE_IMBALANCE,
     RATE_TOLERANCE,
-    REFINEMENTS,
-    RENEWAL,
+    REFINEMENTS_BEFORE_REBUILD,
     Segment,
     Segments,
 )
@@ -169,7 +169,7 @@ def test_a_tableau_that_needs_much_refining_is_renewed(monkeypatch: pytest.Monke
         segments.at(states, direction * 2.0**k)
         if tableau.rebuilds > before:
             break
-        assert segments.refinements <= RENEWAL * 2 * system.n + REFINEMENTS
+        assert segments.refinements <= REFINEMENTS_BEFORE_REBUILD * 2 * system.n + MAX_REFINEMENTS
     assert tableau.rebuilds == before + 1
     n = segments.refinements
     assert segments.at(states, 3.0 * direction).q == pytest.approx(3.0 * expected, rel=1e-13)

@@ -1,0 +1,58 @@
+"""Check that forces and displacements belong together, at a cost that does not grow with N^2."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.system import Array, ContactSystem
+
+RANDOM_SUMS = 4
+"""Random sums over the nodes in which forces are compared with those of the displacements."""
+
+
+class BalanceCheck:
+    """Random sums over the nodes of the errors of Q and P.
+
+    With random signs s_i and t_i at the nodes, a sum of the errors of eq. (11) is
+
+        sum_i s_i (Q_i(u, lambda) - Q_i) + t_i (P_i(u, lambda) - P_i),
+
+    linear in u, lambda, A and B with weights that are made once. With independent errors it is some
+    sqrt(N) times theirs, and never much below the largest. Q and P enter, not the margins A and B:
+    where friction is low these hide an error of P.
+    """
+
+    def __init__(
+        self, system: ContactSystem, frictional: NDArray[np.bool_], smooth: NDArray[np.bool_]
+    ) -> None:
+        """Make the weights.
+
+        Args:
+            system: the condensed body in 2N form.
+            frictional: (N,) nodes with the full contact law.
+            smooth: (N,) nodes without friction, or held tangentially, at which A stands for P.
+        """
+        n = system.n
+        on_Q, on_P = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, RANDOM_SUMS))
+        on_Q *= frictional[:, None]
+        on_P *= (frictional | smooth)[:, None]
+        opening = np.where(frictional, system.friction.opening(np.ones(n)), 1.0)[:, None]
+        a, b = system.friction[:, None].shares
+        on_A, on_B = a * on_Q + on_P / opening, on_P / opening - b * on_Q
+        on_B[~frictional] = 0.0
+        on_r = np.vstack([on_Q, on_P])
+        on_u = system.K @ on_r
+        self._on_y, self._on_load = np.vstack([on_u, -on_A, -on_B]), system.r_star @ on_r
+        self._of_gaps = system.g0 @ on_u[n:]
+
+    def error(self, y: Array, load: Array, of_rates: bool = False) -> float:
+        """Return the largest of the sums.
+
+        Args:
+            y: (4N,) quantities [v, gap, A, B], or (k, 4N) of k instants.
+            load: (n_loads,) or (k, n_loads) load factors.
+            of_rates: y and load are rates.
+        """
+        errors = y @ self._on_y + load @ self._on_load
+        return float(np.abs(errors if of_rates else errors - self._of_gaps).max())
