@@ -26,7 +26,7 @@ $v_i(t_{j+1}) - v_i(t_j)$ (14, 15), nodes are solved one by one, and the sweeps 
 largest relative change of a displacement $\mathcal{E} < \mathcal{E}_0$ (16) and the residual
 below is small.
 
-**Exact path** (`walk`, `rates`, `events`): between two changes of state all is linear along a leg
+**Exact path** (`exact`): between two changes of state all is linear along a leg
 of the load path, so there is no step. With the load $\lambda(s)$ the rates solve (11),
 
 $$\dot r = \sum_k \dot\lambda_k r^*_k + K \dot u,$$
@@ -42,7 +42,7 @@ over slipping nodes is exact, and each leg must satisfy the energy identity
 
 $$D + \Delta\, \tfrac12 u^T K u + \int \sum_k \lambda_k\, r_k^{*T} \dot u \, ds = 0 .$$
 
-**Round-off** (`segments`, `walk`): whether rates and forces balance is measured by random sums over
+**Round-off** (`exact`): whether rates and forces balance is measured by random sums over
 the nodes, at a cost that does not grow with $N^2$. Rates that do not are refined, the tableau is
 renewed where refining has cost as much, and what a walk has gathered is cleared where it has grown.
 In a nearly singular body displacements are uncertain by what round-off of the forces does to them;
@@ -55,6 +55,6 @@ $$\max_i \left\lbrace \left| P_i - \max(0,\, P_i - k_i g_i) \right|,\
   \left| Q_i - \mathrm{clip}(Q_i - k_i \Delta v_i,\, -f_i P_i^+,\, f_i P_i^+) \right|
   \right\rbrace .$$
 
-**Steady state** (`cycles`): $A_n = \max |r_n - r_{n-T}| / \max |r|$ over a period of $T = 1$ or 2
-cycles below a tolerance for two periods running.
+**Steady state** (`measures.steady`): $A_n = \max |r_n - r_{n-T}| / \max |r|$ over a period
+of $T = 1$ or 2 cycles below a tolerance for two periods running.
 """
