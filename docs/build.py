@@ -1,4 +1,4 @@
-"""Build the reference from the docstrings, equations and all: ``python docs/build.py``.
+"""Build the reference from the docstrings, with their equations: ``python docs/build.py``.
 
 It needs pdoc (``pip install pdoc``) beside the program and writes HTML to ``results/reference``.
 Formulas are drawn by MathJax, which the pages load from the network.
@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 with contextlib.suppress(ImportError):
-    import dolfinx_solver  # noqa: F401 - PyPI's stack wants to be loaded before mpi4py
+    import dolfinx_solver  # noqa: F401 - PyPI's stack must be loaded before mpi4py
 
 import receding_fenicsx
 
@@ -33,12 +33,12 @@ def build(out: Path) -> None:
     """
     import pdoc
 
-    # types of libraries that are not installed are shown by their names alone
+    # pdoc warns of types of libraries that are not installed; it shows their names
     warnings.filterwarnings("ignore", category=UserWarning, module=r"pdoc\..*")
     pdoc.render.configure(docformat="google", math=True, show_source=True)
     package: Any = receding_fenicsx
-    # the names that the package loads when asked for are told in its text; with __all__ pdoc would
-    # look for them alone and leave out the modules
+    # the docstring lists the public names; with __all__ pdoc would document them alone, without the
+    # modules
     names = package.__all__
     del package.__all__
     try:
