@@ -5,26 +5,26 @@ from __future__ import annotations
 import errno
 
 NO_ROOM = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG, errno.EIO)
-"""What the system says where a disk is full or fails, which no other input would mend."""
+"""Error numbers of a full or failing disk: not an error of the input."""
 
 
 class RecedingError(Exception):
-    """Base of all errors raised on purpose; one line says what is wrong, where, what to do."""
+    """Base of all errors raised on purpose; the message says what is wrong, where, what to do."""
 
     exit_code = 1
 
 
 class InputError(RecedingError):
-    """The scene, the options or a file cannot be used as given (exit code 2)."""
+    """A scene, an option or a file cannot be used as given (exit code 2)."""
 
     exit_code = 2
 
 
 class SolveError(RecedingError):
-    """A solver did not reach an answer that satisfies its own checks (exit code 1).
+    """A solver found no answer that satisfies its own checks (exit code 1).
 
     Attributes:
-        record: the ``Record`` of the history up to the leg that failed, where there is one.
+        record: the ``Record`` of the history up to the leg that failed, if any.
     """
 
     record: object | None = None
@@ -43,14 +43,14 @@ class NoQuasiStaticContinuation(SolveError):
 
 
 class Interrupted(KeyboardInterrupt):
-    """Ctrl-C, or a signal that asks to end, in the middle of a run that can be gone on with.
+    """Ctrl-C, or a signal that asks to end, during a run that can be resumed.
 
     Attributes:
         exit_code: 128 + the signal's number, by the shell's convention.
     """
 
     def __init__(self, message: str, exit_code: int) -> None:
-        """Say what is kept and how to go on."""
+        """Set the message, which says what is kept and how to resume, and the exit code."""
         super().__init__(message, exit_code)
         self.exit_code = exit_code
 

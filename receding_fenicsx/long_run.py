@@ -77,9 +77,8 @@ def run_history(
         hdf5.write_record(folder / "record.h5", record, overwrite=True)
         brief = summary.summarise(record, {"failure": text})
         summary_file.write_summary(folder / "summary.json", brief, overwrite=True)
-        raise Interrupted(
-            f"{text}; {folder} holds the record up to there, --resume goes on", int(code or 1)
-        ) from None
+        text = f"{text}; {folder} holds the record up to there; continue by --resume"
+        raise Interrupted(text, int(code or 1)) from None
     finally:
         journal.write()
         journal.close()

@@ -1,4 +1,4 @@
-"""Work on rank 0 or on all ranks, with errors raised on every rank."""
+"""Run functions on rank 0 or on all ranks, and raise their errors on every rank."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 POLL_SECONDS = 0.005
-"""Longest pause between two looks of a waiting rank: long beside a busy core."""
+"""Longest pause between two polls of a waiting rank."""
 POLL_SHARE = 0.1
-"""Pause over the time waited so far: no stage gets longer by a larger part than that."""
+"""Pause between two polls over the time waited so far: the largest relative delay of a stage."""
 SAVING_SECONDS = 10.0
-"""How long a rank that is told to end waits for rank 0 to save its work."""
+"""Time that a rank waits after a signal for rank 0 to save its work."""
 
 
 def world() -> MPI.Comm:
@@ -57,7 +57,7 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
 
 
 def given(value: T | None) -> T:
-    """Return what only rank 0 has, on rank 0."""
+    """Assert that a value known on rank 0 only is not None; return it."""
     assert value is not None
     return value
 
@@ -65,8 +65,8 @@ def given(value: T | None) -> T:
 def _wait_for_root(request: MPI.Request) -> None:
     """Sleep until rank 0 has done its work.
 
-    A signal that ends the job reaches every rank, and rank 0 may have to save its work first: the
-    others give it some time before they follow the signal by themselves.
+    A signal that ends the job reaches every rank, and rank 0 may have to save its work first. The
+    others wait ``SAVING_SECONDS`` before they obey the signal.
     """
     stopped: BaseException | None = None
     begin, end = time.monotonic(), float("inf")
@@ -84,14 +84,14 @@ def _wait_for_root(request: MPI.Request) -> None:
 
 
 def pause_after(waited: float) -> float:
-    """Return the seconds that a rank sleeps between two looks once it has waited so many."""
+    """Return the pause before the next poll, in seconds, after ``waited`` seconds."""
     return min(POLL_SHARE * waited, POLL_SECONDS)
 
 
 def on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:
     """Run rank-local ``work`` on every rank; if it fails on any rank, raise on all of them.
 
-    ``work`` must not communicate: a rank that fails inside a collective leaves the others in it.
+    ``work`` must not communicate: if one rank fails in a collective, the others never leave it.
 
     Args:
         comm: communicator whose ranks all call this function.

@@ -1,4 +1,4 @@
-"""What is drawn of a run: figures, the body at chosen instants, films."""
+"""Pictures of a run: figures, snapshots of the body, films."""
 
 from __future__ import annotations
 
@@ -30,9 +30,10 @@ if TYPE_CHECKING:
     from receding_fenicsx.interface.system import ContactSystem
 
 PICTURE_GROWTH = (1.0, 1.1)
-"""Largest size ratio between neighbouring layers of a mesh that pictures are drawn on: with up to
-``PICTURE_CELLS`` cells of the contact elements' size, and with more."""
+"""Largest size ratio between neighbouring layers of the mesh for pictures: up to
+``PICTURE_CELLS`` cells of the contact elements' size fill the body, and above."""
 PICTURE_CELLS = 30_000
+"""Number of cells from which the mesh for pictures is graded."""
 
 
 def snapshot(
@@ -51,10 +52,10 @@ def snapshot(
         leg: "loading", "unloading" or the number of the leg in the cycle.
         at: position along the leg, in [0, 1].
         comm: communicator; all processes of the job when left out.
-        progress: told on rank 0 what is being done.
+        progress: called on rank 0 with the name of each stage.
 
     Returns:
-        The files that were made, on rank 0; None on the others.
+        The files written, on rank 0; None on the others.
     """
     with drawing_modules():
         from receding_fenicsx.output.snapshots import draw as snapshots
@@ -88,13 +89,13 @@ def animate(
     Args:
         folder: folder of the run; films go to its ``animations``.
         cycle: cycle, 0 for the first loading.
-        frames: pictures, spread over the legs by the loads' way in each.
-        stress: what is drawn: "max_shear" (as fringes), "von_mises", "sxx", "syy" or "sxy".
+        frames: number of pictures, spread over the legs by the change of the loads in each.
+        stress: quantity: "max_shear" (as fringes), "von_mises", "sxx", "syy" or "sxy".
         comm: communicator; all processes of the job when left out.
-        progress: told on rank 0 what is being done.
+        progress: called on rank 0 with the name of each stage.
 
     Returns:
-        The files that were made, .mp4 and .gif, on rank 0; None on the others.
+        The files written, .mp4 and .gif, on rank 0; None on the others.
     """
     with drawing_modules():
         from receding_fenicsx.output.snapshots import animation, colours
@@ -130,7 +131,7 @@ def draw(
     folder: Path | None,
     body: bool,
 ) -> None:
-    """Draw the figures on rank 0 and, of the body, the default snapshots on all ranks together."""
+    """Draw the figures on rank 0 and, if wanted, the default snapshots of the body; collective."""
     with drawing_modules():
         from receding_fenicsx.output.plots import figures
     mpi.on_root(comm, lambda: figures.plot_all(mpi.given(record), mpi.given(folder) / "figures"))
@@ -155,10 +156,10 @@ def draw(
 def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
     """Return the body on a mesh for pictures: the same contact nodes, finer inside.
 
-    Fringes and the fields beside the ends of the load ask for more than the contact does.
+    Fringes and the stresses near the ends of a load need a finer mesh than the contact.
     """
     if any(body.mesh is not None for body in scene.bodies):
-        # what a user's file makes of another growth is not known
+        # a mesh of the user's own is not refined
         return bulk_of(scene, comm, Timer())
     cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
     growth = min(scene.mesh.growth, PICTURE_GROWTH[cells > PICTURE_CELLS])
@@ -166,7 +167,7 @@ def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
 
 
 def default_instants(scene: Scene, system: ContactSystem, record: Record) -> list[Instant]:
-    """Loaded turning points of first loading and of the first and last cycles, for snapshots."""
+    """Return the loaded turning points of the first loading and of the first and last cycles."""
     table = record.turning_points
     chosen = sorted({0, 1, int(table.cycle.max(initial=0))})
     loaded = np.any(table.load != 0.0, axis=1)
@@ -177,7 +178,7 @@ def default_instants(scene: Scene, system: ContactSystem, record: Record) -> lis
 
 
 def plot(record: Record, folder: Path) -> list[Path]:
-    """Draw all figures of a run into its folder ``figures``, write its report; return the files."""
+    """Draw all figures of a run into ``folder`` and write its report; return the files."""
     with drawing_modules():
         from receding_fenicsx.output.plots import figures
         from receding_fenicsx.output.report import html
@@ -186,9 +187,9 @@ def plot(record: Record, folder: Path) -> list[Path]:
 
 @contextmanager
 def drawing_modules() -> Iterator[None]:
-    """Import modules that draw; say what to do where a library of theirs is missing.
+    """Import drawing modules; refer to the doctor where one of their libraries is missing.
 
-    They are imported when something is drawn only: a run without pictures needs no drawing library.
+    They are imported only when something is drawn: a run without pictures needs no such library.
     """
     try:
         yield

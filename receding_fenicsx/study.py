@@ -1,4 +1,4 @@
-"""The whole way: mesh, assemble, condense, evolve, pictures, files; the time of each stage."""
+"""Run a scene: mesh, assemble, condense, evolve, write files, draw pictures; time each stage."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def _system(
     folder: Path | None,
     system_file: str | Path | None,
 ) -> tuple[ContactSystem | None, dict[str, Any]]:
-    """Return the scene's system on rank 0, saved or condensed, and what is known of the body."""
+    """Return the scene's system on rank 0, saved or newly condensed, and data for the summary."""
 
     def saved() -> ContactSystem | None:
         place = None if folder is None else folder / SYSTEM
@@ -163,9 +163,9 @@ def condense(
     Args:
         scene: what is modelled.
         comm: communicator; all processes of the job when left out.
-        progress: told on rank 0 what is being done.
-        whole: keep the tangential displacements also of a contact without friction, so that the
-            system may serve one with friction too.
+        progress: called on rank 0 with the name of each stage.
+        whole: keep the tangential displacements of a contact without friction too, so that the
+            system can be used with friction later.
 
     Returns:
         The condensed system on rank 0, None on the others.
@@ -231,7 +231,7 @@ def _write_summary(
     extra: dict[str, Any],
     timer: Timer,
 ) -> None:
-    """Write the summary with what the run has cost so far; collective."""
+    """Write the summary with timings and memory of the run so far; collective."""
     whole = {**extra, **_costs(comm, timer)}
 
     def write() -> None:

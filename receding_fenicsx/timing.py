@@ -1,4 +1,4 @@
-"""The stages of a run and the time spent in each."""
+"""Timer of the stages of a run."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from contextlib import contextmanager
 log = logging.getLogger(__name__)
 
 Say = Callable[[str], None]
-"""Told what is being done, on rank 0."""
+"""Called with the name of each stage, and with the progress; on rank 0."""
 
 STAGES = ("mesh", "assemble", "condense", "evolve", "pictures")
 
@@ -19,7 +19,7 @@ class Timer:
     """Seconds spent in each stage."""
 
     def __init__(self, say: Say | None = None) -> None:
-        """Start with nothing spent; ``say`` is told the name of each stage as it begins."""
+        """Start at zero; ``say`` is called with the name of each stage when it starts."""
         self.seconds = dict.fromkeys(STAGES, 0.0)
         self.say = say
 

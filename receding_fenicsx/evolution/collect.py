@@ -118,11 +118,11 @@ def states_table(system: ContactSystem, mirror: Mirror, instants: list[Instant])
     v = np.array([i.v for i in instants]).reshape(-1, n)
     load = np.array([i.load for i in instants]).reshape(-1, n_loads)
     state = np.array([i.state.state for i in instants], dtype=np.int8).reshape(-1, n)
-    # an open node bears nothing; what the solvers leave there is round-off, but for what holds it
+    # open nodes carry no force: the rest is round-off of the solvers; held ones carry reactions
     r[np.tile(state == State.SEPARATION, 2) & ~system.held] = 0.0
     Q, P = mirror.odd_total(r[:, :n]), mirror.total(r[:, n:])
     if system.axisymmetric:
-        # what holds the axis in its place is no traction
+        # the reaction that holds the axis is no traction
         Q[:, np.abs(system.x) <= AXIS_TOLERANCE * np.abs(system.x).max()] = 0.0
     weighted = weight > 0.0
     safe = np.where(weighted, weight, 1.0)
@@ -151,7 +151,7 @@ def load_displacement(system: ContactSystem, load: Array, u: Array) -> Array:
 
 
 def events_table(mirror: Mirror, events: list[Event], n_loads: int) -> Events:
-    """Return the events as the record's table; a mirror pair stands in two rows."""
+    """Return the events as the record's table; a mirror pair has two rows."""
     rows = [
         (c, j, int(MIRRORED[c.old]) if left else c.old, int(MIRRORED[c.new]) if left else c.new)
         for c in events

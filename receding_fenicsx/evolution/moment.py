@@ -1,4 +1,4 @@
-"""One instant of a record, asked for by names: ``record.at(cycle=9, load="minimum").p``."""
+"""Selection of one stored instant of a record: ``record.at(cycle=9, load="minimum").p``."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from receding_fenicsx.interface.measures.zones import Zone, contact_zones
 from receding_fenicsx.interface.system import Array
 
 SAME_LOAD = 1e-9
-"""Difference of load factors, over their largest, within which a load is the one asked for."""
+"""Difference of load factors, over their largest, below which they count as equal."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,34 @@ def find(
     leg: int | None,
     s: float | None,
 ) -> Moment:
-    """Find the instant that :meth:`Record.at` is asked for; see there."""
+    """Find the stored instant that :meth:`Record.at` selects; see there."""
+    _check_types(record, cycle, leg, s)
+    points, samples = record.turning_points, record.samples
+    last = int(points.cycle.max(initial=0))
+    number = cycle + last + 1 if cycle < 0 else cycle
+    if not 0 <= number <= last or not len(points.s):
+        raise InputError(f"cycle {cycle}: is not in the record, which holds cycles 0 to {last}")
+    where = f"cycle {number}" if leg is None else f"cycle {number}, leg {leg}"
+    ends = _rows_of(points, number, leg)
+    if not len(ends):
+        legs = int(points.leg[points.cycle == number].max())
+        raise InputError(f"{where}: has no such leg; legs are numbered from 0 to {legs}")
+    if isinstance(load, str):
+        if load not in ("minimum", "maximum") or s is not None:
+            raise InputError('load: give "minimum" or "maximum" (without s) or a load factor')
+        return moment_of(record, points, _extreme(points, ends, load))
+    if load is None and s is None:
+        return moment_of(record, points, int(ends[-1]))
+    if load is not None and len(record.load_names) != 1:
+        raise InputError("load: the record has several loads; ask by leg and s")
+    rows = [(points, int(k)) for k in ends]
+    rows += [(samples, int(k)) for k in _rows_of(samples, number, leg)]
+    scale = float(np.abs(points.load).max()) or 1.0
+    return moment_of(record, *_stored(rows, load, s, scale, where))
+
+
+def _check_types(record: RecordData, cycle: int, leg: int | None, s: float | None) -> None:
+    """Raise InputError for a record of several edges, or arguments of a wrong type."""
     if len(np.unique(record.edge)) > 1:
         raise InputError(
             "the record has several contact edges; ask one of them: record.by_edge()"
@@ -89,50 +116,50 @@ def find(
         if value is not None and not isinstance(value, kind):
             expected = "whole number" if kind is Integral else "number from 0 to 1"
             raise InputError(f"{name} = {value!r}: must be a {expected}")
-    points = record.turning_points
-    last = int(points.cycle.max(initial=0))
-    number = cycle + last + 1 if cycle < 0 else cycle
-    if not 0 <= number <= last or not len(points.s):
-        raise InputError(f"cycle {cycle}: is not in the record, which holds cycles 0 to {last}")
-    where = f"cycle {number}" if leg is None else f"cycle {number}, leg {leg}"
 
-    def rows_of(table: States) -> NDArray[np.intp]:
-        return np.flatnonzero((table.cycle == number) & (leg is None or table.leg == leg))
 
-    turning = rows_of(points)
-    if not len(turning):
-        legs = int(points.leg[points.cycle == number].max())
-        raise InputError(f"{where}: has no such leg; legs are numbered from 0 to {legs}")
-    if isinstance(load, str):
-        if load not in ("minimum", "maximum") or s is not None:
-            raise InputError('load: give "minimum" or "maximum" (without s) or a load factor')
-        largest = np.abs(points.load).max(axis=0)
-        size = np.abs(points.load[turning] / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
-        best = np.min(size) if load == "minimum" else np.max(size)
-        # of several turning points with this load, the cycle's last
-        near = np.flatnonzero(np.abs(size - best) <= SAME_LOAD * max(1.0, best))
-        return moment_of(record, points, int(turning[near[-1]]))
-    if load is None and s is None:
-        return moment_of(record, points, int(turning[-1]))
-    if load is not None and len(record.load_names) != 1:
-        raise InputError("load: the record has several loads; ask by leg and s")
-    rows = rows_of(record.samples)
-    tables = [(points, int(k)) for k in turning] + [(record.samples, int(k)) for k in rows]
-    off = np.zeros(len(tables))
+def _rows_of(table: States, cycle: int, leg: int | None) -> NDArray[np.intp]:
+    """Return the rows of a cycle, or of one leg of it."""
+    return np.flatnonzero((table.cycle == cycle) & (leg is None or table.leg == leg))
+
+
+def _extreme(points: States, rows: NDArray[np.intp], load: str) -> int:
+    """Return the last of the rows with the smallest or largest loads, each over its maximum."""
+    largest = np.abs(points.load).max(axis=0)
+    size = np.abs(points.load[rows] / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+    best = np.min(size) if load == "minimum" else np.max(size)
+    return int(rows[np.flatnonzero(np.abs(size - best) <= SAME_LOAD * max(1.0, best))[-1]])
+
+
+def _stored(
+    rows: list[tuple[States, int]], load: float | None, s: float | None, scale: float, where: str
+) -> tuple[States, int]:
+    """Return the one row at a load factor or a position s.
+
+    Args:
+        rows: tables and rows to select from.
+        load: load factor, None for any.
+        s: position along the leg, None for any.
+        scale: largest load factor.
+        where: the cycle and leg, for error messages.
+
+    Raises:
+        InputError: none is there, or several on different legs are.
+    """
+    off = np.zeros(len(rows))
     if load is not None:
-        scale = float(np.abs(points.load).max()) or 1.0
-        off = np.array([abs(float(t.load[k, 0]) - load) for t, k in tables]) / scale
+        off = np.array([abs(float(t.load[k, 0]) - load) for t, k in rows]) / scale
     if s is not None:
-        off = np.maximum(off, [abs(float(t.s[k]) - s) for t, k in tables])
-    found = [tables[k] for k in np.flatnonzero(off <= SAME_LOAD)]
-    legs_found = {int(t.leg[k]) for t, k in found}
-    if len(legs_found) > 1:
-        raise InputError(f"{where}: several instants answer; say which leg, {sorted(legs_found)}")
+        off = np.maximum(off, [abs(float(t.s[k]) - s) for t, k in rows])
+    found = [rows[k] for k in np.flatnonzero(off <= SAME_LOAD)]
+    legs = {int(t.leg[k]) for t, k in found}
+    if len(legs) > 1:
+        raise InputError(f"{where}: several instants answer; say which leg, {sorted(legs)}")
     if not found:
-        nearest, k = tables[int(np.argmin(off))]
+        nearest, k = rows[int(np.argmin(off))]
         raise InputError(
             f"{where}: no such instant is stored; the nearest is leg {int(nearest.leg[k])}, "
             f"s = {float(nearest.s[k]):.12g}, load {nearest.load[k].tolist()} (raise [output] "
             "samples_per_leg or name the cycle in [output] cycles, or replay it: replay.instant_of)"
         )
-    return moment_of(record, *found[0])
+    return found[0]

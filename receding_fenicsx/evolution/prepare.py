@@ -1,4 +1,4 @@
-"""Put a condensed system to use for a scene: its friction and gap, and the form of the solvers."""
+"""Prepare a condensed system for a scene: friction and gap of the nodes, form of the solvers."""
 
 from __future__ import annotations
 
@@ -16,58 +16,58 @@ from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.toml_file import to_toml
 
 PROFILE_ROUND_OFF = 1e-10
-"""Gap or friction, over the largest one along the edge, that is zero but for round-off."""
+"""Gap or friction, over the largest one along the edge, below which it is round-off of zero."""
 
 
 def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
     """Return a system with the friction and the initial gap of a scene at its contact nodes.
 
-    This is the only place where they are evaluated, for a body that has just been condensed and
-    for a saved one alike. Body, material, mesh, contact edges, loads and supports of the scene must
-    be those that the system was condensed from.
+    They are evaluated here only, for a newly condensed body and for a saved one. Body, material,
+    mesh, contact edges, loads and supports of the scene must be those that the system was condensed
+    from.
 
     Raises:
         InputError: friction or gap is negative at a node, or cannot be evaluated there.
     """
     f = _values(scene, system, "friction")
-    # what a support carries normal to the plane is no pressure of the contact: no friction there
+    # a support carries the normal force there, not the contact: no friction
     f[system.held[system.n :]] = 0.0
-    g0 = _laid_on_axis(scene, system, _values(scene, system, "initial_gap"))
+    g0 = _shifted_to_axis(scene, system, _values(scene, system, "initial_gap"))
     return replace(system, f=f, g0=g0, scene_toml=to_toml(scene))
 
 
 def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
-    """Give a system the friction and the gap of a scene, and the form that the solvers want.
+    """Return a system with the friction and the gap of a scene, in the form that is evolved.
 
-    Without friction the tangential displacements are eliminated. All arrays are laid out as they
-    are when read from a file, so that a saved system gives the same answer in every bit.
+    Without friction the tangential displacements are eliminated. All arrays are made contiguous, as
+    they are when read from a file, so that a saved system gives the same answer bit by bit.
 
     Raises:
-        InputError: as :func:`with_profiles`; or the system has no tangential displacements any more
-            and the scene has friction.
+        InputError: as :func:`with_profiles`; or the scene has friction and the system has no
+            tangential displacements.
     """
     system = with_profiles(scene, system)
     if system.kind == "frictional" and not np.any(system.friction.present):
         system = eliminate_tangential(system)
     if system.kind == "normal" and np.any(system.friction.present):
         raise InputError(
-            "the system has no tangential displacements, being one of a contact without friction; "
+            "the system has no tangential displacements, since it was condensed without friction; "
             "condense the scene again"
         )
-    laid_out: dict[str, Any] = {}
+    arrays: dict[str, Any] = {}
     for field in fields(system):
         value = getattr(system, field.name)
         if isinstance(value, np.ndarray):
-            laid_out[field.name] = np.ascontiguousarray(value)
-    return replace(system, **laid_out)
+            arrays[field.name] = np.ascontiguousarray(value)
+    return replace(system, **arrays)
 
 
 def _values(scene: Scene, system: ContactSystem, key: str) -> Array:
-    """Return the values (N,) of a profile of the contacts at their nodes, none of them negative."""
+    """Return the values (N,) of a profile of the contacts at their nodes; refuse negative ones."""
     values = np.empty(system.n)
     for k, contact in enumerate(scene.contacts):
         on = system.edges == k
-        values[on] = _cleared(evaluate(getattr(contact, key), system.x[on]))
+        values[on] = _without_round_off(evaluate(getattr(contact, key), system.x[on]))
     if np.any(values < 0.0):
         i = int(np.argmin(values))
         edge = scene.contacts[system.edges[i]].edge
@@ -78,19 +78,19 @@ def _values(scene: Scene, system: ContactSystem, key: str) -> Array:
     return values
 
 
-def _cleared(values: Array) -> Array:
-    """Return values without round-off: a node beside x = 0 touches where the gap is x^2."""
-    slight = np.abs(values) <= PROFILE_ROUND_OFF * np.abs(values).max(initial=0.0)
-    return np.where(slight, 0.0, values)
+def _without_round_off(values: Array) -> Array:
+    """Return values with round-off set to 0, so that a node near x = 0 touches for a gap x^2."""
+    is_zero = np.abs(values) <= PROFILE_ROUND_OFF * np.abs(values).max(initial=0.0)
+    return np.where(is_zero, 0.0, values)
 
 
-def _laid_on_axis(scene: Scene, system: ContactSystem, g0: Array) -> Array:
-    """Return the gap of a free body of revolution from where it touches on its axis.
+def _shifted_to_axis(scene: Scene, system: ContactSystem, g0: Array) -> Array:
+    """Return the gap of a free body of revolution, shifted so that the body touches on its axis.
 
     At order 2 the node on the axis has no weight and no contact condition. A free body that touches
-    there first would hover above the plane by the gap of the nodes beside it; it is moved along
-    the axis by the difference, h^2 / (8 R) for a gap r^2 / (2 R) and elements of length h. As a
-    rigid motion that changes no force. A supported body keeps its place.
+    there first would stay above the plane by the gap of the next nodes. It is shifted along the
+    axis by the difference, h^2 / (8 R) for a gap r^2 / (2 R) and elements of length h. This rigid
+    motion changes no force. A supported body is not shifted.
     """
     if not (system.axisymmetric and system.rigid.shape[1]):
         return g0
@@ -104,5 +104,5 @@ def _laid_on_axis(scene: Scene, system: ContactSystem, g0: Array) -> Array:
         on_axis = float(evaluate(contact.initial_gap, np.zeros(1))[0])
         depth = float((g0[above] / lift[above]).min()) - on_axis
         if depth > 0.0:
-            g0 = _cleared(g0 - depth * lift)
+            g0 = _without_round_off(g0 - depth * lift)
     return g0

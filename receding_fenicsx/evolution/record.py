@@ -1,4 +1,4 @@
-"""The record of an evolved history, as ``record.h5`` holds it too.
+"""Record of an evolved history: the same arrays as in ``record.h5``, and their selection.
 
 Everything here describes the whole contact, also when half of the body was modelled. ::
 
@@ -43,8 +43,8 @@ class Record(RecordData):
     def by_edge(self) -> dict[str, Record]:
         """Return the record of each contact edge by itself, by the edge's name.
 
-        Arrays over nodes hold the edge's nodes only; what is counted or summed over the contact
-        (work, events, residuals) stays that of the whole.
+        Arrays over nodes hold the edge's nodes only. Sums and counts over the contact (work,
+        events, residuals) remain those of the whole contact.
         """
         numbers = np.unique(self.edge)
         if len(numbers) < 2:
@@ -72,7 +72,7 @@ class Record(RecordData):
             The instant, with ``x``, ``state``, ``P``, ``Q``, ``p``, ``q``, ``v``, ``w``, ``zones``.
 
         Raises:
-            InputError: nothing, or more than one instant, answers; it names the nearest.
+            InputError: no stored instant fits (the message names the nearest), or several do.
         """
         return moment.find(self, cycle, load, leg, s)
 
@@ -91,8 +91,9 @@ class Record(RecordData):
     def to_xarray(self, which: str = "turning_points") -> xarray.Dataset:
         """Return "turning_points", "samples" or "cycles" as a Dataset over named dimensions.
 
-        Dimensions are "instant" (or "cycle"), "node" and "load"; needs xarray. Loads stand there
-        twice: as "load_factor" and "load_displacement" along "load", and by the names of columns.
+        Dimensions are "instant" (or "cycle"), "node" and "load"; needs xarray. Loads are included
+        twice: as "load_factor" and "load_displacement" along "load", and as the columns of
+        :meth:`to_table`.
         """
         return tables.dataset(self, which)
 

@@ -69,7 +69,7 @@ class Cycles:
         dissipation: (n,) frictional dissipation of the whole contact.
         dissipation_density: (n, N) dissipation per node divided by the node's weight.
         slip_increment: (n, N) v at the end of the cycle less v at the end of the one before, of
-            nodes that touch at both; 0 elsewhere, as what an open node moves is no slip.
+            nodes that touch at both; 0 elsewhere, since displacement of an open node is no slip.
     """
 
     dissipation: Array
@@ -79,7 +79,7 @@ class Cycles:
 
 @dataclass
 class Steady:
-    """Whether a steady state was reached, and of which kind; see ``interface/cycles.py``.
+    """Whether a steady state was reached, and its kind; see ``interface/measures/steady.py``.
 
     Attributes:
         reached: True when two successive periods repeat, in forces and in slips.
@@ -105,7 +105,7 @@ class RecordData:
         x, points, f, g0, weight, edge: the contact nodes, as in ``ContactSystem``, whole contact.
         edge_names: names of the contact edges.
         load_names: names of the loads.
-        scene_toml: text of the scene, "" when the system was made by hand.
+        scene_toml: text of the scene, "" where none was evolved.
         method: "gauss-seidel" or "events".
         modelled_nodes, modelled_dofs: contact nodes and degrees of freedom that were solved for.
         half: True when half of the body was modelled.
@@ -123,7 +123,7 @@ class RecordData:
         sweeps: Gauss-Seidel sweeps in total (0 for other methods).
         n_events: changes of state in total.
         jumps: jumps that were stepped over, no quasi-static path leading on.
-        released: energy that they released, not counted in any dissipation.
+        released: energy released by the jumps, not counted in any dissipation.
     """
 
     x: Array

@@ -1,4 +1,4 @@
-"""The state at any instant of a recorded history, replayed from the turning point before it."""
+"""Replay of a recorded history: the state at any instant, from the turning point before it."""
 
 from __future__ import annotations
 
@@ -56,7 +56,6 @@ def state_at(
     polyline = history.path if cycle == 0 else history.loop
     a, b = polyline[leg], polyline[leg + 1]
     load = b if s == 1.0 else (1.0 - s) * a + s * b
-    model = frictional_form(system)
     if s == 1.0 or (s == 0.0 and row > 0):
         state = turning_point(record, system, row if s == 1.0 else row - 1)
     else:
@@ -66,9 +65,9 @@ def state_at(
             scale = float(max(np.abs(table.P[:row]).max(), np.abs(table.Q[:row]).max()))
         state = start
         if s > 0.0:
-            # the recorded path's own steps, as far as they go
+            # load steps of the same size as in the recorded path
             steps = max(1, math.ceil(s * solver.steps_per_leg))
-            tracer = make_solver(model, replace(solver, steps_per_leg=steps))
+            tracer = make_solver(frictional_form(system), replace(solver, steps_per_leg=steps))
             state = tracer.trace_leg(start, (a, load), scale).end
     return instant(system, where, load, state)
 
@@ -76,8 +75,8 @@ def state_at(
 def turning_point(record: Record, system: ContactSystem, row: int) -> ContactState:
     """Return the modelled nodes' state at a recorded turning point, in the solvers' 2N layout.
 
-    Displacements and states are the recorded ones; the reactions are evaluated afresh (eq. 11) and
-    set exactly on the limits that the states stand for (eqs. 6, 9 and 10).
+    Displacements and states are the recorded ones. The reactions are evaluated from them (eq. 11)
+    and set exactly on the limits of their states (eqs. 6, 9 and 10).
     """
     table, model = record.turning_points, frictional_form(system)
     right = ~mirror_of(system).left
@@ -114,6 +113,6 @@ def instant_of(
     number = leg_number(path, leg, cycle)
     if scene.history.initial_slip is not None and (cycle, number) == (0, 0) and at < 1.0:
         raise InputError(
-            "the first leg of a history with initial_slip is one jump; only its end is known, at 1"
+            "the first leg of a history with initial_slip is one jump; only its end (1) is known"
         )
     return state_at(record, system, path, scene.solver, (cycle, number, at))

@@ -1,4 +1,4 @@
-"""A record's tables with names on rows and columns, for pandas, xarray or a CSV file."""
+"""Labelled tables of a record, for pandas, xarray or a CSV file."""
 
 from __future__ import annotations
 
