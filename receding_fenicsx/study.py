@@ -137,7 +137,13 @@ def _system(
         whole = hdf5.read_system(Path(system_file))
         system = hdf5.read_system(Path(system_file), scene)
         if place is not None:
-            whole = replace(whole, f=system.f, g0=system.g0, scene_toml=system.scene_toml)
+            whole = replace(
+                whole,
+                f=system.f,
+                f_backward=system.f_backward,
+                g0=system.g0,
+                scene_toml=system.scene_toml,
+            )
             hdf5.write_system(place, whole)
         return system
 

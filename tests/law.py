@@ -15,7 +15,8 @@ def worst_violation(system: ContactSystem, record: Record) -> float:
     For whole models (``half = False``) of kind "frictional"; instants are the record's samples.
     """
     s, n = record.samples, system.n
-    K, f = np.asarray(system.K), system.f
+    K, forward = np.asarray(system.K), system.f
+    backward = forward if system.f_backward is None else system.f_backward
     # a contact that opens altogether has no force of its own: the held reactions are the scale then
     scale = max(np.abs(s.P).max(), np.abs(s.Q).max(), 0.01 * np.abs(s.load @ system.r_star).max())
     worst = 0.0
@@ -36,10 +37,11 @@ def worst_violation(system: ContactSystem, record: Record) -> float:
             np.minimum(np.abs(P), np.abs(gap) * k_n)[touches].max(initial=0.0),
         ]
         free = ~system.held[:n] & touches
-        laws.append(np.maximum(np.abs(Q) - f * np.abs(P), 0.0)[free].max(initial=0.0))
-        slips = free & (f > 0)
-        laws.append(np.abs(Q + f * P)[slips & (s.state[j] == 3)].max(initial=0.0))
-        laws.append(np.abs(Q - f * P)[slips & (s.state[j] == 4)].max(initial=0.0))
+        laws.append(np.maximum(Q - backward * np.abs(P), 0.0)[free].max(initial=0.0))
+        laws.append(np.maximum(-Q - forward * np.abs(P), 0.0)[free].max(initial=0.0))
+        slips = free & (forward + backward > 0)
+        laws.append(np.abs(Q + forward * P)[slips & (s.state[j] == 3)].max(initial=0.0))
+        laws.append(np.abs(Q - backward * P)[slips & (s.state[j] == 4)].max(initial=0.0))
         worst = max(worst, *laws)
     return float(worst / scale) if scale > 0 else 0.0
 
@@ -51,6 +53,9 @@ def worst_slip(system: ContactSystem, record: Record) -> float:
     """
     s, e = record.samples, record.events
     k_t = np.diagonal(np.asarray(system.K))[: system.n]
+    rough = system.f > 0
+    if system.f_backward is not None:
+        rough = rough | (system.f_backward > 0)
     scale = max(np.abs(s.P).max(), np.abs(s.Q).max(), 0.01 * np.abs(s.load @ system.r_star).max())
     worst = 0.0
     for j in range(len(s.s) - 1):
@@ -62,9 +67,9 @@ def worst_slip(system: ContactSystem, record: Record) -> float:
         dv = (s.v[j + 1] - s.v[j]) * k_t
         state = s.state[j]
         wrong = [
-            np.abs(dv[(state == 1) & (system.f > 0)]).max(initial=0.0),
-            np.maximum(-dv[(state == 3) & (system.f > 0)], 0.0).max(initial=0.0),
-            np.maximum(dv[(state == 4) & (system.f > 0)], 0.0).max(initial=0.0),
+            np.abs(dv[(state == 1) & rough]).max(initial=0.0),
+            np.maximum(-dv[(state == 3) & rough], 0.0).max(initial=0.0),
+            np.maximum(dv[(state == 4) & rough], 0.0).max(initial=0.0),
         ]
         worst = max(worst, *wrong)
     return float(worst / scale) if scale > 0 else 0.0

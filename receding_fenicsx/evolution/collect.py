@@ -69,10 +69,12 @@ def record_of(
 def _nodes(system: ContactSystem, mirror: Mirror) -> dict[str, Any]:
     """Return the fields of the record about the contact nodes."""
     sign = np.where(mirror.left, -1.0, 1.0)
+    friction = mirror.friction(system.friction)
     return {
         "x": sign * system.x[mirror.index],
         "points": system.points[mirror.index] * np.stack([sign, np.ones_like(sign)], axis=1),
-        "f": mirror.even(system.f),
+        "f": friction.forward,
+        "f_backward": None if system.f_backward is None else friction.backward,
         "g0": mirror.even(system.g0),
         "weight": mirror.total(system.weight),
         "edge": system.edges[mirror.index],

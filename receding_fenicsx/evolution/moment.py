@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record_data import RecordData, States
+from receding_fenicsx.interface.law import friction_of
 from receding_fenicsx.interface.measures.zones import Zone, contact_zones
 from receding_fenicsx.interface.system import Array
 
@@ -33,7 +34,8 @@ class Moment:
         P, Q: (N,) normal and tangential nodal reaction on the body; P > 0 is compression (eq. 12).
         p, q: (N,) tractions, P / weight and Q / weight (0 where the weight is 0).
         v, w: (N,) tangential and normal displacement.
-        f: (N,) coefficients of friction.
+        f: (N,) coefficients of friction; for forward slip only where ``f_backward`` is given.
+        f_backward: (N,) coefficients for backward slip, or None.
     """
 
     cycle: int
@@ -50,11 +52,12 @@ class Moment:
     v: Array
     w: Array
     f: Array
+    f_backward: Array | None = None
 
     @property
     def zones(self) -> list[Zone]:
         """Zones of equal state as (name, from, to), from the smallest x to the greatest."""
-        return contact_zones(self.x, self.state, self.f)
+        return contact_zones(self.x, self.state, friction_of(self.f, self.f_backward).mean)
 
 
 def moment_of(record: RecordData, table: States, row: int) -> Moment:
@@ -68,6 +71,7 @@ def moment_of(record: RecordData, table: States, row: int) -> Moment:
         load_displacement=dict(zip(names, table.load_displacement[row].tolist(), strict=True)),
         x=record.x,
         f=record.f,
+        f_backward=record.f_backward,
         **{key: getattr(table, key)[row] for key in ("state", "P", "Q", "p", "q", "v", "w")},
     )
 

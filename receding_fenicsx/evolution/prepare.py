@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any
 
@@ -12,7 +13,7 @@ from receding_fenicsx.interface.measures.axis import midside_beside_axis
 from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import Array, ContactSystem
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.profiles import evaluate
+from receding_fenicsx.scene.profiles import Profile, directions, evaluate
 from receding_fenicsx.scene.toml_file import to_toml
 
 PROFILE_ROUND_OFF = 1e-10
@@ -29,11 +30,18 @@ def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
     Raises:
         InputError: friction or gap is negative at a node, or cannot be evaluated there.
     """
-    f = _values(scene, system, "friction")
+    pairs = [directions(contact.friction) for contact in scene.contacts]
+    f, f_backward = (_values(scene, system, "friction", p) for p in zip(*pairs, strict=True))
     # a support carries the normal force there, not the contact: no friction
-    f[system.held[system.n :]] = 0.0
-    g0 = _shifted_to_axis(scene, system, _values(scene, system, "initial_gap"))
-    return replace(system, f=f, g0=g0, scene_toml=to_toml(scene))
+    f[system.held[system.n :]] = f_backward[system.held[system.n :]] = 0.0
+    gaps = [contact.initial_gap for contact in scene.contacts]
+    return replace(
+        system,
+        f=f,
+        g0=_shifted_to_axis(scene, system, _values(scene, system, "initial_gap", gaps)),
+        scene_toml=to_toml(scene),
+        f_backward=None if np.array_equal(f, f_backward) else f_backward,
+    )
 
 
 def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
@@ -62,12 +70,12 @@ def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:
     return replace(system, **arrays)
 
 
-def _values(scene: Scene, system: ContactSystem, key: str) -> Array:
-    """Return the values (N,) of a profile of the contacts at their nodes; refuse negative ones."""
+def _values(scene: Scene, system: ContactSystem, key: str, profiles: Sequence[Profile]) -> Array:
+    """Return the values (N,) of the contacts' profiles at their nodes; refuse negative ones."""
     values = np.empty(system.n)
-    for k, contact in enumerate(scene.contacts):
+    for k, profile in enumerate(profiles):
         on = system.edges == k
-        values[on] = _without_round_off(evaluate(getattr(contact, key), system.x[on]))
+        values[on] = _without_round_off(evaluate(profile, system.x[on]))
     if np.any(values < 0.0):
         i = int(np.argmin(values))
         edge = scene.contacts[system.edges[i]].edge

@@ -106,6 +106,7 @@ def _on(record: Record, nodes: Ints) -> Record:
         return replace(table, **{name: getattr(table, name)[:, nodes] for name in per_node})
 
     per_record = ("x", "points", "f", "g0", "weight", "edge")
+    backward = record.f_backward
     events, cycles = record.events, record.cycles
     place = np.full(len(record.x), -1)
     place[nodes] = np.arange(len(nodes))
@@ -114,6 +115,7 @@ def _on(record: Record, nodes: Ints) -> Record:
     return replace(
         record,
         **{name: getattr(record, name)[nodes] for name in per_record},
+        f_backward=None if backward is None else backward[nodes],
         turning_points=states(record.turning_points),
         samples=states(record.samples),
         events=Events(**{**columns, "node": place[columns["node"]]}),

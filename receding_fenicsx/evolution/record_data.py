@@ -7,6 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.law import Friction, friction_of
+
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
@@ -124,6 +126,8 @@ class RecordData:
         n_events: changes of state in total.
         jumps: jumps that were stepped over, no quasi-static path leading on.
         released: energy released by the jumps, not counted in any dissipation.
+        f_backward: (N,) coefficient of friction for backward slip; None where ``f`` holds for both
+            directions.
     """
 
     x: Array
@@ -153,3 +157,9 @@ class RecordData:
     n_events: int
     jumps: int = 0
     released: float = 0.0
+    f_backward: Array | None = None
+
+    @property
+    def friction(self) -> Friction:
+        """Coefficients of friction for both directions of slip."""
+        return friction_of(self.f, self.f_backward)

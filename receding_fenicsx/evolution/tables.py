@@ -59,6 +59,8 @@ def dataset(record: RecordData, which: str) -> xarray.Dataset:
         "weight": ("node", record.weight),
         "load": ("load", list(record.load_names)),
     }
+    if record.f_backward is not None:
+        coordinates["f_backward"] = ("node", record.f_backward)
     if row == "cycle":
         coordinates["cycle"] = per_row["cycle"]
     return _optional("xarray").Dataset(variables, coordinates)

@@ -112,6 +112,11 @@ class Friction:
         return np.where(state == FORWARD, self.forward, slip)
 
 
+def friction_of(f: Array, f_backward: Array | None) -> Friction:
+    """Return the coefficients of nodes; without ``f_backward`` both directions have ``f``."""
+    return Friction(f, f if f_backward is None else f_backward)
+
+
 def natural_states(
     friction: Friction,
     P: Array,

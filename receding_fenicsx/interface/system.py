@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import Array, Friction
+from receding_fenicsx.interface.law import Array, Friction, friction_of
 
 
 @dataclass(frozen=True)
@@ -76,7 +76,7 @@ class ContactSystem:
     @property
     def friction(self) -> Friction:
         """Coefficients of friction for both directions of slip."""
-        return Friction(self.f, self.f if self.f_backward is None else self.f_backward)
+        return friction_of(self.f, self.f_backward)
 
     @property
     def n(self) -> int:

@@ -1,4 +1,4 @@
-"""What the arrays of a condensed body have to be, said by name before they are used."""
+"""Validate the arrays of a `ContactSystem` and the range of its numbers."""
 
 from __future__ import annotations
 
@@ -32,9 +32,15 @@ def check_system(system: ContactSystem) -> None:
         "K": (m, m),
         "r_star": (loads, m),
         "f": (n,),
+        "f_backward": (n,),
         "g0": (n,),
         "held": (2 * n,),
     }
+    per_node = ["x", "weight", "f", "g0"]
+    if system.f_backward is None:
+        del shapes["f_backward"]
+    else:
+        per_node.append("f_backward")
     for name, shape in shapes.items():
         array = np.asarray(getattr(system, name))
         if array.shape != shape:
@@ -47,18 +53,17 @@ def check_system(system: ContactSystem) -> None:
             f"rigid of the contact system has shape {system.rigid.shape}, expected ({2 * n}, "
             "number of rigid motions)"
         )
-    for name in ("x", "weight", "f", "g0"):
-        _check_nodes(system, name, getattr(system, name), name in ("f", "g0"))
+    for name in per_node:
+        _check_nodes(system, name, getattr(system, name), name not in ("x", "weight"))
     for name in ("K", "r_star", "rigid"):
         if not np.all(np.isfinite(getattr(system, name))):
             raise InputError(f"{name} of the contact system has entries that are not finite")
     K, largest = system.K, float(np.abs(system.K).max(initial=0.0))
     if float(np.abs(K - K.T).max(initial=0.0)) > UNSYMMETRIC * largest:
         raise InputError("K of the contact system is not symmetric")
-    motion = system.rigid if system.kind == "frictional" else system.rigid[n:]
-    if system.kind == "frictional" and motion.size:
-        force = np.where(system.held[:, None], 0.0, K @ motion)
-        if float(np.abs(force).max()) > NOT_RIGID * largest * float(np.abs(motion).max()):
+    if system.kind == "frictional" and system.rigid.size:
+        force = np.where(system.held[:, None], 0.0, K @ system.rigid)
+        if float(np.abs(force).max()) > NOT_RIGID * largest * float(np.abs(system.rigid).max()):
             raise InputError(
                 "rigid of the contact system holds a motion that its K resists: K @ rigid has to "
                 "vanish"

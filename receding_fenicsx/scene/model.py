@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest, unknown_name
-from receding_fenicsx.scene.profiles import Profile
+from receding_fenicsx.scene.profiles import FrictionProfile, Profile
 
 RECTANGLE_KEYS = ("shape", "width", "height", "position")
 """Keys of a body that a mesh file replaces."""
@@ -101,7 +101,8 @@ class Contact:
     Attributes:
         edge: edge that may touch the other side.
         span: part of the edge that may touch; default: the whole edge.
-        friction: coefficient of friction, not negative.
+        friction: coefficient of friction, not negative; {"forward": ..., "backward": ...} where it
+            differs between slip along +t and -t.
         initial_gap: gap before loading, a length, not negative.
         against: edge of the other body; default: a rigid plane.
 
@@ -112,7 +113,7 @@ class Contact:
 
     edge: str = "bottom"
     span: tuple[float, float] | None = None
-    friction: Profile = 0.35
+    friction: FrictionProfile = 0.35
     initial_gap: Profile = 0.0
     against: str | None = None
 

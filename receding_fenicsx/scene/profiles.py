@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -16,6 +16,12 @@ Array = NDArray[np.float64]
 
 Profile = float | str | dict[str, list[float]]
 """A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""
+
+DIRECTIONS = ("forward", "backward")
+"""Directions of slip, keys of a friction that differs between them."""
+
+FrictionProfile = Profile | dict[str, Profile]
+"""A profile, or one for each of the ``DIRECTIONS``."""
 
 PROFILE_KEYS = ("friction", "initial_gap", "pressure", "traction", "displacement", "initial_slip")
 """Keys of a scene file whose values may be read from a file."""
@@ -43,6 +49,27 @@ def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Arra
     if isinstance(profile, dict):
         return np.interp(points, profile["x"], profile["value"])
     return np.full(points.shape, float(profile))
+
+
+def directions(friction: FrictionProfile, where: str = "friction") -> tuple[Profile, Profile]:
+    """Return the profiles of friction for forward and backward slip.
+
+    Args:
+        friction: one profile, or one for each direction.
+        where: table and key, for messages.
+
+    Raises:
+        InputError: one of the directions is missing, or there is another key.
+    """
+    if not isinstance(friction, dict) or set(friction) <= {"x", "value"}:
+        profile = cast(Profile, friction)
+        return profile, profile
+    if set(friction) != set(DIRECTIONS):
+        raise InputError(
+            f"{where}: needs both directions of slip, {{forward = ..., backward = ...}}"
+        )
+    forward, backward = (cast(Profile, friction[key]) for key in DIRECTIONS)
+    return forward, backward
 
 
 def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) -> Array:
@@ -93,7 +120,7 @@ def inline_files(raw: Any, folder: Path, where: str = "") -> Any:
     """
     if isinstance(raw, dict):
         if set(raw) == {"file"}:
-            if where.split()[-1] in PROFILE_KEYS:
+            if [key for key in where.split() if key not in DIRECTIONS][-1] in PROFILE_KEYS:
                 return _read_columns(raw["file"], folder, where)
             if isinstance(raw["file"], str):
                 raise InputError(

@@ -9,7 +9,7 @@ from typing import Any
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import unknown_name
-from receding_fenicsx.scene.profiles import Profile
+from receding_fenicsx.scene.profiles import DIRECTIONS, FrictionProfile, Profile, directions
 
 
 def _shown(value: object) -> str:
@@ -98,6 +98,17 @@ def _profile(value: object, where: str) -> Profile:
     return {key: list(_numbers(value[key], f"{where}.{key}")) for key in ("x", "value")}
 
 
+def _friction(value: object, where: str) -> FrictionProfile:
+    if not isinstance(value, dict) or not set(value) & set(DIRECTIONS):
+        return _profile(value, where)
+    for key in value:
+        if key not in DIRECTIONS:
+            unknown_name(key, DIRECTIONS, where, "key")
+    found = {key: _profile(value[key], f"{where} {key}") for key in value}
+    directions(found, where)
+    return found
+
+
 def _parameters(value: object, where: str) -> dict[str, float]:
     if not isinstance(value, dict):
         raise InputError(f"{where}: must be a table {{name = number}}, not {_shown(value)}")
@@ -125,6 +136,7 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "int": _integer,
     "bool": _boolean,
     "Profile": _profile,
+    "FrictionProfile": _friction,
     "Profile | None": _profile,
     "tuple[float, float]": _pair,
     "tuple[float, float] | None": _pair,

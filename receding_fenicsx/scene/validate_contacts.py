@@ -7,7 +7,7 @@ import numpy as np
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_choice
 from receding_fenicsx.scene.model import Contact, Scene
-from receding_fenicsx.scene.profiles import evaluate_checked
+from receding_fenicsx.scene.profiles import directions, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     EDGES,
     contact_samples,
@@ -63,7 +63,11 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
         return
     check_elements(scene.mesh, *scene.find_edge(contact.edge))
     x = contact_samples(scene, contact)
-    for profile, key in ((contact.friction, "friction"), (contact.initial_gap, "initial_gap")):
+    forward, backward = directions(contact.friction, f"{where} friction")
+    profiles = [(forward, "friction"), (contact.initial_gap, "initial_gap")]
+    if forward != backward:
+        profiles[:1] = [(forward, "friction forward"), (backward, "friction backward")]
+    for profile, key in profiles:
         values = evaluate_checked(profile, x, None, f"{where} {key}")
         if values.min() < 0.0:
             at = x[np.argmin(values)]

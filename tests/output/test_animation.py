@@ -64,7 +64,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     assert len({clock.tractions for *_, clock in drawn}) == 1
     low, high = drawn[0][2].tractions
     for view, _, clock in drawn:
-        curves = np.concatenate([view.p, view.q, view.f * view.p, -view.f * view.p])
+        curves = np.concatenate([view.p, view.q, *view.f.limits(view.p)])
         assert low <= curves.min() and curves.max() <= high
         # over the largest load, in all frames
         assert view.pressure_symbol == r"p_{0}^{\,\mathrm{max}}"

@@ -21,7 +21,7 @@ from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import turning_point
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import Friction, State
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
@@ -182,7 +182,7 @@ def made_up(rigid: bool = True) -> View:
         rigid=rigid,
         p=p,
         q=np.where(STATES == 3, -0.3, np.where(STATES == 4, 0.3, 0.1)) * p,
-        f=np.full(9, 0.3),
+        f=Friction(np.full(9, 0.3), np.full(9, 0.3)),
         arrows=[Arrows(np.array([[0.0, 1.3]]), np.array([[0.0, 1.1]]), True)],
         length_symbol="h",
         pressure_symbol="p_{0}",

@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.normal_form import frictional_form
@@ -79,9 +80,15 @@ def step_problem(
         start: state at its start; unloaded, without displacements, when left out.
 
     Raises:
-        InputError: an array of the system has a wrong shape or values without meaning.
+        InputError: an array of the system has a wrong shape or values without meaning, or friction
+            differs forward and backward.
     """
     check_system(system)
+    if system.f_backward is not None:
+        raise InputError(
+            "friction differs forward and backward; the local frictional contact problem has one "
+            "coefficient for both directions"
+        )
     model = frictional_form(system)
     n, held = model.n, model.held
     free = np.flatnonzero(~held)

@@ -27,7 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.law import MIRRORED, Friction, State, friction_of
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.measures.tractions import cell_means, midside_nodes
 from receding_fenicsx.interface.measures.zones import (
@@ -91,6 +91,7 @@ class Tractions:
         beta: Dundurs' constant of the body against the other side; None when it is not known.
         half: True when all is its own mirror image about x = 0.
         axisymmetric: True when x is the radius.
+        f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
     """
 
     x: Array
@@ -102,6 +103,12 @@ class Tractions:
     beta: float | None = None
     half: bool = False
     axisymmetric: bool = False
+    f_backward: Array | None = None
+
+    @property
+    def friction(self) -> Friction:
+        """Coefficients of friction for both directions of slip."""
+        return friction_of(self.f, self.f_backward)
 
 
 def dundurs_beta(
@@ -137,7 +144,7 @@ def contact_half_width_estimate(at: Tractions) -> ZoneEnd:
 
 def stick_half_width_estimate(at: Tractions) -> ZoneEnd:
     """Estimate half the width of the stick zone around the middle, or its radius."""
-    return _half_width(at, stick_zone(at.x, at.state, at.f, at.axisymmetric))
+    return _half_width(at, stick_zone(at.x, at.state, at.friction.mean, at.axisymmetric))
 
 
 def zone_ends(at: Tractions) -> list[ZoneEnd]:
@@ -223,18 +230,17 @@ def zone_end(at: Tractions, last: int, side: int) -> ZoneEnd:
 
 
 def _mirrored(at: Tractions) -> Tractions:
-    swap = np.arange(len(State) + 1)
-    swap[[State.FORWARD_SLIP, State.BACKWARD_SLIP]] = State.BACKWARD_SLIP, State.FORWARD_SLIP
     return Tractions(
         -at.x[::-1],
         at.weight[::-1],
         at.P[::-1],
         -at.Q[::-1],
-        swap[np.asarray(at.state)[::-1]],
-        at.f[::-1],
+        MIRRORED[np.asarray(at.state)[::-1]],
+        at.friction.backward[::-1],
         at.beta,
         at.half,
         at.axisymmetric,
+        at.friction.forward[::-1],
     )
 
 
@@ -245,21 +251,22 @@ def _vanishing(at: Tractions, last: int) -> tuple[Array, float, int] | None:
     """
     here, beyond = State(int(at.state[last])), State(int(at.state[last + 1]))
     first = _first_alike(at, last)
-    f = float(at.f[last])
+    friction = at.friction[last]
     if beyond == State.SEPARATION:
-        if f == 0.0:
+        if not friction.present:
             # the pressure vanishes at both ends of the zone
             return at.P, 0.5, (first + last) // 2
         if here == State.STICK or at.beta is None:
             return None
-        outwards = 1.0 if here == State.FORWARD_SLIP else -1.0
-        return at.P, 0.5 - outwards * math.atan(f * at.beta) / math.pi, first
-    if here == State.STICK and beyond in (State.FORWARD_SLIP, State.BACKWARD_SLIP) and f > 0.0:
+        coefficient = float(friction.at_slip(np.asarray(here)))
+        return at.P, 0.5 - math.atan(coefficient * at.beta) / math.pi, first
+    if here == State.STICK and beyond != State.STICK and friction.present:
         if at.beta is None:
             return None
-        outwards = 1.0 if beyond == State.FORWARD_SLIP else -1.0
-        y = at.f * at.P + outwards * at.Q
-        return y, 0.5 + outwards * math.atan(f * at.beta) / math.pi, (first + last) // 2
+        A, B = at.friction.margins(at.Q, at.P)
+        coefficient = float(friction.at_slip(np.asarray(beyond)))
+        power = 0.5 + math.atan(coefficient * at.beta) / math.pi
+        return A if beyond == State.FORWARD_SLIP else B, power, (first + last) // 2
     return None
 
 

@@ -14,6 +14,7 @@ from matplotlib.patches import Patch
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots import selection, style
 from receding_fenicsx.output.plots.loops import Loop, loop_of, representative_nodes, shown_cycles
@@ -131,8 +132,8 @@ def trajectories(
         panels[0, 0].set_ylabel(f"$p{scales.peak_traction()[1]}$")
         panels[1, 0].set_ylabel(f"$w{scales.slip()[1]}$")
         handles: list[Any] = _cycle_handles(paths)
-        if np.any(record.f[chosen] > 0.0):
-            handles.append(Patch(label=r"friction cone, $|Q| \leq f P$", **style.CONE))
+        if np.any(record.friction.present[chosen]):
+            handles.append(Patch(label=_cone_label(record), **style.CONE))
         figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
     return figure
 
@@ -146,7 +147,7 @@ def _draw_traction_path(
     for path in paths:
         q = _without_round_off(path.q[:, node], largest)
         _draw_path(axes, q / unit, path.p[:, node] / unit, path, paths)
-    _draw_cone(axes, float(record.f[node]))
+    _draw_cone(axes, record.friction[node])
     axes.set_xlabel(f"$q{divided}$")
 
 
@@ -211,19 +212,26 @@ def _offset(path: Loop, k: int, straight: float) -> float:
     return float(path.displacement[high, k] - straight * path.load[high, k])
 
 
+def _cone_label(record: Record) -> str:
+    if record.f_backward is None:
+        return r"friction cone, $|Q| \leq f P$"
+    return r"friction cone, $-f_\mathrm{forward} P \leq Q \leq f_\mathrm{backward} P$"
+
+
 def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]) -> None:
     look = _look(path, paths)
     axes.plot(x, y, **look)
     axes.plot(x[path.turning], y[path.turning], "o", color=look["color"], ms=2.6)
 
 
-def _draw_cone(axes: Axes, f: float) -> None:
-    """Fill |q| <= f p up to the top of the axes, and set their limits."""
+def _draw_cone(axes: Axes, friction: Friction) -> None:
+    """Fill the friction cone up to the top of the axes, and set their limits."""
     top = 1.05 * max(float(line.get_ydata().max()) for line in axes.lines)  # type: ignore[union-attr]
     top = top or 1.0
     left, right = axes.get_xlim()
-    reach = 1.15 * max(abs(left), abs(right), f * top) or 1.0
-    axes.fill_between([-f * top, 0.0, f * top], [top, 0.0, top], top, zorder=0, **style.CONE)
+    low, high = (float(limit) for limit in friction.limits(np.asarray(top)))
+    reach = 1.15 * max(abs(left), abs(right), -low, high) or 1.0
+    axes.fill_between([low, 0.0, high], [top, 0.0, top], top, zorder=0, **style.CONE)
     axes.set_xlim(-reach, reach)
     axes.set_ylim(-0.04 * top, top)
 

@@ -160,9 +160,8 @@ def limit_without_slip(record: Record, cycle: int) -> Still:
     span = np.ptp(v, axis=0)
     slips = np.any(np.isin(state, (State.FORWARD_SLIP, State.BACKWARD_SLIP)), axis=0)
     opens = np.any(state == State.SEPARATION, axis=0)
-    stuck = ~opens & (span <= NEGLIGIBLE_SLIP * span.max(initial=0.0)) & (record.f > 0.0)
-    limit = record.f * table.P[rows]
-    at_limit = stuck & (limit > 0.0) & (np.abs(table.Q[rows]) >= (1.0 - AT_LIMIT) * limit)
+    stuck = ~opens & (span <= NEGLIGIBLE_SLIP * span.max(initial=0.0)) & record.friction.present
+    at_limit = stuck & (table.P[rows] > 0.0) & _is_at_limit(record, table.Q[rows], table.P[rows])
     reached = at_limit.any(axis=0)
     if record.method == "events":
         # a node may reach the limit between two samples and leave it at once
@@ -178,6 +177,12 @@ def limit_without_slip(record: Record, cycle: int) -> Still:
             if found is not None:
                 leg[k], s[k] = found
     return Still(stuck, node, leg, s, not bool(np.any(slips[node])))
+
+
+def _is_at_limit(record: Record, Q: Array, P: Array) -> NDArray[np.bool_]:
+    """Return whether the tangential reactions Q reach a limit at the pressures P."""
+    low, high = record.friction.limits((1.0 - AT_LIMIT) * P)
+    return (Q <= low) | (Q >= high)
 
 
 def _first_slip(record: Record, cycle: int, node: int) -> tuple[int, float] | None:

@@ -66,7 +66,7 @@ def tractions(
             if n == panels - 1:
                 axes.set_xlabel(scales.x_label)
         p, q, cone = scales.traction_labels()
-        friction = bool(np.any(record.f > 0.0))
+        friction = bool(np.any(record.friction.present))
         if friction:
             curves = [
                 Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
@@ -110,17 +110,17 @@ def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> 
     x = record.x[used] / scales.length
     unit = scales.traction_unit(moment)
     p, q = moment.p[used] / unit, moment.q[used] / unit
-    limit = record.f[used] * p
+    low, high = record.friction[used].limits(p)
     axes.axhline(0.0, color="black", lw=0.4)
     for _, begin, _ in zones(record.x / scales.length, moment.state, record.axisymmetric)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
     labels = list(scales.traction_labels()[:1])
     axes.plot(x, p, color=style.PRESSURE_COLOUR)
-    if np.any(record.f > 0.0):
+    if np.any(record.friction.present):
         labels = list(scales.traction_labels()[:2])
-        axes.fill_between(x, -limit, limit, **style.CONE)
+        axes.fill_between(x, low, high, **style.CONE)
         axes.plot(x, q, color=style.SHEAR_COLOUR)
     axes.set_xlim(*scales.ends(record.x))
-    axes.set_ylim(*style.focus(p, np.concatenate([q, limit, -limit])))
+    axes.set_ylim(*style.focus(p, np.concatenate([q, high, low])))
     style.ticks(axes.yaxis, 7)
     axes.set_ylabel(",  ".join(labels))

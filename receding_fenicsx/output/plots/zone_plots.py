@@ -88,7 +88,7 @@ def zone_maps(
             handles = [Line2D([], [], label=_limit_label(still), **DASHED)]
             figure.legend(handles=handles, loc="outside upper center")
         figure.legend(
-            handles=style.state_patches(shown, bool(np.any(record.f > 0.0))),
+            handles=style.state_patches(shown, bool(np.any(record.friction.present))),
             loc="outside lower center",
             ncols=2 if columns == 1 else 4,
             columnspacing=1.4,

@@ -57,7 +57,7 @@ def half_widths(record: Record, row: int) -> dict[str, float | None]:
     x, state = record.x, record.turning_points.state[row]
     widths = {
         "contact_half_width": contact_half_width(x, state, record.axisymmetric),
-        "stick_half_width": stick_half_width(x, state, record.f, record.axisymmetric),
+        "stick_half_width": stick_half_width(x, state, record.friction.mean, record.axisymmetric),
     }
     bears = _bears(record, row)
     return {key: width if bears and np.isfinite(width) else None for key, width in widths.items()}
@@ -95,6 +95,7 @@ def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
         beta,
         record.half,
         record.axisymmetric,
+        record.f_backward,
     )
 
 

@@ -129,7 +129,7 @@ def slip_per_cycle_max(record: Record) -> list[float]:
 def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
     table = record.turning_points
     x, state = record.x, table.state[i]
-    found = contact_zones(x, state, record.f, record.axisymmetric)
+    found = contact_zones(x, state, record.friction.mean, record.axisymmetric)
     return {
         "cycle": int(table.cycle[i]),
         "leg": int(table.leg[i]),

@@ -153,8 +153,8 @@ def free_place(x: Array, p: Array) -> str:
 def _tractions(view: View) -> tuple[Array, Array]:
     """Return p, and q with the friction limits, at the nodes with weight."""
     known = np.isfinite(view.p)
-    limit = (view.f * view.p)[known]
-    return view.p[known], np.concatenate([view.q[known], limit, -limit])
+    low, high = view.f[known].limits(view.p[known])
+    return view.p[known], np.concatenate([view.q[known], high, low])
 
 
 def write_mp4(path: Path, frames: list[Frame]) -> None:

@@ -165,17 +165,17 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     known = np.isfinite(view.p)
     divided = f"/{view.pressure_symbol}" if view.pressure_symbol else ""
     axes.axhline(0.0, color="black", lw=0.4)
-    limit = (view.f * view.p)[known]
+    low, high = view.f[known].limits(view.p[known])
     curves = [(view.p, style.PRESSURE_COLOUR, "p")]
     if view.friction:
         curves.append((view.q, style.SHEAR_COLOUR, "q"))
-        axes.fill_between(view.x[known], -limit, limit, **style.CONE)
+        axes.fill_between(view.x[known], low, high, **style.CONE)
     for _, begin, _ in zones(view.x, view.state)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
     for values, colour, name in curves:
         axes.plot(view.x[known], values[known], color=colour, label=f"${name}{divided}$")
     if clock is None:
-        others = np.concatenate([view.q[known], limit, -limit])
+        others = np.concatenate([view.q[known], high, low])
         axes.set_ylim(*style.focus(view.p[known], others))
     else:
         axes.set_ylim(*clock.tractions)

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
+from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.mirror import mirror_nodes
 from receding_fenicsx.interface.system import Array
@@ -18,7 +19,7 @@ from receding_fenicsx.output.snapshots.load_arrows import Arrows, largest_factor
 from receding_fenicsx.output.snapshots.vertices import edge_displacement, merge_axis, outline
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.profiles import evaluate
+from receding_fenicsx.scene.profiles import directions, evaluate
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
@@ -107,7 +108,7 @@ class View:
     rigid: bool
     p: Array
     q: Array
-    f: Array
+    f: Friction
     arrows: list[Arrows]
     length_symbol: str
     pressure_symbol: str
@@ -122,7 +123,7 @@ class View:
     @property
     def friction(self) -> bool:
         """Whether there is friction; assumed with several contact edges."""
-        return len(self.strips) > 1 or bool(np.any(self.f > 0.0))
+        return len(self.strips) > 1 or bool(np.any(self.f.present))
 
     @property
     def state(self) -> NDArray[np.int8]:
@@ -177,7 +178,7 @@ def view_of(
 
 def _contact(
     bulk: Bulk | Pair, fields: Fields, instant: Instant, units: Units, unit: float
-) -> tuple[tuple[Strip, ...], Array, Array, Array]:
+) -> tuple[tuple[Strip, ...], Array, Array, Friction]:
     """Return the contact edges of the whole body, and p, q and f on the first of them."""
     scene, contact = bulk.scene, bulk.contact
     # a contact that does not reach the axis of revolution is not mirrored
@@ -204,7 +205,15 @@ def _contact(
     per_area /= units.traction
     p = (mirror.total(instant.state.P) * per_area)[on]
     q = (mirror.odd(instant.state.Q) * per_area)[on]
-    return tuple(strips), p, q, evaluate(scene.contacts[0].friction, argument[on])
+    forward, backward = (evaluate(f, argument[on]) for f in directions(scene.contacts[0].friction))
+    if scene.axisymmetric:
+        # outward slip is forward on the right and backward on the left
+        outwards = x[on] >= 0.0
+        forward, backward = (
+            np.where(outwards, forward, backward),
+            np.where(outwards, backward, forward),
+        )
+    return tuple(strips), p, q, Friction(forward, backward)
 
 
 def units_of(bulk: Bulk | Pair, fields: list[Fields], load: Array, symbol: str = "") -> Units:

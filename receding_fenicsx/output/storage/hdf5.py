@@ -27,8 +27,8 @@ FORMAT_VERSION = 1
 RECORD = "receding_fenicsx record"
 SYSTEM = "receding_fenicsx contact system"
 
-NODE_FIELDS = ("x", "points", "f", "g0", "weight", "edge")
-"""Arrays of a Record in the group /nodes."""
+NODE_FIELDS = ("x", "points", "f", "g0", "weight", "edge", "f_backward")
+"""Arrays of a Record in the group /nodes; ``f_backward`` where friction has two directions."""
 GROUPS: dict[str, type] = {
     "turning_points": States,
     "samples": States,
@@ -57,6 +57,8 @@ def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
         nodes = file.create_group("nodes")
         for field in dataclasses.fields(record):
             value = getattr(record, field.name)
+            if value is None:
+                continue
             if field.name in GROUPS:
                 group = file.create_group(field.name)
                 for inner in dataclasses.fields(value):
@@ -82,7 +84,8 @@ def read_record(path: Path) -> Record:
                 )
             else:
                 place = _member(file, "nodes") if field.name in NODE_FIELDS else file
-                values[field.name] = _read(place, field.name)
+                if field.default is not None or field.name in place:
+                    values[field.name] = _read(place, field.name)
         for name in ("load_names", "edge_names"):
             values[name] = tuple(values[name])
         record = Record(**values)
@@ -247,7 +250,8 @@ def _check_lengths(record: Record) -> None:
     """Raise InputError if arrays of a record have inconsistent shapes."""
     n, n_loads = len(record.x), len(record.load_names)
     for name in NODE_FIELDS:
-        if len(getattr(record, name)) != n:
+        values = getattr(record, name)
+        if values is not None and len(values) != n:
             raise InputError(f"'/nodes/{name}' does not have {n} rows; create the file again")
     for name in ("turning_points", "samples"):
         table: States = getattr(record, name)

@@ -1,0 +1,164 @@
+"""Friction that differs between forward and backward slip, on problems worked out by hand."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from law import random_system, worst_slip, worst_violation
+from small import small_system, table
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.equilibrium import furthest
+from receding_fenicsx.interface.gauss_seidel.compliance_form import step_problem
+from receding_fenicsx.interface.law import MIRRORED, Friction, State
+from receding_fenicsx.interface.mirror import mirror_nodes
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.model import OutputOptions, SolverOptions
+
+METHODS = ("events", "gauss-seidel")
+ALL = OutputOptions(samples_per_leg=12, cycles="all")
+
+
+def played(
+    system: ContactSystem, corners: Sequence[Sequence[Sequence[float]]], method: str
+) -> Record:
+    path, loop = corners
+    history = table(system, path, loop, 2)
+    return evolve(system, history, SolverOptions(method=method, steps_per_leg=12), ALL)
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize(("forward", "backward"), [(0.5, 0.2), (0.2, 0.5), (0.0, 0.4), (0.4, 0.0)])
+def test_a_pressed_node_pulled_to_and_fro_slips_at_two_different_limits(
+    method: str, forward: float, backward: float
+) -> None:
+    # One node with a tangential spring k under the pressure P. A pull F brings Q = k v - F. Forward
+    # slip ends at v = (F - f_forward P) / k, backward slip at v = (F + f_backward P) / k. Between
+    # the pulls +F and -F the node slips by s = (2 F - (f_forward + f_backward) P) / k each way, and
+    # one cycle dissipates (f_forward + f_backward) P s.
+    k, P, F = 2.0, 3.0, 4.0
+    node = small_system([[k, 0.0], [0.0, 1.0]], {"press": [0.0, P], "pull": [-F, 0.0]}, forward)
+    node = replace(node, f_backward=np.array([backward]))
+    corners = [[[0, 0], [1, 0], [1, 1]], [[1, 1], [1, -1], [1, 1]]]
+    record = played(node, corners, method)
+    points = record.turning_points
+    ahead, back = (F - forward * P) / k, (-F + backward * P) / k
+    assert points.v[1:, 0] == pytest.approx([ahead, back, ahead, back, ahead], rel=1e-12)
+    limits = [-forward * P, backward * P, -forward * P, backward * P, -forward * P]
+    assert points.Q[1:, 0] == pytest.approx(limits, rel=1e-12, abs=1e-14)
+    slips = [State.FORWARD_SLIP, State.BACKWARD_SLIP]
+    assert points.state[1:, 0].tolist() == [slips[0], slips[1], slips[0], slips[1], slips[0]]
+    loop = (forward + backward) * P * (2.0 * F - (forward + backward) * P) / k
+    # a load step in which slip begins takes the mean of Q over the whole step
+    error = 1e-12 if method == "events" else 0.02
+    assert record.cycles.dissipation == pytest.approx([loop, loop], rel=error)
+    first = forward * P * ahead
+    assert record.dissipation_first_loading == pytest.approx(first, rel=error, abs=1e-14)
+    if method == "events":
+        # stick ends forward where -F = k v - (-f_forward P) with v at the backward end
+        begin = (back * k + forward * P + F) / (2.0 * F)
+        again = record.events.s[(record.events.cycle == 2) & (record.events.leg == 1)]
+        assert again[-1] == pytest.approx(begin, rel=1e-12)
+
+
+def directed(seed: int, n: int) -> ContactSystem:
+    """Return a random system whose friction differs forward and backward at most nodes."""
+    rng = np.random.default_rng(seed)
+    system = random_system(seed, n, 0.45)
+    forward, backward = (system.f * rng.choice([0.0, 0.2, 0.7, 1.0], n) for _ in range(2))
+    return replace(system, f=forward, f_backward=backward)
+
+
+CORNERS = [[[0.0, 0.0], [1.0, 0.3]], [[1.0, 0.3], [0.6, -1.0], [0.3, 0.8], [1.0, 0.3]]]
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_both_methods_satisfy_the_law_of_two_directions(seed: int) -> None:
+    system = directed(seed, 9)
+    exact = played(system, CORNERS, "events")
+    steps = played(system, CORNERS, "gauss-seidel")
+    for record in (exact, steps):
+        assert worst_violation(system, record) <= 1e-10
+    assert worst_slip(system, exact) <= 1e-10
+    assert exact.energy_error_max <= 1e-10
+    assert np.abs(steps.turning_points.v[0] - exact.turning_points.v[0]).max() <= 1e-9
+
+
+@pytest.mark.parametrize("method", METHODS)
+@pytest.mark.parametrize("seed", range(4))
+def test_the_mirror_image_exchanges_forward_and_backward(seed: int, method: str) -> None:
+    system, n = directed(seed, 7), 7
+    order = np.concatenate([np.arange(n)[::-1], n + np.arange(n)[::-1]])
+    sign = np.repeat([-1.0, 1.0], n)
+    assert system.f_backward is not None
+    image = replace(
+        system,
+        K=(sign[:, None] * system.K * sign)[np.ix_(order, order)],
+        r_star=(system.r_star * sign)[:, order],
+        f=system.f_backward[::-1].copy(),
+        f_backward=system.f[::-1].copy(),
+    )
+    a, b = played(system, CORNERS, method), played(image, CORNERS, method)
+    assert np.array_equal(MIRRORED[a.samples.state][:, ::-1], b.samples.state)
+    for name, sign_of in (("v", -1.0), ("w", 1.0), ("Q", -1.0), ("P", 1.0)):
+        values = sign_of * getattr(a.samples, name)[:, ::-1]
+        assert np.abs(values - getattr(b.samples, name)).max() <= 1e-9 * np.abs(values).max(), name
+    assert b.cycles.dissipation == pytest.approx(a.cycles.dissipation, rel=1e-9)
+
+
+def test_equal_coefficients_for_both_directions_change_no_bit() -> None:
+    system = random_system(1, 8, 0.45)
+    for method in METHODS:
+        one = played(system, CORNERS, method)
+        two = played(replace(system, f_backward=system.f.copy()), CORNERS, method)
+        for name in ("state", "P", "Q", "v", "w"):
+            assert np.array_equal(getattr(one.samples, name), getattr(two.samples, name)), name
+        assert np.array_equal(one.cycles.dissipation, two.cycles.dissipation)
+
+
+def test_a_free_body_slides_where_the_friction_of_that_direction_is_overcome() -> None:
+    # weight 1 on one node of a free body; a pull of f_forward = 0.3 slides it, backwards of 0.1
+    body = small_system(
+        np.zeros((2, 2)),
+        {"weight": [0.0, 1.0], "pull": [-1.0, 0.0]},
+        0.3,
+        rigid=[[1.0, 0.0], [0.0, 1.0]],
+    )
+    body = replace(body, f_backward=np.array([0.1]))
+    pressed = np.array([1.0, 0.0])
+    for pull, limit in ((1.0, 0.3), (-1.0, 0.1)):
+        found = furthest(body, pressed, np.array([1.0, pull]))
+        assert found is not None and found.kind == "gross sliding"
+        assert found.s == pytest.approx(limit, rel=1e-12)
+
+
+def test_the_reflected_half_exchanges_the_coefficients() -> None:
+    mirror = mirror_nodes(np.array([0.0, 1.0, 2.0]), half=True)
+    whole = mirror.friction(Friction(np.array([0.3, 0.4, 0.5]), np.array([0.3, 0.2, 0.1])))
+    assert whole.forward.tolist() == [0.1, 0.2, 0.3, 0.4, 0.5]
+    assert whole.backward.tolist() == [0.5, 0.4, 0.3, 0.2, 0.1]
+
+
+def test_margins_and_reactions_are_each_others_inverse() -> None:
+    rng = np.random.default_rng(0)
+    friction = Friction(*rng.uniform(0.0, 1.0, (2, 20)))
+    Q, P = rng.standard_normal((2, 20))
+    A, B = friction.margins(Q, P)
+    a, b = friction.shares
+    assert a * A - b * B == pytest.approx(Q, rel=1e-12, abs=1e-14)
+    assert A + B == pytest.approx(friction.opening(P), rel=1e-12, abs=1e-14)
+
+
+def test_a_problem_with_one_coefficient_cannot_hold_two() -> None:
+    system = directed(0, 4)
+    with pytest.raises(InputError, match="friction differs forward and backward"):
+        step_problem(system, np.ones(2))
+
+
+def test_a_negative_backward_friction_is_refused() -> None:
+    system = replace(random_system(0, 4, 0.4), f_backward=np.array([0.1, -0.2, 0.1, 0.1]))
+    with pytest.raises(InputError, match="f_backward of the contact system is"):
+        played(system, CORNERS, "events")
