@@ -14,7 +14,8 @@ import pytest
 from PIL import Image
 
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.output.report.html import CAPTIONS, report_html, write_report
+from receding_fenicsx.output.report.html import report_html, write_report
+from receding_fenicsx.output.report.html_pictures import CAPTIONS
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import extremes_of
 from receding_fenicsx.output.storage.summary_file import read_summary, write_summary
@@ -93,13 +94,13 @@ PICTURES = {
     "figures/fig07_zones_cycle_9": "Zones along the ninth cycle",
     "figures/fig08_slip_per_cycle": "power of N",
     "figures/fig10_dissipation_per_cycle": "Dissipation",
-    "figures/zones_by_cycle": "all cycles that were sampled",
-    "figures/dissipation_density": "Where along the contact edge",
-    "figures/hysteresis": "work-conjugate displacement",
-    "figures/trajectories": "What single nodes go through",
-    "figures/tractions_last_cycle": "the last cycle's turning points",
+    "figures/zones_by_cycle": "all sampled cycles",
+    "figures/dissipation_density": "along the contact edge",
+    "figures/hysteresis": "work-conjugate displacements",
+    "figures/trajectories": "Paths of single nodes",
+    "figures/tractions_last_cycle": "the turning points of the last cycle",
     "snapshots/cycle0022_leg1_s1.000_max_shear": "Cycle 22, leg 1, s = 1. Isochromatic fringes",
-    "snapshots/cycle0022_leg1_s0.250_von_mises": "Cycle 22, leg 1, s = 0.25. Equivalent stress",
+    "snapshots/cycle0022_leg1_s0.250_von_mises": "Cycle 22, leg 1, s = 0.25. Von Mises",
 }
 """Pictures in the order of the page, and words that stand below each."""
 
@@ -139,10 +140,10 @@ def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
     assert {kind for _, name, kind, *_ in shown if name.startswith("cycle0022")} == {"jpeg"}
     assert not re.search(r"https?://|@import|url\(|<script|<link", text)
     assert page.headings[:5] == [
-        "Against the paper",
+        "Comparison with the paper",
         "Turning points",
         "Figures",
-        "The body",
+        "Stresses in the body",
         "Cycles",
     ]
 
@@ -182,7 +183,7 @@ def test_numbers_of_the_report_are_those_of_the_summary(tmp_path: Path) -> None:
         written["energy_error_max"], rel=0.01
     )
     assert f"{written['residual_max']:.1e}" in page.text
-    assert rows["evolve, seconds"][1] == "2.500"
+    assert rows["evolve, s"][1] == "2.500"
     assert rows["numpy"][1] == "1.2.3"
 
 
@@ -208,7 +209,7 @@ def test_run_without_cycles_or_costs_has_a_report_too() -> None:
     system = models.block_system(20, 10, half=True)
     history = History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)), 0)
     page = Page(report_html(summarise(evolve(system, history))))
-    assert page.headings == ["Turning points", "How far to trust it"]
+    assert page.headings == ["Turning points", "Checks"]
     assert "Untitled run" in page.text
 
 

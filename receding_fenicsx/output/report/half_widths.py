@@ -1,4 +1,4 @@
-"""Half widths of contact and stick below node spacing, from a record."""
+"""Half widths of contact and stick zones of a record: at nodes, and fitted between nodes."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from receding_fenicsx.interface.measures.zones import contact_half_width, stick_
 from receding_fenicsx.scene.model import Material
 
 AGAINST_X = ("top", "left")
-"""Edges of a rectangle along which x runs against the tangential direction t = (n_y, -n_x)."""
+"""Edges of a rectangle whose x is opposite to the tangential direction t = (n_y, -n_x)."""
 
 
 def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[str, Any]:
@@ -29,13 +29,13 @@ def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[s
     Args:
         record: the record of one contact edge.
         row: row of ``record.turning_points``.
-        betas: Dundurs' constants that may be right, as :func:`contact_betas` gives them. Of two
-            the interval holds what both lead to, and the value lies midway.
+        betas: possible values of Dundurs' constant, see :func:`contact_betas`. Of two values the
+            interval contains the results of both, and the value is their mean.
 
     Returns:
         ``contact_half_width_estimate`` and ``stick_half_width_estimate``, each with its value, an
-        interval around it, and whether it was fitted (else it is the nodes' bracket); None where
-        there is no half width.
+        interval around it, and whether it was fitted (else the interval is that between nodes);
+        None if there is no such half width.
     """
     found = [tractions(record, row, beta) for beta in betas or (None,)]
     widths = {
@@ -50,9 +50,9 @@ def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[s
 
 
 def half_widths(record: Record, row: int) -> dict[str, float | None]:
-    """Return the half widths at a turning point, to within a node spacing; None without one.
+    """Return the half widths at a turning point, to within a node spacing, or None.
 
-    A contact without any force has none: its zones are the limit of those under a load.
+    A contact without force has none; its states are the limit of those under a load.
     """
     x, state = record.x, record.turning_points.state[row]
     widths = {
@@ -63,18 +63,18 @@ def half_widths(record: Record, row: int) -> dict[str, float | None]:
     return {key: width if bears and np.isfinite(width) else None for key, width in widths.items()}
 
 
-NO_FORCE = 1e-12
-"""Largest nodal force at an instant, over the largest of the record, that is none."""
+NEGLIGIBLE_FORCE = 1e-12
+"""Part of the record's largest nodal force below which a force is round-off."""
 
 
 def _bears(record: Record, row: int) -> bool:
-    """Return whether the contact bears a force at a turning point."""
+    """Return whether the contact carries a force at a turning point."""
     P = np.abs(record.turning_points.P)
-    return bool(P[row].max(initial=0.0) > NO_FORCE * P.max(initial=0.0))
+    return bool(P[row].max(initial=0.0) > NEGLIGIBLE_FORCE * P.max(initial=0.0))
 
 
 def estimated_ends(record: Record, row: int, betas: tuple[float, ...] = ()) -> list[dict[str, Any]]:
-    """Estimate each place where one zone ends and the next begins, from left to right.
+    """Estimate the boundaries between zones, from left to right.
 
     Arguments and values are those of :func:`estimates`.
     """
@@ -83,7 +83,7 @@ def estimated_ends(record: Record, row: int, betas: tuple[float, ...] = ()) -> l
 
 
 def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
-    """What the ends of zones are fitted to, at a row of ``record.turning_points``."""
+    """Return the data of fits of zone ends, at a row of ``record.turning_points``."""
     table = record.turning_points
     return Tractions(
         record.x,
@@ -100,10 +100,10 @@ def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
 
 
 def contact_betas(record: Record) -> tuple[float, ...]:
-    """Dundurs' beta of a contact edge, with the sign that makes forward slip run towards x.
+    """Return Dundurs' beta of a contact edge, with the sign that belongs to slip towards +x.
 
-    Both signs on a user's mesh of a body of revolution, where x is the radius on either side; none
-    where no scene tells the materials, and of several edges together.
+    On a user's mesh of a body of revolution both signs are possible, because x is the radius.
+    Without a scene, or for several contact edges together, none is returned.
     """
     numbers = set(record.edge.tolist())
     scene = record.scene

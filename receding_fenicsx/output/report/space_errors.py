@@ -1,4 +1,4 @@
-"""Space errors of a run's headline numbers, estimated from the same scene on coarser meshes.
+"""Discretisation errors in space of a run's headline numbers, estimated with coarser meshes.
 
 Every size of the mesh is enlarged by the same factors: fewer contact elements, and a growth whose
 distance from 1 is larger in proportion (the mesh size is dx + (growth - 1) depth). With numbers
@@ -7,11 +7,10 @@ taken to be
 
     e = max |a_i - a_j| / (r_j - r_i)  over the pairs of which one is twice as coarse as the other.
 
-Each pair gives the error of a_0 if errors grow with the first power of the mesh size, and more than
-it if they grow with a higher one. The greatest is taken because a number may agree on two meshes by
-chance, or stand still over several until the mesh resolves a narrow zone; a smaller share of the
-difference between the coarser meshes, as a higher order would allow, misses such stairs. Meshes of
-nearly the same size differ by noise, which their short distance would enlarge.
+For errors of first order in the mesh size each pair gives the error of a_0; for higher orders it
+gives more. The largest value is taken because numbers may agree on two meshes by chance, or stay
+constant over several meshes until a narrow zone is resolved. Estimates of higher order would miss
+such steps. Meshes of nearly the same size are not compared: they differ by noise.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -30,29 +29,26 @@ from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
 from receding_fenicsx.output.report.half_widths import contact_betas, estimates
 from receding_fenicsx.scene.model import Scene
 
-if TYPE_CHECKING:
-    pass
-
 FACTORS = (2.0, 2.5, 4.0)
-"""How many times coarser the meshes are, nearly. The middle one is not nested in the run's mesh."""
+"""Approximate ratios of the mesh sizes. The second mesh is not nested in that of the run."""
 
-APART = 1.8
-"""Ratio of the sizes of two meshes that are compared, at least: twice, nearly."""
+MIN_RATIO = 1.8
+"""Smallest ratio of the sizes of two meshes that are compared."""
 
-LEAST = 1e-6
-"""Smallest relative error that an estimate claims."""
+MIN_RELATIVE_ERROR = 1e-6
+"""Smallest relative error that is returned."""
 
-NARROW = 2
-"""A zone of so many nodes or fewer is not resolved; numbers change in stairs where it matters."""
+UNRESOLVED_NODES = 2
+"""Largest number of nodes of a zone that counts as not resolved."""
 
-FEWEST_ELEMENTS = 8
-"""Contact elements of the coarsest mesh that is solved on."""
+MIN_ELEMENTS = 8
+"""Smallest number of contact elements of a coarser mesh."""
 
-SPAN = 1.6
-"""A mesh that no vertex of fits is passed over for coarser ones, up to this factor."""
+SEARCH_RATIO = 1.6
+"""Largest ratio to the wanted mesh size in the search for a mesh whose vertices fit the scene."""
 
 LARGEST_GROWTH = 3.0
-"""Growth of the coarsest mesh, at most."""
+"""Largest growth of a coarser mesh."""
 
 NAMES = {
     "centre_pressure": "centre pressure at the maximum",
@@ -61,24 +57,24 @@ NAMES = {
     "dissipation_first_cycle": "dissipation of cycle 1",
     "dissipation_ratio": "dissipation of the last cycle over cycle 1",
 }
-"""The headline numbers, in words."""
+"""Headline numbers and their descriptions."""
 WIDTHS = ("contact_half_width", "stick_half_width")
 
 
 @dataclass(frozen=True)
 class Number:
-    """A headline number, and how well it is known on its own mesh."""
+    """A headline number and its uncertainty on its own mesh."""
 
     value: float
     known_to: float = 0.0
 
 
 def headline(record: Record) -> dict[str, Number]:
-    """Return a record's headline numbers; those that it has not are left out.
+    """Return the headline numbers that a record has.
 
-    The maximum is the end of cycle 0, from which the cycles start. The centre is the axis that the
-    contact edge begins on, to which the pressure is fitted, or else the edge's middle. Half-widths
-    are those fitted below node spacing, known to half their interval.
+    The maximum is the end of cycle 0. The centre pressure is that on the axis, extrapolated, if the
+    contact edge begins there, else that at the middle of the edge. Half-widths are the fitted ones,
+    with half their interval as uncertainty.
     """
     table = record.turning_points
     first = np.flatnonzero(table.cycle == 0)
@@ -115,15 +111,15 @@ def check(scene: Scene) -> None:
     """Raise InputError where a scene's mesh cannot be made coarser."""
     if any(body.mesh is not None for body in scene.bodies):
         raise InputError(
-            "--error: a mesh from a file has no coarser ones; leave --error out, or compare runs "
-            "on meshes of your own"
+            "--error: a mesh from a file cannot be made coarser; omit --error, or compare runs on "
+            "meshes of your own"
         )
     if len(scene.contacts) > 1:
         raise InputError("--error: a scene of several contact edges has no headline numbers yet")
-    if scene.mesh.contact_elements < FACTORS[0] * FEWEST_ELEMENTS:
+    if scene.mesh.contact_elements < FACTORS[0] * MIN_ELEMENTS:
         raise InputError(
-            f"--error: mesh.contact_elements = {scene.mesh.contact_elements} leaves nothing to "
-            f"compare with; use at least {FACTORS[0] * FEWEST_ELEMENTS:.0f}"
+            f"--error: mesh.contact_elements = {scene.mesh.contact_elements} is too coarse for an "
+            f"estimate; use at least {FACTORS[0] * MIN_ELEMENTS:.0f}"
         )
 
 
@@ -137,7 +133,7 @@ def coarser(scene: Scene, elements: int) -> Scene:
 def space_errors(
     scene: Scene, record: Record | None, solve: Callable[[Scene], Record | None]
 ) -> dict[str, dict[str, float]]:
-    """Estimate the space error of each headline number; all ranks call this together.
+    """Estimate the space error of each headline number; collective.
 
     Args:
         scene: the scene of the run.
@@ -159,7 +155,7 @@ def space_errors(
         except RecedingError:
             if not levels:
                 raise
-            break  # so coarse a mesh may have no answer: fewer comparisons are left
+            break  # a mesh as coarse as this may have no solution
         if solved is None:
             break
         elements, coarser_record = solved
@@ -170,7 +166,7 @@ def space_errors(
     errors = {}
     for name, number in headline(record).items():
         coarse = [(factor, found[name].value) for factor, found in levels if name in found]
-        least = max(number.known_to, LEAST * abs(number.value))
+        least = max(number.known_to, MIN_RELATIVE_ERROR * abs(number.value))
         errors[name] = {"value": number.value, "error": max(estimate(number.value, coarse), least)}
     return errors
 
@@ -178,7 +174,7 @@ def space_errors(
 def errors_of_run(
     scene: Scene, record: Record | None, solve: Callable[[Scene], Record | None]
 ) -> dict[str, Any]:
-    """Return what a run's summary says of space errors; all ranks call this together.
+    """Return the summary's keys on space errors; collective.
 
     Args:
         scene: the scene of the run.
@@ -195,7 +191,7 @@ def errors_of_run(
     except RecedingError as error:
         return {"errors": {}, "errors_failure": f"on a coarser mesh: {error}"}
     nodes = narrowest_zone(record) if record is not None else math.inf
-    if nodes <= NARROW:
+    if nodes <= UNRESOLVED_NODES:
         found["errors_warning"] = (
             f"a zone of stick, slip or separation is {nodes} node{'s' * (nodes > 1)} wide at the "
             "end of a leg: this mesh does not resolve it, and numbers that depend on it do not "
@@ -212,7 +208,7 @@ def estimate(value: float, coarse: Sequence[tuple[float, float]]) -> float:
         coarse: (r_k, a_k) of coarser meshes, r_k increasing from above 1.
     """
     pairs = combinations([(1.0, value), *coarse], 2)
-    slopes = [abs(a - b) / (s - r) for (r, a), (s, b) in pairs if s >= APART * r]
+    slopes = [abs(a - b) / (s - r) for (r, a), (s, b) in pairs if s >= MIN_RATIO * r]
     return max(slopes, default=math.nan)
 
 
@@ -226,7 +222,7 @@ def _solve_coarser(
     """
     most = scene.mesh.contact_elements
     for elements in range(min(int(most / wanted), below - 1) // 2 * 2, 0, -2):
-        if elements < max(FEWEST_ELEMENTS, most / wanted / SPAN):
+        if elements < max(MIN_ELEMENTS, most / wanted / SEARCH_RATIO):
             return None
         try:
             return elements, solve(coarser(scene, elements))

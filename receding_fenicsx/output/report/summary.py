@@ -1,4 +1,4 @@
-"""``summary.json``: a record's headline numbers, for people and for other programs."""
+"""Summary of a record: the contents of ``summary.json``."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ from receding_fenicsx.reference.ahn_barber import paper_table
 from receding_fenicsx.scene.validate import warnings
 
 TREND_CYCLES = 8
-"""Cycles from which a trend of the dissipation is fitted."""
+"""Smallest number of cycles for a fitted trend of the dissipation."""
 
 FITTED_CYCLES = 20
-"""Cycles, besides the last one, at whose turning points the ends of zones are fitted: that takes
-longer than a cycle."""
+"""Number of first cycles at whose turning points ends of zones are fitted, as in the last cycle. A
+fit takes longer than a cycle."""
 
 
 def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[str, Any]:
-    """Make the summary of a record; lengths and tractions are in the scene's units.
+    """Return the summary of a record; lengths and tractions are in the scene's units.
 
     Args:
         record: the record.
-        extra: further keys, such as timings and versions; they win over the record's own.
+        extra: further keys, such as timings and versions; they replace keys of the record.
 
     Returns:
-        What ``summary.json`` holds: numbers, strings, lists and dictionaries.
+        Numbers, strings, lists and dictionaries.
     """
     scene = record.scene
     steady = record.steady
@@ -73,7 +73,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
 
 
 def _turning_points(record: Record) -> list[dict[str, Any]]:
-    """Turning points in their order; with several contact edges one row for each, with its name."""
+    """Return the turning points in order; with several contact edges one row for each edge."""
     edges = record.by_edge()
     rows = range(len(record.turning_points.s))
     if len(edges) == 1:
@@ -88,14 +88,14 @@ def _turning_points(record: Record) -> list[dict[str, Any]]:
 
 
 def _symmetry(record: Record) -> str:
-    """What spared part of the body: a mirror, an axis of revolution, or nothing."""
+    """Return the symmetry that reduced the model: "mirror", "axisymmetric" or "none"."""
     if record.axisymmetric:
         return "axisymmetric"
     return "mirror" if record.half else "none"
 
 
 def _trend(record: Record) -> dict[str, Any]:
-    """How the dissipation goes on, and where to, when no steady state was reached."""
+    """Return trend and extrapolated limit of the dissipation if no steady state was reached."""
     D = record.cycles.dissipation
     if record.steady.reached or len(D) < TREND_CYCLES:
         return {}
@@ -104,9 +104,9 @@ def _trend(record: Record) -> dict[str, Any]:
 
 
 def _limit_ranges(record: Record) -> list[list[Any]]:
-    """Ranges of x whose nodes reach the friction limit in the last cycle without slipping.
+    """Return ranges of x that reach the friction limit without slip in the last cycle.
 
-    With several contact edges each range has the name of its edge behind it.
+    With several contact edges the name of the edge follows each range.
     """
     last = len(record.cycles.dissipation)
     if not last or not np.any(record.samples.cycle == last):
@@ -122,7 +122,7 @@ def _limit_ranges(record: Record) -> list[list[Any]]:
 
 
 def slip_per_cycle_max(record: Record) -> list[float]:
-    """Largest slip over each cycle of a node that touches at its start and at its end."""
+    """Return the largest slip increment of each cycle, of nodes in contact at its start and end."""
     return np.abs(record.cycles.slip_increment).max(axis=1, initial=0.0).tolist()
 
 

@@ -1,4 +1,4 @@
-"""The short table that a run prints."""
+"""Table of a run for the console."""
 
 from __future__ import annotations
 
@@ -9,38 +9,59 @@ from typing import Any
 EXTREMES = ("p_max", "q_min", "q_max")
 """Extreme tractions of a turning point."""
 ROUND_OFF = 1e-12
-"""Part of the largest traction that is none."""
+"""Part of the largest traction below which a traction is round-off."""
+COLUMNS = (
+    "cycle",
+    "load",
+    "contact half width",
+    "fitted",
+    "stick half width",
+    "fitted",
+    "p_max",
+    "|q|_max",
+)
+"""Columns of the table of turning points; "fitted" half widths are those between nodes."""
+FRICTION_MARGIN = (
+    "largest f |K_tn| / K_tt of single nodes (below 1: unique answer of each node with the others "
+    "held; no proof for all nodes together)"
+)
 
 
 def run_table(summary: Mapping[str, Any]) -> str:
-    """Put a summary into a few lines.
+    """Return the table that a run prints.
 
     Args:
-        summary: what ``summary.json`` holds.
+        summary: contents of ``summary.json``.
 
     Returns:
         Text: turning points of the first loading and of the first and last cycles, dissipation,
         steady state, residual, timings, and the comparison with the paper where there is one.
     """
+    lines = [
+        f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
+        f"{summary['modelled_nodes']} modelled, method {summary['method']}",
+        *_turning_points(summary),
+        *_cycles(summary),
+        *(f"{words} {error}" for words, error in space_errors(summary)),
+        *_checks(summary),
+        *_paper(summary),
+        *(f"warning: {text}" for text in summary.get("warnings") or []),
+    ]
+    if "timings" in summary:
+        times = ", ".join(f"{name} {seconds:.2f}" for name, seconds in summary["timings"].items())
+        lines.append(f"seconds: {times}; peak memory {summary['peak_memory_MB']:.0f} MB")
+    return "\n".join(lines)
+
+
+def _turning_points(summary: Mapping[str, Any]) -> list[str]:
+    """Return the table of the turning points of cycle 0, of cycle 1 and of the last cycle."""
     points = summary["turning_points"]
     last = max((p["cycle"] for p in points), default=0)
-    edges = any("edge" in p for p in points)
-    header = [
-        *(["edge"] if edges else []),
-        "cycle",
-        "load",
-        "contact",
-        "fitted",
-        "stick",
-        "fitted",
-        "p_max",
-        "q_max",
-        zones_header(summary),
-    ]
+    edge = ["edge"] if any("edge" in p for p in points) else []
     length, traction = length_format(summary), _format([p[k] for p in points for k in EXTREMES])
     rows = [
         [
-            *([p["edge"]] if edges else []),
+            *(p[key] for key in edge),
             str(p["cycle"]),
             " ".join(f"{name}={value:z.4g}" for name, value in p["load"].items()),
             shown(p["contact_half_width"], length),
@@ -54,58 +75,61 @@ def run_table(summary: Mapping[str, Any]) -> str:
         for p in points
         if p["cycle"] in (0, 1, last)
     ]
-    lines = [
-        f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
-        f"{summary['modelled_nodes']} modelled, method {summary['method']}",
-        *_columns([header, *rows]),
-    ]
-    D = summary["dissipation_per_cycle"]
-    if D and D[0]:
-        lines.append(f"dissipation of cycle {len(D)} over cycle 1: {D[-1] / D[0]:.5f}")
-    if D:
-        steady = summary["steady"]
-        when = (
-            f", from cycle {steady['cycle']}, period {steady['period']}"
-            if steady["reached"]
-            else ""
+    return _columns([[*edge, *COLUMNS, zones_header(summary)], *rows])
+
+
+def _cycles(summary: Mapping[str, Any]) -> list[str]:
+    """Return lines on dissipation and steady state."""
+    D, steady = summary["dissipation_per_cycle"], summary["steady"]
+    if not D:
+        return []
+    lines = [f"dissipation of cycle {len(D)} over cycle 1: {D[-1] / D[0]:.5f}"] if D[0] else []
+    start = f", from cycle {steady['cycle']}, period {steady['period']}"
+    lines.append(f"steady state: {steady['kind']}{start if steady['reached'] else ''}")
+    if steady.get("dissipation_limit"):
+        lines.append(
+            f"dissipation, {steady['trend']} law ({steady['trend_value']:.3g}): extrapolated limit "
+            f"{steady['dissipation_limit'] / D[0]:.4f} of cycle 1"
         )
-        lines.append(f"steady state: {steady['kind']}{when}")
-        if steady.get("dissipation_limit"):
-            lines.append(
-                f"dissipation goes on by a {steady['trend']} law ({steady['trend_value']:.3g}) "
-                f"towards {steady['dissipation_limit'] / D[0]:.4f} of cycle 1"
-            )
-    lines += [f"{words} {error}" for words, error in space_errors(summary)]
-    if summary.get("limit_without_slip"):
-        ranges = ", ".join(
-            " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
-            for a, b, *edge in summary["limit_without_slip"]
-        )
+    return lines
+
+
+def _checks(summary: Mapping[str, Any]) -> list[str]:
+    """Return lines on friction limit, friction margin, residual and number of steps."""
+    lines = []
+    if ranges := limit_ranges(summary):
         lines.append(f"friction limit reached without slip in the last cycle: x from {ranges}")
     if summary.get("friction_margin") is not None:
-        lines.append(
-            f"largest f |K_tn| / K_tt of a node {summary['friction_margin']:.3g} (below 1 a node "
-            "by itself has one answer; that proves nothing for all together)"
-        )
+        lines.append(f"{FRICTION_MARGIN}: {summary['friction_margin']:.3g}")
     lines.append(
         f"largest residual {summary['residual_max']:.1e}, events {summary['events']}, "
         f"sweeps {summary['sweeps']}"
     )
+    return lines
+
+
+def _paper(summary: Mapping[str, Any]) -> list[str]:
+    """Return lines that compare with the paper."""
+    lines = []
     for row in summary.get("paper") or []:
         verdict = {True: "agrees", False: "DIFFERS", None: "too few cycles"}[row["agrees"]]
         lines += [
             f"paper: {row['quantity']}: {_value(row['paper'])}",
             f"       here {_value(row['ours'])}: {verdict}",
         ]
-    lines += [f"warning: {text}" for text in summary.get("warnings") or []]
-    if "timings" in summary:
-        times = ", ".join(f"{name} {seconds:.2f}" for name, seconds in summary["timings"].items())
-        lines.append(f"seconds: {times}; {summary['peak_memory_MB']:.0f} MB")
-    return "\n".join(lines)
+    return lines
+
+
+def limit_ranges(summary: Mapping[str, Any]) -> str:
+    """Return the ranges of x that reach the friction limit without slip in the last cycle."""
+    return ", ".join(
+        " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
+        for a, b, *edge in summary.get("limit_without_slip") or []
+    )
 
 
 def space_errors(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """The headline numbers in words with their estimated errors, and what is wrong with these."""
+    """Return the headline numbers with their estimated space errors, and warnings about these."""
     rows = []
     for name, found in (summary.get("errors") or {}).items():
         error = "unknown" if found["error"] is None else f"{found['error']:.1e}"
@@ -119,7 +143,7 @@ def space_errors(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
 
 
 def zones_header(summary: Mapping[str, Any]) -> str:
-    """What stands above the zones: only half of them where the contact is its own mirror image."""
+    """Return the header of the column of zones; of a symmetric contact only one half is shown."""
     points = summary["turning_points"]
     if any("edge" in p or _begins_at_hole(p, summary) for p in points):
         return "zones"
@@ -130,7 +154,7 @@ def zones_header(summary: Mapping[str, Any]) -> str:
 
 
 def zones_shown(point: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
-    """The zones of a turning point, from the centre of a symmetric contact or all of them."""
+    """Return the zones of a turning point; of a symmetric contact those from the centre."""
     zones, symmetry = point["zones"], summary["symmetry"]
     form = length_format(summary)
     mirrored = symmetry in ("mirror", "axisymmetric")
@@ -142,17 +166,17 @@ def zones_shown(point: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
 
 
 def _begins_at_hole(point: Mapping[str, Any], summary: Mapping[str, Any]) -> bool:
-    """Whether the contact of a body of revolution does not reach the axis."""
+    """Return whether the contact of a body of revolution does not reach the axis."""
     return summary["symmetry"] == "axisymmetric" and "p_axis" not in point
 
 
 def shown(value: float | None, form: str) -> str:
-    """A number, or a dash where there is none."""
+    """Format a number; None is a dash."""
     return "-" if value is None else f"{value:{form}}"
 
 
 def fitted(estimate: Mapping[str, Any] | None, form: str = "z.4f") -> str:
-    """A half width below node spacing with its interval; a dash where nothing was fitted."""
+    """Format a fitted half width with its interval; a dash if nothing was fitted."""
     if estimate is None or not estimate["fitted"]:
         return "-"
     low, high = estimate["interval"]
@@ -160,22 +184,22 @@ def fitted(estimate: Mapping[str, Any] | None, form: str = "z.4f") -> str:
 
 
 def extremes_of(point: Mapping[str, Any]) -> list[float]:
-    """Largest p, smallest and largest q of a turning point; round-off of the largest is zero."""
+    """Return p_max, q_min and q_max of a turning point, with 0 in place of round-off."""
     values = [point[key] for key in EXTREMES]
     largest = max(map(abs, values))
     return [value if abs(value) > ROUND_OFF * largest else 0.0 for value in values]
 
 
 def length_format(summary: Mapping[str, Any]) -> str:
-    """How positions along the contact are written, in whatever unit: to 1e-4 of a thing of 1."""
+    """Return the format of positions along the contact, for any unit of length."""
     zones = [zone for point in summary["turning_points"] for zone in point["zones"]]
     return _format([end for _, *ends in zones for end in ends])
 
 
 def _format(values: Sequence[float]) -> str:
-    """Return the format with which the largest of some values shows five figures or so.
+    """Return a format that shows about five digits of the largest value.
 
-    What rounds to zero has no sign.
+    Values that round to zero have no sign.
     """
     largest = max((abs(value) for value in values), default=0.0)
     if largest == 0.0 or 0.1 <= largest < 100.0:
@@ -185,6 +209,8 @@ def _format(values: Sequence[float]) -> str:
 
 
 def _value(value: object) -> str:
+    if value is None:
+        return "-"
     return f"{value:z.4g}" if isinstance(value, float) else str(value)
 
 
