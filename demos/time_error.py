@@ -7,7 +7,7 @@ and 15); the dissipation of a step is -(Q_old + Q_new)/2 (v_new - v_old). The ex
 steps, so the difference between both is the time error of the load steps.
 
 **What to look for.** For 10 to 640 steps a leg: the errors of the dissipation of cycle 1 and of the
-nodal forces, and the time. The dissipation converges by an order between 1 and 2. The figure has
+nodal forces, and the time. The dissipation converges by an order of nearly 2. The figure has
 both errors over the number of steps.
 
 The demo shows how to evolve one condensed system by both methods.
