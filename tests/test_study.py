@@ -1,4 +1,5 @@
 import dataclasses
+import importlib
 import os
 from pathlib import Path
 
@@ -9,14 +10,14 @@ import pytest
 
 from receding_fenicsx import study
 from receding_fenicsx.bulk.from_scene import is_small
-from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
+from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged, RecedingError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.long_run import duration
 from receding_fenicsx.output.storage.hdf5 import read_record, read_system
 from receding_fenicsx.output.storage.run_folder import is_finished
 from receding_fenicsx.output.storage.summary_file import read_summary
-from receding_fenicsx.pictures import default_instants
+from receding_fenicsx.pictures import default_instants, drawing_modules
 from receding_fenicsx.scene.model import HistoryOptions, Scene
 from receding_fenicsx.scene.toml_file import read_scene
 
@@ -181,6 +182,11 @@ def test_only_loaded_turning_points_are_drawn() -> None:
     record = evolve(system, scene)
     assert record.turning_points.load[:, 0].tolist() == [1.0, 0.0]
     assert [instant.load.tolist() for instant in default_instants(scene, system, record)] == [[1.0]]
+
+
+def test_a_missing_drawing_library_refers_to_the_doctor() -> None:
+    with pytest.raises(RecedingError, match=r"no_such_library.*doctor"), drawing_modules():
+        importlib.import_module("no_such_library")
 
 
 @pytest.mark.parametrize(

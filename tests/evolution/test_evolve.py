@@ -360,3 +360,8 @@ def test_largest_errors_are_those_of_all_legs_so_far(solver: SolverOptions) -> N
         largest = [getattr(record, name) for record in records]
         assert largest == sorted(largest), name
         assert largest[0] > 0.0 or largest[-1] > 0.0
+
+
+def test_an_unknown_method_is_refused() -> None:
+    with pytest.raises(InputError, match='"newton": is unknown; use one of events, gauss-seidel'):
+        evolve(BLOCK, cyclic(1), SolverOptions(method="newton"))

@@ -116,6 +116,13 @@ def test_record_file_has_the_agreed_layout(record: Record, tmp_path: Path) -> No
         assert file.attrs["format_version"] == 1
 
 
+def test_record_parses_its_scene_once(record: Record) -> None:
+    scene = record.scene
+    assert scene is not None and to_toml(scene) == record.scene_toml
+    assert record.scene is scene
+    assert dataclasses.replace(record, scene_toml="").scene is None
+
+
 def test_long_scene_texts_fit(record: Record, tmp_path: Path) -> None:
     text = record.scene_toml + "# " + 100_000 * "x" + "\n"
     long = dataclasses.replace(record, scene_toml=text)
