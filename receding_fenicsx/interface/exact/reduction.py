@@ -1,4 +1,4 @@
-"""Nodes that keep their state left out of the path, and watched.
+"""Elimination of the nodes that keep their state; they are watched for limits.
 
 Far inside a stick zone or far outside the contact nodes keep their state through whole cycles. With
 the active nodes' displacements u_S, the frozen constant ones u_C (stick) and the frozen free ones
@@ -8,8 +8,8 @@ u_O (separation, no reaction), eq. (11) gives
     r_S = sum lambda r*'_S + c + K' u_S,   K' = K_SS - K_SO K_OO^-1 K_OS,
 
 a contact system of the active nodes alone, c being the reaction to one more load of factor 1.
-Everything is linear between two events, so that it is enough to look at the frozen nodes at the
-events: a leg on which one of them reaches a limit counts for nothing and is traced again.
+Everything is linear between two events, so that the frozen nodes are checked at the events only: a
+leg on which one of them reaches a limit is discarded and traced again.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
 
-WORTHWHILE = 0.8
-"""Part of the nodes that may be active at most for a reduction to be made."""
+LARGEST_ACTIVE_SHARE = 0.8
+"""Largest share of active nodes with which a reduction saves time."""
 
-MARGIN = 0.01
+WIDENING = 0.01
 """Part of all nodes by which the active ranges are widened on both sides of nodes that changed."""
 
 Indices = NDArray[np.intp]
@@ -43,7 +43,7 @@ class Reduction:
     Attributes:
         full: the whole contact, 2N form.
         nodes: the active nodes.
-        constant: freedoms of frozen nodes that keep their place.
+        constant: degrees of freedom of frozen nodes whose displacement is constant.
         segments: rates of the system of the active nodes, whose last load is a constant 1.
         frozen: (N,) states of the frozen nodes, 0 at active ones.
         back: (2N, 2n + n_loads + 1) displacements of all nodes from [u_S; lambda; 1].
@@ -134,9 +134,9 @@ class Reduction:
 
 
 def widen(changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return the nodes that changed and those within ``MARGIN`` of them along the contact."""
+    """Return the nodes that changed and those within ``WIDENING`` of them along the contact."""
     n = len(changed)
-    reach = max(2, int(MARGIN * n))
+    reach = max(2, int(WIDENING * n))
     window = np.ones(2 * reach + 1)
     return np.convolve(changed, window, mode="full")[reach : reach + n] > 0.5
 
@@ -153,7 +153,7 @@ def reduce(full: Segments, start: ContactState, active: NDArray[np.bool_]) -> Re
         The reduction; None where it is not worth while.
     """
     system, n = full.system, full.system.n
-    if not active.any() or np.count_nonzero(active) > WORTHWHILE * n:
+    if not active.any() or np.count_nonzero(active) > LARGEST_ACTIVE_SHARE * n:
         return None
     slipping = (start.state != SEPARATION) & full.frictional & (start.state != STICK)
     if np.any(slipping & ~active):

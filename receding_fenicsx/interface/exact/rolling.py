@@ -1,7 +1,7 @@
-"""Where a body with a gap comes to rest under a vanishing load, before its first elastic leg.
+"""Rest position of a body with gaps under a vanishing load, before its first elastic leg.
 
-A crowned body that is pressed beside the nodes which touch first rolls, as a rigid body and for
-nothing, until it rests below the load. With the rigid motions R c that leave the contact nodes
+A crowned body that is pressed beside the nodes which touch first rolls, as a rigid body and without
+forces, until it rests below the load. With the rigid motions R c that leave the contact nodes
 where they are tangentially and the rate of the loads d it minimises the loads' potential:
 
     min_c  (sum_k d_k r*_k) . R c   so that   g0 + w + (R c)_n >= 0,
@@ -19,11 +19,11 @@ from receding_fenicsx.interface.gauss_seidel.direct import RIGID_TOLERANCE, has_
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
 
-GAIN = 1e-9
+POTENTIAL_TOLERANCE = 1e-9
 """Potential gained by rolling, over the loads' sum times the largest gap, below which a body rests
 already."""
 
-CLOSED = 1e-10
+GAP_TOLERANCE = 1e-10
 """Gap, over the largest one, up to which a node touches."""
 
 
@@ -37,7 +37,7 @@ def at_rest(system: ContactSystem, start: ContactState, direction: Array) -> Con
 
     Returns:
         The state from which the leg begins; ``start`` where the body rests already, or where the
-        loads carry it off: why they do is said by whatever follows the leg.
+        loads lift it off, which following the leg will find.
     """
     n, held = system.n, system.held
     _, size, right = np.linalg.svd(system.rigid[:n][~held[:n]], full_matrices=True)
@@ -52,21 +52,21 @@ def at_rest(system: ContactSystem, start: ContactState, direction: Array) -> Con
     # gaps and forces are counted in their largest
     cost, normal, room = pressed @ R / force, R[n + nodes], gap[nodes] / largest
     c = _lowest(cost, normal, room)
-    if c is None or cost @ c >= -GAIN:
+    if c is None or cost @ c >= -POTENTIAL_TOLERANCE:
         return start
     u = start.u + largest * (R @ c)
     left = system.g0 + u[n:]
-    touching = (left <= CLOSED * largest) & ~held[n:]
+    touching = (left <= GAP_TOLERANCE * largest) & ~held[n:]
     u[n:][touching] = -system.g0[touching]
     state = np.where(touching, State.STICK, State.SEPARATION).astype(np.int8)
     return ContactState(u, np.zeros(2 * n), np.where(held[n:], start.state, state).astype(np.int8))
 
 
 def _lowest(cost: Array, normal: Array, room: Array) -> Array | None:
-    """Minimise cost . c with room + normal c >= 0; None where there is no lowest place.
+    """Minimise cost . c with room + normal c >= 0; None where there is no minimum.
 
-    Where the load stands just above one node the body may lean to either side: the middle of all
-    lowest places is taken.
+    Where the load acts just above one node the body may lean to either side: the middle of all
+    minima is returned.
     """
 
     def solve(objective: Array, **equal: Array) -> Array | None:
@@ -84,15 +84,15 @@ def _lowest(cost: Array, normal: Array, room: Array) -> Array | None:
         low, high = solve(axis, **level), solve(-axis, **level)
         if low is not None and high is not None and axis @ (high - low) > widest:
             middle, widest = 0.5 * (low + high), axis @ (high - low)
-    on = room + normal @ middle <= CLOSED
+    on = room + normal @ middle <= GAP_TOLERANCE
     # the vertex once more, without the tolerance of the program
     return middle - np.linalg.lstsq(normal[on], room[on] + normal[on] @ middle, rcond=None)[0]
 
 
 def middle(motions: Array, gap: Array, open_: NDArray[np.bool_]) -> Array | None:
-    """Return the turn about the node on which a body balances that lays it in the middle.
+    """Return the rotation of a body that balances on one node to the middle of its play.
 
-    It is in the middle where it can turn equally far either way until a node touches.
+    There it can rotate equally far either way until another node touches.
 
     Args:
         motions: (2N, k) rigid motions that leave the contact closed.
@@ -100,7 +100,7 @@ def middle(motions: Array, gap: Array, open_: NDArray[np.bool_]) -> Array | None
         open_: (N,) nodes that do not touch.
 
     Returns:
-        (2N,) displacement; None where there is not just one such turn, or no node on one side.
+        (2N,) displacement; None where the rotation is not unique, or no node is on one side.
     """
     n = len(gap)
     size, right = np.linalg.svd(motions[n:], full_matrices=False)[1:]

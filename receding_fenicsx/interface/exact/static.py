@@ -19,34 +19,34 @@ from receding_fenicsx.interface.residual import (
 )
 from receding_fenicsx.interface.system import Array, ContactState, reactions
 
-GUESSES = 30
-"""Sets of states tried as wholes."""
+MAX_STATE_SETS = 30
+"""Sets of states tried by Newton's method."""
 
-BRIEF_SWEEPS = 400
-LONG_SWEEPS = 20000
-"""Gauss-Seidel sweeps before and after the finite method."""
+FEW_SWEEPS = 400
+MANY_SWEEPS = 20000
+"""Gauss-Seidel sweeps before and after linear complementarity is tried."""
 
 STATIC_RESIDUAL = 1e-13
-"""Residual asked of Gauss-Seidel, where round-off allows it."""
+"""Residual tolerance of Gauss-Seidel, where round-off allows it."""
 
 ACCEPTED_RESIDUAL = 1e-11
-"""Residual up to which the finite method's answer is accepted, where round-off allows it."""
+"""Residual up to which the other answers are accepted, where round-off allows it."""
 
 
 def solve_static(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
     """Solve the static problem from ``start`` to ``load``; None when no solution was found.
 
-    First whole sets of states are tried, which mostly ends after a few; then Gauss-Seidel with
-    polish, then the finite method, then Gauss-Seidel with patience: a nearly incompressible body
-    takes thousands of sweeps.
+    Tried in turn: Newton's method on whole sets of states, which mostly converges in a few steps;
+    Gauss-Seidel with polish; linear complementarity; Gauss-Seidel with many sweeps, of which a
+    nearly incompressible body takes thousands.
 
     Args:
         segments: of the condensed body.
-        start: displacements that slip is counted from; its open nodes are taken as touching by the
-            finite method.
+        start: displacements that slip is counted from; linear complementarity takes its open
+            nodes as touching.
         load: (n_loads,) load factors.
     """
-    for attempt in (_guess_states, _sweep_briefly, _pivot, _sweep_long):
+    for attempt in (_guess_states, _few_sweeps, _pivot, _many_sweeps):
         end = attempt(segments, start, load)
         if end is not None:
             return end
@@ -68,7 +68,7 @@ def _guess_states(segments: Segments, start: ContactState, load: Array) -> Conta
     frictionless = ~system.friction.present
     state[loose & frictionless] = FORWARD
     seen: set[bytes] = set()
-    while len(seen) < GUESSES and state.tobytes() not in seen:
+    while len(seen) < MAX_STATE_SETS and state.tobytes() not in seen:
         seen.add(state.tobytes())
         u = solve_directly(system, load, start.u, start.v, state)
         if u is None:
@@ -94,12 +94,12 @@ def _accepted(
     return end if residual <= accepted else None
 
 
-def _sweep_briefly(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
-    return _sweep(segments, start, load, BRIEF_SWEEPS)
+def _few_sweeps(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    return _sweep(segments, start, load, FEW_SWEEPS)
 
 
-def _sweep_long(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
-    return _sweep(segments, start, load, LONG_SWEEPS)
+def _many_sweeps(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    return _sweep(segments, start, load, MANY_SWEEPS)
 
 
 def _sweep(

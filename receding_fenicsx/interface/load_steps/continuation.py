@@ -1,13 +1,13 @@
-"""Quasi-static paths through a load step: where there is none the body jumps.
+"""Search for a quasi-static path through a load step; without one the body jumps.
 
 A finite step solves eqs. (4) to (12) at its end only. Where the path has ended on the way the
 answer is another equilibrium, at a finite distance however small the step. Two checks:
 
 * **Straight path.** If u, r and the loads change in proportion over the step and satisfy the
-  contact law all along, they are a quasi-static path themselves. The law is linear in each set of
+  contact law throughout, they are a quasi-static path themselves. The law is linear in each set of
   states, so that both ends decide: a node that is open at the end has had no reaction at the start,
   a node that slips has been at its friction limit. Every step without change of state passes, at
-  next to no cost.
+  hardly any cost.
 * **Exact path.** Otherwise the path is followed through the step from event to event. Where it ends
   no rates satisfy the contact law. Where it goes on it must lead to the end of the step, but for a
   part of its length: the error of a step in time falls with its length, a jump does not.
@@ -29,8 +29,8 @@ from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.residual import largest_force, local_stiffness
 from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg
 
-ON_LIMIT = 1e-10
-"""Distance from a limit, over the largest nodal force, that counts as none."""
+LIMIT_TOLERANCE = 1e-10
+"""Distance from a limit, over the largest nodal force, up to which a node is on it."""
 
 
 @dataclass(frozen=True)
@@ -80,8 +80,8 @@ class Continuation:
         return float(np.abs(self._stiffness * change).max(initial=0.0))
 
     def is_straight(self, start: ContactState, end: ContactState, force_scale: float) -> bool:
-        """Return whether the straight way from start to end satisfies the contact law all along."""
-        n, system, none = self.system.n, self.system, ON_LIMIT * force_scale
+        """Return whether the straight path from start to end keeps the contact law throughout."""
+        n, system, none = self.system.n, self.system, LIMIT_TOLERANCE * force_scale
         frictional, normal = self.segments.frictional, ~system.held[n:]
         open_ = end.state == State.SEPARATION
         contact, rubs = normal & ~open_, frictional & ~open_

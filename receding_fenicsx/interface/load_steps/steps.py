@@ -14,7 +14,7 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import (
     Step,
     solve_step,
 )
-from receding_fenicsx.interface.load_steps.continuation import ON_LIMIT, Continuation
+from receding_fenicsx.interface.load_steps.continuation import LIMIT_TOLERANCE, Continuation
 from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
 from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg
 
@@ -117,7 +117,7 @@ class StepTrials:
 
         def error(step: Step) -> float:
             distance = self.continuation.size(step.end.u - exact.u)
-            return distance / (length + ON_LIMIT * step.force_scale / STEP_ERROR)
+            return distance / (length + LIMIT_TOLERANCE * step.force_scale / STEP_ERROR)
 
         if error(step) <= SMALL_STEP_ERROR:
             return step

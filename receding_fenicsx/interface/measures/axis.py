@@ -6,11 +6,11 @@ import numpy as np
 
 from receding_fenicsx.interface.system import Array
 
-AXIS_NODES = 5
+FITTED_NODES = 5
 """Nodes off the axis that the fit goes through."""
 
-SAME = 1e-6
-"""Relative difference of positions and weights that are the same but for round-off."""
+GEOMETRY_TOLERANCE = 1e-6
+"""Relative difference up to which positions and weights are the same."""
 
 
 def begins_on_axis(x: Array) -> bool:
@@ -24,7 +24,7 @@ def begins_on_axis(x: Array) -> bool:
     """
     if len(x) == 0 or x[0] <= 0.0:
         return len(x) > 0
-    return len(x) > 1 and bool(abs(x[1] - 2.0 * x[0]) <= SAME * x[1])
+    return len(x) > 1 and bool(abs(x[1] - 2.0 * x[0]) <= GEOMETRY_TOLERANCE * x[1])
 
 
 def midside_beside_axis(x: Array, weight: Array) -> bool:
@@ -39,7 +39,9 @@ def midside_beside_axis(x: Array, weight: Array) -> bool:
     """
     if not begins_on_axis(x):
         return False
-    return bool(x[0] > 0.0 and abs(weight[0] - 4.0 / 3.0 * x[0] ** 2) <= SAME * weight[0])
+    return bool(
+        x[0] > 0.0 and abs(weight[0] - 4.0 / 3.0 * x[0] ** 2) <= GEOMETRY_TOLERANCE * weight[0]
+    )
 
 
 def on_axis(x: Array, values: Array) -> Array:
@@ -55,7 +57,7 @@ def on_axis(x: Array, values: Array) -> Array:
     Returns:
         The value on the axis, or (n,) of them.
     """
-    near = np.flatnonzero(x > 0.0)[:AXIS_NODES]
+    near = np.flatnonzero(x > 0.0)[:FITTED_NODES]
     basis = np.stack([np.ones(len(near)), (x[near] / x[near[-1]]) ** 2], axis=1)
     fit = np.linalg.lstsq(basis, np.asarray(values)[..., near].T, rcond=None)[0]
     return np.asarray(fit[0])

@@ -19,11 +19,11 @@ NOT_REACHED = "not reached"
 SHAKEDOWN_TOLERANCE = 1e-6
 """Dissipation of a cycle over that of cycle 1 below which the contact has shaken down."""
 
-NO_FORCE = 1e-3
-"""Largest force at the end of a cycle, over the largest so far, below which the latter is the scale
-of its change: what is left of an unloaded contact's forces is round-off."""
+UNLOADED_FORCE = 1e-3
+"""Largest force at the end of a cycle, over the largest so far, below which the contact is
+unloaded: the change of its forces is then relative to the largest, as its own are round-off."""
 
-NO_SLIP = 1e-12
+SLIP_ROUND_OFF = 1e-12
 """Slip over the elastic displacement F / K_ii of a node under the largest nodal force F, and
 dissipation over its energy F^2 / K_ii, below which they are round-off: no node slips."""
 
@@ -95,8 +95,8 @@ class SteadyWatch:
     With A_n = max |r_n - r_(n-T)| / max |r| and the gain d_n = v_n - v_(n-T) at the ends of cycles
     n, for periods T = 1 and 2, the forces repeat where A_n is below the tolerance for two periods
     running. Where a cycle ends without force, max |r| is taken over the whole history, times
-    ``NO_FORCE``. The state is steady at the first n at which the forces repeat and, for two periods
-    running,
+    ``UNLOADED_FORCE``. The state is steady at the first n at which the forces repeat and, for two
+    periods running,
 
     * the slips repeat, max |d_n| <= c max (range of v in a cycle): shakedown or cyclic slip; or
     * the gains repeat, max |d_n - d_(n-T)| <= c max |d_n|: ratchetting. As the forces do not
@@ -143,14 +143,14 @@ class SteadyWatch:
             first: dissipation of cycle 1.
             force: largest nodal force of the history so far.
         """
-        scale = max(float(np.abs(r).max()), NO_FORCE * force)
+        scale = max(float(np.abs(r).max()), UNLOADED_FORCE * force)
         self.change.append(_relative(r, self.ends[-1][0], scale))
         self.change_2.append(
             _relative(r, self.ends[-2][0], scale) if len(self.ends) > 1 else np.inf
         )
         self.ends = [*self.ends[-4:], (r.copy(), v.copy())]
         largest = max(scale, force)
-        give = NO_SLIP * largest / self.stiffness
+        give = SLIP_ROUND_OFF * largest / self.stiffness
         least = max(first, give * largest / SHAKEDOWN_TOLERANCE)
         slips = slip_range > give and dissipation > SHAKEDOWN_TOLERANCE * least
         for period, change in ((1, self.change), (2, self.change_2)):

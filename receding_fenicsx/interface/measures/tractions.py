@@ -10,8 +10,8 @@ from receding_fenicsx.interface.system import Array
 
 Ints = NDArray[np.int64]
 
-HEAVY = 1.5
-"""Weight of a midside node over its neighbours' beyond which elements are seen to be of order 2."""
+MIDSIDE_WEIGHT_RATIO = 1.5
+"""Weight over that of the neighbours above which a node is the midside node of an element."""
 
 
 def midside_nodes(x: Array, weight: Array, axisymmetric: bool = False) -> Ints:
@@ -26,7 +26,7 @@ def midside_nodes(x: Array, weight: Array, axisymmetric: bool = False) -> Ints:
     if len(x) < 3:
         return none
     local = np.divide(weight, x, out=np.zeros(len(x)), where=x > 0.0) if axisymmetric else weight
-    heavy = local[1:-1] > HEAVY * np.maximum(local[:-2], local[2:])
+    heavy = local[1:-1] > MIDSIDE_WEIGHT_RATIO * np.maximum(local[:-2], local[2:])
     # every second node, beginning with the first or the second that has two neighbours
     for start in (0, 1):
         if np.all(heavy[start::2]) and not np.any(heavy[1 - start :: 2]):

@@ -1,6 +1,6 @@
-"""Ends of zones below node spacing, fitted to the tractions beside them.
+"""Ends of zones within a fraction of the node spacing, fitted to the tractions beside them.
 
-Beside an end at distance d inside the zone, a quantity that is zero beyond the end grows like
+At distance d from an end inside the zone, a quantity that is zero beyond the end grows like
 
     y(d) = d^m (A_0 + A_1 d + A_2 d^2 + ...),
 
@@ -29,9 +29,10 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.interface.law import MIRRORED, Friction, State, friction_of
 from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.measures.power_fit import fit_end
 from receding_fenicsx.interface.measures.tractions import cell_means, midside_nodes
 from receding_fenicsx.interface.measures.zones import (
-    NOWHERE,
+    NO_NODES,
     NodeRange,
     contact_zone,
     half_width,
@@ -40,28 +41,23 @@ from receding_fenicsx.interface.measures.zones import (
 from receding_fenicsx.interface.system import Array
 
 Window = tuple[int, int, int]
-"""First and last cell of a fit, and its terms. Cell 0, the last whole one, may touch the last
-node and is left out."""
+"""First and last cell of a fit, and its number of terms. Cell 0, the last whole one, may touch the
+last node and is left out."""
 
 QUADRATIC_WINDOWS: tuple[Window, ...] = ((1, 6, 3), (1, 4, 2), (1, 3, 2), (1, 8, 3))
-"""Elements of order 2 that are fitted; the first that the zone has room for gives the value."""
+"""Fits on elements of order 2; the first one that the zone has room for gives the value."""
 LINEAR_WINDOWS: tuple[Window, ...] = ((1, 8, 2), (1, 6, 2), (2, 10, 2), (1, 10, 3))
-"""The same in nodes of order 1."""
+"""Fits on nodes of order 1."""
 QUADRATIC_SHIFT = 0.3
 """Largest shift of an end, in node spacings, by the error of elements of order 2."""
 LINEAR_SHIFT = 0.4
-"""The same for order 1."""
-ROOM = {2: 0.6, 3: 0.4}
-"""Largest part of the length over which a zone's traction is smooth that a fit may reach over, by
-its terms."""
-AGREEMENT = 0.6
-"""Largest distance between the ends of several fits, in node spacings: beyond, they fit nothing."""
-SEARCH = (-1.0, 2.0)
-"""Where an end is looked for, in node spacings from the zone's last node."""
-CANDIDATES = 33
-"""Ends that are tried at once, between which the best one is looked for again."""
-REFINEMENTS = 4
-"""Rounds of trying; each narrows the search by the number of candidates."""
+"""Largest shift of an end, in node spacings, by the error of elements of order 1."""
+LARGEST_REACH = {2: 0.6, 3: 0.4}
+"""Largest reach of a fit, over the length on which a zone's traction is smooth, by its terms."""
+LARGEST_SPREAD = 0.6
+"""Largest distance between the ends of several fits, in node spacings, at which they are used."""
+SEARCH_RANGE = (-1.0, 2.0)
+"""Range in which an end is searched for, in node spacings from the zone's last node."""
 
 
 @dataclass(frozen=True)
@@ -80,7 +76,7 @@ class ZoneEnd:
 
 @dataclass(frozen=True)
 class Tractions:
-    """What the ends are fitted to, at one instant.
+    """Nodal forces and states of one instant, from which zone ends are estimated.
 
     Attributes:
         x: (N,) positions, increasing.
@@ -158,7 +154,7 @@ def zone_ends(at: Tractions) -> list[ZoneEnd]:
 
 
 def _between(at: Tractions, last: int) -> ZoneEnd:
-    """End of the zone up to a node, by the zone on either side whose tractions vanish there."""
+    """Return the end of the zone up to a node, fitted on the side where tractions vanish."""
     end = zone_end(at, last, 1)
     return end if end.fitted else zone_end(at, last + 1, -1)
 
@@ -169,7 +165,7 @@ def _turned(end: ZoneEnd) -> ZoneEnd:
 
 def _half_width(at: Tractions, zone: NodeRange | None) -> ZoneEnd:
     """Estimate the half width of a zone, known to a node, within a fraction of a node."""
-    if zone is None or zone == NOWHERE:
+    if zone is None or zone == NO_NODES:
         width = half_width(at.x, zone)
         return ZoneEnd(width, width, width, fitted=False)
     first, last = zone
@@ -212,19 +208,23 @@ def zone_end(at: Tractions, last: int, side: int) -> ZoneEnd:
     y, exponent, first = quantity
     left, right, mean = cell_means(at.x, at.weight, y, midside)
     inside = np.flatnonzero((right <= low) & (left >= at.x[first]))[::-1]
-    search = SEARCH[0] * spacing, SEARCH[1] * spacing
+    search = SEARCH_RANGE[0] * spacing, SEARCH_RANGE[1] * spacing
     ends = []
     for a, b, terms in QUADRATIC_WINDOWS if quadratic else LINEAR_WINDOWS:
         chosen = inside[a : b + 1]
-        if len(chosen) <= b - a or low - left[chosen[-1]] > ROOM[terms] * (low - at.x[first]):
+        if len(chosen) <= b - a or low - left[chosen[-1]] > LARGEST_REACH[terms] * (
+            low - at.x[first]
+        ):
             continue
-        fit = _fit(low - right[chosen], low - left[chosen], mean[chosen], (exponent, terms), search)
+        fit = fit_end(
+            low - right[chosen], low - left[chosen], mean[chosen], (exponent, terms), search
+        )
         if fit is None:
             return bracket
         ends.append(low + fit)
     if len(ends) < 2:
         return bracket
-    if max(ends) - min(ends) > AGREEMENT * spacing:
+    if max(ends) - min(ends) > LARGEST_SPREAD * spacing:
         return bracket
     return ZoneEnd(ends[0], min(ends) - shift, max(ends) + shift, fitted=True)
 
@@ -245,9 +245,11 @@ def _mirrored(at: Tractions) -> Tractions:
 
 
 def _vanishing(at: Tractions, last: int) -> tuple[Array, float, int] | None:
-    """What vanishes at the end beyond a node, as nodal forces, its power, and from where smooth.
+    """Return the quantity that vanishes at the end beyond a node.
 
-    None when its power is not known.
+    Returns:
+        Its nodal forces, its power m, and the node from which on it is smooth; None when its power
+        is not known.
     """
     here, beyond = State(int(at.state[last])), State(int(at.state[last + 1]))
     first = _first_alike(at, last)
@@ -271,52 +273,6 @@ def _vanishing(at: Tractions, last: int) -> tuple[Array, float, int] | None:
 
 
 def _first_alike(at: Tractions, last: int) -> int:
-    """First node of the run of equal states that ends at a node."""
+    """Return the first node of the run of equal states that ends at a node."""
     other = np.flatnonzero(np.asarray(at.state[: last + 1]) != at.state[last])
     return int(other[-1]) + 1 if len(other) else 0
-
-
-def _fit(
-    near: Array, far: Array, mean: Array, law: tuple[float, int], search: tuple[float, float]
-) -> float | None:
-    """Fit d^m (A_0 + A_1 d + ...) to means over cells, by least squares of the relative error.
-
-    Args:
-        near: (k,) distance of each cell's nearer end from the zone's last node.
-        far: (k,) the same of its further end.
-        mean: (k,) mean values over the cells.
-        law: m, and the number of terms.
-        search: range of the end's distance beyond the last node.
-
-    Returns:
-        Distance of the end beyond the last node; None when a value is not positive, or when the
-        best end lies at the edge of the range.
-    """
-    if np.any(mean <= 0.0):
-        return None
-    exponent, terms = law
-    power = exponent + np.arange(terms) + 1.0
-    scale = float(far.max())
-    low, high = max(search[0], -0.5 * float(far.min())), search[1]
-    best = 0.0
-    for turn in range(REFINEMENTS):
-        ends = np.linspace(low, high, CANDIDATES)
-        a = (near[None, :, None] + ends[:, None, None]) / scale
-        b = (far[None, :, None] + ends[:, None, None]) / scale
-        basis = (b**power - np.maximum(a, 0.0) ** power) / (power * (b - a))
-        i = int(np.argmin(_misfit(basis / mean[None, :, None])))
-        if turn == 0 and i in (0, CANDIDATES - 1):
-            return None
-        best = float(ends[i])
-        low, high = ends[max(i - 1, 0)], ends[min(i + 1, CANDIDATES - 1)]
-    return best
-
-
-def _misfit(bases: Array) -> Array:
-    """Square of what of the vector of ones lies outside each of (n, k, terms) bases (n,)."""
-    rest = np.ones(bases.shape[:2])
-    for j in range(bases.shape[2]):
-        direction = bases[:, :, j] / np.sqrt(np.sum(bases[:, :, j] ** 2, axis=1))[:, None]
-        bases = bases - direction[:, :, None] * np.einsum("nk,nkt->nt", direction, bases)[:, None]
-        rest = rest - direction * np.sum(direction * rest, axis=1)[:, None]
-    return np.asarray(np.sum(rest**2, axis=1))

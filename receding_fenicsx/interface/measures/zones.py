@@ -16,8 +16,8 @@ from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.system import Array
 
-TOUCHING = "contact"
-"""Name of the zone that touches where there is no friction."""
+FRICTIONLESS_CONTACT = "contact"
+"""Name of the closed zone where there is no friction."""
 
 Zone = tuple[str, float, float]
 """Name of the state, and the two ends."""
@@ -49,28 +49,28 @@ def zones(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> l
 def contact_zones(
     x: Array, state: NDArray[np.integer], f: Array, axisymmetric: bool = False
 ) -> list[Zone]:
-    """Zones as :func:`zones` finds them; without friction what touches is called "contact".
+    """Return the zones of :func:`zones`, with "contact" in place of "stick" without friction.
 
-    There nothing holds the nodes, and "stick" would tell of a limit that they do not have.
+    Without friction no node has a friction limit to stick below.
     """
     found = zones(x, state, axisymmetric)
     if np.any(f > 0.0):
         return found
-    return [(TOUCHING if name == STATE_NAMES[State.STICK] else name, a, b) for name, a, b in found]
+    return [
+        (FRICTIONLESS_CONTACT if name == STATE_NAMES[State.STICK] else name, a, b)
+        for name, a, b in found
+    ]
 
 
 def contact_half_width(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> float:
-    """Half the width of a contact around the middle of the edge, as :func:`half_width` has it.
-
-    NaN also where it falls into several zones.
-    """
+    """Return :func:`half_width` of the contact; NaN also where it consists of several zones."""
     return half_width(x, contact_zone(x, state, axisymmetric), axisymmetric)
 
 
 def stick_half_width(
     x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
 ) -> float:
-    """Half the width of the stick zone around the middle of the edge, as of :func:`half_width`.
+    """Return :func:`half_width` of the stick zone around the middle of the edge.
 
     Args:
         x: (N,) positions, increasing.
@@ -82,17 +82,18 @@ def stick_half_width(
 
 
 NodeRange = tuple[int, int]
-"""First and last node of a zone; the last before the first where no node is of its kind."""
-NOWHERE: NodeRange = (0, -1)
+"""First and last node of a zone."""
+NO_NODES: NodeRange = (0, -1)
+"""Range of a zone without nodes."""
 
 
 def half_width(x: Array, zone: NodeRange | None, axisymmetric: bool = False) -> float:
-    """Half the width of a zone around the middle, or its radius; 0 where no node is of its kind.
+    """Return half the width of a zone around the middle, or its radius; 0 where it has no nodes.
 
     NaN where there are such nodes, but no zone of them that has a half width: see
     :func:`central_zone`.
     """
-    if zone is None or zone == NOWHERE:
+    if zone is None or zone == NO_NODES:
         return np.nan if zone is None else 0.0
     left, right = _midway(x, *zone)
     return right if axisymmetric and begins_on_axis(x) else 0.5 * (right - left)
@@ -101,7 +102,7 @@ def half_width(x: Array, zone: NodeRange | None, axisymmetric: bool = False) -> 
 def contact_zone(
     x: Array, state: NDArray[np.integer], axisymmetric: bool = False
 ) -> NodeRange | None:
-    """First and last node of a contact in one piece, as :func:`central_zone` gives them."""
+    """Return :func:`central_zone` of the closed nodes; None where they form several zones."""
     touches = np.asarray(state) != State.SEPARATION
     found = central_zone(x, touches, axisymmetric)
     whole = found is not None and found[1] - found[0] + 1 == np.count_nonzero(touches)
@@ -111,7 +112,7 @@ def contact_zone(
 def stick_zone(
     x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
 ) -> NodeRange | None:
-    """First and last node of the stick zone around the middle, as :func:`central_zone` gives them.
+    """Return :func:`central_zone` of the sticking nodes.
 
     The arguments are those of :func:`stick_half_width`.
     """
@@ -129,11 +130,11 @@ def central_zone(
     Axisymmetric it begins on the axis.
 
     Returns:
-        Its first and last node; ``NOWHERE`` when no node is marked; None when some are, but none
+        Its first and last node; ``NO_NODES`` when no node is marked; None when some are, but none
         of their zones lies around the middle, or that one is not symmetric.
     """
     if not np.any(inside):
-        return NOWHERE
+        return NO_NODES
     centre = 0.5 * (x[0] + x[-1])
     axisymmetric = axisymmetric and begins_on_axis(x)
     first = 0
@@ -141,22 +142,22 @@ def central_zone(
         low, high = _midway(x, first, last)
         if inside[first] and (first == 0 if axisymmetric else low <= centre <= high):
             node = max(x[last] - x[max(last - 1, 0)], x[min(first + 1, len(x) - 1)] - x[first])
-            even = axisymmetric or abs(low + high - 2.0 * centre) <= WITHIN_A_NODE * node
+            even = axisymmetric or abs(low + high - 2.0 * centre) <= SYMMETRY_TOLERANCE * node
             return (int(first), int(last)) if even else None
         first = last + 1
     return None
 
 
-WITHIN_A_NODE = 1.0 + 1e-9
+SYMMETRY_TOLERANCE = 1.0 + 1e-9
 """Difference of a zone's two halves, over the spacing of its nodes, up to which it is symmetric."""
 
 
 def _midway(x: Array, first: int, last: int) -> tuple[float, float]:
-    """Ends of the zone between two nodes."""
+    """Return the ends of the zone from one node to another, midway to the next ones."""
     low = 0.5 * (x[max(first - 1, 0)] + x[first])
     return float(low), float(0.5 * (x[last] + x[min(last + 1, len(x) - 1)]))
 
 
 def pattern(found: Sequence[Zone]) -> list[str]:
-    """Names of the zones in their order."""
+    """Return the names of the zones in their order."""
     return [name for name, _, _ in found]

@@ -20,7 +20,7 @@ from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from receding_fenicsx.interface.law import STATE_NAMES, State
-from receding_fenicsx.interface.measures.zones import TOUCHING
+from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
 from receding_fenicsx.interface.system import Array
 
 STATE_COLOURS = {
@@ -144,7 +144,8 @@ def focus(p: Array, others: Array) -> tuple[float, float]:
 
 def state_patches(states: Iterable[int], friction: bool = True) -> list[Patch]:
     """Legend entries of the states that occur, in their order; nothing sticks without friction."""
-    labels = STATE_LABELS if friction else STATE_LABELS | {State.STICK: f"1  {TOUCHING}"}
+    frictionless = STATE_LABELS | {State.STICK: f"1  {FRICTIONLESS_CONTACT}"}
+    labels = STATE_LABELS if friction else frictionless
     return [
         Patch(fc=STATE_COLOURS[State(s)], ec="black", lw=0.4, label=labels[State(s)])
         for s in sorted({int(s) for s in states})
