@@ -120,9 +120,10 @@ def inline_files(raw: Any, folder: Path, where: str = "") -> Any:
     """
     if isinstance(raw, dict):
         if set(raw) == {"file"}:
-            if [key for key in where.split() if key not in DIRECTIONS][-1] in PROFILE_KEYS:
+            keys = [key for key in where.split() if key not in DIRECTIONS]
+            if keys and keys[-1] in PROFILE_KEYS:
                 return _read_columns(raw["file"], folder, where)
-            if isinstance(raw["file"], str):
+            if keys and isinstance(raw["file"], str):
                 raise InputError(
                     f"{where.strip()}: cannot be read from a file, only "
                     f"{', '.join(PROFILE_KEYS)} can; write its values into the scene"

@@ -281,6 +281,12 @@ def test_path_of_a_mesh_is_relative_to_the_scene_file(tmp_path: Path) -> None:
         read_scene(path)
 
 
+@pytest.mark.parametrize("text", ['file = "gap.csv"', '[forward]\nfile = "gap.csv"'])
+def test_file_in_place_of_a_scene_is_an_unknown_table(text: str) -> None:
+    with pytest.raises(InputError, match=r"scene: unknown table '(file|forward)'"):
+        from_toml(text)
+
+
 def test_scene_without_loads_is_refused() -> None:
     with pytest.raises(InputError, match=r"\[\[load\]\]: the scene has none"):
         from_toml('title = "nothing"')
