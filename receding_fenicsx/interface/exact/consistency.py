@@ -197,7 +197,7 @@ class ConsistentStates:
         """
         system, point = self.segments.system, self.point
         n, y = system.n, point.y
-        motions = self.segments.neutral(np.where(before == SEPARATION, before, STICK))
+        motions = self.segments.free_motions(np.where(before == SEPARATION, before, STICK))
         open_ = (before == SEPARATION) & ~system.held[n:]
         turn = middle(motions, y[n : 2 * n], open_)
         if turn is None:

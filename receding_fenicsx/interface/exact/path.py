@@ -44,7 +44,7 @@ from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
 LOW_FRICTION = 1e-5
 """Coefficient of friction below which a path that ends may have been lost in round-off of f P."""
 
-LAST_EVENTS = 1e-11
+LEFT_TO_NEXT_LEG = 1e-11
 """Part of a leg before its end in which a missing continuation is left to the next leg."""
 
 BEYOND_EQUILIBRIUM = 1e-7
@@ -186,7 +186,7 @@ class EventPath:
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
         except NoQuasiStaticContinuation:
-            at_end = LAST_EVENTS if np.any(b) else UNLOADING_ROUND_OFF
+            at_end = LEFT_TO_NEXT_LEG if np.any(b) else UNLOADING_ROUND_OFF
             if walk.point.s >= 1.0 - at_end:
                 # at the end itself only round-off decides: left to the next leg
                 walk.point.s = 1.0

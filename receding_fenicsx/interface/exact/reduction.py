@@ -178,8 +178,7 @@ def reduce(full: Segments, start: ContactState, active: NDArray[np.bool_]) -> Re
     back[fixed, -1] = start.u[fixed]
     back[loose] = moved
     reaction = held + K[:, loose] @ moved
-    m, loads = len(S), len(system.load_names)
-    K_red = reaction[S, :m]
+    m, loads, K_red = len(S), len(system.load_names), reaction[S, : len(S)]
     reduced = replace(
         system,
         x=system.x[nodes],

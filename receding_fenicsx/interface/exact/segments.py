@@ -157,14 +157,14 @@ class Segments:
         """
         key = state.tobytes()
         if self._last_pinned is None or self._last_pinned[0] != key:
-            motion = self.neutral(state)
+            motion = self.free_motions(state)
             if motion.shape[1] == 0:
                 raise SingularExchange
             K = self.system.K + self._pin * motion @ motion.T
             self._last_pinned = key, motion, Tableau(replace(self.system, K=K), state)
         return self._last_pinned[2]
 
-    def neutral(self, state: States) -> Array:
+    def free_motions(self, state: States) -> Array:
         """Return (2N, k) orthonormal rigid motions that nothing resists in the given states."""
         contact = state != SEPARATION
         kept = np.concatenate([contact & self.frictional & (state == STICK), contact])
