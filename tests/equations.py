@@ -37,14 +37,28 @@ class Body:
         self.K = np.array(system.K, dtype=np.longdouble)
         self.r_star = np.array(system.r_star, dtype=np.longdouble)
         self.f, self.g0 = np.array(system.f, float), np.array(system.g0, float)
+        backward = getattr(system, "f_backward", None)
+        self.f_backward = self.f if backward is None else np.array(backward, float)
         self.held = np.array(system.held, bool)
         k = np.diagonal(system.K).astype(float)
         largest = k.max(initial=0.0) or 1.0
         self.k = np.where(k > SINGULAR * largest, k, largest)
         self.carried = self.held[n:]
         """(N,) nodes whose normal displacement a support holds: no contact law."""
-        self.rubs = (self.f > 0.0) & ~self.held[:n] & ~self.carried
+        self.rubs = ((self.f > 0.0) | (self.f_backward > 0.0)) & ~self.held[:n] & ~self.carried
         self._inverses: dict[bytes, States] = {}
+
+    def at_limit(self, slip: Array) -> Array:
+        """Return c of Q = -c P in slip of the given signs: f forward, -f_backward backward."""
+        return np.where(slip > 0.0, self.f, np.where(slip < 0.0, -self.f_backward, 0.0))
+
+    def beyond(self, Q: Array, P: Array) -> Array:
+        """Return by how much Q is beyond the nearer limit, -f P or f_backward P."""
+        return np.maximum(Q - self.f_backward * P, -Q - self.f * P)
+
+    def cone_error(self, error: Array) -> Array:
+        """Return (N,) errors of Q +- f P from errors (2N,) of the reactions."""
+        return error[: self.n] + np.maximum(self.f, self.f_backward) * error[self.n :]
 
     def reactions(self, load: Array, u: Array) -> Array:
         """Return r = sum lambda r* + K u (eq. 11)."""
@@ -79,7 +93,7 @@ class States:
         self.stuck = stuck & ~body.held[:n]
         # reactions given: those of the others, Q + sign f P
         mix = np.eye(2 * n)
-        mix[np.arange(n), n + np.arange(n)] = self.sign * body.f
+        mix[np.arange(n), n + np.arange(n)] = body.at_limit(self.sign)
         self.mix = np.where(self.given[:, None], 0.0, mix).astype(np.longdouble)
         self.M = self.mix @ body.K + np.diag(np.where(self.given, body.k, 0.0))
         left, size, right = np.linalg.svd(self.M.astype(float))
@@ -118,5 +132,5 @@ class States:
     def row_errors(self, error: Array) -> Array:
         """Return (2N,) errors of the rows that errors of the reactions are worth."""
         n = self.body.n
-        both = np.abs(self.sign) * self.body.f * error[n:]
+        both = np.abs(self.body.at_limit(self.sign)) * error[n:]
         return error + np.concatenate([both, np.zeros(n)])

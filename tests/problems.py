@@ -114,6 +114,15 @@ def problem(number: int) -> Problem:
     return Problem(number, system, _history(rng, system, ties), solver, (*tags, on_jump))
 
 
+def directed(p: Problem) -> Problem:
+    """Return a problem with other friction for backward slip, none of it at some nodes."""
+    rng, system = np.random.default_rng([p.number, 1]), p.system
+    f_backward = system.f * rng.choice([0.0, 0.3, 0.8, 1.0, 1.5], system.n)
+    forward = np.where(rng.random(system.n) < 0.1, 0.0, system.f)
+    system = replace(system, f=forward, f_backward=f_backward)
+    return replace(p, system=system, tags=(*p.tags, "directions"))
+
+
 def _stiffness(rng: np.random.Generator, kind: str, n: int) -> np.ndarray:
     m = 2 * n
     G = rng.standard_normal((m, 3 * m // 2 + 1))

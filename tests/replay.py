@@ -258,7 +258,7 @@ def _check_instants(run: Replay, leg: Leg, table: Any, rows: Array) -> None:
     k, weight = body.k[n:], run.system.weight
     error = LAW * leg.force + leg.noise
     e_t, e_n = error[:n], error[n:]
-    cone, e_gap = e_t + body.f * e_n, e_n + ROUNDINGS * EPS * k * body.g0 + run.doubt[n:]
+    cone, e_gap = body.cone_error(error), e_n + ROUNDINGS * EPS * k * body.g0 + run.doubt[n:]
     law, loose = ~body.carried, ~body.held[:n]
     u = np.concatenate([table.v[rows], table.w[rows]], axis=1).astype(np.longdouble)
     Q, P, state = table.Q[rows], table.P[rows], table.state[rows]
@@ -266,7 +266,7 @@ def _check_instants(run: Replay, leg: Leg, table: Any, rows: Array) -> None:
     gap = (body.g0 + u[:, n:]) * k
     out, touches = law & (state == OPEN), law & (state != OPEN)
     slip = np.where(state == FORWARD, 1.0, 0.0) - np.where(state == BACKWARD, 1.0, 0.0)
-    off, slips = np.abs(Q + slip * body.f * P), body.rubs & (slip != 0.0)
+    off, slips = np.abs(Q + body.at_limit(slip) * P), body.rubs & (slip != 0.0)
     p_off, q_off = np.abs(table.p[rows] * weight - P), np.abs(table.q[rows] * weight - Q)
     for what, over in {
         "equilibrium fails": (np.abs(r - np.concatenate([Q, P], axis=1)), error, True),
@@ -275,7 +275,7 @@ def _check_instants(run: Replay, leg: Leg, table: Any, rows: Array) -> None:
         "an open node is pressed": (P, e_n, out),
         "an open node is sheared": (np.abs(Q), e_t, out & loose),
         "a touching node has a gap": (gap, e_gap, touches),
-        "friction's limit is passed": (np.abs(Q) - body.f * P, cone, touches & loose),
+        "friction's limit is passed": (body.beyond(Q, P), cone, touches & loose),
         "a slipping node is off its limit": (off, cone, slips),
         "a free node is sheared": (np.abs(Q), e_t, body.carried & loose),
         "a held freedom moves": (np.abs(u), 0.0, body.held),

@@ -185,14 +185,14 @@ def _check_law(run: Replay, leg: Leg, at: tuple[float, Array], now: Array, slack
     s, u = at
     r, k = body.reactions(leg.load(s), u), body.k
     error = LAW * leg.force + leg.noise + slack
-    e_t, e_n = error[:n], error[n:]
+    e_n = error[n:]
     Q, P, gap = r[:n], r[n:], (body.g0 + u[n:]) * k[n:]
     e_gap = e_n + k[n:] * here.reach(here.row_errors(leg.noise))[n:]
     touches, law = now != OPEN, ~body.carried
     stuck, place = body.rubs & (now == STICK), leg.place(s)
     run.check(place, "a touching node is pulled", (-P, e_n, law & touches))
     run.check(place, "an open node penetrates", (-gap, e_gap, law & ~touches))
-    over = (np.abs(Q) - body.f * P, e_t + body.f * e_n, stuck)
+    over = (body.beyond(Q, P), body.cone_error(error), stuck)
     run.check(place, "a stuck node passes friction's limit", over)
 
 
@@ -317,9 +317,9 @@ def _margins(run: Replay, load: Array, now: Array, u: Array) -> Array:
     body, n = run.body, run.body.n
     r = body.reactions(load, u)
     touches, law = now != OPEN, ~body.carried
-    stuck, most = body.rubs & (now == STICK), body.f * r[n:]
+    stuck = body.rubs & (now == STICK)
     gap = (body.g0 + u[n:]) * body.k[n:]
-    cone = (most - r[:n])[stuck], (most + r[:n])[stuck]
+    cone = (body.f_backward * r[n:] - r[:n])[stuck], (body.f * r[n:] + r[:n])[stuck]
     return np.concatenate([r[n:][law & touches], gap[law & ~touches], *cone]).astype(float)
 
 
@@ -356,7 +356,7 @@ def _jump(
     change, r = after - u, body.reactions(load, after)
     dv = np.where(here.touches & (old != OPEN), change[:n], 0.0)
     slid = body.rubs & (np.abs(dv) * body.k[:n] > JUMP_LAW * leg.force) & ~(here.stuck & moved)
-    off = np.abs(r[:n] + np.sign(dv) * body.f * r[n:])
+    off = np.abs(r[:n] + body.at_limit(dv) * r[n:])
     over = (off, np.full(n, JUMP_LAW * leg.force), slid)
     run.check(leg.place(s), "a node slips against friction in a jump", over)
     work = float(load @ body.r_star @ change)

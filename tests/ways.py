@@ -64,11 +64,11 @@ def choices(body: Body, r: Array, u: Array, state: Array, near: Array) -> list[t
         elif not body.rubs[i]:
             found.append((STICK,))
         else:
-            limit = near[i] + body.f[i] * near[n + i]
+            limit = near[i] + max(body.f[i], body.f_backward[i]) * near[n + i]
             may = [STICK]
             if Q[i] + body.f[i] * P[i] <= limit:
                 may.append(FORWARD)
-            if body.f[i] * P[i] - Q[i] <= limit:
+            if body.f_backward[i] * P[i] - Q[i] <= limit:
                 may.append(BACKWARD)
             found.append(tuple(may))
     return found
@@ -116,7 +116,7 @@ def _inequalities(
     n, eye = body.n, np.diag(body.k).astype(np.longdouble)
     rows: list[tuple[Array, Any]] = [(np.zeros(2 * n, np.longdouble), 0.0)]
     for i, (state, choice) in enumerate(zip(states, may, strict=True)):
-        t, m, f = i, n + i, body.f[i]
+        t, m, f, back = i, n + i, body.f[i], body.f_backward[i]
         if len(choice) == 1:
             continue
         if state == OPEN:
@@ -131,7 +131,7 @@ def _inequalities(
         if state == STICK and FORWARD in choice:
             rows.append((body.K[t] + f * body.K[m], held[t] + f * held[m]))
         if state == STICK and BACKWARD in choice:
-            rows.append((f * body.K[m] - body.K[t], f * held[m] - held[t]))
+            rows.append((back * body.K[m] - body.K[t], back * held[m] - held[t]))
     return np.array([row for row, _ in rows]), np.array([b for _, b in rows], np.longdouble)
 
 
@@ -199,14 +199,14 @@ def follow(
 
 def _next(body: Body, now: Array, u: Array, r: Array, du: Array, dr: Array, near: Array) -> float:
     """Return how far the next limit is."""
-    n, f = body.n, body.f
+    n, f, back = body.n, body.f, body.f_backward
     touches, law = now != OPEN, ~body.carried
     stuck = body.rubs & (now == STICK)
     k = body.k[n:]
     margins = [
         (r[n:], dr[n:], law & touches, near[n:]),
         ((body.g0 + u[n:]) * k, du[n:] * k, law & ~touches, near[n:]),
-        (f * r[n:] - r[:n], f * dr[n:] - dr[:n], stuck, near[:n]),
+        (back * r[n:] - r[:n], back * dr[n:] - dr[:n], stuck, near[:n]),
         (f * r[n:] + r[:n], f * dr[n:] + dr[:n], stuck, near[:n]),
     ]
     scale = max(float(np.abs(dr).max()), float(np.abs(body.k * du).max()))
@@ -258,8 +258,8 @@ def balanced(system: Any, load: Array) -> bool:
     rubs = np.flatnonzero(body.rubs)
     # each friction cone is spanned by its edges; without friction P alone
     smooth = np.flatnonzero(law & ~body.rubs)
-    f = body.f[rubs][:, None]
-    edges = np.vstack([R[n + smooth], R[n + rubs] - f * R[rubs], R[n + rubs] + f * R[rubs]])
+    f, back = body.f[rubs][:, None], body.f_backward[rubs][:, None]
+    edges = np.vstack([R[n + smooth], R[n + rubs] - f * R[rubs], R[n + rubs] + back * R[rubs]])
     held = (load @ body.r_star).astype(float)
     if R.shape[1] == 0:
         return True

@@ -49,6 +49,12 @@ class Friction:
 
     Methods broadcast the nodes along the last axis of reactions; ``friction[nodes, None]`` serves
     matrices whose rows are nodes.
+
+        >>> friction = Friction(np.array([0.5]), np.array([0.25]))
+        >>> Q, P = np.array([-1.0]), np.array([4.0])
+        >>> A, B = friction.margins(Q, P)
+        >>> A.tolist(), B.tolist(), friction.clip(np.array([-3.0]), P).tolist()
+        ([1.0], [2.0], [-2.0])
     """
 
     forward: Array

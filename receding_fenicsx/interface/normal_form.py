@@ -1,4 +1,4 @@
-"""The two forms of a condensed contact: with tangential displacements, or without where f = 0."""
+"""Elimination of the tangential displacements of a frictionless contact, and its inverse form."""
 
 from __future__ import annotations
 
@@ -27,6 +27,19 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
 
     Raises:
         InputError: if a load pushes the body along a rigid motion that nothing resists.
+
+    One node with K_tt = 2, K_tn = 1, K_nn = 4 under Q* = 1, P* = 3: v = -(w + lambda) / 2,
+    K = 4 - 1/2 and r* = 3 - 1/2:
+
+        >>> system = ContactSystem(
+        ...     x=np.zeros(1), points=np.zeros((1, 2)), weight=np.ones(1),
+        ...     K=np.array([[2.0, 1.0], [1.0, 4.0]]), r_star=np.array([[1.0, 3.0]]),
+        ...     load_names=("press",), f=np.zeros(1), g0=np.zeros(1),
+        ...     held=np.zeros(2, dtype=bool), rigid=np.zeros((2, 0)),
+        ... )
+        >>> normal = eliminate_tangential(system)
+        >>> normal.K.tolist(), normal.r_star.tolist(), normal.slip_map.tolist()
+        ([[3.5]], [[2.5]], [[-0.5, -0.5]])
     """
     n = system.n
     free = np.flatnonzero(~system.held[:n])

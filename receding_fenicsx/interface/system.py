@@ -165,6 +165,17 @@ def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
 
     Returns:
         Reactions in the same order.
+
+    One node of stiffness K_tt = 2, K_nn = 4 that a load pushes down by 3; moved by v = 1/2 its
+    reactions are Q = 2 / 2 and P = 3:
+
+        >>> system = ContactSystem(
+        ...     x=np.zeros(1), points=np.zeros((1, 2)), weight=np.ones(1), K=np.diag([2.0, 4.0]),
+        ...     r_star=np.array([[0.0, 3.0]]), load_names=("press",), f=np.array([0.3]),
+        ...     g0=np.zeros(1), held=np.zeros(2, dtype=bool), rigid=np.zeros((2, 0)),
+        ... )
+        >>> reactions(system, np.array([1.0]), np.array([0.5, 0.0])).tolist()
+        [1.0, 3.0]
     """
     return load @ system.r_star + system.K @ u
 

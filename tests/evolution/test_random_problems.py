@@ -18,6 +18,7 @@ from problems import (
     WRONG,
     Outcome,
     Problem,
+    directed,
     judge,
     play,
     problem,
@@ -41,6 +42,18 @@ def test_accepted_answers_keep_the_laws_and_refusals_are_true(block: int) -> Non
 
     def judged() -> None:
         found = {number: judge(problem(number)) for number in numbers}
+        bad = {k: o for k, o in found.items() if o.verdict in (WRONG, FALSE)}
+        assert not bad, f"{bad}\n{table_of(found.values())}"
+
+    on_all(MPI.COMM_WORLD, judged)
+
+
+@pytest.mark.parametrize("block", range(4))
+def test_friction_with_two_directions_keeps_the_laws_and_refusals_are_true(block: int) -> None:
+    numbers = range(block + 4 * MPI.COMM_WORLD.rank, 80, 4 * MPI.COMM_WORLD.size)
+
+    def judged() -> None:
+        found = {number: judge(directed(problem(number))) for number in numbers}
         bad = {k: o for k, o in found.items() if o.verdict in (WRONG, FALSE)}
         assert not bad, f"{bad}\n{table_of(found.values())}"
 
