@@ -158,7 +158,8 @@ def _look_for_hidden_jump(
     (s, u), body = before, run.body
     load = leg.load(s)
     rows = here.row_errors(LAW * leg.force + body.round_off(load, u))
-    if np.any(np.abs(change) > here.reach(rows) + LAW * leg.force / body.k):
+    own = here.reach(rows) + LAW * leg.force / body.k
+    if np.any(np.abs(change) > DOUBTS * own):
         energy = 0.5 * float(change @ body.K @ (2.0 * u + change))
         totals.hidden += 1
         totals.unsure += abs(energy + float(load @ body.r_star @ change))
