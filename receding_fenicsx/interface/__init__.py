@@ -1,8 +1,9 @@
-r"""The frictional contact of a condensed body: NumPy only, no finite elements, no MPI.
+r"""Frictional contact of a condensed body; NumPy and SciPy only, no finite elements, no MPI.
 
 Numbers of equations are those of Ahn & Barber (2008). With the tangential and normal displacements
 $v_i, w_i$ of the $N$ contact nodes, the reactions $Q_i, P_i$ on the body, the gap $g_i = g_{0,i} +
-w_i$ (the paper's is $w_i$, on a plane that fits the body) and the coefficient of friction $f_i$,
+w_i$ (the paper's is $w_i$, on a plane that fits the body) and the coefficients of friction
+$f_i$ (equal for both directions here; ``law`` has both),
 
 $$r = \sum_k \lambda_k r^*_k + K u, \qquad (11)$$
 

@@ -1,1 +1,8 @@
-"""Linear complementarity problems of the contact law."""
+"""Linear complementarity problems of contact.
+
+1. ``contact.solve_states`` eliminates the freedoms whose states are known and pairs slip and gap of
+   each undecided node with its margins A, B and its pressure P.
+2. ``lemke.solve`` tries Lemke's method with several covering vectors.
+3. Where that fails and few nodes are undecided, ``enumerate_states.exhaust`` tries all sets of
+   states; failure then proves that there is no solution.
+"""
