@@ -1,4 +1,4 @@
-"""The numbers of Ahn & Barber (2008), and how a record compares with them.
+"""Published values of Ahn & Barber (2008), and comparison of a record with them.
 
 Source: Y. J. Ahn, J. R. Barber, Response of frictional receding contact problems to cyclic loading,
 International Journal of Mechanical Sciences 50 (2008) 1519-1525.
@@ -21,23 +21,23 @@ if TYPE_CHECKING:
 DISSIPATION_RATIO = 0.56
 """Section 3.2: steady dissipation per cycle is "approximately 56%" of that of the first cycle."""
 DISSIPATION_TOLERANCE = 0.01
-"""How far "approximately 56%" is taken to reach."""
+"""Tolerance of "approximately 56%"."""
 SLIP_EXPONENT = -3.1
 """Section 3.2, Fig. 8: slip increment per cycle ~ N^-3.1 at a representative node."""
 SLIP_TOLERANCE = 0.1
-"""How far an exponent given with two figures and read at one node is taken to reach."""
+"""Tolerance of the exponent, which is given with two digits for one node."""
 SLIP_CYCLES = (4, 20)
-"""Cycles N of the fit: the first ones are no power law yet, the later ones reach small numbers."""
+"""Cycles N of the fit: earlier ones do not follow a power law, later increments are small."""
 SLIP_NODES = (0.5, 0.8)
-"""Nodes of the fit, |x| / h: they still move in every one of these cycles."""
+"""Range of |x| / h of the nodes of the fit, which slip in each of these cycles."""
 SLIP_FLOOR = 1e-9
-"""Increments below this part of the largest one are not told from round-off."""
+"""Part of the largest increment below which an increment is round-off."""
 SCENE_TOLERANCE = 1e-6
-"""A scene is the paper's when its numbers are the paper's within this."""
+"""Largest difference of the numbers of a scene from those of the paper."""
 
 
 def is_papers_block(scene: Scene) -> bool:
-    """Whether a scene is the paper's block cycled between p0 and p0/3 (sections 2 and 3.2)."""
+    """Return whether a scene is the paper's block cycled between p0 and p0/3 (sections 2, 3.2)."""
     body, material, history = scene.body, scene.material, scene.history
     if len(scene.contacts) != 1 or len(scene.loads) != 1 or scene.supports:
         return False
@@ -63,14 +63,14 @@ def is_papers_block(scene: Scene) -> bool:
 
 
 def paper_table(record: Record) -> list[dict[str, Any]]:
-    """Compare a record of the paper's block with what the paper says.
+    """Compare a record of the paper's block with the paper.
 
     Args:
         record: any record.
 
     Returns:
-        Rows ``{"quantity", "paper", "ours", "agrees"}``; "ours" and "agrees" are None where too few
-        cycles were run. Empty when the record is not of the paper's block.
+        Rows ``{"quantity", "paper", "ours", "agrees"}``; "ours" and "agrees" are None if there are
+        too few cycles. Empty if the record is not of the paper's block.
     """
     scene = record.scene
     if scene is None or not is_papers_block(scene):

@@ -1,4 +1,4 @@
-"""Closed forms and computed values of contacts that are known, each with its source.
+"""Closed forms and computed values of reference contact problems, each with its source.
 
 The tables were computed by integral equations, boundary collocation and complementarity solvers,
 independent of this program and without finite elements; their digits are converged and were

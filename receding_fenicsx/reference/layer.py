@@ -24,9 +24,9 @@ from receding_fenicsx.interface.system import Array
 
 TERMS = 16
 """Chebyshev terms of the pressure."""
-FIRST, GROWTH = 0.3, 1.3
-"""Half width over h, less than any, from which the right one is looked for, and by what factor."""
-PANELS, DEEPEST = 100, 40.0
+FIRST_WIDTH, STEP_FACTOR = 0.3, 1.3
+"""First half width over h of the search, smaller than any solution, and factor of its steps."""
+PANELS, MAX_WAVE_NUMBER = 100, 40.0
 """Gauss panels over the wave numbers 0 < k < 40 / h, where R and G have fallen to 1e-16."""
 
 
@@ -42,10 +42,10 @@ def contact_half_width(load: float = 0.0, modulus_ratio: float = 0.0) -> float:
     def singular(c: float) -> float:
         return float(_pressure(c, load, modulus_ratio)[-1])
 
-    c = FIRST
-    while singular(GROWTH * c) > 0.0:
-        c *= GROWTH
-    return float(brentq(singular, c, GROWTH * c, xtol=1e-10))
+    c = FIRST_WIDTH
+    while singular(STEP_FACTOR * c) > 0.0:
+        c *= STEP_FACTOR
+    return float(brentq(singular, c, STEP_FACTOR * c, xtol=1e-10))
 
 
 def _pressure(c: float, load: float, modulus_ratio: float) -> Array:
@@ -78,7 +78,7 @@ def _pressure(c: float, load: float, modulus_ratio: float) -> Array:
 
 def _wave_numbers() -> tuple[Array, Array]:
     points, weights = leggauss(8)
-    ends = DEEPEST * np.linspace(0.0, 1.0, PANELS + 1) ** 1.5
+    ends = MAX_WAVE_NUMBER * np.linspace(0.0, 1.0, PANELS + 1) ** 1.5
     width = np.diff(ends)
     k = (ends[:-1, None] + 0.5 * width[:, None] * (points + 1.0)).ravel()
     return k, (0.5 * width[:, None] * weights).ravel()

@@ -1,4 +1,4 @@
-"""Quantities of whole cycles as figures (the paper's Figs. 8 and 10), and where energy goes."""
+"""Figures of slip and dissipation per cycle (Figs. 8 and 10) and of the dissipation density."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.reference.ahn_barber import DISSIPATION_RATIO, SLIP_EXPONENT
 
 METHODS = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
-MOST_LINEAR = 40
-"""Cycles up to which their axis is linear."""
+MAX_LINEAR_CYCLES = 40
+"""Largest number of cycles on a linear axis; more are on a logarithmic one."""
 PAPER = "Ahn & Barber (2008)"
 
 
 def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
-    """Draw the slip gained in each cycle at representative nodes, and its power of N (Fig. 8).
+    """Draw the slip increment of each cycle at some nodes, with fitted powers of N (Fig. 8).
 
     Raises:
         InputError: the record has too few cycles, or no node slips in all of them.
@@ -52,7 +52,7 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
                 lw=0.9,
             )
         axes.set_xlabel("cycle $N$")
-        # a word for the pressure asks for a line of its own
+        # a word for the pressure needs its own line
         between = "\n" if scales.pressure_symbol.startswith(r"\mathrm") else " "
         axes.set_ylabel(rf"slip gained in a cycle,{between}$|\Delta v_i|{behind}$")
         figure.legend(
@@ -71,8 +71,8 @@ def dissipation_per_cycle(
 
     Args:
         record: the record.
-        scales: units; the record's own when left out.
-        stepped: the same history by another method, laid over it.
+        scales: units; by default those of the record.
+        stepped: record of the same history by another method, drawn as well.
 
     Returns:
         The figure.
@@ -113,7 +113,7 @@ def dissipation_per_cycle(
         axes.set_xlabel("cycle $N$")
         axes.set_ylabel("dissipation, $D_N/D_1$")
         axes.set_ylim(0.0, 1.1 * float(ratio.max()))
-        if len(ratio) > MOST_LINEAR:
+        if len(ratio) > MAX_LINEAR_CYCLES:
             axes.set_xscale("log")
             axes.set_xlim(0.9, 1.15 * len(ratio))
             axes.xaxis.set_major_formatter(ScalarFormatter())
@@ -124,7 +124,7 @@ def dissipation_per_cycle(
 
 
 def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
-    """Draw where along the contact edge energy is dissipated, in the first and the last cycle."""
+    """Draw the dissipation per contact area in the first and the last cycle."""
     scales = scales or scales_of(record)
     unit, behind = scales.dissipation_density()
     density = record.cycles.dissipation_density / unit

@@ -1,6 +1,6 @@
-"""The paper's Figs. 4 to 10 for any record, as PNG and PDF, one journal column wide.
+"""All figures of a record (Figs. 4 to 10 of the paper), as PNG and PDF, one journal column wide.
 
-A figure that a record holds nothing for is left out: a monotonic history has no slip per cycle.
+A figure without data is omitted: a monotonic history has no slip per cycle.
 """
 
 from __future__ import annotations
@@ -57,18 +57,18 @@ __all__ = [
 ]
 
 FORMATS = ("png", "pdf")
-PAPERS_CYCLE = 9
-"""The cycle of the paper's Fig. 7."""
-LOW_LOAD = 1.0 / 3.0
-"""Part of the largest load at which the paper's Fig. 6 stands."""
-MOST_ROWS = 6
-"""Rows of the overview of sampled cycles at most; every cycle begins a row."""
-OF_THE_WHOLE = ("fig10_dissipation_per_cycle", "hysteresis")
-"""Figures that show no single contact edge."""
-MOST_PANELS = 6
-"""Panels one above the other at most."""
-MOST_LEGS = 24
-"""Legs of a cycle that are drawn in one figure at most; of more the figure says so."""
+FIG7_CYCLE = 9
+"""Cycle of the paper's Fig. 7."""
+FIG6_LOAD = 1.0 / 3.0
+"""Part of the largest load in the paper's Fig. 6."""
+MAX_ROWS = 6
+"""Largest number of rows of the overview of sampled cycles; each cycle begins a row."""
+ALL_EDGES = ("fig10_dissipation_per_cycle", "hysteresis")
+"""Figures of all contact edges together."""
+MAX_PANELS = 6
+"""Largest number of panels in a column."""
+MAX_LEGS = 24
+"""Largest number of legs of a cycle in one figure."""
 
 
 def plot_all(
@@ -78,24 +78,23 @@ def plot_all(
     stepped: Record | None = None,
     formats: str | Iterable[str] = FORMATS,
 ) -> list[Path]:
-    """Draw every figure that a record holds something for.
+    """Draw and save all figures that a record has data for.
 
-    With several contact edges the figures of each are in a folder of the edge's name; those of the
-    whole contact stand beside the folders.
+    With several contact edges the figures of each edge are in a folder of its name.
 
     Args:
         record: the record.
-        folder: where the files go; made when it is not there, files of the same name replaced.
-        unloading: record of a first loading and complete unloading, for Figs. 5 and 6; without it
-            they show the first unloading of ``record``.
+        folder: folder of the files, created if necessary; existing files are replaced.
+        unloading: record of first loading and complete unloading, for Figs. 5 and 6, which by
+            default show the first unloading of ``record``.
         stepped: record of the same history by another method, marked in Fig. 10.
-        formats: endings of the files.
+        formats: file formats, as endings.
 
     Returns:
-        The files that were made.
+        The files.
 
     Raises:
-        InputError: a format is unknown, or the folder cannot be made.
+        InputError: a format is unknown, or the folder cannot be created.
     """
     folder = Path(folder)
     formats = (formats,) if isinstance(formats, str) else tuple(formats)
@@ -108,7 +107,7 @@ def plot_all(
     for edge, part in edges.items():
         alone = len(edges) == 1
         for name, figure in draw_all(part, unloading, stepped):
-            whole = alone or name in OF_THE_WHOLE
+            whole = alone or name in ALL_EDGES
             place = folder if whole else folder / edge.replace("/", "_")
             make_folder(place)
             files = [place / f"{name}.{ending}" for ending in formats]
@@ -121,7 +120,7 @@ def plot_all(
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write a figure in the format that the path ends in; the same figure gives the same file."""
+    """Save a figure in the format of the path's ending, without the date."""
     ending = path.suffix[1:]
     options: dict[str, dict[str, Any]] = {
         "pdf": {"metadata": {"CreationDate": None}},
@@ -143,8 +142,8 @@ def draw_all(
     yield from _first_loading(record, scales)
     yield from _first_unloading([unloading or record, record])
     last = int(record.turning_points.cycle.max(initial=0))
-    if legs_of(record, PAPERS_CYCLE) and last > PAPERS_CYCLE:
-        yield f"fig07_zones_cycle_{PAPERS_CYCLE}", _all_legs(record, PAPERS_CYCLE, scales)
+    if legs_of(record, FIG7_CYCLE) and last > FIG7_CYCLE:
+        yield f"fig07_zones_cycle_{FIG7_CYCLE}", _all_legs(record, FIG7_CYCLE, scales)
     if slip_lines(record, scales.length):
         yield "fig08_slip_per_cycle", slip_per_cycle(record, scales)
     if legs_of(record, last) and last > 1:
@@ -152,7 +151,7 @@ def draw_all(
         yield "fig09_zones_last_cycle", _all_legs(record, last, scales, still)
     if len(sampled := [cycle for cycle in sampled_cycles(record) if cycle]) > 1:
         columns = _columns(len(legs_of(record, sampled[0])))
-        most = MOST_ROWS // -(-len(legs_of(record, sampled[0])) // columns)
+        most = MAX_ROWS // -(-len(legs_of(record, sampled[0])) // columns)
         if most > 1:
             several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
             legs = [leg for cycle in several for leg in legs_of(record, cycle)]
@@ -172,15 +171,15 @@ def draw_all(
         table = record.turning_points
         rows = np.flatnonzero((table.cycle == last) & np.any(table.P > 0.0, axis=1))
         if len(rows):
-            chosen = [moment_of(record, table, int(row)) for row in _spread(rows, MOST_PANELS)]
+            chosen = [moment_of(record, table, int(row)) for row in _spread(rows, MAX_PANELS)]
             yield "tractions_last_cycle", tractions(record, chosen, scales)
 
 
 def _all_legs(record: Record, cycle: int, scales: Scales, still: Still | None = None) -> Figure:
     """Map the zones along all legs of a cycle."""
     legs = legs_of(record, cycle)
-    chosen = [legs[k] for k in _spread(range(len(legs)), MOST_LEGS)]
-    columns = 1 if len(chosen) <= MOST_PANELS else 3
+    chosen = [legs[k] for k in _spread(range(len(legs)), MAX_LEGS)]
+    columns = 1 if len(chosen) <= MAX_PANELS else 3
     figure = zone_maps(record, chosen, scales, still, columns)
     if len(chosen) < len(legs):
         figure.suptitle(f"{len(chosen)} of the {len(legs)} legs", fontsize="medium")
@@ -188,12 +187,12 @@ def _all_legs(record: Record, cycle: int, scales: Scales, still: Still | None = 
 
 
 def _columns(legs: int) -> int:
-    """Panels beside each other for a cycle of so many legs."""
+    """Return the number of panels in a row for a cycle with a number of legs."""
     return 2 if legs == 4 else min(legs, 3)
 
 
 def _spread(items: Iterable[int], most: int) -> list[int]:
-    """Return all items, or the first, the last and others evenly between."""
+    """Return at most a number of items, evenly spread from the first to the last."""
     every = [int(item) for item in items]
     if len(every) <= most:
         return every
@@ -201,7 +200,7 @@ def _spread(items: Iterable[int], most: int) -> list[int]:
 
 
 def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure]]:
-    """Fig. 4: the turning point of cycle 0 with the largest loads."""
+    """Yield Fig. 4, at the turning point of cycle 0 with the largest loads."""
     table = record.turning_points
     rows = np.flatnonzero((table.cycle == 0) & np.any(table.P > 0.0, axis=1))
     if len(rows):
@@ -214,7 +213,7 @@ def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure
 
 
 def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
-    """Figs. 5 and 6: zones along the first unloading, tractions where a third of it is left."""
+    """Yield Figs. 5 and 6: zones along the first unloading, tractions at a third of the load."""
     places = [(record, first_unloading(record)) for record in records]
     found = [(record, where) for record, where in places if where is not None]
     for record, where in found[:1]:
@@ -226,7 +225,7 @@ def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
         for table in (record.samples, record.turning_points):
             here = (table.cycle == cycle) & (table.leg == leg) & np.any(table.P > 0.0, axis=1)
             for row in np.flatnonzero(here):
-                off = abs(np.abs(table.load[row] / largest).max() - LOW_LOAD)
+                off = abs(np.abs(table.load[row] / largest).max() - FIG6_LOAD)
                 instants.append((off, len(instants), record, table, int(row)))
     if instants:
         _, _, record, table, row = min(instants, key=lambda instant: instant[:2])

@@ -1,4 +1,4 @@
-"""What is asked of a record, checked: cycles, legs and nodes that it has."""
+"""Validate requested cycles, legs and nodes."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from receding_fenicsx.output.plots.series import legs_of
 
 
 def whole(value: Any, what: str) -> int:
-    """Return a whole number; raise InputError in one line where it is none."""
+    """Return an integer; raise InputError if a value is not one."""
     try:
         return operator.index(value)
     except TypeError:
@@ -21,10 +21,10 @@ def whole(value: Any, what: str) -> int:
 
 
 def cycles(record: Record, asked: int | Iterable[int]) -> list[int]:
-    """Return the cycles asked for, one or several, all of which must have samples.
+    """Return the requested cycles, one or several.
 
     Raises:
-        InputError: none is asked for, or the record has no samples of one.
+        InputError: no cycle is requested, or the record has no samples of one.
     """
     found = [whole(cycle, "cycle") for cycle in _each(asked)]
     for cycle in found:
@@ -35,10 +35,10 @@ def cycles(record: Record, asked: int | Iterable[int]) -> list[int]:
 
 
 def legs(record: Record, asked: int | Iterable[tuple[int, int]]) -> list[tuple[int, int]]:
-    """Return the (cycle, leg) asked for, all of which must have samples; of a cycle, all its legs.
+    """Return the requested legs as (cycle, leg); for a cycle all its legs.
 
     Raises:
-        InputError: none is asked for, or the record has no samples of one.
+        InputError: no leg is requested, or the record has no samples of one.
     """
     if not _several(asked):
         cycle = whole(asked, "cycle")
@@ -62,10 +62,10 @@ def legs(record: Record, asked: int | Iterable[tuple[int, int]]) -> list[tuple[i
 
 
 def nodes(record: Record, asked: int | Iterable[int]) -> list[int]:
-    """Return the contact nodes asked for.
+    """Return the requested contact nodes.
 
     Raises:
-        InputError: none is asked for, or there is no such node.
+        InputError: no node is requested, or a node does not exist.
     """
     found = [whole(node, "node") for node in _each(asked)]
     if not found or not all(0 <= node < len(record.x) for node in found):

@@ -1,4 +1,4 @@
-"""What the figures show, as arrays: legs, slip per cycle, nodes at the limit that do not slip."""
+"""Data of figures: legs, slip per cycle, nodes at the friction limit that do not slip."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from receding_fenicsx.interface.system import Array
 from receding_fenicsx.reference.ahn_barber import SLIP_CYCLES, SLIP_FLOOR, SLIP_NODES
 
 AT_LIMIT = 1e-6
-"""A node is at its friction limit when |Q| is within this part of f P."""
+"""Largest relative difference of |Q| and f P of a node at its friction limit."""
 NEGLIGIBLE_SLIP = 1e-4
-"""Range of v over a cycle, over the largest range of any node, that counts as no slip."""
-FEWEST_CYCLES = 5
-"""Cycles that a power law is fitted to at least."""
-MOST_LINES = 4
-"""Representative nodes of the slip figure."""
+"""Largest range of v over a cycle, over that of any node, that counts as no slip."""
+MIN_CYCLES = 5
+"""Smallest number of cycles for the fit of a power law."""
+MAX_LINES = 4
+"""Largest number of nodes in the figure of slip per cycle."""
 
 
 @dataclass(frozen=True)
@@ -67,32 +67,32 @@ class Still:
 
 
 def leg_ends(record: Record, cycle: int, leg: int) -> tuple[Array, Array]:
-    """Load factors (n_loads,) at the start and the end of a leg."""
+    """Return load factors (n_loads,) at the start and the end of a leg."""
     row = leg_row(record, cycle, leg)
     end = record.turning_points.load[row]
     return record.turning_points.load[row - 1] if row else np.zeros_like(end), end
 
 
 def leg_row(record: Record, cycle: int, leg: int) -> int:
-    """Row of the turning points at which a leg ends."""
+    """Return the row of the turning points at which a leg ends."""
     table = record.turning_points
     return int(np.flatnonzero((table.cycle == cycle) & (table.leg == leg))[0])
 
 
 def legs_of(record: Record, cycle: int) -> list[tuple[int, int]]:
-    """(cycle, leg) of a cycle's legs that the record holds samples of."""
+    """Return (cycle, leg) of the legs of a cycle that have samples."""
     table = record.samples
     return [(cycle, int(leg)) for leg in np.unique(table.leg[table.cycle == cycle])]
 
 
 def is_unloading(record: Record, cycle: int, leg: int) -> bool:
-    """Whether the loads together fall along a leg."""
+    """Return whether the sum of the absolute loads falls along a leg."""
     begin, end = leg_ends(record, cycle, leg)
     return bool(np.abs(end).sum() < np.abs(begin).sum())
 
 
 def first_unloading(record: Record) -> tuple[int, int] | None:
-    """Cycle and leg of the first unloading; None when the load never falls."""
+    """Return cycle and leg of the first unloading; None without one."""
     table = record.turning_points
     for where in zip(table.cycle.tolist(), table.leg.tolist(), strict=True):
         if is_unloading(record, *where):
@@ -101,7 +101,7 @@ def first_unloading(record: Record) -> tuple[int, int] | None:
 
 
 def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[SlipLine]:
-    """Slip per cycle at representative nodes, with fitted powers of N (the paper's Fig. 8).
+    """Return slip per cycle at representative nodes with fitted powers of N (Fig. 8).
 
     Args:
         record: the record.
@@ -110,11 +110,11 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
         unit: what slip is divided by.
 
     Returns:
-        Up to ``MOST_LINES`` nodes spread evenly; none when there are too few cycles.
+        Up to ``MAX_LINES`` nodes spread evenly; none when there are too few cycles.
     """
     cycles = fitted_cycles(record)
     size = np.abs(record.cycles.slip_increment)
-    if len(cycles) < FEWEST_CYCLES or not size.any():
+    if len(cycles) < MIN_CYCLES or not size.any():
         return []
     seen = size > SLIP_FLOOR * size.max()
     moving = np.all(seen[cycles - 1], axis=0)
@@ -125,7 +125,7 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
     nodes = np.flatnonzero(wanted if wanted.any() else moving)
     if not len(nodes):
         return []
-    chosen = nodes[np.unique(np.linspace(0, len(nodes) - 1, MOST_LINES).round().astype(int))]
+    chosen = nodes[np.unique(np.linspace(0, len(nodes) - 1, MAX_LINES).round().astype(int))]
     lines = []
     for i in chosen:
         values = size[cycles - 1, i] / unit
@@ -140,7 +140,7 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
 
 
 def fitted_cycles(record: Record) -> Ints:
-    """Cycles that the powers of N are fitted to: the paper comparison's, or the later half."""
+    """Return the cycles of the fits: those of the paper's comparison, or the later half."""
     n = len(record.cycles.slip_increment)
     first, last = SLIP_CYCLES
     return np.arange(first, last + 1) if n >= last else np.arange(n // 2, n + 1)[n // 2 == 0 :]
@@ -149,8 +149,8 @@ def fitted_cycles(record: Record) -> Ints:
 def limit_without_slip(record: Record, cycle: int) -> Still:
     """Find the nodes that reach |Q| = f P within a sampled cycle and yet do not slip.
 
-    Nodes whose slip is a negligible part of the largest count as not slipping: the approach to the
-    steady state has no end.
+    Slip that is a negligible part of the largest counts as none, because slip decays to zero only
+    in the limit of the steady state.
     """
     table = record.samples
     rows = np.flatnonzero(table.cycle == cycle)
@@ -164,7 +164,7 @@ def limit_without_slip(record: Record, cycle: int) -> Still:
     at_limit = stuck & (table.P[rows] > 0.0) & _is_at_limit(record, table.Q[rows], table.P[rows])
     reached = at_limit.any(axis=0)
     if record.method == "events":
-        # a node may reach the limit between two samples and leave it at once
+        # a node may reach the limit and leave it between two samples
         events = record.events
         slip = np.isin(events.new, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
         reached[events.node[(events.cycle == cycle) & slip]] = True
@@ -186,7 +186,7 @@ def _is_at_limit(record: Record, Q: Array, P: Array) -> NDArray[np.bool_]:
 
 
 def _first_slip(record: Record, cycle: int, node: int) -> tuple[int, float] | None:
-    """Leg and exact position at which a node begins to slip in a cycle."""
+    """Return leg and exact position at which a node begins to slip in a cycle."""
     events = record.events
     here = (events.cycle == cycle) & (events.node == node)
     here &= np.isin(events.new, (State.FORWARD_SLIP, State.BACKWARD_SLIP))

@@ -1,7 +1,7 @@
-"""The look of all pictures: one colour for each state, fonts, sizes.
+"""Style of all pictures: colours of states, fonts, sizes.
 
-Nodes that move are in the two colours of the Okabe-Ito set that every kind of colour vision tells
-apart best, orange and blue; nodes that do not are in greys. Printed in grey, the four still differ.
+Forward and backward slip are orange and blue of the Okabe-Ito set, which all kinds of colour vision
+distinguish; stick and separation are greys. The four differ in greyscale print too.
 """
 
 from __future__ import annotations
@@ -46,15 +46,15 @@ PRESSURE_COLOUR = "#000000"
 SHEAR_COLOUR = "#d55e00"
 """Vermilion of the Okabe-Ito set."""
 GUIDE_COLOUR = "#808080"
-"""Friction cone, published values, undeformed outlines."""
+"""Colour of friction cone, published values and undeformed outlines."""
 INK_OF_GUIDES = "#505050"
-"""Text of less weight than the rest."""
+"""Colour of secondary text."""
 GUIDE: dict[str, Any] = {"color": GUIDE_COLOUR, "dashes": (3, 2), "lw": 0.8}
-"""A line that helps to read the others."""
+"""Style of reference lines."""
 CONE: dict[str, Any] = {"fc": "#ececec", "ec": GUIDE_COLOUR, "ls": (0, (3, 2)), "lw": 0.7}
-"""What lies within the friction cone, |q| <= f p, and its boundary."""
+"""Style of the friction cone |q| <= f p."""
 SERIES_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9")
-"""Colours of lines that stand for nothing in particular, one after the other."""
+"""Colours of series of lines."""
 
 COLUMN = 3.54
 """Width in inches of one column of a journal page (90 mm)."""
@@ -63,10 +63,10 @@ PAGE = 7.48
 DPI = 300
 """Dots per inch of PNG files."""
 
-PEAKED = 10.0
-"""Per cent of the contact nodes whose tractions may be a corner's peak."""
-FAR_ABOVE = 2.5
-"""Times the largest of the other tractions up to which a peak is shown."""
+PEAK_NODES = 10.0
+"""Per cent of the contact nodes whose tractions may belong to the peak at a corner."""
+MAX_PEAK = 2.5
+"""Largest part of a peak that is shown, over the largest of the other tractions."""
 NOTEBOOK_DPI = 150
 """Dots per inch in a notebook."""
 
@@ -97,11 +97,11 @@ RC: dict[Any, Any] = {
     "pdf.fonttype": 42,
     "axes.unicode_minus": True,
 }
-"""Matplotlib's settings; the fonts come with Matplotlib, so a figure looks the same everywhere."""
+"""Settings of Matplotlib; the fonts are part of Matplotlib, so figures are the same everywhere."""
 
 
 class PaperFigure(Figure):
-    """A figure that needs no window system and that a notebook shows by itself."""
+    """A figure that needs no window system and that a notebook displays."""
 
     def _repr_png_(self) -> bytes:
         data = io.BytesIO()
@@ -118,32 +118,32 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def ticks(axis: Axis, most: int = 5) -> None:
-    """Put at most this many round ticks on an axis."""
+    """Set a largest number of round ticks on an axis."""
     axis.set_major_locator(MaxNLocator(most, steps=[1, 2, 5, 10]))
 
 
 def focus(p: Array, others: Array) -> tuple[float, float]:
-    """Limits of an axis of tractions that a peak at a corner of the contact may run out of.
+    """Return limits of an axis of tractions that cut off a peak at a corner of the contact.
 
     Args:
         p: (n,) normal traction.
-        others: what else is drawn with it.
+        others: other values in the same axes.
 
     Returns:
-        The lowest and the highest value, unless few values are far above all the others.
+        Lowest and highest limit.
     """
     touching = p[p > 0.0]
     top = float(touching.max(initial=0.0))
-    usual = float(np.percentile(touching, 100.0 - PEAKED)) if len(touching) else 0.0
+    usual = float(np.percentile(touching, 100.0 - PEAK_NODES)) if len(touching) else 0.0
     low = float(others.min(initial=0.0))
-    if top > FAR_ABOVE * usual > 0.0:
-        low, top = low * FAR_ABOVE * usual / top, FAR_ABOVE * usual
+    if top > MAX_PEAK * usual > 0.0:
+        low, top = low * MAX_PEAK * usual / top, MAX_PEAK * usual
     room = 0.06 * (top - low) or 1.0
     return low - room, top + room
 
 
 def state_patches(states: Iterable[int], friction: bool = True) -> list[Patch]:
-    """Legend entries of the states that occur, in their order; nothing sticks without friction."""
+    """Return legend entries of states, in order; without friction stick is called contact."""
     frictionless = STATE_LABELS | {State.STICK: f"1  {FRICTIONLESS_CONTACT}"}
     labels = STATE_LABELS if friction else frictionless
     return [

@@ -1,4 +1,4 @@
-"""Tractions, friction limit and states along the contact edge (the paper's Figs. 4 and 6)."""
+"""Figures of tractions, friction limit and states along the contact edge (Figs. 4 and 6)."""
 
 from __future__ import annotations
 
@@ -21,10 +21,10 @@ from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.units import Scales, describe_load, scales_of
 
 STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
-LONGEST_LABEL = 28
-"""Letters of the friction cone's label, as mathematics, with which three labels fit in a row."""
-NUMBERED = 0.03
-"""Part of the contact edge that a zone must cover to have its number in the band."""
+MAX_LABEL_LENGTH = 28
+"""Length of the friction cone's label below which three labels fit in a row."""
+MIN_NUMBERED_ZONE = 0.03
+"""Smallest length, over that of the contact edge, of a zone that has its number in the band."""
 
 
 def tractions(
@@ -34,14 +34,14 @@ def tractions(
 
     Args:
         record: the record.
-        moments: instants of it, a panel each, such as ``record.at(9, "minimum")``.
-        scales: units; the record's own when left out.
+        moments: instants of the record, one panel each, such as ``record.at(9, "minimum")``.
+        scales: units; by default those of the record.
 
     Returns:
         The figure.
 
     Raises:
-        InputError: something else than instants was given.
+        InputError: the argument is not one or several instants.
     """
     scales = scales or scales_of(record)
     moments = [moments] if isinstance(moments, Moment) else moments
@@ -73,8 +73,8 @@ def tractions(
                 Line2D([], [], color=style.SHEAR_COLOUR, label=q),
                 Patch(label=f"friction cone, {cone}", **style.CONE),
             ]
-            # beside each other, unless what they are divided by has a long name
-            ncols = 3 if len(cone) < LONGEST_LABEL else 2
+            # in a row, unless the unit has a long name
+            ncols = 3 if len(cone) < MAX_LABEL_LENGTH else 2
             figure.legend(handles=curves, loc="outside upper center", ncols=ncols)
         states = np.unique([moment.state for moment in moments])
         patches = style.state_patches(states, friction)
@@ -88,7 +88,7 @@ def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scal
     for name, a, b in zones(x, state, record.axisymmetric):
         kind = STATE_OF_NAME[name]
         axes.axvspan(a, b, fc=style.STATE_COLOURS[kind], ec="black", lw=0.4)
-        if b - a > NUMBERED * np.ptp(x):
+        if b - a > MIN_NUMBERED_ZONE * np.ptp(x):
             axes.text(
                 0.5 * (a + b),
                 0.46,
@@ -105,7 +105,7 @@ def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scal
 
 
 def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> None:
-    """Draw p, q and the friction cone of the nodes that stand for a length of the edge."""
+    """Draw p, q and the friction cone at the nodes with weight."""
     used = record.weight > 0.0
     x = record.x[used] / scales.length
     unit = scales.traction_unit(moment)

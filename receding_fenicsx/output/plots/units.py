@@ -1,4 +1,4 @@
-"""What the pictures' axes are divided by, and what is written on them."""
+"""Nondimensional units and axis labels of figures and pictures."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from receding_fenicsx.output.plots.series import first_unloading, is_unloading, 
 from receding_fenicsx.reference.ahn_barber import is_papers_block
 from receding_fenicsx.scene.model import Scene
 
-LONGEST_NAME = 10
-"""Letters of a load's name that labels have room for."""
+MAX_NAME_LENGTH = 10
+"""Largest number of letters of a load's name in a label."""
 IN_MATHEMATICS = {
     **{letter: f"\\{letter}" for letter in "_%${} "},
     "\\": r"\backslash ",
@@ -27,25 +27,24 @@ IN_MATHEMATICS = {
     '"': "''",
     "`": "'",
 }
-"""What stands in mathematics for letters of a name that Matplotlib would take for commands."""
+"""Replacements of letters of a name that are commands in Matplotlib's mathematics."""
 SYMMETRY_TOLERANCE = 1e-9
 """Distance of a node from its mirror image, over the contact's length."""
 
 
 @dataclass(frozen=True)
 class Scales:
-    """Units of a record's pictures.
+    """Units of the figures of a record.
 
     Attributes:
-        length, length_symbol: what lengths are divided by; "h" for the height of a rectangle, or 1
-            and "".
-        pressure: traction of the only load at factor 1, in the scene's units; 1 when not known.
-        pressure_symbol: its symbol, "" when tractions are not divided by it.
+        length, length_symbol: unit of length; height "h" of a rectangle, or 1 and "".
+        pressure: pressure of the only load at factor 1; 1 if there is none.
+        pressure_symbol: its symbol; "" if tractions are not divided by it.
         load_max: (n_loads,) largest absolute factor of each load over the history, or 1.
-        young: Young's modulus; 0 when not known.
-        paper: the record is of the paper's block and history.
-        symmetric: every state is its own mirror image about x = 0.
-        axisymmetric: positions are radii.
+        young: Young's modulus; 0 if unknown.
+        paper: whether block and history are those of the paper.
+        symmetric: whether all states are mirror-symmetric about x = 0.
+        axisymmetric: whether positions are radii.
     """
 
     length: float
@@ -69,43 +68,43 @@ class Scales:
         return first / self.length, float(x[-1]) / self.length
 
     def traction_unit(self, moment: Moment) -> float:
-        """What tractions are divided by at an instant: the pressure then acting, or 1."""
+        """Return the unit of tractions at an instant: the pressure acting then, or 1."""
         if not self.pressure_symbol:
             return 1.0
         return abs(next(iter(moment.load.values()))) * self.pressure or 1.0
 
     def peak_traction(self) -> tuple[float, str]:
-        """What tractions of many instants are divided by, and what is written behind a symbol."""
+        """Return the unit of tractions of several instants, and the suffix of their symbols."""
         if not self.pressure_symbol:
             return 1.0, ""
         return self.pressure * float(self.load_max[0]), f"/{self._peak()}"
 
     def traction_labels(self) -> tuple[str, str, str]:
-        """Labels of normal traction, tangential traction and friction limit."""
+        """Return the labels of normal traction, tangential traction and friction limit."""
         divided = f"/{self.pressure_symbol}" if self.pressure_symbol else ""
         return f"$p{divided}$", f"$q{divided}$", rf"$\pm f p{divided}$"
 
     def load_label(self, name: str) -> str:
-        """Label of a load over its largest value."""
+        """Return the label of a load over its largest value."""
         symbol = load_symbol(name)
         return f"{shown_name(name)} / largest" if is_word(name) else f"${symbol}/{peak(symbol)}$"
 
     def normalised(self) -> bool:
-        """Whether displacements and energies can be given without units."""
+        """Return whether displacements and energies can be nondimensional."""
         return bool(self.length_symbol and self.pressure_symbol and self.young > 0.0)
 
     def slip(self) -> tuple[float, str]:
-        """What a displacement is divided by, and what is written behind its symbol."""
+        """Return the unit of displacements, and the suffix of their symbols."""
         if not self.normalised():
             return 1.0, ""
         p = self.pressure * float(self.load_max[0])
         return p * self.length / self.young, rf"\,E/({self._peak()}\,{self.length_symbol})"
 
     def load_displacement(self) -> tuple[float, str]:
-        """What a load's displacement is divided by, and what is written behind its symbol.
+        """Return the unit of load displacements, and the suffix of their symbols.
 
-        With a scale it becomes the displacement conjugate to the pressure, not to the factor: an
-        area per unit thickness, a volume of the full circle.
+        Nondimensional ones are conjugate to the pressure, not to the load factor: an area per unit
+        thickness, or a volume of the full circle.
         """
         if not self.normalised():
             return 1.0, ""
@@ -115,7 +114,7 @@ class Scales:
         return self.pressure * self.length ** (power - 1) * unit, behind
 
     def dissipation_density(self) -> tuple[float, str]:
-        """What an energy per contact area is divided by, and what is written behind its symbol."""
+        """Return the unit of energies per contact area, and the suffix of their symbols."""
         if not self.normalised():
             return 1.0, ""
         p = self.pressure * float(self.load_max[0])
@@ -127,7 +126,7 @@ class Scales:
 
 
 def scales_of(record: Record) -> Scales:
-    """Find the scales of a record: those of the paper where the scene has them."""
+    """Return the units of a record: height and pressure as in the paper where they exist."""
     scene = record.scene
     length = length_of(scene)
     pressure, symbol = pressure_of(scene, record.load_names)
@@ -146,24 +145,24 @@ def scales_of(record: Record) -> Scales:
 
 
 def position_label(length_symbol: str, axisymmetric: bool) -> str:
-    """Label of positions along the contact edge."""
+    """Return the label of positions along the contact edge."""
     symbol = "r" if axisymmetric else "x"
     return f"${symbol}/{length_symbol}$" if length_symbol else f"${symbol}$"
 
 
 def length_of(scene: Scene | None) -> float:
-    """Height of a rectangular body; 0 when there is none."""
+    """Return the height of a rectangular body; 0 for other bodies."""
     if scene is None or scene.body.mesh is not None or scene.body.shape != "rectangle":
         return 0.0
     return scene.body.height
 
 
 def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float, str]:
-    """Pressure of the only load at factor 1, and its symbol; 1 and "" when it is not known."""
+    """Return the pressure of the only load at factor 1 and its symbol; 1 and "" without one."""
     if scene is None or len(load_names) != 1:
         return 1.0, ""
     value = scene.loads[0].pressure
-    # parts of one load on two bodies
+    # a load may have parts on two bodies
     if any(load.pressure != value for load in scene.loads):
         return 1.0, ""
     if not isinstance(value, float | int) or value <= 0.0:
@@ -172,17 +171,17 @@ def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float
 
 
 def is_word(name: str) -> bool:
-    """Whether a load's name is no mathematical symbol."""
+    """Return whether a load's name is a word, not a symbol."""
     return load_symbol(name).startswith(r"\mathrm")
 
 
 def shown_name(name: str) -> str:
-    """A load's name as text that pictures have room for: the middle of a long one is left out."""
+    """Return a load's name as text; the middle of a long name is left out."""
     return _shortened(name).replace("$", r"\$")
 
 
 def _shortened(name: str) -> str:
-    return name if len(name) <= LONGEST_NAME else f"{name[:5]}…{name[-4:]}"
+    return name if len(name) <= MAX_NAME_LENGTH else f"{name[:5]}…{name[-4:]}"
 
 
 def load_symbol(name: str) -> str:
@@ -195,12 +194,12 @@ def load_symbol(name: str) -> str:
 
 
 def peak(symbol: str) -> str:
-    """Mathematics for the largest value of a load."""
+    """Return the symbol of the largest value of a load."""
     return rf"{symbol}^{{\,\mathrm{{max}}}}"
 
 
 def describe_load(record: Record, moment: Moment, scales: Scales) -> str:
-    """Say at what load, in which cycle and on the way to where an instant stands."""
+    """Describe an instant: its leg and its load factors."""
     way = _way(record, moment.cycle, moment.leg)
     factors = describe_factors(
         record.load_names, np.array(list(moment.load.values())) / scales.load_max
@@ -209,7 +208,7 @@ def describe_load(record: Record, moment: Moment, scales: Scales) -> str:
 
 
 def describe_factors(names: tuple[str, ...], parts: Array) -> str:
-    """Say which part of its largest value each load has."""
+    """Describe load factors as parts of their largest values."""
     symbols = [load_symbol(name) for name in names]
     return ", ".join(
         f"{shown_name(name)} at ${part:z.3g}$ of its largest"
@@ -220,7 +219,7 @@ def describe_factors(names: tuple[str, ...], parts: Array) -> str:
 
 
 def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
-    """Say which leg of which cycle this is; with several loads also from where to where it goes."""
+    """Describe a leg; with several loads also the range of each load."""
     text = _way(record, cycle, leg)
     if len(record.load_names) == 1:
         return text
@@ -249,9 +248,9 @@ def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str
     Args:
         cycle: cycle, 0 for the first loading.
         leg: leg within the cycle, from 0.
-        falls: the loads together fall along it.
-        first: it is the first that does.
-        plain: its cycle is one load's unloading and reloading.
+        falls: whether the sum of the loads falls along the leg.
+        first: whether it is the first unloading.
+        plain: whether the cycle is unloading and reloading of one load.
     """
     if first:
         return "first unloading"
@@ -263,7 +262,7 @@ def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str
 
 
 def number(value: float) -> str:
-    """A factor before a symbol: nothing for 1, a fraction for thirds, else three figures."""
+    """Format a factor of a symbol: "" for 1, a fraction for thirds, else three digits."""
     if abs(value + 1.0) < SYMMETRY_TOLERANCE:
         return "-"
     for text, known in (("", 1.0), (r"\frac{1}{3}\,", 1.0 / 3.0), (r"\frac{2}{3}\,", 2.0 / 3.0)):

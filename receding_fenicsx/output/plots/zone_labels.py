@@ -1,4 +1,4 @@
-"""Where the numbers of the states go in a zone map: inside a zone, or beside it with an arrow."""
+"""Placement of the numbers of states in a zone map: inside a zone, or next to it with an arrow."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots.zone_map import ZoneMap
 
-INSIDE = 0.075
-"""Inches from a number's middle to its zone's end, at least."""
-CLEAR = 0.17
-"""Inches between two numbers, or from a number to an arrow's tip, at least."""
-WORTH_AN_ARROW = 0.2
-"""Inches that a zone too thin for its number must be long, to have the number beside it."""
-FAR = 0.6
-"""Inches that an arrow may be long."""
-DOTS = 100
-"""Raster points an inch."""
+MIN_DEPTH = 0.075
+"""Smallest distance in inches of a number's centre from the boundary of its zone."""
+MIN_DISTANCE = 0.17
+"""Smallest distance in inches between two numbers, or between a number and an arrow's tip."""
+MIN_ARROW_ZONE = 0.2
+"""Smallest length in inches of a thin zone that has its number next to it."""
+MAX_ARROW = 0.6
+"""Largest length of an arrow in inches."""
+RASTER = 100
+"""Raster points per inch."""
 
 
 @dataclass(frozen=True)
@@ -30,9 +30,9 @@ class Label:
 
     Attributes:
         state: the state.
-        at: (x, s) of the number's middle.
+        at: (x, s) of the number's centre.
         tip: (x, s) that an arrow from the number points to; None when the number is inside.
-        on: state on which the number is written.
+        on: state of the zone on which the number is written.
     """
 
     state: State
@@ -52,7 +52,7 @@ def place_labels(
         inches: width and height of the axes.
 
     Returns:
-        The labels; zones too small to be seen have none.
+        The labels; very small zones have none.
     """
     raster, x, s = _raster(drawn, x_range, inches)
     room = np.full(raster.shape, np.inf)
@@ -60,19 +60,19 @@ def place_labels(
     for state in State:
         parts, n = ndimage.label(raster == state)
         for k in range(1, n + 1):
-            depth = ndimage.distance_transform_edt(np.pad(parts == k, 1))[1:-1, 1:-1] / DOTS
+            depth = ndimage.distance_transform_edt(np.pad(parts == k, 1))[1:-1, 1:-1] / RASTER
             room = np.where(parts == k, depth, room)
             zones.append((state, parts == k, depth))
     zones.sort(key=lambda zone: -float(zone[2].max()))
     labels, taken = [], np.zeros(raster.shape, dtype=bool)
     for state, part, depth in zones:
         tip = np.unravel_index(int(np.argmax(depth)), depth.shape)
-        if depth[tip] >= INSIDE:
+        if depth[tip] >= MIN_DEPTH:
             labels.append(Label(state, (x[tip[1]], s[tip[0]]), None, state))
             taken[tip] = True
             continue
         rows, columns = np.nonzero(part)
-        if np.hypot(np.ptp(rows), np.ptp(columns)) < WORTH_AN_ARROW * DOTS:
+        if np.hypot(np.ptp(rows), np.ptp(columns)) < MIN_ARROW_ZONE * RASTER:
             continue
         place = _beside(raster, room, taken, tip)
         if place is not None:
@@ -85,8 +85,8 @@ def place_labels(
 def _raster(
     drawn: ZoneMap, x_range: tuple[float, float], inches: tuple[float, float]
 ) -> tuple[NDArray[np.int8], Array, Array]:
-    """States at raster points (s, x), and the points' coordinates."""
-    nx, ns = (max(8, round(DOTS * inch)) for inch in inches)
+    """Return states at raster points (s, x), and x and s of these points."""
+    nx, ns = (max(8, round(RASTER * inch)) for inch in inches)
     x = x_range[0] + (np.arange(nx) + 0.5) / nx * (x_range[1] - x_range[0])
     s = (np.arange(ns) + 0.5) / ns
     states = np.array([line.at(s) for line in drawn.timelines], dtype=np.int8).T
@@ -97,11 +97,16 @@ def _raster(
 def _beside(
     raster: NDArray[np.int8], room: Array, taken: NDArray[np.bool_], tip: tuple[np.intp, ...]
 ) -> tuple[int, int] | None:
-    """The nearest free place for a number, in a zone of another state."""
-    clear = ndimage.distance_transform_edt(~taken) / DOTS if taken.any() else np.inf
+    """Return the nearest free place for a number, in a zone of another state."""
+    clear = ndimage.distance_transform_edt(~taken) / RASTER if taken.any() else np.inf
     rows, columns = np.indices(raster.shape)
-    distance = np.hypot(rows - tip[0], columns - tip[1]) / DOTS
-    free = (room >= INSIDE) & (clear >= CLEAR) & (distance >= CLEAR) & (distance <= FAR)
+    distance = np.hypot(rows - tip[0], columns - tip[1]) / RASTER
+    free = (
+        (room >= MIN_DEPTH)
+        & (clear >= MIN_DISTANCE)
+        & (distance >= MIN_DISTANCE)
+        & (distance <= MAX_ARROW)
+    )
     free &= raster != raster[tip]
     if not free.any():
         return None

@@ -1,9 +1,9 @@
-"""XDMF files that open in ParaView as one body with all its fields, and as a series in time.
+"""XDMF files for ParaView: all fields of a body in one grid, all instants in one time series.
 
-DOLFINx writes every field as a grid of its own, which ParaView shows as so many blocks. Here the
-fields of an instant are put into one grid, and the instants of a folder into one temporal
-collection, ``instants.xdmf``, which holds no numbers of its own. Time counts cycles: 1 is the start
-of cycle 1, 1.5 the end of the first of two legs.
+DOLFINx writes each field as a separate grid, which ParaView shows as separate blocks. Here the
+fields of an instant are joined in one grid, and the instants of a folder in one temporal
+collection, ``instants.xdmf``, which refers to their data. Time counts cycles: 1 is the start of
+cycle 1, 1.5 the end of the first of two legs.
 """
 
 from __future__ import annotations
@@ -21,8 +21,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.bulk.fields import BodyFields
 
 INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+(_.+)?\.xdmf")
-"""Names of the files of instants; of two bodies each has its own, the body's name at the end."""
-
+"""File names of instants; with two bodies the name of the body is at the end."""
 
 XDMF_OVERHEAD = 100_000
 """Upper bound of the bytes of an XDMF file and its HDF5 file besides the arrays."""
@@ -66,14 +65,14 @@ def time_of(cycle: int, leg: int, s: float, legs: int) -> float:
     Args:
         cycle: its cycle; 0 is the path from rest.
         leg: its leg in the cycle.
-        s: its place on the leg, in [0, 1].
+        s: its position on the leg, in [0, 1].
         legs: number of legs of the cycle.
     """
     return cycle + (leg + s) / legs
 
 
 def join_fields(file: Path, time: float) -> None:
-    """Put the fields that DOLFINx has written into one grid.
+    """Join the fields that DOLFINx has written in one grid.
 
     Args:
         file: the XDMF file, replaced.

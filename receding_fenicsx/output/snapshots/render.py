@@ -1,8 +1,8 @@
-"""Pictures of fields on plane meshes, drawn off-screen by pyvista in a process of their own.
+"""Off-screen rendering of fields on plane meshes by pyvista, in a separate process.
 
-VTK ends the whole process when a graphics library is missing or does not get on with the other
-libraries that are loaded. So it never runs in the process, or the MPI job, of the study: that one
-starts ``serve`` once and sends it what is to be drawn.
+VTK ends the whole process if a graphics library is missing or conflicts with another library. It
+therefore never runs in the process, or the MPI job, of the study, which starts ``serve`` once and
+sends it the pictures to draw.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.interface.system import Array
 
 RENDERERS = {"EGL": "vtkEGLRenderWindow", "OSMesa": "vtkOSOpenGLRenderWindow"}
-"""Libraries that VTK draws with off-screen, and the window that it makes with each."""
-PATIENCE = 120.0
-"""Seconds that one picture may take."""
+"""Libraries of off-screen rendering, and VTK's window class for each."""
+TIMEOUT = 120.0
+"""Largest time of one picture in seconds."""
 NO_SIGNAL = getattr(socket, "MSG_NOSIGNAL", 0)
-"""Writing to a process that has ended is an error, not a signal: PETSc ends the job at SIGPIPE."""
+"""Flag that replaces SIGPIPE by an error: PETSc ends the job at this signal."""
 ADVICE = "install libosmesa6 (or libegl1), then see receding-fenicsx doctor"
 
 Pixels = NDArray[np.uint8]
@@ -65,10 +65,10 @@ class Picture:
 
 
 class Renderer:
-    """A process that draws; it starts with the first picture and ends with this one."""
+    """A process that renders pictures; it starts with the first picture."""
 
     def __init__(self) -> None:
-        """Start with no process."""
+        """Start no process yet."""
         self.process: subprocess.Popen[bytes] | None = None
         self.line: socket.socket | None = None
         self.log: IO[bytes] | None = None
@@ -77,13 +77,13 @@ class Renderer:
         """Draw a picture.
 
         Raises:
-            RecedingError: nothing can be drawn off-screen on this machine.
+            RecedingError: off-screen rendering does not work on this machine.
         """
         if self.process is None:
             self._start()
         assert self.process is not None
         assert self.line is not None
-        timer = threading.Timer(PATIENCE, self.process.kill)
+        timer = threading.Timer(TIMEOUT, self.process.kill)
         timer.start()
         try:
             self.line.sendall(pickle.dumps(picture), NO_SIGNAL)
@@ -138,19 +138,19 @@ class Renderer:
         status = process.wait()
         self.log.seek(0)
         lines = self.log.read().decode(errors="replace").strip().splitlines()
-        return lines[-1] if lines else f"the process that draws ended with status {status}"
+        return lines[-1] if lines else f"the rendering process ended with status {status}"
 
 
 renderer = Renderer()
-"""The one that all snapshots of this process are drawn by."""
+"""Renderer of all pictures of this process."""
 atexit.register(renderer.close)
 
 
 def find_renderer() -> str:
-    """Return the name of the window that VTK can make on this machine.
+    """Return the name of a window class that VTK can use on this machine.
 
     Raises:
-        RecedingError: there is no library to draw with; VTK would crash instead of saying so.
+        RecedingError: no library for off-screen rendering was found; VTK would crash without one.
     """
     for library, window in RENDERERS.items():
         if ctypes.util.find_library(library):
@@ -159,9 +159,9 @@ def find_renderer() -> str:
 
 
 def serve() -> None:
-    """Draw pictures read from standard input until it ends: the process's whole program."""
+    """Draw pictures read from standard input until it ends; main program of the process."""
     answers = os.fdopen(os.dup(1), "wb")
-    os.dup2(2, 1)  # what libraries print is no answer
+    os.dup2(2, 1)  # output of libraries must not mix with answers
     while True:
         try:
             picture = pickle.load(sys.stdin.buffer)
@@ -213,7 +213,7 @@ def draw(picture: Picture) -> Pixels:
 
 
 def _mesh(pv: Any, picture: Picture) -> Any:
-    """The mesh with its field, in VTK's words."""
+    """Return the mesh with its field as VTK data."""
     width = picture.cells.shape[1]
     faces = np.hstack([np.full((len(picture.cells), 1), width), picture.cells]).ravel()
     points = np.column_stack([picture.points, np.zeros(len(picture.points))])
