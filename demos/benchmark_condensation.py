@@ -91,7 +91,7 @@ def measure(scene: Scene, half: bool, repeat: int) -> dict[str, float]:
 
         mesh = make_mesh(comm, scene, half)
         lap("mesh")
-        bulk: Bulk = build(scene, mesh, half)
+        bulk: Bulk = build(scene, mesh)
         lap("assemble")
         interior_solver(bulk).destroy()
         lap("interior")

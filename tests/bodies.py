@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.elasticity import Bulk, build
+from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_mesh
 from receding_fenicsx.scene.model import (
     Body,
@@ -62,7 +63,7 @@ def cylinder(cell: str = "triangle", degree: int = 1, **parts: object) -> Scene:
 
 def built(scene: Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Bulk:
     """Mesh and assemble."""
-    return build(scene, make_mesh(comm, scene, half), half)
+    return build(scene, make_mesh(comm, scene, half))
 
 
 def everything(body: BodyMesh) -> tuple[Array, NDArray[np.int64]]:

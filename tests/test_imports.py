@@ -53,7 +53,7 @@ OUTPUT = (("storage",), ("plots",), ("snapshots", "report"))
 FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")
 """Libraries that the interface and the evolution do without."""
 
-SOLVING = ("condensation", "elasticity", "schur", "from_scene")
+SOLVING = ("back_substitution", "condensation", "elasticity", "schur", "from_scene")
 """Modules of the bulk that assemble, factorise and condense."""
 
 MODULES_IN_ROOT, MODULES_IN_FOLDER = 12, 20

@@ -1,4 +1,4 @@
-"""Contact nodes, what symmetry and supports hold, and the rigid motions that they leave."""
+"""Contact nodes: positions, directions t and n, weights, held components and rigid motions."""
 
 from __future__ import annotations
 
@@ -9,24 +9,22 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, integrate, measure, tagged_facets
+from receding_fenicsx.bulk.edges import EdgeFacets, integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
-from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.platens import Prescribed, Ties, tied_dofs
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
+from receding_fenicsx.bulk.supports import find_held
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
-from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import Scene
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
 
 NORMAL_TOLERANCE = 1e-10
-"""Largest component of a difference between unit vectors that are to be the same."""
+"""Largest difference of 1 and the component of t or n along an axis that it is parallel to."""
 WEIGHT_TOLERANCE = 1e-9
-"""Weight of a contact node over the largest one below which it is none."""
-AXES = {"x": (0,), "y": (1,), "xy": (0, 1)}
+"""Weight of a node over the largest weight below which it is no contact node."""
 
 
 @dataclass(frozen=True)
@@ -42,11 +40,12 @@ class ContactNodes:
         normal: (N, 2) unit vectors n into the body; on the second of two bodies, out of it.
         weight: (N,) integral of N_i over the modelled contact edge, axisymmetric times r.
         held: (2N,) degrees of freedom [v; w] fixed by symmetry or supports.
-        modes: (2N, 3) displacements [v; w] when the body moves right, up, and about a pivot.
-        constraints: (m, 3) those of the motions at everything that supports and symmetry hold;
-            the motions that they leave are orthogonal to all rows.
-        null: (2N, n) motions that are left when only the contact's own nodes are let go: null
-            vectors of the condensed stiffness.
+        modes: (2N, 3) displacements [v; w] of the rigid motions of the body: translations in x and
+            y, rotation about a pivot.
+        constraints: (m, 3) components of these motions at all held degrees of freedom; the free
+            motions are orthogonal to all rows.
+        null: (2N, n) rigid motions that are free while no contact node is held: null vectors of
+            the condensed stiffness.
     """
 
     x: Array
@@ -63,7 +62,7 @@ class ContactNodes:
 
     @property
     def rigid(self) -> Array:
-        """(2N, n) motions that supports and symmetry leave, each with largest entry 1."""
+        """(2N, n) rigid motions free of supports and symmetry, each with largest entry 1."""
         return scaled(self.modes @ free_motions(self.constraints))
 
     @property
@@ -94,7 +93,7 @@ def find_contact(
     ties: Ties,
     prescribed: Iterable[Prescribed] = (),
 ) -> tuple[ContactNodes, Ints]:
-    """Find the contact nodes and what is held.
+    """Find the contact nodes and the held degrees of freedom; collective.
 
     Args:
         scene: the scene of this body alone.
@@ -105,12 +104,11 @@ def find_contact(
 
     Returns:
         The contact nodes, and the global degrees of freedom off the contact that symmetry,
-        supports, prescribed displacements and platens leave no freedom of their own; both alike on
-        every rank.
+        supports, prescribed displacements or platens determine; both alike on every rank.
 
     Raises:
-        InputError: a contact without facets, a support without nodes, a contact node that moves
-            with a platen or as prescribed.
+        InputError: a support without nodes, or a contact node that follows a platen or a
+            prescribed displacement; on all ranks.
     """
     edges = [_edge_nodes(scene, space, body, contact) for contact in body.contacts]
     node, points, x, weight = (np.concatenate([e[k] for e in edges]) for k in range(4))
@@ -120,12 +118,12 @@ def find_contact(
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
 
     _check_apart(node, ties, prescribed)
-    dofs, places = _held(scene, space, body, ties, prescribed)
+    dofs, places = find_held(scene, space, body, ties, prescribed)
     pivot = 0.5 * (points.min(axis=0) + points.max(axis=0))
     constraints = motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
     apart = motions(ties.places, pivot, body.size) - motions(ties.master_places, pivot, body.size)
     # a body of revolution moves along its axis only
-    never = np.vstack([apart.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []]])
+    excluded = np.vstack([apart.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []]])
     at_contact = np.isin(dofs // 2, node)
     on_nodes = motions(points, pivot, body.size)
     modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
@@ -139,8 +137,8 @@ def find_contact(
         weight=weight,
         held=_held_at_contact(dofs[at_contact], node, tangent, normal),
         modes=modes,
-        constraints=np.vstack([constraints, never]),
-        null=scaled(modes @ free_motions(np.vstack([constraints[~at_contact], never]))),
+        constraints=np.vstack([constraints, excluded]),
+        null=scaled(modes @ free_motions(np.vstack([constraints[~at_contact], excluded]))),
     )
     return found, np.union1d(dofs[~at_contact], tied_dofs(ties))
 
@@ -152,8 +150,6 @@ def _edge_nodes(
     comm = body.mesh.comm
     facets = on_all(comm, lambda: tagged_facets(space, body, (contact.tag,)))
     every = [part for part in comm.allgather(facets) if len(part)]
-    if not every:
-        raise InputError("contact: no part of the edge lies in its span; move the span")
     facets = EdgeFacets(
         *(np.concatenate([getattr(p, a) for p in every]) for a in ("points", "nodes", "outward"))
     )
@@ -177,98 +173,6 @@ def _check_apart(node: Ints, ties: Ties, prescribed: Iterable[Prescribed]) -> No
             "load: its platen or prescribed displacement takes along a contact node; restrict it "
             "by a span that ends before the contact edge"
         )
-
-
-def _held(
-    scene: Scene,
-    space: fem.FunctionSpace,
-    body: BodyMesh,
-    ties: Ties,
-    prescribed: Iterable[Prescribed],
-) -> tuple[Ints, Array]:
-    """Return all held degrees of freedom, sorted, and their nodes' places (n, 2); on every rank."""
-    comm = body.mesh.comm
-    near = POSITION_TOLERANCE * body.size
-    start, end = space.dofmap.index_map.local_range
-
-    def search() -> list[tuple[Ints, Array, tuple[int, ...]]]:
-        found = []
-        coordinates = space.tabulate_dof_coordinates()[: end - start, :2]
-        if scene.axisymmetric:
-            r = coordinates[:, 0]
-            if r.min(initial=0.0) < -near:
-                raise InputError(
-                    f"body: a node has r = x = {r.min():g}; an axisymmetric body lies at x >= 0"
-                )
-            at = np.flatnonzero(r <= near)
-            found.append((start + at.astype(np.int64), coordinates[at], AXES["x"]))
-        elif body.half:
-            facets = edge_facets(space, body, "axis")
-            found.append((facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES["x"]))
-        for support in scene.supports:
-            if support.fix not in AXES:
-                raise InputError(
-                    f'support.fix = \'{support.fix}\' is unknown; use "x", "y" or "xy"'
-                )
-            if support.edge is not None:
-                facets = edge_facets(space, body, support.edge)
-                found.append(
-                    (facets.nodes.ravel(), facets.points.reshape(-1, 2), AXES[support.fix])
-                )
-            elif support.point is not None:
-                spots = _spots(body, support.point)
-                away = np.hypot(*np.moveaxis(coordinates[:, None] - spots, 2, 0)).min(axis=1)
-                at = np.flatnonzero(away <= near)
-                found.append((start + at.astype(np.int64), coordinates[at], AXES[support.fix]))
-            else:
-                raise InputError("support: it has neither edge nor point; give one")
-        return found
-
-    parts = comm.allgather(on_all(comm, search))
-    for k, support in enumerate(scene.supports, start=int(body.half or scene.axisymmetric)):
-        mirrored = (body.half and not scene.axisymmetric) and (
-            support.edge == "left"
-            or (isinstance(support.point, tuple) and support.point[0] < -near)
-        )
-        if not mirrored and not any(len(part[k][0]) for part in parts):
-            raise InputError(
-                f"support at {support.edge or support.point}: no node lies there; move it"
-            )
-    dofs = [np.empty(0, dtype=np.int64)]
-    places = [np.empty((0, 2))]
-    if scene.axisymmetric:
-        # a rigid ring cannot widen
-        dofs.append(2 * ties.masters)
-        places.append(ties.master_places)
-    for part in parts:
-        for numbers, points, axes in part:
-            for axis in axes:
-                dofs.append(2 * numbers + axis)
-                places.append(points)
-    numbers = np.concatenate(dofs)
-    leaders = 2 * ties.leader(numbers // 2) + numbers % 2
-    moved = [part.dofs[part.values != 0.0] for part in prescribed]
-    if np.isin(leaders, np.concatenate([np.empty(0, dtype=np.int64), *moved])).any():
-        raise InputError(
-            "load: its displacement moves a node that a support, symmetry or the axis holds; "
-            "restrict it by a span, or drop the support"
-        )
-    leaders = np.concatenate([leaders, *(part.dofs for part in prescribed)])
-    places += [part.places for part in prescribed]
-    unique, first = np.unique(leaders, return_index=True)
-    return unique, np.concatenate(places)[first]
-
-
-def _spots(body: BodyMesh, point: tuple[float, float] | str) -> Array:
-    """Return the places (n, 2) of a point, or of the points of a group."""
-    if not isinstance(point, str):
-        return np.array([point])
-    if point in body.spots:
-        return body.spots[point]
-    close = nearest(point, body.spots)
-    known = ", ".join(sorted(body.spots)) or f'none, declare Physical Point("{point}")'
-    hint = f"did you mean '{close}'?" if close else f"it has {known}"
-    raise InputError(f"[[support]] point: the mesh has no group of points '{point}'; {hint}")
 
 
 def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> NDArray[np.bool_]:

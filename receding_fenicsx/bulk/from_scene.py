@@ -84,11 +84,10 @@ def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk | Pair:
     from receding_fenicsx.bulk import two_bodies
     from receding_fenicsx.bulk.mesh import meshing
 
-    half = is_half_meshed(scene)
     with timer("mesh"), _signals_kept():
-        bodies = meshing.make_meshes(comm, scene, half)
+        bodies = meshing.make_meshes(comm, scene, is_half_meshed(scene))
     with timer("assemble"):
-        return two_bodies.build_all(scene, bodies, half)
+        return two_bodies.build_all(scene, bodies)
 
 
 @contextmanager

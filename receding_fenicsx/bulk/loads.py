@@ -21,7 +21,6 @@ from receding_fenicsx.bulk.edges import (
 )
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
-from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.profiles import Profile, evaluate
@@ -40,13 +39,11 @@ def add_load(
         space: displacement space.
         body: the mesh.
         scene: the scene.
-        load: one of its loads; on a half body, only its part at x >= 0 is there.
+        load: one of its loads; a half body carries its part at x >= 0.
 
     Raises:
-        InputError: no facet lies in the load's span, or its profile cannot be evaluated; on all
-            ranks.
+        InputError: the load's profile cannot be evaluated; on all ranks.
     """
-    comm = body.mesh.comm
     if load.force is not None:
         _add_force(vector, space, body, scene, load)
         return
@@ -61,14 +58,7 @@ def add_load(
             values += _beyond_chords(facets, body.arcs, scene, traction, values)
         return facets.nodes, values
 
-    nodes, values = on_all(comm, forces)
-    left = load.edge == "left" or (
-        load.edge != "right" and load.span is not None and load.span[1] <= 0.0
-    )
-    if comm.allreduce(len(nodes)) == 0 and not (body.half and left and not scene.axisymmetric):
-        raise InputError(
-            f"load.{load.name}: no part of edge '{load.edge}' lies in its span; move the span"
-        )
+    nodes, values = on_all(body.mesh.comm, forces)
     rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
     vector.setValues(rows.ravel(), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
     vector.assemble()
@@ -81,11 +71,11 @@ def _beyond_chords(
     traction: Callable[[Array, Array], Array],
     values: Array,
 ) -> Array:
-    """Return what (n, nodes, 2) nodal forces lack of a load's resultant on the true curve.
+    """Return the (n, nodes, 2) forces that chords lack to a load's resultant on the true curve.
 
-    The difference is spread evenly over each facet, so that forces which are right on chords, such
-    as those of a uniform pressure, stay as they are. Axisymmetric, only what acts along the axis
-    has a resultant; radially the chord belongs to the cells that it bounds.
+    The difference is spread evenly over each facet, so that forces which chords give exactly, such
+    as those of a uniform pressure, do not change. In an axisymmetric body only the axial component
+    is corrected; radially the chord belongs to the cells that it bounds.
     """
     missing = np.zeros_like(values)
     on, whole = integrate_arcs(facets, arcs, traction)
@@ -100,12 +90,8 @@ def _beyond_chords(
 def _add_force(
     vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
 ) -> None:
-    """Put the resultant of a platen, or the model's part of it, on one of the platen's nodes."""
+    """Add the resultant force of a platen, as far as it is modelled, at one of its nodes."""
     nodes, _ = edge_nodes(space, body, load.edge, load.span)
-    if not len(nodes):
-        raise InputError(
-            f"load.{load.name}: no part of edge '{load.edge}' lies in its span; move the span"
-        )
     part = 0.5 / np.pi if scene.axisymmetric else 0.5 if body.half else 1.0
     if body.mesh.comm.rank == 0:
         dofs = (2 * nodes[0] + np.arange(2)).astype(PETSc.IntType)
@@ -117,7 +103,7 @@ def _add_force(
 def profile_values(load: Load, body: BodyMesh, profile: Profile, points: Array) -> Array:
     """Return (n,) values of a load's profile at points (n, 2) of its edge.
 
-    A table runs along the edge, an expression knows x and y.
+    A table is a function of the position along the edge, an expression one of x and y.
     """
     if isinstance(profile, dict):
         return evaluate(profile, along(body, load.edge, points))
@@ -128,8 +114,5 @@ def _traction(load: Load, body: BodyMesh, points: Array, normals: Array) -> Arra
     """Return the traction (n, 2) of a load at points of its edge with these outward normals."""
     if load.pressure is not None:
         return -profile_values(load, body, load.pressure, points)[:, None] * normals
-    if load.traction is None:
-        raise InputError(
-            f"load.{load.name} has no pressure, traction, displacement or force; give one of them"
-        )
+    assert load.traction is not None
     return np.column_stack([profile_values(load, body, part, points) for part in load.traction])

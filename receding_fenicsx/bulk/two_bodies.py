@@ -1,9 +1,8 @@
-"""Two discretised bodies in contact with each other: assembling, condensing, back to both."""
+"""Two discretised bodies in contact with each other: assembly and joined condensed system."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from mpi4py import MPI
 
@@ -18,9 +17,6 @@ from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.one_body import part_of
-
-if TYPE_CHECKING:
-    from dolfinx import fem
 
 Array = NDArray[np.float64]
 
@@ -78,19 +74,18 @@ class Pair:
             bulk.destroy()
 
 
-def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], half: bool) -> Bulk | Pair:
+def build_all(scene: Scene, bodies: tuple[BodyMesh, ...]) -> Bulk | Pair:
     """Assemble one body or two; see :func:`elasticity.build`.
 
     Args:
         scene: the scene.
         bodies: mesh of each body.
-        half: they are the halves x >= 0.
 
     Returns:
         The discretised body or bodies.
     """
     parts = [
-        elasticity.build(part_of(scene, body), mesh, half)
+        elasticity.build(part_of(scene, body), mesh)
         for body, mesh in zip(scene.bodies, bodies, strict=True)
     ]
     if len(parts) == 1:
@@ -128,32 +123,3 @@ def _with_all_loads(part: Reduced, own: tuple[str, ...], every: tuple[str, ...])
     compliance[np.ix_(rows, rows)] = part.compliance
     sign[rows] = part.sign
     return Reduced(part.K, r_star, compliance, sign, part.held, part.constraints)
-
-
-def displacements(
-    bulk: Bulk | Pair, load: Array | None, u: Array | None
-) -> list[tuple[Bulk, fem.Function]]:
-    """Return each body with its displacement field; on all ranks together.
-
-    Args:
-        bulk: the body or bodies; a pair is condensed by then.
-        load: (n_loads,) load factors; only rank 0's are used.
-        u: (2N,) contact displacements [v; w], of a pair the first body's less the second's; only
-            rank 0's are used.
-
-    Returns:
-        One body and field, or two.
-    """
-    if isinstance(bulk, Bulk):
-        return [(bulk, elasticity.back_substitute(bulk, load, u))]
-    sides: list[tuple[Array | None, Array | None]] = [(None, None), (None, None)]
-    if bulk.joined is not None and load is not None and u is not None:
-        factors, apart = np.asarray(load, float), np.where(bulk.joined.held, 0.0, u)
-        second = bulk.joined.back[0] @ apart + bulk.joined.back[1] @ factors
-        for k, moved in enumerate((apart + second, second)):
-            own = [bulk.load_names.index(name) for name in bulk.parts[k].load_names]
-            sides[k] = factors[own], moved
-    return [
-        (part, elasticity.back_substitute(part, *side))
-        for part, side in zip(bulk.parts, sides, strict=True)
-    ]

@@ -13,9 +13,11 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.back_substitution import back_substitute
 from receding_fenicsx.bulk.condensation import condense
-from receding_fenicsx.bulk.elasticity import STRESSES, back_substitute, build, stresses
+from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import make_mesh
+from receding_fenicsx.bulk.stress import STRESSES, stresses
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
@@ -172,7 +174,7 @@ def ring(degree: int, elements: int, inner: float) -> tuple[float, float]:
     )
     body = make_mesh(comm, replace(scene, material=Material(YOUNG, NU)), half=False)
     body.mesh.geometry.x[:, 0] += inner + 0.5 * width
-    bulk = build(scene, body, half=False)
+    bulk = build(scene, body)
     system = condense(bulk)
     u = np.zeros(0)
     if system is not None:

@@ -11,7 +11,8 @@ import pytest
 from bodies import CELLS, block, built
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.elasticity import back_substitute, stresses
+from receding_fenicsx.bulk.back_substitution import back_substitute
+from receding_fenicsx.bulk.stress import stresses
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.law import State

@@ -12,9 +12,12 @@ from bodies import CELLS, block, built
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.back_substitution import back_substitute, reactions
+from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense
-from receding_fenicsx.bulk.elasticity import Bulk, back_substitute, build, reactions, stresses
+from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import make_mesh
+from receding_fenicsx.bulk.stress import stresses
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.system import ContactSystem
@@ -54,7 +57,7 @@ def dense(bulk: Bulk) -> tuple[Array, Array, list[Array]]:
 def expected(scene: Scene) -> tuple[Array, Array, Array, Array]:
     """K, r*, compliance and sign by Lagrange's multipliers on a body without ties, densely."""
     forces = [load for load in scene.loads if load.displacement is None and not load.platen]
-    bulk = build(replace(scene, loads=tuple(forces)), make_mesh(comm, scene, False), False)
+    bulk = build(replace(scene, loads=tuple(forces)), make_mesh(comm, scene, False))
     A, places, vectors = dense(bulk)
     A *= bulk.young
     x, y = places.T

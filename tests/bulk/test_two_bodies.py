@@ -14,12 +14,12 @@ from models import q1_stiffness
 from msh import rectangle, turned, write_msh
 
 from receding_fenicsx import evolve, read_scene
+from receding_fenicsx.bulk.back_substitution import back_substitute, displacements, reactions
 from receding_fenicsx.bulk.condensation import condense
-from receding_fenicsx.bulk.elasticity import back_substitute, reactions
 from receding_fenicsx.bulk.fields import Fields, gather_fields, solve_fields
 from receding_fenicsx.bulk.fields import _together as together
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.two_bodies import Pair, build_all, displacements
+from receding_fenicsx.bulk.two_bodies import Pair, build_all
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -70,7 +70,7 @@ def pair_scene(
 
 
 def built(scene: Scene, half: bool = False) -> Pair:
-    pair = build_all(scene, make_meshes(comm, scene, half), half)
+    pair = build_all(scene, make_meshes(comm, scene, half))
     assert isinstance(pair, Pair)
     return pair
 
@@ -203,7 +203,7 @@ def test_tied_bodies_have_the_field_of_one_mesh(
         loads=(replace(scene.loads[0], edge="load"), replace(scene.loads[1], edge="side")),
         supports=(),
     )
-    bulk = build_all(whole, make_meshes(comm, whole, False), False)
+    bulk = build_all(whole, make_meshes(comm, whole, False))
     pair = built(scene)
     system = condense(pair)
     assert not isinstance(bulk, Pair)

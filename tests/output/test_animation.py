@@ -113,7 +113,7 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
     fields = [found for found in made if found is not None]
     drawn: list[tuple[View, Clock]] = []
 
-    def note(view: View, layout: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
+    def note(view: View, page: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
         drawn.append((view, clock))
         return Figure(figsize=(1.0, 1.0))
 

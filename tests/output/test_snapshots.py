@@ -57,7 +57,7 @@ def fields(symmetry: str) -> Fields | None:
     scene = small_block(symmetry)
     now = COMM.bcast(instant(scene))
     half = symmetry == "auto"
-    bulk = elasticity.build(scene, meshing.make_mesh(COMM, scene, half), half)
+    bulk = elasticity.build(scene, meshing.make_mesh(COMM, scene, half))
     try:
         return fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
     finally:

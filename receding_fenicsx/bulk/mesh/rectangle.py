@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.rectangle_edges import EDGES, edge_points, edge_range, is_cylinder
+from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range, is_cylinder
 
 Array = NDArray[np.float64]
 Ints = NDArray[np.int64]
@@ -90,31 +90,12 @@ class HalfMesh:
 
 
 def make_frame(scene: Scene, half: bool) -> Frame:
-    """Check that the body can be meshed and return its first contact edge's coordinates.
+    """Return the coordinates of the first contact edge of a rectangle.
 
     Raises:
-        InputError: it cannot.
+        InputError: only x >= 0 is meshed, but the contact edge is vertical.
     """
-    if not scene.contacts:
-        raise InputError(
-            f"[contact]: none lies on the body '{scene.body.name}'; give one the edge of it"
-        )
-    options = scene.mesh
-    if options.cell not in ("triangle", "quadrilateral"):
-        raise InputError(
-            f'mesh.cell = \'{options.cell}\' is unknown; use "triangle" or "quadrilateral"'
-        )
-    n = options.contact_elements
-    if n < 2 or n % 2:
-        raise InputError(
-            f"mesh.contact_elements = {n} must be even, so that a vertex lies in the middle; "
-            f"use {max(2, n + 1)}"
-        )
-    if not options.growth >= 1.0:
-        raise InputError(f"mesh.growth = {options.growth:g} must be at least 1 (1 = uniform)")
     edge = scene.contacts[0].edge
-    if edge not in EDGE_NAMES:
-        raise InputError(f"contact.edge = '{edge}' is unknown; use one of {', '.join(EDGE_NAMES)}")
     if edge in ("bottom", "top"):
         return Frame(edge, scene.body.width, scene.body.height)
     if half:
@@ -173,8 +154,6 @@ def _find_ends(scene: Scene, frame: Frame) -> Array:
     spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
     ends = {}
     for edge, span in spans:
-        if edge not in EDGES:
-            continue  # said of where the edge is used
         along = np.array(edge_range(scene, edge) if span is None else span)
         for x, y in zip(*edge_points(scene, edge, along), strict=True):
             s, d = frame.from_body(float(x) - left, float(y) - bottom)

@@ -235,13 +235,7 @@ def test_columns_of_quadrilaterals_must_meet_the_load() -> None:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"mesh": MeshOptions(contact_elements=15)}, "contact_elements = 15 must be even.*use 16"),
-        ({"mesh": MeshOptions(contact_elements=0)}, "contact_elements = 0 must be even"),
-        ({"mesh": MeshOptions(growth=0.9)}, "mesh.growth = 0.9"),
-        ({"mesh": MeshOptions(cell="hexagon")}, "mesh.cell = 'hexagon'"),
         ({"contacts": (Contact(), Contact(edge="left"))}, "share the node at \\(-2, 0\\)"),
-        ({"contacts": ()}, "none lies on the body"),
-        ({"contacts": (Contact(edge="front"),)}, "contact.edge = 'front'"),
         ({"body": Body(mesh="my.msh")}, "no such file"),
         ({"supports": (Support("x", point=(3.0, 0.5)),)}, "support.point.*outside"),
         ({"supports": (Support("x", point=(0.33, 0.0)),)}, "support.point needs one"),
