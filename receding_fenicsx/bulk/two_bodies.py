@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 
@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
-from receding_fenicsx.bulk.join_bodies import Joined, Reduced, join
+from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Scene
@@ -34,7 +34,7 @@ class Pair:
 
     scene: Scene
     parts: tuple[Bulk, Bulk]
-    joined: Joined | None = None
+    joined: JoinedBodies | None = None
     condensed: bool = False
 
     @property
@@ -94,27 +94,29 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...]) -> Bulk | Pair:
     return Pair(scene, (parts[first], parts[1 - first]))
 
 
-def join_pair(pair: Pair, reduced: tuple[Reduced | None, Reduced | None]) -> None:
+def join_pair(pair: Pair, condensed: tuple[CondensedBody | None, CondensedBody | None]) -> None:
     """Join the condensed bodies of a pair on rank 0; on all ranks together.
 
     Args:
         pair: the pair, which keeps the result.
-        reduced: both condensed bodies on rank 0.
+        condensed: both condensed bodies on rank 0.
     """
 
-    def work() -> Joined:
+    def work() -> JoinedBodies:
         sides = [
             _with_all_loads(part, bulk.load_names, pair.load_names)
-            for part, bulk in zip(reduced, pair.parts, strict=True)
+            for part, bulk in zip(condensed, pair.parts, strict=True)
             if part is not None
         ]
-        return join(sides[0], sides[1], pair.contact.modes, pair.load_names)
+        return join(sides[0], sides[1], pair.load_names)
 
     pair.joined = on_root(pair.comm, work)
     pair.condensed = True
 
 
-def _with_all_loads(part: Reduced, own: tuple[str, ...], every: tuple[str, ...]) -> Reduced:
+def _with_all_loads(
+    part: CondensedBody, own: tuple[str, ...], every: tuple[str, ...]
+) -> CondensedBody:
     """Return a condensed body with the loads of both bodies, zero where they act on the other."""
     rows = np.array([every.index(name) for name in own], dtype=int)
     r_star = np.zeros((len(every), len(part.held)))
@@ -122,4 +124,4 @@ def _with_all_loads(part: Reduced, own: tuple[str, ...], every: tuple[str, ...])
     r_star[rows] = part.r_star
     compliance[np.ix_(rows, rows)] = part.compliance
     sign[rows] = part.sign
-    return Reduced(part.K, r_star, compliance, sign, part.held, part.constraints)
+    return replace(part, r_star=r_star, compliance=compliance, sign=sign)

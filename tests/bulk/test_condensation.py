@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 
 from receding_fenicsx import study
 from receding_fenicsx.bulk import condensation, schur
+from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.elimination import BLOCK_COLUMNS, Elimination
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.interface.system import ContactSystem
@@ -168,7 +170,7 @@ def test_both_routes_agree(
     schur, solve = condense(bulk), condense(bulk, "solve")
     bulk.destroy()
     if schur is not None and solve is not None:
-        assert schur.K.shape[0] > condensation.BLOCK / (2 if half else 1) * degree
+        assert schur.K.shape[0] > BLOCK_COLUMNS / (2 if half else 1) * degree
         assert off(schur.K, solve.K) < 1e-12
         assert off(schur.r_star, solve.r_star) < 1e-12
         assert off(schur.load_compliance, solve.load_compliance) < 1e-12
@@ -380,15 +382,15 @@ def test_a_wrong_triangle_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_lost_rigid_motions_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = condensation._by_solves
+    real = condensation.eliminate_interior
 
-    def spoilt(bulk: condensation.Bulk) -> condensation.Condensed:
-        condensed = real(bulk)
+    def spoilt(bulk: Bulk, route: str) -> Elimination:
+        condensed = real(bulk, route)
         if condensed.K is None:
             return condensed
         return replace(condensed, K=condensed.K + 1e-9 * np.eye(len(condensed.K)))
 
-    monkeypatch.setattr(condensation, "_by_solves", spoilt)
+    monkeypatch.setattr(condensation, "eliminate_interior", spoilt)
     with pytest.raises(SolveError, match="resists a rigid motion by"):
         system_of(block(), route="solve")
 

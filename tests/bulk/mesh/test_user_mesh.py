@@ -20,7 +20,7 @@ from receding_fenicsx.cli import main
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.mpi import on_root
+from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.output.storage.hdf5 import write_system
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, Support
 from receding_fenicsx.scene.toml_file import to_toml
@@ -31,7 +31,7 @@ comm = MPI.COMM_WORLD
 
 def system_of(scene: Scene) -> ContactSystem | None:
     system, _ = condensed(scene, comm, Timer())
-    return None if system is None else with_profiles(scene, system)
+    return on_root(comm, lambda: with_profiles(scene, given(system)))
 
 
 def file_of(

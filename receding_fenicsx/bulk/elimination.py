@@ -1,0 +1,184 @@
+"""Elimination of the interior degrees of freedom of one body (eq. 11), for Young's modulus 1.
+
+With A = [[A_II, A_IC], [A_CI, A_CC]] for the interior I and the contact C,
+
+    K = A_CC - A_CI A_II^-1 A_IC,    r*_k = A_CI A_II^-1 f_k,I - f_k,C.
+
+MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks. Route
+"solve" needs only a factorisation of A_II and is slower: a fallback and a check.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from petsc4py import PETSc
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk import schur
+from receding_fenicsx.bulk.body import (
+    Bulk,
+    constrained,
+    gather_contact,
+    interior_solver,
+    owned_contact,
+)
+from receding_fenicsx.bulk.symmetric_matrix import symmetrise
+from receding_fenicsx.errors import InputError
+
+Array = NDArray[np.float64]
+Solve = Callable[[Array], Array]
+"""Solves A_II x_I = b_I for the columns of b, each rank giving its own rows; the rest of x is 0."""
+
+BLOCK_COLUMNS = 64
+"""Right-hand sides of one solve."""
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """Contact stiffness and load response in [x; y] components; contact arrays on rank 0 only.
+
+    Attributes:
+        K: (2N, 2N) stiffness, symmetric to the last bit.
+        held: (2N, n_loads) reactions r* to the loads, all contact nodes held.
+        compliance: (n_loads, n_loads) work-conjugate quantity of load k under load l, contact nodes
+            held: the displacement of a force, or E times the force of a prescribed displacement.
+        probe: contact displacements u and the forces K u found by a solve, to check K with.
+    """
+
+    K: Array | None
+    held: Array | None
+    compliance: Array
+    probe: tuple[Array, Array] | None = None
+
+
+def eliminate_interior(bulk: Bulk, route: str) -> Elimination:
+    """Eliminate the interior by the route "schur" or "solve"; collective."""
+    if route not in ("schur", "solve"):
+        raise InputError(f'route = \'{route}\' is unknown; use "schur" or "solve"')
+    return _by_schur(bulk) if route == "schur" else _by_solves(bulk)
+
+
+def _by_schur(bulk: Bulk) -> Elimination:
+    """Eliminate by the Schur complement of MUMPS; probe it by one solve."""
+    supported = bulk.comm.allreduce(len(bulk.fixed)) > 0
+    matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness
+    pc, K = schur.factorise(matrix, bulk.contact.dofs)
+    factor = pc.getFactorMatrix()
+    solve = _solver(bulk, factor)
+    held, compliance = _held_response(bulk, solve)
+    u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
+    force = _contact_forces(bulk, solve, u[:, None])
+    for thing in (factor, pc, *([matrix] if supported else [])):
+        thing.destroy()
+    return Elimination(K, held, compliance, None if force is None else (u, force[:, 0]))
+
+
+def _by_solves(bulk: Bulk) -> Elimination:
+    """Eliminate by solves with A_II for blocks of unit contact displacements."""
+    solver = interior_solver(bulk)
+    pc = solver.getPC()
+    factor = pc.getFactorMatrix()
+    solve = _solver(bulk, factor)
+    size = len(bulk.contact.dofs)
+    K = np.empty((size, size)) if bulk.comm.rank == 0 else None
+    for first in range(0, size, BLOCK_COLUMNS):
+        unit = np.eye(min(BLOCK_COLUMNS, size - first))
+        columns = _contact_forces(bulk, solve, unit, first)
+        if K is not None and columns is not None:
+            K[:, first : first + len(unit)] = columns
+    if K is not None:
+        symmetrise(K)
+    held, compliance = _held_response(bulk, solve)
+    for thing in (factor, pc, solver):
+        thing.destroy()
+    return Elimination(K, held, compliance)
+
+
+def load_sign(bulk: Bulk) -> Array:
+    """Return -1 for forces, +1 for prescribed displacements."""
+    return np.array([1.0 if name in bulk.prescribed else -1.0 for name in bulk.load_names])
+
+
+def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:
+    """Return the loads' reactions (2N, n_loads; rank 0) and compliance, all contact nodes held."""
+    rows = bulk.stiffness.getLocalSize()[0]
+    loads = np.zeros((rows, len(bulk.loads)))
+    if not bulk.loads:  # MUMPS wants one right-hand side at least
+        return gather_contact(bulk, loads), np.zeros((0, 0))
+    for column, load in zip(loads.T, bulk.loads, strict=True):
+        column[:] = load.getArray(readonly=True)
+    x = solve(loads)
+    force = _times(bulk.stiffness, x) - loads
+    moved = np.zeros_like(loads)
+    for k, name in enumerate(bulk.load_names):
+        if name in bulk.prescribed:
+            moved[:, k] = bulk.young * bulk.prescribed[name].getArray(readonly=True)
+    sign = load_sign(bulk)
+    own = np.where(sign[:, None] > 0.0, moved.T @ force, loads.T @ (x + moved))
+    compliance = bulk.comm.allreduce(own)
+    # symmetric among forces and among displacements, antisymmetric between them
+    compliance = 0.5 * (compliance + np.outer(sign, sign) * compliance.T)
+    return gather_contact(bulk, force), compliance
+
+
+def _contact_forces(bulk: Bulk, solve: Solve, u: Array, first: int = 0) -> Array | None:
+    """Return K u (2N, n; rank 0) by solves.
+
+    Args:
+        bulk: the body.
+        solve: see ``Solve``.
+        u: (m, n) displacements of the contact's degrees of freedom from ``first`` on, the others 0.
+        first: see ``u``.
+    """
+    dofs, places = owned_contact(bulk)
+    inside = (places >= first) & (places < first + len(u))
+    start, rows = bulk.stiffness.getOwnershipRange()[0], bulk.stiffness.getLocalSize()[0]
+    x = np.zeros((rows, u.shape[1]))
+    x[dofs[inside] - start] = u[places[inside] - first]
+    force = _times(bulk.stiffness, x)
+    return gather_contact(bulk, force - _times(bulk.stiffness, solve(force)))
+
+
+def _times(matrix: PETSc.Mat, columns: Array) -> Array:
+    """Multiply a matrix by columns, each rank giving and getting its own rows."""
+    right = _dense(matrix, columns)
+    left = matrix.matMult(right)
+    product = np.array(left.getDenseArray(readonly=True))
+    left.destroy()
+    right.destroy()
+    return product
+
+
+def _dense(matrix: PETSc.Mat, columns: Array) -> PETSc.Mat:
+    """Return columns, each rank giving its own rows, as a PETSc matrix."""
+    sizes = (matrix.getSizes()[0], (None, columns.shape[1]))
+    dense = PETSc.Mat().createDense(sizes, comm=matrix.comm)
+    dense.setUp()
+    dense.getDenseArray()[:] = columns
+    dense.assemble()
+    return dense
+
+
+def _solver(bulk: Bulk, factor: PETSc.Mat) -> Solve:
+    """Return the function that solves with a factor of A_II, or of A with its Schur complement."""
+    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]])
+    off = off - bulk.stiffness.getOwnershipRange()[0]
+
+    def solve(columns: Array) -> Array:
+        rhs = _dense(bulk.stiffness, columns)
+        rhs.getDenseArray()[off] = 0.0
+        rhs.assemble()
+        x = rhs.duplicate()
+        x.assemble()
+        factor.matSolve(rhs, x)
+        solution = np.array(x.getDenseArray(readonly=True))
+        solution[off] = 0.0
+        rhs.destroy()
+        x.destroy()
+        return solution
+
+    return solve
