@@ -1,31 +1,50 @@
-r"""The elastic body: mesh, finite elements, condensation to the contact nodes, back to fields.
+r"""Elastic bodies: mesh, finite elements, condensation to the contact nodes, back-substitution.
 
-Displacements $u$ of a linear elastic body with tractions $\lambda_k t_k$ on parts of its boundary
-satisfy, for all admissible $\delta u$ and with the reactions $r$ at the contact nodes,
+The displacement $u$ of a linear elastic body with tractions $\lambda_k t_k$ on parts of its
+boundary satisfies, for all admissible $\delta u$ and with the reactions $r$ at the contact nodes,
 
 $$\int_\Omega \sigma(u) : \varepsilon(\delta u) \, dV
   = \sum_k \lambda_k \int_{\Gamma_k} t_k \cdot \delta u \, dA + r \cdot \delta u_C ,$$
 
 in plane strain, plane stress, or with $dV = 2 \pi r\, dr\, dz$ and the hoop strain $u_r / r$ for
 bodies of revolution. In finite elements this is $A u = \sum_k \lambda_k f_k + r$. With the contact
-$C$ and all other degrees of freedom $I$, eliminating $u_I$ gives the paper's eq. (11),
+$C$ and the interior $I$, eliminating $u_I$ gives the paper's eq. (11) in the directions $t$ and $n$
+of the contact edge (12),
 
 $$r = \sum_k \lambda_k r^*_k + K u_C, \qquad
   K = A_{CC} - A_{CI} A_{II}^{-1} A_{IC}, \qquad
-  r^*_k = A_{CI} A_{II}^{-1} f_{k,I} - f_{k,C},$$
+  r^*_k = A_{CI} A_{II}^{-1} f_{k,I} - f_{k,C}.$$
 
-in the directions $t$ and $n$ of the contact edge (12). `condensation` lets MUMPS form $K$ while it
-factors $A$. Where a picture asks for it, the field comes back by
+The steps, of which `from_scene.condensed` and `from_scene.bulk_of` do the first four and two:
 
-$$u_I = A_{II}^{-1} \left( \sum_k \lambda_k f_{k,I} - A_{IC} u_C \right) .$$
+1. `mesh.meshing.make_meshes` meshes the bodies, and distributes the meshes.
+2. `two_bodies.build_all` assembles each body by `elasticity.build`: $A$ (`stiffness_form`), the
+   forces $f_k$ (`loads.add_load`), platens and prescribed displacements (`platens.find_ties`,
+   `find_prescribed`), the contact nodes with $t$, $n$ and weights $m_i = \int N_i \, dA$
+   (`contact_nodes.find_contact`), and the held degrees of freedom (`supports.find_held`).
+3. `condensation.condense` eliminates the interior (`elimination.eliminate_interior`), by MUMPS's
+   Schur complement (`schur.factorise`), checks $K$ by a solve and by the rigid motions, and joins
+   two bodies (`join_bodies.join`).
+4. The result is an `interface.system.ContactSystem` on rank 0, whose friction and gap
+   `evolution.prepare.with_profiles` sets.
+5. For pictures, `fields.solve_fields` returns to the bodies,
+   $u_I = A_{II}^{-1} ( \sum_k \lambda_k f_{k,I} - A_{IC} u_C )$
+   (`back_substitution.displacements`), and evaluates the stresses (`stress.stresses`);
+   `fields.gather_fields` brings the fields of the whole body to rank 0.
 
-Tractions are $p_i = P_i / m_i$, $q_i = Q_i / m_i$ with the weight $m_i = \int N_i \, dA$ of a
-node's shape function over the contact edge: they keep $|q| \le f p$, which the inverse of the
-consistent mass matrix does not.
+Tractions are $p_i = P_i / m_i$, $q_i = Q_i / m_i$: they keep $|q| \le f p$, which the inverse of
+the consistent mass matrix does not. Calls that differ between versions of DOLFINx are in
+`_dolfinx`.
 """
 
 import contextlib
 
+import numpy as np
+from numpy.typing import NDArray
+
 with contextlib.suppress(ImportError):
     # PyPI's stack has to be loaded before mpi4py and petsc4py
     import dolfinx_solver  # noqa: F401
+
+Array = NDArray[np.float64]
+Ints = NDArray[np.int64]

@@ -22,8 +22,7 @@ from dolfinx.fem import petsc as fem_petsc
 from dolfinx.io.utils import distribute_entity_data
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from receding_fenicsx.bulk import Array, Ints
 
 VERSION: tuple[int, int] = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])  # type: ignore[assignment]
 """Major and minor version of the running DOLFINx."""

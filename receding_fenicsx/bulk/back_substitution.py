@@ -7,13 +7,10 @@ from __future__ import annotations
 
 import numpy as np
 from dolfinx import fem
-from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk import Array, _dolfinx
 from receding_fenicsx.bulk.body import Bulk, gather_contact, interior_solver, owned_contact
 from receding_fenicsx.bulk.two_bodies import Pair
-
-Array = NDArray[np.float64]
 
 
 def displacements(

@@ -1,4 +1,4 @@
-"""The discretised body: its data, and the linear algebra that condensation and fields share."""
+"""Discretised body: stiffness, loads, contact nodes, and the solver of the interior."""
 
 from __future__ import annotations
 
@@ -9,14 +9,11 @@ from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem
-from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Array, Ints
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.scene.model import Scene
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass
@@ -29,15 +26,15 @@ class Bulk:
         space: displacements.
         stiffness: A, for Young's modulus 1, without boundary conditions; with platens P^T A P.
         load_names: names of the loads.
-        loads: nodal forces of each load with factor 1, with platens P^T f; of a prescribed
-            displacement d, those that stand for it once it is held: -E A d.
-        fixed: degrees of freedom off the contact that symmetry and supports hold, that are
-            prescribed or that follow a platen's, this rank's own by their global numbers.
+        loads: nodal forces of each load with factor 1, with platens P^T f; for a prescribed
+            displacement d the equivalent forces -E A d.
+        fixed: degrees of freedom off the contact that symmetry, supports, prescribed displacements
+            or platens determine: global numbers, this rank's own.
         contact: the contact nodes.
-        prescribed: by the name of its load, a displacement d that is prescribed with factor 1.
+        prescribed: prescribed displacement d with factor 1, by the name of its load.
         ties: P, when there are platens: u = P u'.
         seconds: time spent on "forms" (compiling or loading them) and on "assemble".
-        interior: solver with contact and supports held, made when first asked for.
+        interior: solver with contact and supports held, made at its first use.
     """
 
     scene: Scene
@@ -83,7 +80,7 @@ class Bulk:
 
 
 def constrained(bulk: Bulk, held: Ints) -> PETSc.Mat:
-    """Return a copy of A with the rows and columns of ``held`` (this rank's) as in the identity."""
+    """Return a copy of A with identity rows and columns for ``held`` (this rank's own)."""
     matrix = bulk.stiffness.copy()
     matrix.zeroRowsColumns(held.astype(PETSc.IntType), diag=1.0)
     return matrix
@@ -100,7 +97,7 @@ def interior_solver(bulk: Bulk) -> PETSc.KSP:
     pc.setType("cholesky")
     pc.setFactorSolverType("mumps")
     solver.setUp()
-    # every reference has to be given back: petsc4py keeps what Python merely forgets
+    # petsc4py frees its objects only by destroy()
     pc.destroy()
     matrix.destroy()
     return solver

@@ -8,8 +8,8 @@ on the axis) would take 40 % less time and a third less memory: with 2561 contac
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Array
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.elimination import Elimination, eliminate_interior, load_sign
@@ -21,8 +21,6 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
-
-Array = NDArray[np.float64]
 
 RIGID_TOLERANCE = 1e-12
 """Largest force of a rigid motion over the largest row sum of |K|."""

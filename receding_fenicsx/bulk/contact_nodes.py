@@ -9,6 +9,7 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Array, Ints
 from receding_fenicsx.bulk.edges import EdgeFacets, integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
 from receding_fenicsx.bulk.platens import Prescribed, Ties, tied_dofs
@@ -17,9 +18,6 @@ from receding_fenicsx.bulk.supports import find_held
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 NORMAL_TOLERANCE = 1e-10
 """Largest difference of 1 and the component of t or n along an axis that it is parallel to."""

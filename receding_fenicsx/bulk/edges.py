@@ -1,4 +1,4 @@
-"""Edges of the body: facets, positions along an edge, integrals of nodal shape functions."""
+"""Edges of the body: facets, positions along an edge, integrals of shape functions."""
 
 from __future__ import annotations
 
@@ -7,17 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 from dolfinx import fem
-from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk import Array, Ints, _dolfinx
 from receding_fenicsx.bulk.mesh.curved_edges import GAUSS_POINTS, Arcs, gauss
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass(frozen=True)
@@ -117,7 +113,7 @@ def edge_nodes(
 
 
 def measure(scene: Scene, points: Array) -> Array:
-    """Return (n, 1) what an element of length at points (n, 2) counts: 1; axisymmetric r."""
+    """Return the factor (n, 1) of a length element at points (n, 2): 1, or r if axisymmetric."""
     return points[:, :1] if scene.axisymmetric else np.ones((len(points), 1))
 
 

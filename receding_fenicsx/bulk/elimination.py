@@ -16,9 +16,8 @@ from dataclasses import dataclass
 from petsc4py import PETSc
 
 import numpy as np
-from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import schur
+from receding_fenicsx.bulk import Array, schur
 from receding_fenicsx.bulk.body import (
     Bulk,
     constrained,
@@ -29,7 +28,6 @@ from receding_fenicsx.bulk.body import (
 from receding_fenicsx.bulk.symmetric_matrix import symmetrise
 from receding_fenicsx.errors import InputError
 
-Array = NDArray[np.float64]
 Solve = Callable[[Array], Array]
 """Solves A_II x_I = b_I for the columns of b, each rank giving its own rows; the rest of x is 0."""
 

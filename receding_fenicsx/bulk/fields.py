@@ -10,14 +10,12 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk import Array, _dolfinx
 from receding_fenicsx.bulk.back_substitution import displacements
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense_pair
 from receding_fenicsx.bulk.stress import Stresses, stresses
 from receding_fenicsx.bulk.two_bodies import Pair
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

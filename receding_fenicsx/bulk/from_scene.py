@@ -1,4 +1,4 @@
-"""From a scene to its bulk and its condensed system, by all ranks together or by rank 0 alone."""
+"""Assembly and condensation of a scene, on all ranks or for small bodies on rank 0 alone."""
 
 from __future__ import annotations
 
@@ -23,30 +23,34 @@ if TYPE_CHECKING:
     from receding_fenicsx.bulk.two_bodies import Pair
     from receding_fenicsx.interface.system import ContactSystem
 
-SMALL_CELLS = 30_000
-"""Cells, about, up to which rank 0 condenses a rectangle by itself."""
-SMALL_FILE = 10_000_000
-"""The same for a user's mesh: bytes of its file."""
+SERIAL_CELLS = 30_000
+"""Largest number of cells (estimated) of a rectangle that rank 0 condenses alone."""
+SERIAL_FILE_BYTES = 10_000_000
+"""Largest file of a user's mesh, in bytes, that rank 0 condenses alone."""
 
 
 def is_small(scene: Scene) -> bool:
-    """Return whether rank 0 condenses a scene's body by itself.
+    """Return whether rank 0 condenses a scene's bodies alone.
 
-    For small bodies that is quicker than together, and it gives the same bits at every start and
-    on any number of ranks: several ranks number and add up in the order in which messages come.
+    For small bodies that is faster than on all ranks, and every run on any number of ranks gives
+    the same bits: on several ranks, numbering and sums depend on the order of messages.
     """
     for body in scene.bodies:
         if body.mesh is not None:
-            if Path(body.mesh).stat().st_size > SMALL_FILE:
+            if Path(body.mesh).stat().st_size > SERIAL_FILE_BYTES:
                 return False
             continue
-        if count_cells(scene.mesh, body.height / body.width) > SMALL_CELLS:
+        if count_cells(scene.mesh, body.height / body.width) > SERIAL_CELLS:
             return False
     return True
 
 
 def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem | None, int]:
-    """Mesh, assemble and condense; return the system on rank 0, and the body's freedoms."""
+    """Mesh, assemble and condense a scene; collective.
+
+    Returns:
+        The system on rank 0 (None elsewhere), and the number of degrees of freedom of the bodies.
+    """
     from receding_fenicsx.bulk import condensation
 
     if comm.size > 1 and is_small(scene):
@@ -58,14 +62,14 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
     try:
         with timer("condense"):
             system = condensation.condense(bulk)
-            on_root(comm, lambda: _check_felt(given(system)))
+            on_root(comm, lambda: _check_reaches_contact(given(system)))
             return system, bulk.dofs
     finally:
         bulk.destroy()
 
 
-def _check_felt(system: ContactSystem) -> None:
-    """Refuse a contact that supports hold wholly, and a load of which nothing reaches it."""
+def _check_reaches_contact(system: ContactSystem) -> None:
+    """Raise where supports hold the whole contact, or a load has no effect on it."""
     if system.held[system.n :].all():
         raise InputError(
             "[[support]]: holds every node of the contact, so nothing can touch or part; hold "
@@ -84,15 +88,15 @@ def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk | Pair:
     from receding_fenicsx.bulk import two_bodies
     from receding_fenicsx.bulk.mesh import meshing
 
-    with timer("mesh"), _signals_kept():
+    with timer("mesh"), _restored_signal_handlers():
         bodies = meshing.make_meshes(comm, scene, is_half_meshed(scene))
     with timer("assemble"):
         return two_bodies.build_all(scene, bodies)
 
 
 @contextmanager
-def _signals_kept() -> Iterator[None]:
-    """Put Python's handlers back afterwards: gmsh sets that of SIGTERM to its default."""
+def _restored_signal_handlers() -> Iterator[None]:
+    """Restore Python's signal handlers on exit: gmsh sets that of SIGTERM to its default."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return

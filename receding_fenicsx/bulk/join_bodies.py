@@ -40,10 +40,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, LinAlgWarning, solve
 
+from receding_fenicsx.bulk import Array
 from receding_fenicsx.bulk.rigid_motions import free_motions, scaled
 from receding_fenicsx.errors import InputError, SolveError
-
-Array = NDArray[np.float64]
 
 RIGID_TOLERANCE = 1e-11
 """Largest force of a common or relative rigid motion over the largest row sum of |K|."""

@@ -8,8 +8,8 @@ from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem
-from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Array, Ints
 from receding_fenicsx.bulk.edges import (
     EdgeFacets,
     along,
@@ -24,9 +24,6 @@ from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.profiles import Profile, evaluate
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 def add_load(

@@ -13,16 +13,13 @@ from petsc4py import PETSc
 
 import numpy as np
 from dolfinx import fem
-from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Array, Ints
 from receding_fenicsx.bulk.edges import edge_nodes
 from receding_fenicsx.bulk.loads import profile_values
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import FREE, Load, Scene
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 EQUAL_TOLERANCE = 1e-12
 """Largest difference of displacements prescribed on one platen, over the largest displacement."""

@@ -1,18 +1,17 @@
-"""Rigid motions in the plane: right, up, and about a pivot."""
+"""Rigid motions in the plane: translations in x and y, rotation about a pivot."""
 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from receding_fenicsx.bulk import Array
 
 MOTION_TOLERANCE = 1e-12
-"""Size of a constraint on a rigid motion (lengths over the body's) that counts as none."""
+"""Largest constraint on a rigid motion (lengths over the body's size) that counts as zero."""
 
 
 def motions(points: Array, pivot: Array, size: float) -> Array:
-    """Return (n, 2, 3) displacements of points moved right, up, and about a pivot."""
+    """Return the displacements (n, 2, 3) of points in the three rigid motions."""
     moved = np.zeros((len(points), 2, 3))
     moved[:, 0, 0] = moved[:, 1, 1] = 1.0
     moved[:, 0, 2] = -(points[:, 1] - pivot[1]) / size
@@ -21,9 +20,9 @@ def motions(points: Array, pivot: Array, size: float) -> Array:
 
 
 def free_motions(constraints: Array) -> Array:
-    """Return (3, n) motions right, up and about a pivot on which all constraints (m, 3) vanish.
+    """Return a basis (3, n) of the rigid motions on which all constraints (m, 3) vanish.
 
-    They are in echelon form: a motion that can go right without turning does.
+    The basis is in echelon form: translations come first, without rotation where possible.
     """
     _, values, right = np.linalg.svd(
         np.vstack([constraints, np.zeros((3, 3))]), full_matrices=False

@@ -1,4 +1,4 @@
-"""A Cholesky factor by MUMPS that leaves out some variables: their Schur complement.
+"""Schur complement of a symmetric matrix by MUMPS's Cholesky factorisation.
 
 petsc4py does not wrap this part of PETSc, so its C functions are called through ctypes.
 """
@@ -13,32 +13,29 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Array, Ints
 from receding_fenicsx.bulk.symmetric_matrix import symmetrise
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import on_root
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
-ORDERING, SCHUR_ASKED_FOR, SCHUR_SOLVE = 7, 19, 26
-"""Numbers of MUMPS's control parameters (ICNTL)."""
+ICNTL_ORDERING, ICNTL_SCHUR, ICNTL_SCHUR_SOLVE = 7, 19, 26
+"""Numbers of MUMPS's control parameters."""
 MINIMUM_DEGREE = 0
-"""With a Schur complement MUMPS 5.5 takes it whatever it is told. MUMPS 5.8 would choose METIS, at
-1.5 times the time (uniform squares, 641 contact nodes) to the same (graded triangles)."""
+"""Ordering that MUMPS 5.5 always uses with a Schur complement. MUMPS 5.8 would choose METIS, which
+takes 1.5 times as long for uniform squares (641 contact nodes), as long for graded triangles."""
 
 
-def factorise(matrix: PETSc.Mat, left_out: Ints) -> tuple[PETSc.PC, Array | None]:
-    """Factorise a symmetric positive definite matrix but for some variables.
+def factorise(matrix: PETSc.Mat, contact: Ints) -> tuple[PETSc.PC, Array | None]:
+    """Factorise the block A_II of a symmetric positive definite matrix; collective.
 
     Args:
         matrix: the matrix A = [[A_II, A_IC], [A_CI, A_CC]].
-        left_out: the variables C, alike on every rank.
+        contact: the variables C, alike on every rank.
 
     Returns:
-        The preconditioner that holds the factor, which serves for solves with A_II from here on (x
-        is zero or garbage on C); and A_CC - A_CI A_II^-1 A_IC, on rank 0.
+        The preconditioner that holds the factor of A_II (solutions are zero or garbage on C), and
+        the Schur complement A_CC - A_CI A_II^-1 A_IC on rank 0.
 
     Raises:
         SolveError: MUMPS could not factorise; on all ranks.
@@ -52,10 +49,10 @@ def factorise(matrix: PETSc.Mat, left_out: Ints) -> tuple[PETSc.PC, Array | None
     pc.setFactorSetUpSolverType()
     factor = pc.getFactorMatrix()
     # PETSc wants all of them on rank 0
-    indices = left_out if comm.rank == 0 else left_out[:0]
+    indices = contact if comm.rank == 0 else contact[:0]
     where = PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=comm)
     _call("MatFactorSetSchurIS", factor.handle, where.handle)
-    factor.setMumpsIcntl(ORDERING, MINIMUM_DEGREE)
+    factor.setMumpsIcntl(ICNTL_ORDERING, MINIMUM_DEGREE)
     failure: PETSc.Error | None = None
     try:
         pc.setUp()
@@ -66,11 +63,11 @@ def factorise(matrix: PETSc.Mat, left_out: Ints) -> tuple[PETSc.PC, Array | None
             f"MUMPS could not factorise the stiffness (INFOG(1) = {factor.getMumpsInfog(1)}, "
             f"INFOG(2) = {factor.getMumpsInfog(2)}); check the supports and the memory"
         ) from failure
-    complement = on_root(comm, lambda: _complement(factor, len(left_out), comm.size))
-    factor.setMumpsIcntl(SCHUR_SOLVE, 0)
-    # PETSc refuses solves on more than one rank while a Schur complement is asked for; MUMPS itself
-    # has read this when it analysed the matrix, and reads it no more.
-    factor.setMumpsIcntl(SCHUR_ASKED_FOR, 0)
+    complement = on_root(comm, lambda: _complement(factor, len(contact), comm.size))
+    factor.setMumpsIcntl(ICNTL_SCHUR_SOLVE, 0)
+    # PETSc refuses solves on several ranks while a Schur complement is requested; MUMPS reads the
+    # parameter only when it analyses the matrix
+    factor.setMumpsIcntl(ICNTL_SCHUR, 0)
     where.destroy()
     factor.destroy()
     return pc, complement

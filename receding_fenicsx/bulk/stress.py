@@ -1,4 +1,4 @@
-"""Stresses of a displacement field, for pictures and files."""
+"""Stresses of a displacement field in cells and at vertices."""
 
 from __future__ import annotations
 
@@ -11,12 +11,10 @@ import ufl
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk import Array, _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.material import lame_constants
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
-
-Array = NDArray[np.float64]
 
 STRESSES = ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear")
 """Names of the stresses; "max_shear" is the largest shear in the plane. In an axisymmetric body

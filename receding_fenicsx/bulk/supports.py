@@ -6,8 +6,8 @@ from collections.abc import Iterable
 
 import numpy as np
 from dolfinx import fem
-from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Array, Ints
 from receding_fenicsx.bulk.edges import edge_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
@@ -17,8 +17,6 @@ from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import Scene, Support
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 Held = tuple[Ints, Array, str]
 """Global numbers of nodes, their coordinates (n, 2), and the held components "x", "y" or "xy"."""
 

@@ -1,16 +1,15 @@
-"""Large symmetric matrices worked on in place, tile by tile: no second matrix is made."""
+"""Operations on large symmetric matrices in place, tile by tile, without a second matrix."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from receding_fenicsx.bulk import Array
 
 TILE = 128
-"""Rows and columns of a tile: two of them fit a core's cache."""
+"""Rows and columns of a tile: two tiles fit into a core's cache."""
 
 
 def _slices(size: int) -> Iterator[slice]:
@@ -22,8 +21,8 @@ def symmetrise(K: Array, triangle: str | None = None) -> None:
 
     Args:
         K: (n, n) the matrix, changed in place.
-        triangle: "lower" or "upper": the one that is mirrored, whatever stands in the other; None
-            for the mean of the two.
+        triangle: "lower" or "upper", the triangle that replaces the other; None for the mean of
+            both.
     """
     for rows in _slices(len(K)):
         for columns in _slices(rows.stop):
@@ -50,7 +49,7 @@ def turn(K: Array, to_local: Callable[[Array], Array]) -> None:
         K: (n, n) the matrix, changed in place.
         to_local: a rotation of pairs of components: function that returns R times a matrix.
     """
-    # a rotation that leaves a vector as it is turns nothing
+    # no work where the rotation is the identity
     pattern = np.cos(1.0 + np.arange(len(K)) ** 2)
     if np.array_equal(to_local(pattern), pattern):
         return

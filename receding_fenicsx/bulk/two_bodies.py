@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 from mpi4py import MPI
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.body import Bulk
@@ -17,8 +16,6 @@ from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.one_body import part_of
-
-Array = NDArray[np.float64]
 
 
 @dataclass

@@ -6,22 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Ints
 from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
     Line,
     RawMesh,
-    between,
     cells_behind,
     check_span,
+    facets_between,
     line_of,
 )
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Contact, Load, Scene, Support
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 MATCH_TOLERANCE = 1e-6
 """Distance of two nodes, over the shortest facet, up to which they are the same place."""
@@ -68,7 +65,7 @@ def find_interfaces(scene: Scene, meshes: Sequence[RawMesh], half: bool) -> tupl
         if contact.span is not None:
             if not half:
                 check_span(mesh, mesh.edges[edge], line, contact.span, f"{where} span")
-            facets = between(mesh, mesh.edges[edge], line, contact.span)
+            facets = facets_between(mesh, mesh.edges[edge], line, contact.span)
         if contact.against is None:
             found.append(Interface(line, facets))
             continue
@@ -159,8 +156,8 @@ def _matched(
     span = (max(own.min(), theirs.min()) - near, min(own.max(), theirs.max()) + near)
     if not span[1] - span[0] > 4.0 * near:
         raise InputError(f"{where}: {names} do not overlap; move one of the bodies")
-    mine = chosen[between(mesh, facets, line, span)]
-    against = between(other, across, line, span)
+    mine = chosen[facets_between(mesh, facets, line, span)]
+    against = facets_between(other, across, line, span)
     a = mesh.points[np.unique(mesh.edges[edge][mine])]
     b = other.points[np.unique(across[against])]
     a, b = (points[np.argsort(line.along(points))] for points in (a, b))
@@ -195,7 +192,7 @@ def load_facets(mesh: RawMesh, load: Load | Support, edge: str, half: bool) -> I
     assert isinstance(load, Load)
     line = line_of(mesh, edge, f"load '{load.name}' span")
     check_span(mesh, facets, line, span, f"load '{load.name}' span")
-    return facets[between(mesh, facets, line, span)]
+    return facets[facets_between(mesh, facets, line, span)]
 
 
 def _check_apart(

@@ -12,16 +12,14 @@ from typing import Any
 
 import numpy as np
 from numpy.polynomial import legendre
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
+from receding_fenicsx.bulk import Array, Ints
 
 GAUSS_POINTS = 8
 """Gauss points on a facet: at order 2, polynomial loads of degree 13 are integrated exactly."""
-STRAIGHT = ("Line", "Discrete curve", "Unknown")
+STRAIGHT_TYPES = ("Line", "Discrete curve", "Unknown")
 """gmsh's types of curves that are straight, or of which it knows the mesh only."""
-ON_CURVE = 1e-6
+CURVE_TOLERANCE = 1e-6
 """Distance of a node from its curve, over the curve's length, up to which it lies on it."""
 
 
@@ -79,7 +77,7 @@ def arcs_of(gmsh: Any, scale: float) -> Arcs:
 def _arcs_of_curve(gmsh: Any, curve: int) -> tuple[Array, Array, Array] | None:
     """Return ends, points and slopes of one curve's facets; None where it is straight."""
     model = gmsh.model
-    if model.getType(1, curve) in STRAIGHT:
+    if model.getType(1, curve) in STRAIGHT_TYPES:
         return None
     nodes = model.mesh.getElements(1, curve)[2]
     if not len(nodes):
@@ -98,7 +96,7 @@ def _arcs_of_curve(gmsh: Any, curve: int) -> tuple[Array, Array, Array] | None:
         return np.asarray(values.reshape(*u.shape, 3)[..., :2])
 
     _fill_ends(u, ends, at(np.array([low, high])), (low, high))
-    near = ON_CURVE * float(np.hypot(*np.ptp(ends.reshape(-1, 2), axis=0)))
+    near = CURVE_TOLERANCE * float(np.hypot(*np.ptp(ends.reshape(-1, 2), axis=0)))
     if not np.all(np.abs(at(u) - ends) <= near):
         return None  # the nodes lie on another curve, such as a compound one
     places, slope = _slope_matrix()

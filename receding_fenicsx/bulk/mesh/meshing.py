@@ -16,7 +16,7 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk import Array, Ints, _dolfinx
 from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model
@@ -43,9 +43,6 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Body, Scene
 from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.rectangle_edges import EDGES, edge_points, is_cylinder
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 CORNERS = {"triangle": 3, "quadrilateral": 4}
 GMSH_TYPES = {"triangle": 2, "quadrilateral": 3}

@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Array, Ints
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 STRAIGHT_TOLERANCE = 1e-6
 """Distance of a node from its edge's line, over the edge's length, up to which it lies on it."""
@@ -167,7 +164,7 @@ def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
     return Line(middle, direction, -side[0] * normal + 0.0, length)
 
 
-def between(mesh: RawMesh, facets: Ints, line: Line, span: tuple[float, float]) -> Ints:
+def facets_between(mesh: RawMesh, facets: Ints, line: Line, span: tuple[float, float]) -> Ints:
     """Return the numbers of the facets between two positions along a line."""
     middle = line.along(mesh.points[facets].mean(axis=1))
     return np.flatnonzero((middle > span[0]) & (middle < span[1]))

@@ -8,23 +8,20 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from receding_fenicsx.bulk import Array, Ints
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range, is_cylinder
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
 POSITION_TOLERANCE = 1e-9
 """Distance over the body's depth below which two points are the same."""
-COUNT_LIMIT = 20
+MAX_ELEMENTS_FACTOR = 20
 """A fitting number of contact elements is looked for up to this multiple of the one given."""
-UPRIGHT = {"bottom": "bottom", "right": "right", "top": "top", "left": "left", "axis": "axis"}
+SAME_NAMES = {"bottom": "bottom", "right": "right", "top": "top", "left": "left", "axis": "axis"}
 EDGE_NAMES = {
-    "bottom": UPRIGHT,
-    "top": UPRIGHT | {"bottom": "top", "top": "bottom"},
+    "bottom": SAME_NAMES,
+    "top": SAME_NAMES | {"bottom": "top", "top": "bottom"},
     "left": {"bottom": "left", "right": "top", "top": "right", "left": "bottom"},
     "right": {"bottom": "right", "right": "top", "top": "left", "left": "bottom"},
 }
@@ -169,7 +166,7 @@ def _misfit(scene: Scene, frame: Frame, key: str, s: float) -> str:
     text = (
         f"mesh.contact_elements = {n} puts no vertex {s:g} from the middle, where {key} needs one"
     )
-    for m in range(n, COUNT_LIMIT * n, 2):
+    for m in range(n, MAX_ELEMENTS_FACTOR * n, 2):
         dx = frame.length / m
         if abs(s - round(s / dx) * dx) <= POSITION_TOLERANCE * frame.depth:
             return f"{text}; use {m}"

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
+from receding_fenicsx.bulk import Ints
 from receding_fenicsx.bulk.mesh.curved_edges import arcs_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides
@@ -28,22 +29,19 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import Body, MeshOptions
 
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
-
 FLAT_TOLERANCE = 1e-9
 """Largest distance from the plane, over the mesh's size, of a mesh that is plane."""
 THIN_TOLERANCE = 1e-6
 """Twice the area at a corner of a cell, over its longest side squared, below which it is flat."""
-FARTHEST = 1e50
+MAX_COORDINATE = 1e50
 """Coordinates beyond it overflow in what is made of them."""
-CELLS = {2: 3, 3: 4}
+CORNERS = {2: 3, 3: 4}
 """Corners of the cells that can be used, by gmsh's number of the kind."""
-CHILD = "from receding_fenicsx.bulk.mesh.user_mesh import answer; answer()"
+CHILD_PROGRAM = "from receding_fenicsx.bulk.mesh.user_mesh import answer; answer()"
 """Program of the process that gmsh runs in."""
-LINE = 1
+GMSH_LINE = 1
 """gmsh's number of a facet with two nodes."""
-HIGHER = (
+HIGHER_ORDER = (
     "has cells of higher order; save it with Mesh.ElementOrder = 1 (mesh.degree sets the degree of "
     "the displacement)"
 )
@@ -72,7 +70,7 @@ def read_user_mesh(body: Body, options: MeshOptions) -> RawMesh:
         raise InputError(f'[body] mesh: "{path}": no such file; check the path')
     _check_parameters(body, path, where, path.suffix == ".geo")
     done = subprocess.run(
-        [sys.executable, "-c", CHILD],
+        [sys.executable, "-c", CHILD_PROGRAM],
         input=pickle.dumps((body, options)),
         capture_output=True,
         env=_environment(),
@@ -174,7 +172,7 @@ def _collect(gmsh: Any, body: Body, where: str, scale: float) -> RawMesh:
     # nodes that no cell uses are left out
     used = np.isin(tags, around)
     points = scale * coordinates[used]
-    wrong = ~np.all(np.abs(points) < FARTHEST, axis=1)
+    wrong = ~np.all(np.abs(points) < MAX_COORDINATE, axis=1)
     if np.any(wrong):
         number, place = tags[used][wrong][0], points[wrong][0].tolist()
         raise InputError(f"{where}: node {number} is at {place}, which is no place; mesh it again")
@@ -183,8 +181,8 @@ def _collect(gmsh: Any, body: Body, where: str, scale: float) -> RawMesh:
     size = np.ptp(points[:, :2], axis=0).max()
     if np.abs(points[:, 2]).max() > FLAT_TOLERANCE * size:
         raise InputError(f"{where}: is not plane; a plane body has z = 0 everywhere")
-    if set(mesh.getElementTypes(1)) - {LINE}:
-        raise InputError(f"{where}: {HIGHER}")
+    if set(mesh.getElementTypes(1)) - {GMSH_LINE}:
+        raise InputError(f"{where}: {HIGHER_ORDER}")
     edges, spots = {}, {}
     for dim, tag in model.getPhysicalGroups():
         if dim > 1:
@@ -227,15 +225,15 @@ def _cells(gmsh: Any, body: Body, where: str) -> Ints:
         elif not model.getEntities():
             advice = "gmsh finds nothing in it; give a .geo or .msh file"
         raise InputError(f"{where}: has no cells; {advice}")
-    if set(found) == set(CELLS):
+    if set(found) == set(CORNERS):
         raise InputError(
             f"{where}: mixes triangles and quadrilaterals; use one kind, for quadrilaterals "
             "transfinite surfaces with Recombine"
         )
     (kind,) = list(found)[:1]
-    if len(found) > 1 or kind not in CELLS:
-        raise InputError(f"{where}: {HIGHER}")
-    return np.concatenate(found[kind]).astype(np.int64).reshape(-1, CELLS[kind])
+    if len(found) > 1 or kind not in CORNERS:
+        raise InputError(f"{where}: {HIGHER_ORDER}")
+    return np.concatenate(found[kind]).astype(np.int64).reshape(-1, CORNERS[kind])
 
 
 def _check_cells(mesh: RawMesh, where: str) -> None:
