@@ -6,6 +6,7 @@ from importlib import import_module
 import pytest
 
 MODULES = (
+    "bulk.join_bodies",
     "interface.law",
     "interface.normal_form",
     "interface.system",

@@ -1,4 +1,4 @@
-"""Contact edges in the mesh: which facets they are, and which facets of two bodies meet there."""
+"""Facets of the contact edges, and matching facets of two bodies in contact."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Contact, Load, Scene, Support
 
 MATCH_TOLERANCE = 1e-6
-"""Distance of two nodes, over the shortest facet, up to which they are the same place."""
+"""Largest distance of matching nodes, over the length of the shortest facet."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +82,7 @@ def _mesh_of(scene: Scene, meshes: Sequence[RawMesh], edge: str) -> tuple[RawMes
 
 
 def _uses(scene: Scene) -> list[tuple[str, str]]:
-    """Return every edge that the scene names, with how a message calls the place."""
+    """Return every edge that the scene names, with its table and key for messages."""
     several = len(scene.contacts) > 1
     found = []
     for i, contact in enumerate(scene.contacts):
@@ -224,7 +224,7 @@ def _check_apart(
     for edge, where, thing in uses:
         body, name = scene.find_edge(edge)
         if body.mesh is None and not scene.others:
-            # the scene's own checks have seen to it
+            # checked by the scene
             continue
         place = scene.bodies.index(body)
         facets = load_facets(meshes[place], thing, name, half)

@@ -1,4 +1,4 @@
-"""Curved edges of a .geo file: the true curve behind each straight facet, for resultants of loads.
+"""True curves of the facets on curved edges of a .geo file, for the resultants of loads.
 
 Cells have straight sides, so that a facet on a curved edge is a chord. A load integrated on chords
 has a resultant that is off by the square of the facets' length. Where gmsh knows the curve it is
@@ -18,9 +18,9 @@ from receding_fenicsx.bulk import Array, Ints
 GAUSS_POINTS = 8
 """Gauss points on a facet: at order 2, polynomial loads of degree 13 are integrated exactly."""
 STRAIGHT_TYPES = ("Line", "Discrete curve", "Unknown")
-"""gmsh's types of curves that are straight, or of which it knows the mesh only."""
+"""gmsh's types of straight curves, and of curves known by their mesh only."""
 CURVE_TOLERANCE = 1e-6
-"""Distance of a node from its curve, over the curve's length, up to which it lies on it."""
+"""Largest distance of a node from its curve, over the size of the curve."""
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,7 @@ def gauss() -> tuple[Array, Array]:
 
 
 def _key(a: Array, b: Array) -> frozenset[tuple[float, float]]:
-    """Return what a facet is found by, whichever way round it runs."""
+    """Return the key of a facet, the same in both orientations."""
     return frozenset([(float(a[0]), float(a[1])), (float(b[0]), float(b[1]))])
 
 
@@ -105,7 +105,7 @@ def _arcs_of_curve(gmsh: Any, curve: int) -> tuple[Array, Array, Array] | None:
 
 
 def _slope_matrix() -> tuple[Array, Array]:
-    """Return places in [0, 1], ends and Gauss points, and what makes derivatives of values there.
+    """Return ends and Gauss points in [0, 1], and the matrix from values there to derivatives.
 
     gmsh's own derivatives are finite differences, good to 1e-10 only.
     """
@@ -118,7 +118,7 @@ def _slope_matrix() -> tuple[Array, Array]:
 
 
 def _fill_ends(u: Array, ends: Array, bounds: Array, limits: tuple[float, float]) -> None:
-    """Fill the parameters of the curve's own ends: the nearer one, on a closed curve by the way."""
+    """Fill in the parameters of the curve's ends: of the nearer, on closed curves by direction."""
     low, high = limits
     for facet, end in zip(*np.nonzero(np.isnan(u)), strict=True):
         away = np.hypot(*(bounds - ends[facet, end]).T)

@@ -1,4 +1,4 @@
-"""gmsh as the meshes of this package use it: silent, on one thread, with a model of its own."""
+"""gmsh session with an empty model, silent and on one thread; paths of the .geo files."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from receding_fenicsx.errors import InputError
 
 @contextmanager
 def gmsh_model() -> Iterator[Any]:
-    """Give the gmsh module with an empty model of its own, silent and on one thread."""
+    """Yield the gmsh module with an empty model, silent and on one thread."""
     import gmsh
 
     ours = not gmsh.isInitialized()

@@ -1,4 +1,4 @@
-"""Meshes of the body: gmsh fills the half in a .geo file, which is snapped, mirrored, distributed.
+"""Meshes of the bodies, tagged by edge and contact and distributed over the ranks.
 
 gmsh sees lengths in units of the body's depth below the contact edge, so that a scene whose lengths
 are multiplied by a power of two has the same mesh to the bit.
@@ -24,8 +24,8 @@ from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
     Line,
     RawMesh,
-    from_axis,
     line_of,
+    with_radii,
 )
 from receding_fenicsx.bulk.mesh.rectangle import (
     EDGE_NAMES,
@@ -73,9 +73,9 @@ class BodyMesh:
         contacts: the scene's contact edges on this body, in their order.
         lines: the line of each straight edge.
         spots: (k, 2) coordinates of each named group of points.
-        arcs: the curves behind the facets of curved edges, where they are known.
+        arcs: the true curves of the facets on curved edges, where they are known.
         size: length that tolerances on positions are relative to, the same for all bodies.
-        half: True when only x >= 0 is meshed.
+        half: True when only x >= 0 is meshed; always for an axisymmetric body.
         cell: "triangle" or "quadrilateral".
     """
 
@@ -100,7 +100,7 @@ def make_mesh(comm: MPI.Comm, scene: Scene, half: bool) -> BodyMesh:
 def contact_nodes_of(scene: Scene) -> list[int]:
     """Return the number of nodes on each contact edge of the whole scene; no communication.
 
-    At order 2 a node on the axis of revolution has no weight, and is none of the contact.
+    At order 2 a node on the axis of revolution has no weight, and is not counted.
 
     Raises:
         InputError: a mesh that cannot serve the scene.
@@ -141,7 +141,7 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
 
 @dataclass(frozen=True)
 class _Tagged:
-    """A mesh on rank 0 with the tags of its facets, and the rest of a BodyMesh as keywords."""
+    """A mesh on rank 0 with facet tags, and the other attributes of its BodyMesh."""
 
     points: Array
     cells: Ints
@@ -176,7 +176,7 @@ def _raw(scene: Scene, half: bool) -> RawMesh:
     """Mesh or read the only body of a scene."""
     if scene.body.mesh is not None:
         given = read_user_mesh(scene.body, scene.mesh)
-        return from_axis(given) if scene.axisymmetric else given
+        return with_radii(given) if scene.axisymmetric else given
     half = half and (not scene.axisymmetric or is_cylinder(scene, scene.body))
     frame = make_frame(scene, half)
     marks = find_marks(scene, frame)
@@ -201,7 +201,7 @@ def _tagged(
     half: bool,
     size: float,
 ) -> _Tagged:
-    """Tag the facets of a body: by edge, or by contact where they are in one."""
+    """Tag the facets of a body by edge, those in contact by contact."""
     tag_of = {name: tag for tag, name in enumerate(mesh.edges, start=1)}
     tags = {name: np.full(len(f), tag_of[name], np.int32) for name, f in mesh.edges.items()}
     groups = {name: [tag] for name, tag in tag_of.items()}

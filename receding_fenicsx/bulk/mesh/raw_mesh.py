@@ -1,4 +1,4 @@
-"""A mesh as it is on rank 0 before it is distributed: points, cells, groups; edges as lines."""
+"""Mesh on rank 0 before distribution: points, cells, named edges; straight edges as lines."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest
 
 STRAIGHT_TOLERANCE = 1e-6
-"""Distance of a node from its edge's line, over the edge's length, up to which it lies on it."""
+"""Largest distance of a node from the line of its straight edge, over the edge's length."""
 
 
 @dataclass(frozen=True)
@@ -24,10 +24,10 @@ class RawMesh:
         cells: (m, 3 or 4) points around each cell, counter-clockwise.
         edges: (k, 2) points of the facets of each edge, by name.
         spots: points of each named group of points.
-        middles: (2,) middle of each edge of the whole body, where it is known beforehand.
+        middles: (2,) middle of each edge of the whole body, where it is not that of the facets.
         upright: positions along edges grow rightwards or upwards, as for a rectangle; else with the
-            body on the left, which a turn of the whole scene does not change.
-        arcs: the curves behind the facets of curved edges, where they are known.
+            body on the left, independent of the orientation of the scene.
+        arcs: the true curves of the facets on curved edges, where they are known.
     """
 
     points: Array
@@ -66,7 +66,7 @@ class RawMesh:
         raise InputError(f"{where}: the mesh has no group of curves '{edge}'; {hint}")
 
 
-def from_axis(mesh: RawMesh) -> RawMesh:
+def with_radii(mesh: RawMesh) -> RawMesh:
     """Return the mesh of a body of revolution: positions on horizontal edges are radii."""
     middles = {}
     for edge, facets in mesh.edges.items():
@@ -140,7 +140,7 @@ def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
     off = float(np.abs((points - end) @ normal).max())
     if off > STRAIGHT_TOLERANCE * length:
         raise InputError(
-            f"{where}: '{edge}' is not straight, it strays {off:.3g} from the line between its "
+            f"{where}: '{edge}' is not straight, it is {off:.3g} off the line between its "
             "ends; split it into straight groups, each with a table of its own"
         )
     centres = mesh.points[mesh.cells[cells_behind(mesh, facets)[1]]].mean(axis=1)

@@ -1,4 +1,4 @@
-"""The rectangle in edge coordinates: where it needs vertices, snapping them, mirroring.
+"""Rectangle in edge coordinates: required vertices, exact node positions, mirror image.
 
 Edge coordinates (s, d): s runs along the contact edge from its middle, d is the depth below it.
 """
@@ -15,9 +15,9 @@ from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range, is_cylinder
 
 POSITION_TOLERANCE = 1e-9
-"""Distance over the body's depth below which two points are the same."""
+"""Largest distance of coinciding points, over the body's depth below the contact edge."""
 MAX_ELEMENTS_FACTOR = 20
-"""A fitting number of contact elements is looked for up to this multiple of the one given."""
+"""Largest number of contact elements that an error suggests, over the number given."""
 SAME_NAMES = {"bottom": "bottom", "right": "right", "top": "top", "left": "left", "axis": "axis"}
 EDGE_NAMES = {
     "bottom": SAME_NAMES,
@@ -25,7 +25,7 @@ EDGE_NAMES = {
     "left": {"bottom": "left", "right": "top", "top": "right", "left": "bottom"},
     "right": {"bottom": "right", "right": "top", "top": "left", "left": "bottom"},
 }
-"""The body's names of the edges of ``rectangle.geo``, by contact edge."""
+"""Names on the body of the edges of ``rectangle.geo``, by contact edge."""
 
 
 @dataclass(frozen=True)
@@ -54,14 +54,14 @@ class Frame:
 
 @dataclass(frozen=True)
 class Marks:
-    """Where the half s >= 0 needs vertices besides its corners.
+    """Positions on the half s >= 0, besides its corners, that need a vertex.
 
     Attributes:
         top: (n,) s on the edge opposite the contact, increasing.
         side: (n,) d on the sides (for columns of quadrilaterals: levels), increasing.
         inner: (n, 2) points (s, d) inside.
-        ends: (n, 2) points (s, d) off the contact edge where loads and supports end, some of them
-            corners: the mesh is as fine there as on the contact edge, for stresses jump there.
+        ends: (n, 2) points (s, d) off the contact edge where loads and supports end, corners too.
+            The mesh is as fine there as on the contact edge, because stresses jump there.
     """
 
     top: Array
@@ -103,10 +103,10 @@ def make_frame(scene: Scene, half: bool) -> Frame:
 
 
 def find_marks(scene: Scene, frame: Frame) -> Marks:
-    """Collect where loads, contact and supports need vertices, mirrored to s >= 0.
+    """Collect the positions where loads, contact and supports need vertices, mirrored to s >= 0.
 
     Raises:
-        InputError: a point outside the body, or one that no vertex meets with this many elements.
+        InputError: a point outside the body, or between the vertices of the contact edge.
     """
     wanted: list[tuple[str, float, float]] = []
     spans = [("contact.span", c.edge, c.span) for c in scene.contacts]
@@ -161,7 +161,7 @@ def _find_ends(scene: Scene, frame: Frame) -> Array:
 
 
 def _misfit(scene: Scene, frame: Frame, key: str, s: float) -> str:
-    """Return the message for a position that no vertex of the contact edge or column meets."""
+    """Return the error message for a position between the vertices of the contact edge."""
     n = scene.mesh.contact_elements
     text = (
         f"mesh.contact_elements = {n} puts no vertex {s:g} from the middle, where {key} needs one"
@@ -174,16 +174,16 @@ def _misfit(scene: Scene, frame: Frame, key: str, s: float) -> str:
 
 
 def _apart(values: list[float], near: float) -> Array:
-    """Return values sorted, those nearer than ``near`` to the one before left out."""
+    """Return values sorted, without those closer than ``near`` to the one before."""
     ordered = np.sort(np.array(values, dtype=float))
     return ordered[np.diff(ordered, prepend=-np.inf) > near]
 
 
 def snap(scene: Scene, frame: Frame, marks: Marks, mesh: HalfMesh) -> None:
-    """Put the nodes of the boundary, and those at marks, exactly where they belong.
+    """Move the nodes of the boundary and of the marks to their exact positions, in place.
 
     Raises:
-        SolveError: gmsh put no node there.
+        SolveError: gmsh has made no node close to one of them.
     """
     n = scene.mesh.contact_elements
     s, d = mesh.s, mesh.d
@@ -216,7 +216,7 @@ def snap(scene: Scene, frame: Frame, marks: Marks, mesh: HalfMesh) -> None:
 
 
 def _nearest(ds: Array, dd: Array, near: float) -> int:
-    """Return the node nearest to a mark, which must be there already but for round-off."""
+    """Return the node nearest to a mark, whose distance must be round-off."""
     distance = np.hypot(ds, dd)
     node = int(np.argmin(distance))
     if distance[node] > near:
@@ -231,7 +231,7 @@ def mirror(mesh: HalfMesh) -> HalfMesh:
     image[off] = len(mesh.s) + np.arange(len(off))
     edges = {e: np.vstack([mesh.edges[e], image[mesh.edges[e]]]) for e in ("bottom", "top")}
     edges["right"], edges["left"] = mesh.edges["right"], image[mesh.edges["right"]]
-    # an image runs the other way round its cell
+    # reverse the images of the cells to keep their orientation
     return HalfMesh(
         np.concatenate([mesh.s, -mesh.s[off]]),
         np.concatenate([mesh.d, mesh.d[off]]),

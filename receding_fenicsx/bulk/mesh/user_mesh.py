@@ -1,4 +1,4 @@
-"""Meshes of the user's own: a .geo file that gmsh meshes, or a mesh that gmsh can read.
+"""User meshes: a .geo file that gmsh meshes, or a mesh file that gmsh reads.
 
 gmsh reads the file in a process of its own: commands of a .geo file (``Exit``) can end the process
 that they run in, and a damaged mesh can crash it.
@@ -30,17 +30,17 @@ from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import Body, MeshOptions
 
 FLAT_TOLERANCE = 1e-9
-"""Largest distance from the plane, over the mesh's size, of a mesh that is plane."""
+"""Largest distance of a node from z = 0, over the size of the mesh."""
 THIN_TOLERANCE = 1e-6
-"""Twice the area at a corner of a cell, over its longest side squared, below which it is flat."""
+"""Largest double area at a corner of a flat cell, over the square of the longest side."""
 MAX_COORDINATE = 1e50
-"""Coordinates beyond it overflow in what is made of them."""
+"""Largest coordinate: products of larger ones overflow."""
 CORNERS = {2: 3, 3: 4}
-"""Corners of the cells that can be used, by gmsh's number of the kind."""
+"""Number of corners of triangles and quadrilaterals, by gmsh's element type."""
 CHILD_PROGRAM = "from receding_fenicsx.bulk.mesh.user_mesh import answer; answer()"
-"""Program of the process that gmsh runs in."""
+"""Program of the child process in which gmsh reads the file."""
 GMSH_LINE = 1
-"""gmsh's number of a facet with two nodes."""
+"""gmsh's element type of a facet with two nodes."""
 HIGHER_ORDER = (
     "has cells of higher order; save it with Mesh.ElementOrder = 1 (mesh.degree sets the degree of "
     "the displacement)"
@@ -51,7 +51,7 @@ def read_user_mesh(body: Body, options: MeshOptions) -> RawMesh:
     """Mesh a .geo file, or read a mesh; no communication.
 
     A .geo file is given the numbers ``contact_elements``, ``growth`` and ``quadrilaterals`` (0 or
-    1) of the scene and the body's own ``parameters``; its DefineConstant then leaves them be.
+    1) of the scene and the body's own ``parameters``; they replace defaults in DefineConstant.
 
     Args:
         body: the body; ``mesh`` is the path.
@@ -84,7 +84,7 @@ def read_user_mesh(body: Body, options: MeshOptions) -> RawMesh:
 
 
 def _environment() -> dict[str, str]:
-    """Return the environment of the child process, which finds the package where this one does."""
+    """Return the environment of the child process, with this package on its path."""
     inherited = child_environment()
     paths = [str(Path(__file__).parents[2]), inherited.get("PYTHONPATH", "")]
     return inherited | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
@@ -100,7 +100,7 @@ def _ending(code: int) -> str:
 def answer() -> None:
     """Mesh the body that standard input holds; write the mesh, or the error, to standard output."""
     out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    # what commands of a .geo file print must not mix with the answer
+    # keep output of commands in a .geo file apart from the answer
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
     found: RawMesh | Exception
     try:
@@ -175,7 +175,9 @@ def _collect(gmsh: Any, body: Body, where: str, scale: float) -> RawMesh:
     wrong = ~np.all(np.abs(points) < MAX_COORDINATE, axis=1)
     if np.any(wrong):
         number, place = tags[used][wrong][0], points[wrong][0].tolist()
-        raise InputError(f"{where}: node {number} is at {place}, which is no place; mesh it again")
+        raise InputError(
+            f"{where}: node {number} is at {place}, not a finite position; mesh it again"
+        )
     number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
     number[tags[used].astype(np.int64)] = np.arange(len(points))
     size = np.ptp(points[:, :2], axis=0).max()
@@ -191,7 +193,7 @@ def _collect(gmsh: Any, body: Body, where: str, scale: float) -> RawMesh:
         entities = model.getEntitiesForPhysicalGroup(dim, tag)
         nodes = [part for e in entities for part in mesh.getElements(dim, e)[2]]
         places = number[np.concatenate([np.empty(0), *nodes]).astype(np.int64)]
-        # a group may go on where another body of the file is
+        # a group may extend to other bodies of the file
         if dim == 0:
             spots[name] = places[places >= 0]
         else:
