@@ -171,7 +171,7 @@ def test_a_picture_of_a_ring_shows_it_where_it_is() -> None:
         assert {3.0, 7.0, -3.0, -7.0} == set(np.round([*extremes(view.points[:, 0])], 12).tolist())
         (strip,) = view.strips
         assert (strip.x[0], strip.x[-1]) == (3.0, 7.0)
-        assert view.f == pytest.approx(0.05 * strip.x)
+        assert view.f.forward == pytest.approx(0.05 * strip.x)
         assert strip.gap == pytest.approx(view.factor * 0.01 * (strip.x - 3.0), abs=1e-15)
         (top,) = [a for a in view.arrows if a.heads[0, 1] > 0.0 and np.ptp(a.heads[:, 0]) > 1.0]
         assert top.heads[:, 0].min() > 2.5 and top.heads[:, 0].max() < 7.5
@@ -200,5 +200,5 @@ def test_a_picture_of_a_cylinder_evaluates_profiles_at_radii_on_both_sides(frict
     found = fields_at(bulk, now.load, now.state.u)
     if found is not None:
         view = view_of(bulk, found, now)
-        assert view.x[0] == -view.x[-1] and view.f == pytest.approx(0.1 * np.abs(view.x))
+        assert view.x[0] == -view.x[-1] and view.f.forward == pytest.approx(0.1 * np.abs(view.x))
     bulk.destroy()
