@@ -12,7 +12,7 @@ PACKAGE = "receding_fenicsx"
 ROOT = Path(__file__).parents[1] / PACKAGE
 
 FLOORS = (
-    ("errors",),
+    ("arrays", "errors"),
     ("atomic", "environment", "mpi", "timing"),
     ("scene", "interface"),
     ("bulk", "evolution"),

@@ -39,12 +39,6 @@ the consistent mass matrix does not. Calls that differ between versions of DOLFI
 
 import contextlib
 
-import numpy as np
-from numpy.typing import NDArray
-
 with contextlib.suppress(ImportError):
     # PyPI's stack has to be loaded before mpi4py and petsc4py
     import dolfinx_solver  # noqa: F401
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]

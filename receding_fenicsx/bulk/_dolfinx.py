@@ -22,7 +22,7 @@ from dolfinx.fem import petsc as fem_petsc
 from dolfinx.io.utils import distribute_entity_data
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import Array, Ints
+from receding_fenicsx.arrays import Array, Ints
 
 VERSION: tuple[int, int] = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])  # type: ignore[assignment]
 """Major and minor version of the running DOLFINx."""

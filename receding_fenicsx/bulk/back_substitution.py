@@ -8,7 +8,8 @@ from __future__ import annotations
 import numpy as np
 from dolfinx import fem
 
-from receding_fenicsx.bulk import Array, _dolfinx
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk, gather_contact, interior_solver, owned_contact
 from receding_fenicsx.bulk.two_bodies import Pair
 

@@ -10,7 +10,7 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem
 
-from receding_fenicsx.bulk import Array, Ints
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.scene.model import Scene

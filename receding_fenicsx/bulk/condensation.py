@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.bulk import Array
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.elimination import Elimination, eliminate_interior, load_sign

@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from dolfinx import fem
 
-from receding_fenicsx.bulk import Array, Ints, _dolfinx
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.mesh.curved_edges import GAUSS_POINTS, Arcs, gauss
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.errors import InputError

@@ -17,7 +17,8 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from receding_fenicsx.bulk import Array, schur
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk import schur
 from receding_fenicsx.bulk.body import (
     Bulk,
     constrained,

@@ -10,7 +10,8 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import Array, _dolfinx
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.back_substitution import displacements
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense_pair

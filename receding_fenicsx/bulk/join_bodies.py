@@ -40,7 +40,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, LinAlgWarning, solve
 
-from receding_fenicsx.bulk import Array
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.rigid_motions import free_motions, scaled
 from receding_fenicsx.errors import InputError, SolveError
 

@@ -9,7 +9,7 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem
 
-from receding_fenicsx.bulk import Array, Ints
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.edges import (
     EdgeFacets,
     along,

@@ -14,7 +14,7 @@ from petsc4py import PETSc
 import numpy as np
 from dolfinx import fem
 
-from receding_fenicsx.bulk import Array, Ints
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.edges import edge_nodes
 from receding_fenicsx.bulk.loads import profile_values
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh

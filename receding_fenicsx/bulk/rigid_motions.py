@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.bulk import Array
+from receding_fenicsx.arrays import Array
 
 MOTION_TOLERANCE = 1e-12
 """Largest constraint on a rigid motion (lengths over the body's size) that counts as zero."""

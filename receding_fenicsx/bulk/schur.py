@@ -14,7 +14,7 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from receding_fenicsx.bulk import Array, Ints
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.symmetric_matrix import symmetrise
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import on_root

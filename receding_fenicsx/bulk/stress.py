@@ -11,7 +11,8 @@ import ufl
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import Array, _dolfinx
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.material import lame_constants
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 import numpy as np
 from dolfinx import fem
 
-from receding_fenicsx.bulk import Array, Ints
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.edges import edge_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE

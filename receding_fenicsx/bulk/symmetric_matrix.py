@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
-from receding_fenicsx.bulk import Array
+from receding_fenicsx.arrays import Array
 
 TILE = 128
 """Rows and columns of a tile: two tiles fit into a core's cache."""

@@ -7,11 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
 from receding_fenicsx.evolution.instants import Event, Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, States, Steady
-from receding_fenicsx.interface.law import MIRRORED, Array, State
+from receding_fenicsx.interface.law import MIRRORED, State
 from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, Mirror, mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form

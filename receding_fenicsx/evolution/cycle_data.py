@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.instants import Event, Instant
-from receding_fenicsx.interface.law import Array
 from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.system import ContactSystem, typical_stiffness
 from receding_fenicsx.scene.model import SolverOptions

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.checks import check_force_range
 from receding_fenicsx.evolution.collect import record_of
@@ -12,7 +13,6 @@ from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState
-from receding_fenicsx.interface.law import Array
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions

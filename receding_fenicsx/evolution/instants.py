@@ -6,7 +6,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from receding_fenicsx.interface.law import Array, State
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 

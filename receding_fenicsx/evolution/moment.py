@@ -9,11 +9,11 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record_data import RecordData, States
 from receding_fenicsx.interface.law import friction_of
 from receding_fenicsx.interface.measures.zones import Zone, contact_zones
-from receding_fenicsx.interface.system import Array
 
 SAME_LOAD = 1e-9
 """Difference of load factors, over their largest, below which they count as equal."""

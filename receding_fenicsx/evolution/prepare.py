@@ -8,10 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.measures.axis import midside_beside_axis
 from receding_fenicsx.interface.normal_form import eliminate_tangential
-from receding_fenicsx.interface.system import Array, ContactSystem
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.profiles import Profile, directions, evaluate
 from receding_fenicsx.scene.toml_file import to_toml

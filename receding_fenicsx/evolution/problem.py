@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import system_for
-from receding_fenicsx.interface.law import Array
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import check_range, check_system
 from receding_fenicsx.scene.history import History, check_history, from_scene

@@ -18,8 +18,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Ints
 from receding_fenicsx.evolution import moment, tables
-from receding_fenicsx.evolution.record_data import Events, Ints, RecordData, States
+from receding_fenicsx.evolution.record_data import Events, RecordData, States
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml
 

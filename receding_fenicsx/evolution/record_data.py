@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.law import Friction, friction_of
-
-Array = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 
 @dataclass

@@ -9,13 +9,14 @@ from typing import NamedTuple
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.checks import check_landing, energy_error
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
 from receding_fenicsx.evolution.instants import Event, Instant, instant, rest_state
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
-from receding_fenicsx.interface.law import STATE_NAMES, Array, State
+from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactState, Leg

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 import scipy.optimize
 
-from receding_fenicsx.interface.system import Array, ContactSystem
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.system import ContactSystem
 
 COUNTS = 1e-9
 """Part of the largest unknown above which one belongs to the vertex at which the program ends."""

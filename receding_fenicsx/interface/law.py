@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from receding_fenicsx.arrays import Array
 
 
 class State(IntEnum):

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import MIRRORED, Array, Friction
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import MIRRORED, Friction
 from receding_fenicsx.interface.system import ContactSystem
 
 AXIS_TOLERANCE = 1e-12

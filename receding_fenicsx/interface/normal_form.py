@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.system import Array, ContactSystem
+from receding_fenicsx.interface.system import ContactSystem
 
 
 def eliminate_tangential(system: ContactSystem) -> ContactSystem:
@@ -48,14 +49,7 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     Q_star = system.r_star[:, free].T
     slides = _tangential_rigid(system, free)
     if slides is not None:
-        resultant = np.abs(slides @ Q_star)
-        # two mirrored bodies have normal reactions only
-        if np.any(resultant > SLIDE_TOLERANCE * np.abs(system.r_star).sum(axis=1)):
-            name = system.load_names[int(np.argmax(resultant))]
-            raise InputError(
-                f"load '{name}' pushes the frictionless body along, and nothing resists it: "
-                "add a [[support]] or friction"
-            )
+        _check_resultants(system, np.abs(slides @ Q_star))
         K_tt = K_tt + np.outer(slides, slides) * (np.trace(K_tt) / len(free))
     mapped = -np.linalg.solve(K_tt, np.hstack([K_tn, Q_star]))
     slip_map = np.zeros((n, n + len(system.load_names)))
@@ -77,6 +71,22 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
 
 SLIDE_TOLERANCE = 1e-10
 """Load resultant along a free rigid sliding, over the sum of its reactions, that counts as zero."""
+
+
+def _check_resultants(system: ContactSystem, resultant: Array) -> None:
+    """Raise where a load has a resultant along the rigid motion that nothing resists.
+
+    Args:
+        system: the condensed body.
+        resultant: (n_loads,) size of each load's resultant.
+    """
+    # relative to all reactions: two mirrored bodies have normal ones only
+    if np.any(resultant > SLIDE_TOLERANCE * np.abs(system.r_star).sum(axis=1)):
+        name = system.load_names[int(np.argmax(resultant))]
+        raise InputError(
+            f"load '{name}' pushes the frictionless body along, and nothing resists it: "
+            "add a [[support]] or friction"
+        )
 
 
 def _tangential_rigid(system: ContactSystem, free: NDArray[np.intp]) -> Array | None:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.interface.law import SLIP_SIGN, Array
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import SLIP_SIGN
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 OPEN_SCALE = 1e-2

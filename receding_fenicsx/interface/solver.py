@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Protocol
 
-from receding_fenicsx.interface.law import Array
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.system import ContactState, Leg
 
 

@@ -14,7 +14,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import Array, Friction, friction_of
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import Friction, friction_of
 
 
 @dataclass(frozen=True)

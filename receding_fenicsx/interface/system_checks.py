@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.system import Array, ContactSystem
+from receding_fenicsx.interface.system import ContactSystem
 
 UNSYMMETRIC = 1e-8
 """Difference between K and its transpose, over the largest entry of K, up to which it is round-off

@@ -14,7 +14,7 @@ import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike
 
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.arrays import Array
 
 
 @dataclass(frozen=True)

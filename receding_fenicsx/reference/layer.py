@@ -20,7 +20,7 @@ from numpy.polynomial.legendre import leggauss
 from scipy.optimize import brentq
 from scipy.special import j0, jv
 
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.arrays import Array
 
 TERMS = 16
 """Chebyshev terms of the pressure."""

@@ -12,10 +12,9 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import suggestion
-
-Array = NDArray[np.float64]
 
 MAX_LENGTH = 1000
 """Longest expression in characters; longer ones may exceed the recursion limit of the parser."""

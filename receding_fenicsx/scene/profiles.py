@@ -6,13 +6,12 @@ from pathlib import Path
 from typing import Any, cast
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_size
 from receding_fenicsx.scene.expressions import evaluate_expression
-
-Array = NDArray[np.float64]
 
 Profile = float | str | dict[str, list[float]]
 """A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Body, Contact, Load, Scene
-
-Array = NDArray[np.float64]
 
 EDGES = ("bottom", "top", "left", "right")
 """Edges of a rectangle; its position is the middle of "bottom"."""

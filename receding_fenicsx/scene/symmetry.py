@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 
 import numpy as np
-from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.scene.model import FREE, Scene, Support
 from receding_fenicsx.scene.profiles import directions, evaluate
 from receding_fenicsx.scene.rectangle_edges import (
@@ -16,8 +16,6 @@ from receding_fenicsx.scene.rectangle_edges import (
     is_horizontal,
     load_samples,
 )
-
-Array = NDArray[np.float64]
 
 SYMMETRY_TOLERANCE = 1e-12
 """Largest difference of mirrored values, over the largest value, that counts as round-off."""

@@ -10,10 +10,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Body, Contact, Load, Material, MeshOptions, Scene
 from receding_fenicsx.scene.toml_file import read_scene

@@ -14,6 +14,7 @@ from bodies import CELLS, NU, YOUNG, built, cylinder
 from msh import write_msh
 
 from receding_fenicsx import study
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.mesh.meshing import _raw, contact_nodes_of
@@ -21,7 +22,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.replay import turning_point
-from receding_fenicsx.interface.system import Array, ContactState
+from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import zones_header, zones_shown

@@ -6,7 +6,7 @@ from numpy.polynomial import polynomial
 from scipy.integrate import trapezoid
 from scipy.optimize import brentq
 
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz, bilateral_pressure
 

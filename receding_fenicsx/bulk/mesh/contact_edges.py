@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from receding_fenicsx.bulk import Ints
+from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
     Line,

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.polynomial import legendre
 
-from receding_fenicsx.bulk import Array, Ints
+from receding_fenicsx.arrays import Array, Ints
 
 GAUSS_POINTS = 8
 """Gauss points on a facet: at order 2, polynomial loads of degree 13 are integrated exactly."""

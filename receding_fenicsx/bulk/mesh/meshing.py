@@ -16,7 +16,8 @@ import numpy as np
 from dolfinx import mesh as dmesh
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk import Array, Ints, _dolfinx
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from receding_fenicsx.bulk import Array, Ints
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from receding_fenicsx.bulk import Array, Ints
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range, is_cylinder

@@ -20,7 +20,7 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_matrix
 from scipy.sparse.csgraph import connected_components
 
-from receding_fenicsx.bulk import Ints
+from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.curved_edges import arcs_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides

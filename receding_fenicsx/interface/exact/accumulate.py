@@ -15,11 +15,11 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.law import FORWARD
 from receding_fenicsx.interface.residual import law_residual, local_stiffness, reachable
-from receding_fenicsx.interface.system import Array
 
 EVENT_RESIDUAL = 1e-11
 """Largest residual of the contact law, freshly evaluated, that is accepted after any event."""

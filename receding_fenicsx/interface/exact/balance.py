@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.system import Array, ContactSystem
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.system import ContactSystem
 
 RANDOM_SUMS = 4
 """Random sums over the nodes in which forces are compared with those of the displacements."""

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoQuasiStaticContinuation
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.static import solve_static
-from receding_fenicsx.interface.system import Array, ContactState
+from receding_fenicsx.interface.system import ContactState
 
 JUMP_STEP = 1e-7
 """Part of the leg beyond a jump at which the state after it is solved for: at the jump itself the

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
 
 Event = tuple[float, int, int, int]
 """Place s on the leg, node, old state, new state."""

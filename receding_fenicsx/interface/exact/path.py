@@ -7,6 +7,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.equilibrium import Limit, furthest
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
@@ -39,7 +40,7 @@ from receding_fenicsx.interface.exact.unloading import (
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import BACKWARD, FORWARD
 from receding_fenicsx.interface.residual import largest_force, reachable
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
 
 LOW_FRICTION = 1e-5
 """Coefficient of friction below which a path that ends may have been lost in round-off of f P."""

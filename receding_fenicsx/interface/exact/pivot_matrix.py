@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm, dger
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.arrays import Array
 
 Indices = NDArray[np.intp]
 

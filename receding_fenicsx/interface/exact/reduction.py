@@ -20,12 +20,13 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import LIMIT_TOLERANCE, Segments
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.residual import residual_at_rest
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
 
 LARGEST_ACTIVE_SHARE = 0.8
 """Largest share of active nodes with which a reduction saves time."""

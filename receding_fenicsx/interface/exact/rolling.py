@@ -15,9 +15,10 @@ import numpy as np
 import scipy.optimize
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.gauss_seidel.direct import RIGID_TOLERANCE, has_rigid
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 POTENTIAL_TOLERANCE = 1e-9
 """Potential gained by rolling, over the loads' sum times the largest gap, below which a body rests

@@ -11,11 +11,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.accumulate import Sums
 from receding_fenicsx.interface.exact.legs import Event, PathPoint
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments
 from receding_fenicsx.interface.residual import REACHABLE_AT_MOST, ROUND_OFFS, residual_at_rest
-from receding_fenicsx.interface.system import Array, ContactState
+from receding_fenicsx.interface.system import ContactState
 
 MEASURING_INTERVAL = 16
 """Events between two measurements of the imbalance at most; fewer while it grows fast."""

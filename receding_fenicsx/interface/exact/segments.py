@@ -14,6 +14,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.balance import BalanceCheck
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.tableau import (
@@ -30,7 +31,7 @@ from receding_fenicsx.interface.gauss_seidel.direct import (
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
 from receding_fenicsx.interface.lcp.contact import Undecided
 from receding_fenicsx.interface.residual import local_stiffness
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 States = NDArray[np.int8]
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Segments
@@ -17,7 +18,7 @@ from receding_fenicsx.interface.residual import (
     reachable,
     relative_residual,
 )
-from receding_fenicsx.interface.system import Array, ContactState, reactions
+from receding_fenicsx.interface.system import ContactState, reactions
 
 MAX_STATE_SETS = 30
 """Sets of states tried by Newton's method."""

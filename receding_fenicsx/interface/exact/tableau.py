@@ -23,12 +23,13 @@ from collections import deque
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.pivot_matrix import (
     PivotData,
     PivotMatrix,
     block_pivot,
 )
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Array, Friction
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
 from receding_fenicsx.interface.system import ContactSystem
 
 V, W, A, B, REACTION = range(5)

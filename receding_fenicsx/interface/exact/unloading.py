@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.law import STICK
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 UNLOADED_FORCE = 1e-11
 """Nodal force, over the largest so far, up to which a contact is unloaded: round-off."""

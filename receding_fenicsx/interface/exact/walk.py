@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Watch
 from receding_fenicsx.interface.exact.consistency import ConsistentStates
@@ -18,7 +19,7 @@ from receding_fenicsx.interface.exact.unloading import (
     displacements_at_rest,
 )
 from receding_fenicsx.interface.residual import ROUND_OFFS, residual_at_rest
-from receding_fenicsx.interface.system import Array, ContactState, Leg
+from receding_fenicsx.interface.system import ContactState, Leg
 
 SIMULTANEOUS = 1e-9
 """Part of the leg within which events count as simultaneous: all nodes on limits are looked at."""

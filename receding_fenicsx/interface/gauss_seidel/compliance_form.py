@@ -21,12 +21,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.residual import local_stiffness
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.system_checks import check_system
 
 

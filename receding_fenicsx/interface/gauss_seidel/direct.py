@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import Array, ContactSystem, reactions
+from receding_fenicsx.interface.system import ContactSystem, reactions
 
 RIGID_TOLERANCE = 1e-8
 """Distance from a unit rigid motion within which a motion of the contact is rigid."""

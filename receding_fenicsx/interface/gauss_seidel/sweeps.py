@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.linalg.blas import daxpy
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
 from receding_fenicsx.interface.gauss_seidel.node_problem import node_problems
@@ -25,7 +26,7 @@ from receding_fenicsx.interface.residual import (
     local_stiffness,
     round_off,
 )
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, reactions
+from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 
 EPSILON = float(np.finfo(float).eps)
 

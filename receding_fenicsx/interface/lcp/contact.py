@@ -19,7 +19,8 @@ import numpy as np
 import scipy.linalg as sla
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Array, Friction
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
 from receding_fenicsx.interface.lcp import enumerate_states, lemke
 from receding_fenicsx.interface.system import ContactSystem
 

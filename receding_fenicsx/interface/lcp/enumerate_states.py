@@ -12,7 +12,8 @@ from itertools import islice, product
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.law import Array, Friction, State
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import Friction, State
 
 EXHAUSTED = 2**16
 """Largest number of sets of states that is gone through: eight nodes with all four states."""

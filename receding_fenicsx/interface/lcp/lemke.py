@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.arrays import Array
 
 PIVOT_TOLERANCE = 1e-11
 """Entry of the scaled tableau below which it is not used as a pivot."""

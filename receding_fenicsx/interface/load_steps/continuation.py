@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.legs import LegProblem
@@ -27,7 +28,7 @@ from receding_fenicsx.interface.exact.unloading import REMAINING_LOAD, stops_sho
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.residual import largest_force, local_stiffness
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 LIMIT_TOLERANCE = 1e-10
 """Distance from a limit, over the largest nodal force, up to which a node is on it."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump
@@ -11,7 +12,7 @@ from receding_fenicsx.interface.exact.legs import Event, LegProblem, changes
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.gauss_seidel.sweeps import Step
 from receding_fenicsx.interface.residual import local_stiffness, relative_residual
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 
 class LegInSteps:

@@ -14,6 +14,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.equilibrium import Limit, furthest
 from receding_fenicsx.interface.exact.jumps import JUMP_STEP
@@ -23,7 +24,7 @@ from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_cro
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
 from receding_fenicsx.interface.load_steps.steps import StepTrials
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 MAX_PARTS = 300
 """Parts in which one load step is tried at most."""

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NotConverged, SolveError
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
     GaussSeidelOptions,
@@ -16,7 +17,7 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import (
 )
 from receding_fenicsx.interface.load_steps.continuation import LIMIT_TOLERANCE, Continuation
 from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 SMALLEST_PART = 1e-9
 """Part of the leg that is not divided further: what changes there by a finite amount jumps."""

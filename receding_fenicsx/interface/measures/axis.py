@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.arrays import Array
 
 FITTED_NODES = 5
 """Nodes off the axis that the fit goes through."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.arrays import Array
 
 CANDIDATES = 33
 """Candidate ends in one round of the search."""

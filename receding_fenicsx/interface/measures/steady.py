@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.arrays import Array
 
 SLIP_TOLERANCE = 100.0
 """Change of the slips per period over the largest slip range of a cycle, and change of a drift per

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from scipy.interpolate import CubicSpline
 
-from receding_fenicsx.interface.system import Array
-
-Ints = NDArray[np.int64]
+from receding_fenicsx.arrays import Array, Ints
 
 MIDSIDE_WEIGHT_RATIO = 1.5
 """Weight over that of the neighbours above which a node is the midside node of an element."""

@@ -27,6 +27,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import MIRRORED, Friction, State, friction_of
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.measures.power_fit import fit_end
@@ -38,7 +39,6 @@ from receding_fenicsx.interface.measures.zones import (
     half_width,
     stick_zone,
 )
-from receding_fenicsx.interface.system import Array
 
 Window = tuple[int, int, int]
 """First and last cell of a fit, and its number of terms. Cell 0, the last whole one, may touch the

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.axis import begins_on_axis
-from receding_fenicsx.interface.system import Array
 
 FRICTIONLESS_CONTACT = "contact"
 """Name of the closed zone where there is no friction."""

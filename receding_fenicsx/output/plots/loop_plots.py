@@ -12,10 +12,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import Friction
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots import selection, style
 from receding_fenicsx.output.plots.loops import Loop, loop_of, representative_nodes, shown_cycles
 from receding_fenicsx.output.plots.units import Scales, is_word, load_symbol, scales_of

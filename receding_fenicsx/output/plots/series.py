@@ -7,11 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.record_data import Ints
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import PowerLaw, fit_power_law
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.reference.ahn_barber import SLIP_CYCLES, SLIP_FLOOR, SLIP_NODES
 
 AT_LIMIT = 1e-6

@@ -19,9 +19,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
-from receding_fenicsx.interface.system import Array
 
 STATE_COLOURS = {
     State.STICK: "#c3cad3",

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.interface.measures.axis import begins_on_axis
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends
 from receding_fenicsx.reference.ahn_barber import is_papers_block
 from receding_fenicsx.scene.model import Scene

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots.zone_map import ZoneMap
 
 MIN_DEPTH = 0.075

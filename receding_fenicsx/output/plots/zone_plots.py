@@ -12,8 +12,8 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots import selection, style
 from receding_fenicsx.output.plots.series import NEGLIGIBLE_SLIP, Still, leg_ends
 from receding_fenicsx.output.plots.units import Scales, describe_leg, scales_of
@@ -84,16 +84,23 @@ def zone_maps(
             if (row + 1, column) not in places:
                 axes.set_xlabel(scales.x_label)
                 axes.tick_params(labelbottom=True)
-        if still is not None and dashed:
-            handles = [Line2D([], [], label=_limit_label(still), **DASHED)]
-            figure.legend(handles=handles, loc="outside upper center")
-        figure.legend(
-            handles=style.state_patches(shown, bool(np.any(record.friction.present))),
-            loc="outside lower center",
-            ncols=2 if columns == 1 else 4,
-            columnspacing=1.4,
-        )
+        _add_legends(figure, record, shown, still if dashed else None, columns)
     return figure
+
+
+def _add_legends(
+    figure: Figure, record: Record, shown: set[int], still: Still | None, columns: int
+) -> None:
+    """Name the states shown below the panels, the dashed line above them."""
+    if still is not None:
+        handles = [Line2D([], [], label=_limit_label(still), **DASHED)]
+        figure.legend(handles=handles, loc="outside upper center")
+    figure.legend(
+        handles=style.state_patches(shown, bool(np.any(record.friction.present))),
+        loc="outside lower center",
+        ncols=2 if columns == 1 else 4,
+        columnspacing=1.4,
+    )
 
 
 def _limit_label(still: Still) -> str:

@@ -18,12 +18,12 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.evolution.instants import Instant
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.units import load_symbol, peak, pressure_of

@@ -8,8 +8,8 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import MaxNLocator
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.snapshots.view import View
 
 MIN_FRINGES = 10

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.system import Array
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.view import Strip, View
 

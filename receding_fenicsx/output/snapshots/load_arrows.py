@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import Fields
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.snapshots.vertices import edge_displacement
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Load, Scene

@@ -11,8 +11,8 @@ from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.units import position_label
 from receding_fenicsx.output.snapshots.body_marks import draw_loads, draw_outlines, draw_states

@@ -23,9 +23,9 @@ from typing import IO, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.interface.system import Array
 
 RENDERERS = {"EGL": "vtkEGLRenderWindow", "OSMesa": "vtkOSOpenGLRenderWindow"}
 """Libraries of off-screen rendering, and VTK's window class for each."""

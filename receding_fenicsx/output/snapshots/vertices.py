@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import Fields
-from receding_fenicsx.interface.system import Array
 
 EDGE_TOLERANCE = 1e-9
 """Distance from a line, over the body's size, within which a vertex lies on it."""

@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.mirror import mirror_nodes
-from receding_fenicsx.interface.system import Array
 from receding_fenicsx.output.plots.units import describe_factors, length_of, name_leg, pressure_of
 from receding_fenicsx.output.snapshots.load_arrows import Arrows, largest_factors, load_arrows
 from receding_fenicsx.output.snapshots.vertices import edge_displacement, merge_axis, outline

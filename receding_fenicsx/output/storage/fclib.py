@@ -13,6 +13,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import check_file, new_hdf5
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.replay import state_at
@@ -22,7 +23,7 @@ from receding_fenicsx.interface.gauss_seidel.compliance_form import (
     solve_problem,
     step_problem,
 )
-from receding_fenicsx.interface.system import Array, ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.output.storage.hdf5 import read_system
 from receding_fenicsx.output.storage.run_folder import read_run
 from receding_fenicsx.scene import history

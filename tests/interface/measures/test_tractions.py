@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.measures.tractions import cell_means, midside_nodes, traction_at
-from receding_fenicsx.interface.system import Array
 
 
 def laid_out(degree: int, elements: int) -> tuple[Array, Array, Array]:

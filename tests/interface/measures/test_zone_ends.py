@@ -8,6 +8,7 @@ import pytest
 from numpy.polynomial.legendre import leggauss
 from scipy.integrate import quad
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.zone_ends import (
     Tractions,
@@ -17,7 +18,6 @@ from receding_fenicsx.interface.measures.zone_ends import (
     zone_end,
     zone_ends,
 )
-from receding_fenicsx.interface.system import Array
 
 STICK, OPEN, FORWARD, BACKWARD = (
     State.STICK,
