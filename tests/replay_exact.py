@@ -92,6 +92,9 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             allowed = allowed + here.reach(np.full(2 * n, APEX * leg.force))
         u = u_b + _check_kept(run, leg, (s_a, s_b), now, (u_a, u_b), (kept, allowed, s_apex))
         state = now
+    # the record may end off by round-off, on which the loads work
+    end = np.concatenate([record.turning_points.v[leg.row], record.turning_points.w[leg.row]])
+    totals.work += float(leg.load(1.0) @ body.r_star @ (end - u))
     for instant in kept:
         if instant is not None and not any(
             abs(s - instant[0]) <= SAME_PLACE and np.array_equal(now, instant[1].state[instant[2]])

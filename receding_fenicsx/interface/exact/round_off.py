@@ -85,19 +85,27 @@ class RoundOff:
             self.remove()
             self._sums.restart(point.s, point.y, point.state)
 
-    def remove(self) -> ContactState:
-        """Correct the displacements by one step of iterative refinement; return the state."""
-        refined = self.refined(self._point.s, self._point.y)
+    def remove(self, steps: int = 1) -> ContactState:
+        """Correct the displacements by iterative refinement; return the state."""
+        refined = self.refined(self._point.s, self._point.y, steps)
         self._point.y[:] = self._segments.values(refined)
         self._after_refinement = self.imbalance()
         return refined
 
-    def refined(self, s: float, y: Array) -> ContactState:
-        """Return the state for quantities y (4N,) at s after one step of iterative refinement."""
-        point, n = self._point, self._segments.system.n
-        now = point.extrapolated(s, y)
-        u = now.u + self._segments.tableau(point.state).correction(now.r)[: 2 * n]
-        return point.with_displacements(s, u)
+    def refined(self, s: float, y: Array, steps: int = 1) -> ContactState:
+        """Return the state for quantities y (4N,) at s after iterative refinement.
+
+        It ends before where the displacements change no more.
+        """
+        point, segments = self._point, self._segments
+        n, now = segments.system.n, point.extrapolated(s, y)
+        for _ in range(steps):
+            change = segments.tableau(point.state).correction(now.r)[: 2 * n]
+            now = point.with_displacements(s, now.u + change)
+            largest = np.abs(change * segments.weight[: 2 * n]).max()
+            if largest <= EPSILON * self._sums.force_scale:
+                break
+        return now
 
 
 def displacement_uncertainty(

@@ -24,6 +24,10 @@ UNLOADING_EVENTS = 1e-6
 """Part of a leg before its end at no load within which they may be round-off of the displacements
 of a nearly singular body."""
 
+UNLOADING_REFINEMENTS = 16
+"""Steps of iterative refinement of the end of unloading at most: the round-off of far larger
+displacements before must vanish there, and near-singular bodies gain little in a step."""
+
 REMAINING_LOAD = 1e-9
 """Load, as a part of the leg's first load, at which a leg to complete unloading stops."""
 

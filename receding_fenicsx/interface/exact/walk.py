@@ -15,6 +15,7 @@ from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments
 from receding_fenicsx.interface.exact.unloading import (
     UNLOADED_FORCE,
     UNLOADING_EVENTS,
+    UNLOADING_REFINEMENTS,
     UNLOADING_ROUND_OFF,
     displacements_at_rest,
 )
@@ -125,8 +126,10 @@ class Walk:
         y = self.point.y + left * segment.q
         if left - first <= UNLOADING_ROUND_OFF and self._keeps_limits(y):
             return y
+        if np.any(self.problem.load(s_end)):
+            return None
         # the round-off of large displacements before is no error at the end
-        y = self.segments.margins(self.round_off.refined(s_end, y))
+        y = self.segments.margins(self.round_off.refined(s_end, y, UNLOADING_REFINEMENTS))
         return y if self._keeps_limits(y) else None
 
     def _keeps_limits(self, y: Array) -> bool:
@@ -257,14 +260,16 @@ class Walk:
 
     def _refined_end(self) -> ContactState:
         """Return the state at the present point, round-off removed where it matters."""
-        if self._unloading:
-            # round-off of larger displacements before must not remain as slip
-            self.round_off.remove()
-            return self.round_off.remove()
         if self.segments.trials > self._trials_before or not self.round_off.is_balanced():
-            return self.round_off.remove()
-        end = self.point.contact_state()
-        return self.round_off.remove() if self._exceeds(self._residual(end), end) else end
+            end = self.round_off.remove()
+        else:
+            end = self.point.contact_state()
+            if self._exceeds(self._residual(end), end):
+                end = self.round_off.remove()
+        if np.any(self.point.load) or self._exceeds(self._residual(end), end):
+            return end
+        # unloaded: round-off of larger displacements before must not remain as slip
+        return self.round_off.remove(UNLOADING_REFINEMENTS)
 
     def _residual(self, end: ContactState) -> float:
         """Return the residual at one instant; 0 for a part of a contact, which is checked whole."""

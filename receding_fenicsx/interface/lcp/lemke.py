@@ -21,6 +21,9 @@ PIVOT_TOLERANCE = 1e-11
 CHECK_TOLERANCE = 1e-9
 """Violation of y >= 0 or z >= 0, in the scaled problem, up to which an answer is accepted."""
 
+ROUND_OFFS = 64.0
+"""Round-offs of y, as a sum, that are accepted beside that."""
+
 ENUMERATED = 12
 """Largest number of complementary pairs that :func:`enumerate_all` goes through."""
 
@@ -50,22 +53,36 @@ def solve(M: Array, q: Array, covers: Iterable[Array]) -> Array | None:
     b = b / size
     for cover in covers:
         z = lemke(scaled, b, d * cover / np.abs(d * cover).max())
-        if z is not None and is_solution(scaled, b, z):
-            return d * z * size
+        if z is not None:
+            z = _solved_again(scaled, b, z)
+            if is_solution(scaled, b, z):
+                return d * z * size
     if n <= ENUMERATED:
         for z in enumerate_all(scaled, b):
             return d * z * size
     return None
 
 
+def _solved_again(M: Array, q: Array, z: Array) -> Array:
+    """Return the solution with the positive unknowns of z, without the round-off of the pivots."""
+    chosen = np.flatnonzero(z > 0.0)
+    found = np.zeros_like(z)
+    try:
+        found[chosen] = np.linalg.solve(M[np.ix_(chosen, chosen)], -q[chosen])
+    except np.linalg.LinAlgError:
+        return z
+    return found
+
+
 def is_solution(M: Array, q: Array, z: Array) -> bool:
-    """Return whether z solves the (scaled) problem within ``CHECK_TOLERANCE``."""
-    size = max(1.0, float(np.abs(z).max(initial=0.0)))
+    """Return whether z solves the (scaled) problem within ``CHECK_TOLERANCE``.
+
+    Large z, of a nearly singular M, excuse in y = M z + q no more than its own round-off.
+    """
     y = M @ z + q
-    low = min(float(y.min()), float(z.min()))
-    return low >= -CHECK_TOLERANCE * size and float(np.abs(np.minimum(y, z)).max()) <= (
-        CHECK_TOLERANCE * size
-    )
+    off_z = CHECK_TOLERANCE * max(1.0, float(np.abs(z).max(initial=0.0)))
+    off_y = CHECK_TOLERANCE + ROUND_OFFS * np.finfo(float).eps * (np.abs(M) @ np.abs(z))
+    return bool(np.all(y >= -off_y) and np.all(z >= -off_z) and np.all((y <= off_y) | (z <= off_z)))
 
 
 def lemke(M: Array, q: Array, cover: Array) -> Array | None:

@@ -151,3 +151,11 @@ def test_nodes_known_to_be_on_one_side_of_the_cone_keep_one_pair() -> None:
         assert onward is not None and back is not None
         assert (onward[1], back[1]) == (slips, State.STICK)
         assert not np.delete(onward, 1).any()
+
+
+def test_large_unknowns_excuse_no_violation() -> None:
+    M, z = np.array([[1.0, -1.0], [-1.0, 1.0]]), np.full(2, 1e7)
+    assert is_solution(M, np.zeros(2), z)
+    assert is_solution(M, np.array([1e-9, 0.0]), z)
+    assert not is_solution(M, np.array([-1e-3, 0.0]), z)
+    assert not is_solution(M, np.array([1e-3, 0.0]), z)
