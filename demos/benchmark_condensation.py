@@ -33,7 +33,7 @@ from scipy.linalg import cholesky
 from receding_fenicsx.bulk.body import Bulk, interior_solver
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.elasticity import build, warm_up
-from receding_fenicsx.bulk.mesh.meshing import make_mesh
+from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.scene.model import Load, MeshOptions, Scene
 
 comm = MPI.COMM_WORLD
@@ -89,7 +89,7 @@ def measure(scene: Scene, half: bool, repeat: int) -> dict[str, float]:
             spent[stage].append(now - clock)
             clock = now
 
-        mesh = make_mesh(comm, scene, half)
+        (mesh,) = make_meshes(comm, scene, half)
         lap("mesh")
         bulk: Bulk = build(scene, mesh)
         lap("assemble")

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.elasticity import build
-from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_mesh
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -59,6 +59,12 @@ def cylinder(cell: str = "triangle", degree: int = 1, **parts: object) -> Scene:
     smooth = {"contacts": (Contact(friction=0.0),), "material": ROUND, "history": ONCE}
     scene = block(cell, degree, load=Load("p", "top", pressure=1.0))
     return replace(scene, **(smooth | parts))  # type: ignore[arg-type]
+
+
+def make_mesh(comm: MPI.Comm, scene: Scene, half: bool) -> BodyMesh:
+    """Mesh the only body of a scene."""
+    (mesh,) = make_meshes(comm, scene, half)
+    return mesh
 
 
 def built(scene: Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Bulk:

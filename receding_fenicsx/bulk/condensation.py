@@ -22,7 +22,7 @@ from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
 
-RIGID_TOLERANCE = 1e-12
+RIGID_RESISTANCE = 1e-12
 """Largest force of a rigid motion over the largest row sum of |K|."""
 PROBE_TOLERANCE = 1e-10
 """Largest error of K times a probe, found by a solve, over the largest row sum of |K|."""
@@ -83,10 +83,10 @@ def _checked(bulk: Bulk, eliminated: Elimination) -> CondensedBody:
     if eliminated.probe is not None:
         _check_probe(contact, K, scale, eliminated.probe)
     error = np.abs(K @ contact.null).max(initial=0.0) / scale
-    if not error <= RIGID_TOLERANCE:
+    if not error <= RIGID_RESISTANCE:
         raise SolveError(
             f"the condensed stiffness resists a rigid motion by {error:.1e} of its size "
-            f"(at most {RIGID_TOLERANCE:g}); check the mesh for degenerate cells"
+            f"(at most {RIGID_RESISTANCE:g}); check the mesh for degenerate cells"
         )
     K *= bulk.young
     return CondensedBody(

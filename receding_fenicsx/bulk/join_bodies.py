@@ -44,7 +44,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.rigid_motions import free_motions, scaled
 from receding_fenicsx.errors import InputError, SolveError
 
-RIGID_TOLERANCE = 1e-11
+JOINED_RIGID_RESISTANCE = 1e-11
 """Largest force of a common or relative rigid motion over the largest row sum of |K|."""
 BALANCE_TOLERANCE = 1e-9
 """Largest resultant, over the sum of the reactions, of a load that counts as balanced."""
@@ -198,10 +198,10 @@ def _solve(H: Array, columns: Array) -> Array:
 def _check_rigid(K: Array, rigid: Array, held: NDArray[np.bool_]) -> None:
     """Check that K has no force against the rigid motions."""
     error = np.abs((K @ rigid)[~held]).max(initial=0.0) / np.abs(K).sum(axis=1).max()
-    if not error <= RIGID_TOLERANCE:
+    if not error <= JOINED_RIGID_RESISTANCE:
         raise SolveError(
             f"the stiffness of the joined bodies resists a rigid motion by {error:.1e} of its "
-            f"size (at most {RIGID_TOLERANCE:g}); bring their Young's moduli closer together "
+            f"size (at most {JOINED_RIGID_RESISTANCE:g}); bring Young's moduli closer together "
             "or hold the stiffer one"
         )
 

@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built
+from bodies import CELLS, block, built, make_mesh
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
@@ -16,7 +16,6 @@ from receding_fenicsx.bulk.back_substitution import back_substitute, reactions
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.elasticity import build
-from receding_fenicsx.bulk.mesh.meshing import make_mesh
 from receding_fenicsx.bulk.stress import stresses
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve

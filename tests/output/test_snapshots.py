@@ -9,13 +9,13 @@ from mpi4py import MPI
 import matplotlib as mpl
 import numpy as np
 import pytest
+from bodies import make_mesh
 from matplotlib.colors import to_rgb
 from PIL import Image
 
 from receding_fenicsx import read_scene, study
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.fields import Fields, fields_at
-from receding_fenicsx.bulk.mesh import meshing
 from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.instants import Instant
@@ -57,7 +57,7 @@ def fields(symmetry: str) -> Fields | None:
     scene = small_block(symmetry)
     now = COMM.bcast(instant(scene))
     half = symmetry == "auto"
-    bulk = elasticity.build(scene, meshing.make_mesh(COMM, scene, half))
+    bulk = elasticity.build(scene, make_mesh(COMM, scene, half))
     try:
         return fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
     finally:

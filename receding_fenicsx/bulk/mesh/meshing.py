@@ -92,12 +92,6 @@ class BodyMesh:
     cell: str
 
 
-def make_mesh(comm: MPI.Comm, scene: Scene, half: bool) -> BodyMesh:
-    """Mesh the only body of a scene; see :func:`make_meshes`."""
-    (mesh,) = make_meshes(comm, scene, half)
-    return mesh
-
-
 def contact_nodes_of(scene: Scene) -> list[int]:
     """Return the number of nodes on each contact edge of the whole scene; no communication.
 

@@ -68,10 +68,12 @@ def tractions(
         p, q, cone = scales.traction_labels()
         friction = bool(np.any(record.friction.present))
         if friction:
+            # two coefficients need no formula: the cone is drawn between both limits
+            one = record.f_backward is None
             curves = [
                 Line2D([], [], color=style.PRESSURE_COLOUR, label=p),
                 Line2D([], [], color=style.SHEAR_COLOUR, label=q),
-                Patch(label=f"friction cone, {cone}", **style.CONE),
+                Patch(label=f"friction cone, {cone}" if one else "friction cone", **style.CONE),
             ]
             # in a row, unless the unit has a long name
             ncols = 3 if len(cone) < MAX_LABEL_LENGTH else 2

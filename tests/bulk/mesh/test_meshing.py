@@ -10,9 +10,9 @@ from mpi4py import MPI
 import gmsh
 import numpy as np
 import pytest
-from bodies import CELLS, block, everything, facet_ends
+from bodies import CELLS, block, everything, facet_ends, make_mesh
 
-from receding_fenicsx.bulk.mesh.meshing import geo_path, make_mesh
+from receding_fenicsx.bulk.mesh.meshing import geo_path
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Body, Contact, Load, MeshOptions, Scene, Support
 

@@ -10,12 +10,11 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built
+from bodies import CELLS, block, built, make_mesh
 from msh import Array, Ints, rectangle, turned, write_msh
 
 from receding_fenicsx import study
 from receding_fenicsx.bulk.from_scene import condensed
-from receding_fenicsx.bulk.mesh.meshing import make_mesh
 from receding_fenicsx.cli import main
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import with_profiles
