@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from equations import EPS, OPEN, ROUNDINGS, STICK, Array, States
+from equations import EPS, FORWARD, OPEN, ROUNDINGS, STICK, Array, States
 from replay import LAW, Jump, Leg, Replay, Totals
 
 SAME_PLACE = 1e-13
@@ -50,6 +50,8 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         u_a = here.solve(leg.load(s_a), u[:n], u)
         doubt_a = _reach(leg, here, doubt)
         apart = bool(np.any(np.abs(u_a - u) > doubt + doubt_a))
+        if run.record.jumps and _slips_at(s_a, state, now, between):
+            apart = True
         if s_held < s_a and not apart:
             run.object(leg.place(s_a), "an event lies beyond its place", s_a - s_held, PLACE)
         if apart and not _rolls(run, leg, s_a, u_a - u):
@@ -71,7 +73,8 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
         if following is not None:
             next_ = body.states(following)
             u_next = next_.solve(leg.load(s_b), u_b[:n], u_b)
-            if np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)):
+            off = bool(np.any(np.abs(u_next - u_b) > doubt + _reach(leg, next_, doubt)))
+            if off or (run.record.jumps and _slips_at(s_b, now, following, between)):
                 s_jump = _jump_place(run, leg, (s_a, s_b), now, (u_a, u_b))
                 u_b = u_a + (s_jump - s_a) / max(s_b - s_a, EPS) * (u_b - u_a)
                 s_b = s_jump
@@ -95,6 +98,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
     # the record may end off by round-off, on which the loads work
     end = np.concatenate([record.turning_points.v[leg.row], record.turning_points.w[leg.row]])
     totals.work += float(leg.load(1.0) @ body.r_star @ (end - u))
+    totals.misfit += float(np.abs(body.reactions(leg.load(1.0), u) * (end - u)).sum())
     for instant in kept:
         if instant is not None and not any(
             abs(s - instant[0]) <= SAME_PLACE and np.array_equal(now, instant[1].state[instant[2]])
@@ -152,6 +156,15 @@ def _reach(leg: Leg, states: States, doubt: Array) -> Array:
     rows = states.row_errors(LAW * leg.force + leg.noise)
     rows[:n] += np.where(states.stuck, body.k[:n] * doubt[:n], 0.0)
     return states.reach(rows) + LAW * leg.force / body.k
+
+
+def _slips_at(s: float, before: Array, after: Array, between: list[tuple[float, Array]]) -> bool:
+    """Return whether a node begins to slip and sticks at one place: then it has jumped."""
+    return any(
+        np.any((now >= FORWARD) & (now != before) & (after == STICK))
+        for at, now in between
+        if abs(at - s) <= SAME_PLACE
+    )
 
 
 def _look_for_hidden_jump(
@@ -223,6 +236,7 @@ def _add_up(
     totals.work += float(work.sum())
     totals.moved += float(np.abs(D).sum() + np.abs(work).sum() + np.abs(mean @ du))
     totals.condition = max(totals.condition, here.condition)
+    totals.largest = max(totals.largest, float(np.abs(np.array(ends)).max()))
 
 
 def _drifts(

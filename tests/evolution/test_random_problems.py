@@ -80,7 +80,7 @@ def test_nearly_singular_bodies_come_back_from_far_to_where_they_were(number: in
     assert judge(problem(number)) == Outcome(ACCEPTED, "no jump")
 
 
-@pytest.mark.parametrize("number", [451397, 452136])
+@pytest.mark.parametrize("number", [451397, 452136, 460759, 462002])
 def test_nearly_singular_bodies_find_their_states_and_keep_their_energy(number: int) -> None:
     assert judge(problem(number)) == Outcome(ACCEPTED, "no jump")
 
@@ -92,6 +92,10 @@ def test_jumps_that_are_hardly_told_from_round_off_are_no_objection(number: int)
     assert verdict_of(p, record) == Outcome(ACCEPTED, "with jumps")
     many = replace(record, jumps=record.jumps + 100)
     assert objected(p.system, p.history, many, "jumps, there are")
+
+
+def test_nodes_that_slip_and_stick_in_jumps_between_two_samples_are_no_objection() -> None:
+    assert judge(problem(464364)) == Outcome(ACCEPTED, "with jumps")
 
 
 @pytest.mark.parametrize("number", [1036, 1527])
