@@ -80,7 +80,7 @@ def test_nearly_singular_bodies_come_back_from_far_to_where_they_were(number: in
     assert judge(problem(number)) == Outcome(ACCEPTED, "no jump")
 
 
-@pytest.mark.parametrize("number", [451397, 452136, 460759, 462002])
+@pytest.mark.parametrize("number", [451397, 452136, 460759, 462002, 471245, 471616])
 def test_nearly_singular_bodies_find_their_states_and_keep_their_energy(number: int) -> None:
     assert judge(problem(number)) == Outcome(ACCEPTED, "no jump")
 

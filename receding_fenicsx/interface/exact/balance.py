@@ -21,7 +21,7 @@ class BalanceCheck:
 
     linear in u, lambda, A and B with weights that are made once. With independent errors it is some
     sqrt(N) times theirs, and never much below the largest. Q and P enter, not the margins A and B:
-    where friction is low these hide an error of P.
+    where friction is low these hide an error of P. Without friction Q_i = 0.
     """
 
     def __init__(
@@ -36,11 +36,12 @@ class BalanceCheck:
         """
         n = system.n
         on_Q, on_P = np.random.default_rng(0).choice([-1.0, 1.0], (2, n, RANDOM_SUMS))
-        on_Q *= frictional[:, None]
+        on_Q *= ~system.held[:n, None]
         on_P *= (frictional | smooth)[:, None]
         opening = np.where(frictional, system.friction.opening(np.ones(n)), 1.0)[:, None]
         a, b = system.friction[:, None].shares
-        on_A, on_B = a * on_Q + on_P / opening, on_P / opening - b * on_Q
+        on_margins = np.where(frictional[:, None], on_Q, 0.0)
+        on_A, on_B = a * on_margins + on_P / opening, on_P / opening - b * on_margins
         on_B[~frictional] = 0.0
         on_r = np.vstack([on_Q, on_P])
         on_u = system.K @ on_r

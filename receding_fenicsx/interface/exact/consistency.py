@@ -6,7 +6,8 @@ either way. Whether a set of states is right is seen from its rates:
 1. All nodes whose rates violate their limit change state, after some rounds only the worst one.
 2. When a set of states returns, linear complementarity decides the nodes on limits.
 3. A free body that balances on its contact is moved to the middle of its play, and 2 is repeated.
-4. Otherwise an error says which continuation is missing.
+4. Nodes count as on a limit up to the round-off of their reactions, and 2 is repeated.
+5. Otherwise an error says which continuation is missing.
 """
 
 from __future__ import annotations
@@ -22,10 +23,11 @@ from receding_fenicsx.interface.exact.failures import explain
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import middle
-from receding_fenicsx.interface.exact.segments import Segment, Segments, States
+from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import is_exhaustible, solve_states
+from receding_fenicsx.interface.residual import ROUND_OFFS
 
 SIMULTANEOUS_ROUNDS = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
@@ -142,7 +144,7 @@ class ConsistentStates:
         """
         scale = self.sums.force_scale
         if nodes is None:
-            nodes = self.segments.undecided(self.point.y, states, scale).nodes
+            nodes = self.segments.undecided(self.point.y, states, self._on_limit).nodes
         return explain(self.segments, self.point, states, scale, nodes, exhausted)
 
     def _decide(self, before: States) -> Segment:
@@ -157,9 +159,30 @@ class ConsistentStates:
                 segment = self.segments.at(point.state, self.direction)
             if segment is not None and len(self.violations(segment)):
                 segment, exhausted = self._pivoted(before)
+        if segment is None and self._widen_limits():
+            point.state[:] = before
+            segment, exhausted = self._pivoted(before)
         if segment is None:
             raise self.error(before, exhausted=exhausted)
         return segment
+
+    def _widen_limits(self) -> bool:
+        """Count nodes as on a limit up to the round-off of their reactions, eps |K| |u|.
+
+        Where a nearly singular body is displaced far it exceeds ``LIMIT_TOLERANCE``.
+
+        Returns:
+            Whether more limits are reached now.
+        """
+        system, point, segments = self.segments.system, self.point, self.segments
+        n, u = system.n, point.contact_state().u
+        Q, P = ROUND_OFFS * EPSILON * (np.abs(system.K) @ np.abs(u)).reshape(2, n)
+        friction, gap = segments.friction, P / segments.weight[n : 2 * n]
+        A = np.where(segments.frictional, Q + friction.forward * P, P)
+        wide = np.concatenate([np.zeros(n), gap, A, Q + friction.backward * P])
+        more = (point.y > self._on_limit) & (point.y <= wide)
+        self._on_limit = np.maximum(self._on_limit, wide)
+        return bool(np.any(more[n:]))
 
     def _pivoted(self, before: States) -> tuple[Segment | None, bool]:
         """Solve the linear complementarity problem of the rates of nodes on limits.
@@ -168,7 +191,7 @@ class ConsistentStates:
             The rates, None without a solution; and whether all sets of states were tried.
         """
         segments, system, n = self.segments, self.segments.system, self.segments.system.n
-        undecided = segments.undecided(self.point.y, before, self.sums.force_scale)
+        undecided = segments.undecided(self.point.y, before, self._on_limit)
         free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
         decided_open = (before == SEPARATION) & ~np.isin(np.arange(n), undecided.nodes)
         open_n = np.flatnonzero(decided_open & ~system.held[n:])

@@ -266,10 +266,16 @@ class Segments:
         # a gap keeps its round-off: times the stiffness it would be a force out of balance
         return np.concatenate([state.v, gap, forward, backward])
 
-    def undecided(self, y: Array, state: States, force_scale: float) -> Undecided:
-        """Return the nodes that sit on a limit, sorted by which limit."""
+    def undecided(self, y: Array, state: States, limit: Array) -> Undecided:
+        """Return the nodes that sit on a limit, sorted by which limit.
+
+        Args:
+            y: (4N,) quantities.
+            state: (N,) states.
+            limit: (4N,) distance from a limit up to which a node sits on it.
+        """
         n = self.system.n
-        on = (y <= self.limit * force_scale).reshape(4, n)
+        on = (y <= limit).reshape(4, n)
         contact = state != SEPARATION
         touching = np.where(contact, on[2] & (on[3] | ~self.frictional), on[1])
         F = self.frictional & contact & ~touching
