@@ -26,7 +26,7 @@ ROUND_OFF = {"residual_max": 1e-10, "energy_error_max": 1e-10}
 PROGRAM = """
 import sys
 import receding_fenicsx as r
-r.run(r.read_scene(sys.argv[1]), sys.argv[2], pictures=False)
+r.run(r.read_scene(sys.argv[1]), sys.argv[2], r.RunOptions(pictures=False))
 """
 
 
