@@ -19,7 +19,7 @@ from replay import HELD_SHARE
 NEAR = 1e-9
 """Distance from a limit, over the largest force, that counts as being on it."""
 SLACK = 1e-9
-"""Violation of a rate inequality, over the largest rate, that is let pass."""
+"""Violation of a rate inequality, over the largest rate of its kind, that is let pass."""
 SAME = 1e-7
 """Difference of rates, over the largest, below which two sets of states mean the same."""
 STANDING = 50
@@ -98,8 +98,11 @@ def rates(
         if np.abs(here.M @ du + here.mix @ held).max() > SLACK * np.abs(held).max():
             continue  # a motion that nothing resists is loaded
         scale = max(float(np.abs(held + body.K @ du).max()), float(np.abs(body.k * du).max()))
-        slack = (SLACK + 64 * EPS * here.condition) * scale
-        rows, right = _inequalities(body, held, states, may)
+        dr = held + body.K @ du
+        rows, right, forces = _inequalities(body, held, states, may)
+        # displacements in a nearly singular body are no measure of its forces
+        of_forces = _force_slack(body, du, dr) + 64 * EPS * float(np.abs(held).max())
+        slack = np.where(forces, of_forces, (SLACK + 64 * EPS * here.condition) * scale)
         if len(here.free) and np.any(rows @ du + right < -slack):
             du = du + _along(here.free, rows.astype(float), rows @ du + right)
         if np.any(rows @ du + right < -slack):
@@ -111,28 +114,37 @@ def rates(
 
 def _inequalities(
     body: Body, held: Array, states: tuple[int, ...], may: list[tuple[int, ...]]
-) -> tuple[Array, Array]:
-    """Return A and b of what A du + b >= 0 has to hold in a set of states, as forces."""
+) -> tuple[Array, Array, Array]:
+    """Return A and b of what A du + b >= 0 has to hold in a set of states, as forces.
+
+    The third value tells which are rates of forces, not of displacements.
+    """
     n, eye = body.n, np.diag(body.k).astype(np.longdouble)
-    rows: list[tuple[Array, Any]] = [(np.zeros(2 * n, np.longdouble), 0.0)]
+    rows: list[tuple[Array, Any, bool]] = [(np.zeros(2 * n, np.longdouble), 0.0, False)]
     for i, (state, choice) in enumerate(zip(states, may, strict=True)):
         t, m, f, back = i, n + i, body.f[i], body.f_backward[i]
         if len(choice) == 1:
             continue
         if state == OPEN:
-            rows.append((eye[m], 0.0))
+            rows.append((eye[m], 0.0, False))
             continue
         if OPEN in choice:
-            rows.append((body.K[m], held[m]))
+            rows.append((body.K[m], held[m], True))
         if state == FORWARD:
-            rows.append((eye[t], 0.0))
+            rows.append((eye[t], 0.0, False))
         if state == BACKWARD:
-            rows.append((-eye[t], 0.0))
+            rows.append((-eye[t], 0.0, False))
         if state == STICK and FORWARD in choice:
-            rows.append((body.K[t] + f * body.K[m], held[t] + f * held[m]))
+            rows.append((body.K[t] + f * body.K[m], held[t] + f * held[m], True))
         if state == STICK and BACKWARD in choice:
-            rows.append((back * body.K[m] - body.K[t], back * held[m] - held[t]))
-    return np.array([row for row, _ in rows]), np.array([b for _, b in rows], np.longdouble)
+            rows.append((back * body.K[m] - body.K[t], back * held[m] - held[t], True))
+    A, b, forces = zip(*rows, strict=True)
+    return np.array(A), np.array(b, np.longdouble), np.array(forces)
+
+
+def _force_slack(body: Body, du: Array, dr: Array) -> float:
+    """Return the violation of an inequality of forces that is let pass, and their round-off."""
+    return SLACK * float(np.abs(dr).max()) + 64 * EPS * float((np.abs(body.K) @ np.abs(du)).max())
 
 
 def _along(free: Array, A: Array, b: Array) -> Array:
@@ -205,15 +217,16 @@ def _next(body: Body, now: Array, u: Array, r: Array, du: Array, dr: Array, near
     k = body.k[n:]
     margins = [
         (r[n:], dr[n:], law & touches, near[n:]),
-        ((body.g0 + u[n:]) * k, du[n:] * k, law & ~touches, near[n:]),
         (back * r[n:] - r[:n], back * dr[n:] - dr[:n], stuck, near[:n]),
         (f * r[n:] + r[:n], f * dr[n:] + dr[:n], stuck, near[:n]),
+        ((body.g0 + u[n:]) * k, du[n:] * k, law & ~touches, near[n:]),
     ]
-    scale = max(float(np.abs(dr).max()), float(np.abs(body.k * du).max()))
+    of_forces = _force_slack(body, du, dr)
+    slacks = of_forces, of_forces, of_forces, SLACK * float(np.abs(body.k * du).max())
     first = np.inf
-    for value, rate, where, close in margins:
+    for (value, rate, where, close), slack in zip(margins, slacks, strict=True):
         # what lies on its limit has been decided by the rates
-        falls = where & (rate < -SLACK * scale) & (value > close)
+        falls = where & (rate < -slack) & (value > close)
         if np.any(falls):
             first = min(first, float((value[falls] / -rate[falls]).min()))
     return first

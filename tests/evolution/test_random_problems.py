@@ -67,7 +67,20 @@ def test_legs_that_are_taken_on_the_exact_path_after_all_keep_the_laws() -> None
 
 @pytest.mark.parametrize(
     "number",
-    [202838, 300652, 401437, 402286, 402484, 403564, 403946, 414070, 414102, 423839, 424162],
+    [
+        202838,
+        300652,
+        401437,
+        402286,
+        402484,
+        403564,
+        403946,
+        414070,
+        414102,
+        423839,
+        424162,
+        483327,
+    ],
 )
 def test_rigid_motions_that_the_contact_leaves_free_break_no_law(number: int) -> None:
     """Near-singular bodies unloaded, feet that slip apart, levers, balanced and hanging bodies."""
