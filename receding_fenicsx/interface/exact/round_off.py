@@ -95,7 +95,7 @@ class RoundOff:
     def refined(self, s: float, y: Array, steps: int = 1) -> ContactState:
         """Return the state for quantities y (4N,) at s after iterative refinement.
 
-        It ends before where the displacements change no more.
+        Fewer steps are taken where the displacements no longer change.
         """
         point, segments = self._point, self._segments
         n, now = segments.system.n, point.extrapolated(s, y)

@@ -242,7 +242,7 @@ class Walk:
         if (sums.excess > 0.0 or self._exceeds(last, end)) and not self._explained(residual, end):
             raise SolveError(
                 f"the exact path lost accuracy before load factors {self.point.load.tolist()}: "
-                f"residual {residual:.1e} over {EVENT_RESIDUAL:.0e}; use method gauss-seidel"
+                f"residual {residual:.1e} over {EVENT_RESIDUAL:.0e}; try the other solver method"
             )
         if at_rest:
             u = displacements_at_rest(self.segments, end)

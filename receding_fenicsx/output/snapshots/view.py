@@ -89,7 +89,7 @@ class View:
         strips: the contact edges.
         rigid: whether the body touches a rigid plane, not a second body.
         p, q: (N,) tractions on the first contact edge; nan at nodes without weight.
-        f: (N,) coefficients of friction on the first contact edge.
+        f: friction, forward and backward, of the N nodes on the first contact edge.
         arrows: arrows of the loads.
         length_symbol, pressure_symbol: symbols of the units; "" for the scene's own units.
         caption: description of the instant.
