@@ -14,7 +14,7 @@ from receding_fenicsx.interface.measures.axis import midside_beside_axis
 from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.profiles import Profile, directions, evaluate
+from receding_fenicsx.scene.profiles import Profile, directions, evaluate, evaluate_checked
 from receding_fenicsx.scene.toml_file import to_toml
 
 PROFILE_ROUND_OFF = 1e-10
@@ -76,7 +76,8 @@ def _values(scene: Scene, system: ContactSystem, key: str, profiles: Sequence[Pr
     values = np.empty(system.n)
     for k, profile in enumerate(profiles):
         on = system.edges == k
-        values[on] = _without_round_off(evaluate(profile, system.x[on]))
+        found = evaluate_checked(profile, system.x[on], None, f"[contact] {key}")
+        values[on] = _without_round_off(found)
     if np.any(values < 0.0):
         i = int(np.argmin(values))
         edge = scene.contacts[system.edges[i]].edge

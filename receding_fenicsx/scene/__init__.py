@@ -6,7 +6,7 @@ nothing of finite elements. From a file to a history:
 1. :func:`~receding_fenicsx.scene.toml_file.read_scene` parses the file.
    :func:`~receding_fenicsx.scene.toml_overrides.apply_override` applies ``--set table.key=value``,
    and :func:`~receding_fenicsx.scene.profiles.inline_files` replaces ``{file = "gap.csv"}`` by the
-   table in that file.
+   table in that file, read by :func:`~receding_fenicsx.scene.column_file.read_columns`.
 2. :func:`~receding_fenicsx.scene.toml_tables.scene_of` converts the tables into the dataclass
    :class:`~receding_fenicsx.scene.model.Scene`. It refuses unknown keys and wrong types; each value
    is read by a function of :mod:`~receding_fenicsx.scene.toml_values`.

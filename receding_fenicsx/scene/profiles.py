@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_size
+from receding_fenicsx.scene.column_file import Columns, read_columns
 from receding_fenicsx.scene.expressions import evaluate_expression
 
 Profile = float | str | dict[str, list[float]]
@@ -71,28 +72,47 @@ def directions(friction: FrictionProfile, where: str = "friction") -> tuple[Prof
     return forward, backward
 
 
+def check_table(profile: Profile, where: str) -> None:
+    """Raise InputError for a table that is incomplete or unsorted; other profiles pass.
+
+    Args:
+        profile: number, expression or table.
+        where: table and key, for messages.
+    """
+    if not isinstance(profile, dict):
+        return
+    points, values = (np.asarray(profile[key], dtype=float) for key in ("x", "value"))
+    if len(points) != len(values) or len(points) < 2:
+        raise InputError(
+            f"{where}: a table needs two lists of equal length (at least 2), not "
+            f"{len(points)} and {len(values)} values"
+        )
+    if np.any(np.diff(points) <= 0.0):
+        raise InputError(f"{where}: x of the table must increase from value to value; sort it")
+
+
 def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) -> Array:
     """Check a profile and evaluate it.
 
     Args:
         profile: number, expression or table.
-        x: points.
+        x: points along the whole edge, or along the part of it that the profile is for.
         y: second coordinate of the points; None where an expression may use x only.
         where: table and key, for messages.
 
     Raises:
-        InputError: the table is incomplete or unsorted, the expression cannot be read, or a value
-            is not finite or too large.
+        InputError: the table is incomplete, unsorted or beside all points, the expression cannot be
+            read, or a value is not finite or too large.
     """
-    if isinstance(profile, dict):
-        points, values = (np.asarray(profile[key], dtype=float) for key in ("x", "value"))
-        if len(points) != len(values) or len(points) < 2:
+    check_table(profile, where)
+    if isinstance(profile, dict) and min(profile["value"]) < max(profile["value"]):
+        (low, high), (left, right) = ((p[0], p[-1]) for p in (profile["x"], np.sort(x)))
+        slack = 1e-9 * (right - left)
+        if high < left - slack or low > right + slack:
             raise InputError(
-                f"{where}: a table needs two lists of equal length (at least 2), not "
-                f"{len(points)} and {len(values)} values"
+                f"{where}: the table runs from x = {low:g} to {high:g}, beside the edge, which "
+                f"runs from {left:g} to {right:g}; check its unit and origin"
             )
-        if np.any(np.diff(points) <= 0.0):
-            raise InputError(f"{where}: x of the table must increase from value to value; sort it")
     try:
         found = evaluate(profile, x, y)
     except InputError as error:
@@ -121,7 +141,7 @@ def inline_files(raw: Any, folder: Path, where: str = "") -> Any:
         if set(raw) == {"file"}:
             keys = [key for key in where.split() if key not in DIRECTIONS]
             if keys and keys[-1] in PROFILE_KEYS:
-                return _read_columns(raw["file"], folder, where)
+                return _read_table(raw["file"], folder, where)
             if keys and isinstance(raw["file"], str):
                 raise InputError(
                     f"{where.strip()}: cannot be read from a file, only "
@@ -133,26 +153,30 @@ def inline_files(raw: Any, folder: Path, where: str = "") -> Any:
     return raw
 
 
-def _read_columns(name: object, folder: Path, where: str) -> dict[str, list[float]]:
-    """Read two columns, x and value, separated by commas or blanks; # starts a comment."""
-    label = f"{where.strip()} file"
-    if not isinstance(name, str):
-        raise InputError(f"{label}: must be a path in quotes")
-    try:
-        text = (folder / name).read_text(encoding="utf-8-sig").replace(",", " ")
-        cells = [line.partition("#")[0].split() for line in text.splitlines()]
-        rows = [[float(cell) for cell in row] for row in cells if row]
-    except FileNotFoundError:
-        raise InputError(f'{label}: "{name}": no such file; check the path') from None
-    except (OSError, UnicodeDecodeError, ValueError) as error:
-        raise InputError(
-            f'{label}: "{name}": cannot be read as columns of numbers ({error}); give x and value '
-            "on each line"
-        ) from None
-    if not rows or any(len(row) != 2 for row in rows):
-        counts = sorted({len(row) for row in rows}) or [0]
-        raise InputError(
-            f'{label}: "{name}": has {", ".join(map(str, counts))} column(s); give x and value on '
-            "each line"
+def _read_table(name: object, folder: Path, where: str) -> dict[str, list[float]]:
+    """Read a table of x and value: the columns of these names, else the only two columns."""
+    columns = read_columns(name, folder, where.strip())
+    if "x" in columns.names:
+        order = columns.index("x"), _index_of_value(columns)
+    elif columns.values.shape[1] == 2 and "value" not in columns.names:
+        order = 0, 1
+    else:
+        columns.refuse(
+            f"has {columns.values.shape[1]} column(s); give x and value on each line, or a header "
+            "line with the names x and value"
         )
-    return {"x": [row[0] for row in rows], "value": [row[1] for row in rows]}
+    x, value = columns.values[:, order].T
+    falls = np.flatnonzero(np.diff(x) <= 0.0)
+    if len(falls):
+        row = int(falls[0]) + 1
+        columns.refuse(f"x = {x[row]:g} follows {x[row - 1]:g}; sort the rows by x", row)
+    if len(x) < 2:
+        columns.refuse("has one row; a table needs at least 2")
+    return {"x": x.tolist(), "value": value.tolist()}
+
+
+def _index_of_value(columns: Columns) -> int:
+    """Return the column of the values beside a named column x: "value", or the only other one."""
+    if len(columns.names) == 2 and "value" not in columns.names:
+        return 1 - columns.index("x")
+    return columns.index("value")

@@ -7,7 +7,7 @@ import numpy as np
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_choice
 from receding_fenicsx.scene.model import Contact, Scene
-from receding_fenicsx.scene.profiles import directions, evaluate_checked
+from receding_fenicsx.scene.profiles import check_table, directions, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     EDGES,
     contact_samples,
@@ -59,14 +59,16 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
             "use bottom or top"
         )
     check_span(scene, contact.edge, contact.span, f"{where} span")
-    if meshed:
-        return
-    check_elements(scene.mesh, *scene.find_edge(contact.edge))
-    x = contact_samples(scene, contact)
     forward, backward = directions(contact.friction, f"{where} friction")
     profiles = [(forward, "friction"), (contact.initial_gap, "initial_gap")]
     if forward != backward:
         profiles[:1] = [(forward, "friction forward"), (backward, "friction backward")]
+    for profile, key in profiles:
+        check_table(profile, f"{where} {key}")
+    if meshed:
+        return
+    check_elements(scene.mesh, *scene.find_edge(contact.edge))
+    x = contact_samples(scene, contact)
     for profile, key in profiles:
         values = evaluate_checked(profile, x, None, f"{where} {key}")
         if values.min() < 0.0:
@@ -116,7 +118,10 @@ def has_mesh_file(scene: Scene, edge: str) -> bool:
 def check_initial_slip(scene: Scene) -> None:
     """Check the profile of the initial slip on every contact edge of a rectangle."""
     slip = scene.history.initial_slip
+    if slip is None:
+        return
+    check_table(slip, "[history] initial_slip")
     for contact in scene.contacts:
-        if slip is not None and not has_mesh_file(scene, contact.edge):
+        if not has_mesh_file(scene, contact.edge):
             x = contact_samples(scene, contact)
             evaluate_checked(slip, x, None, "[history] initial_slip")

@@ -7,7 +7,7 @@ import numpy as np
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import SMALLEST
 from receding_fenicsx.scene.model import FREE, Load, Scene, Support
-from receding_fenicsx.scene.profiles import evaluate_checked
+from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     edge_points,
     edge_range,
@@ -46,6 +46,11 @@ def _check_load(scene: Scene, load: Load) -> None:
     check_edge(scene, load.edge, f"{where} edge")
     check_span(scene, load.edge, load.span, f"{where} span")
     _check_kind(scene, load, where)
+    kind = _kinds(load)[0]
+    value, key = getattr(load, kind), f"{where} {kind}"
+    parts = value if isinstance(value, tuple) else (value,)
+    for part in parts:
+        check_table(part, key)
     if has_mesh_file(scene, load.edge):
         return
     for contact in scene.contacts:
@@ -59,11 +64,8 @@ def _check_load(scene: Scene, load: Load) -> None:
                 )
     along = load_samples(scene, load)
     x, y = edge_points(scene, load.edge, along)
-    kind = _kinds(load)[0]
-    value = getattr(load, kind)
-    key = f"{where} {kind}"
     zero = True
-    for part in value if isinstance(value, tuple) else (value,):
+    for part in parts:
         if part != FREE:
             # a table is a function of the position along the edge, an expression of x and y
             points = along if isinstance(part, dict) else x

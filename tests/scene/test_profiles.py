@@ -15,7 +15,14 @@ BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
 
 
 @pytest.mark.parametrize(
-    "text", ["-2, 0.0\n0, 0.1\n2, 0.0\n", "# x  value\n-2 0\n0 0.1 # here\n2 0\n"]
+    "text",
+    [
+        "-2, 0.0\n0, 0.1\n2, 0.0\n",
+        "# x  value\n-2 0\n0 0.1 # here\n2 0\n",
+        "measured on Monday\n\nvalue ; s ; x\nmm;s;mm\n0;1;-2\n0.1;2;0\n0;3;2\n",
+        '"x","gap / mm"\r\n-2,0\r\n0,0.1\r\n2,0\r\n',
+        "\ufeffposition\tgap\n-2\t0\n0\t.1\n2\t0",
+    ],
 )
 @pytest.mark.parametrize("key", ["contact.initial_gap", "contact.friction", "history.initial_slip"])
 def test_a_profile_is_read_from_a_file_beside_the_scene(
@@ -37,22 +44,65 @@ def test_a_profile_is_read_from_a_file_beside_the_scene(
     ("content", "words"),
     [
         (None, ["no such file"]),
+        (b"\xff\xfe\x00", ["not a text file"]),
         ("1 2 3\n4 5 6\n", ["3 column(s)", "x and value"]),
-        ("one two\n", ["columns of numbers"]),
-        ("", ["0 column(s)"]),
-        ("1 0.1\n0 0.2\n", ["[contact] initial_gap"]),
+        ("one two\n", ["no row of numbers"]),
+        ("", ["no row of numbers"]),
+        ("0 0\n1\n", ["line 2", "1 column(s)"]),
+        ("x,value\n0,0.1\n1,abc\n", ["line 3", '"abc"']),
+        ("x,value\n0,0.1\n1,\n", ["line 3", "column 2 is empty"]),
+        ("# gap\n0 0.1\n1 nan\n", ["line 3", "not a finite number"]),
+        ("0;0,1\n1;0,2\n", ["line 1", "decimal comma"]),
+        ("x\n0 0.1\n1 0.2\n", ["line 1", "header"]),
+        ("x,gap,time\n0,0.1,1\n1,0.2,1\n", ['"value"', "x, gap, time"]),
+        ("value,gap\n0,0.1\n1,0.2\n", ["names x and value"]),
+        ("x,x\n0,0.1\n1,0.2\n", ['2 column(s) "x"']),
+        ("1 0.1\n\n0 0.2\n", ["line 3", "x = 0 follows 1"]),
+        ("0 0.2\n", ["at least 2"]),
     ],
 )
-def test_a_file_that_is_no_profile_is_refused_in_one_line(
-    content: str | None, words: list[str], tmp_path: Path
+def test_a_file_that_is_no_profile_is_refused_in_one_line_with_its_place(
+    content: str | bytes | None, words: list[str], tmp_path: Path
 ) -> None:
     if content is not None:
-        (tmp_path / "gap.csv").write_text(content)
+        data = content if isinstance(content, bytes) else content.encode()
+        (tmp_path / "gap.csv").write_bytes(data)
     with pytest.raises(InputError) as caught:
         from_toml(BLOCK, ['contact.initial_gap={file = "gap.csv"}'], tmp_path)
     text = str(caught.value)
-    assert "\n" not in text and "contact" in text
+    assert "\n" not in text and 'contact initial_gap file "gap.csv": ' in text
     assert all(word in text for word in words), text
+
+
+OWN_MESH = """
+[body]
+mesh = "own.msh"
+[contact]
+edge = "foot"
+[[load]]
+name = "p"
+edge = "head"
+pressure = 1.0
+[history]
+cycles = 1
+"""
+UNSORTED = "={x = [1.0, 0.0], value = [0.0, 1.0]}"
+
+
+@pytest.mark.parametrize("key", ["contact.initial_gap", "load.p.pressure", "history.initial_slip"])
+@pytest.mark.parametrize("text", [BLOCK.replace("p0", "p"), OWN_MESH])
+def test_an_unsorted_table_is_refused_on_rectangles_and_on_meshes_of_ones_own(
+    text: str, key: str
+) -> None:
+    with pytest.raises(InputError, match=rf"{key.split('.')[-1]}: x of the table must increase"):
+        from_toml(text, [key + UNSORTED])
+
+
+def test_a_table_beside_the_contact_is_refused_unless_it_is_constant() -> None:
+    beside = "contact.initial_gap={{x = [1000.0, 2000.0], value = [0.0, {}]}}"
+    with pytest.raises(InputError, match=r"from x = 1000 to 2000, beside the edge.* unit"):
+        from_toml(BLOCK, [beside.format(0.1)])
+    from_toml(BLOCK, [beside.format(0.0)])
 
 
 def test_table_is_linear_inside_and_constant_outside() -> None:

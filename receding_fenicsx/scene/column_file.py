@@ -1,0 +1,144 @@
+"""Reader of text files with columns of numbers: commas, semicolons, tabs or blanks, header, #."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import NoReturn
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import InputError
+
+SEPARATORS = (";", ",", "\t")
+"""Separators of columns, the first that a line holds counts; without any of them, blanks."""
+
+
+@dataclass(frozen=True)
+class Columns:
+    """Numbers of a text file.
+
+    Attributes:
+        label: key and path, for messages.
+        names: (columns,) names in the header line; empty without a header.
+        values: (rows, columns), all finite.
+        lines: number of the line of each row, from 1.
+    """
+
+    label: str
+    names: tuple[str, ...]
+    values: Array
+    lines: tuple[int, ...]
+
+    def index(self, name: str) -> int:
+        """Return the position of a named column.
+
+        Raises:
+            InputError: the file has no header, or not just one such column.
+        """
+        if self.names.count(name) == 1:
+            return self.names.index(name)
+        if not self.names:
+            self.refuse(f"has no header line; write the names of the columns above them: {name}")
+        count = "no" if name not in self.names else str(self.names.count(name))
+        self.refuse(f'has {count} column(s) "{name}"; its header names {", ".join(self.names)}')
+
+    def refuse(self, reason: str, row: int | None = None) -> NoReturn:
+        """Raise InputError with the file, the line of a row if given, and a reason."""
+        line = "" if row is None else f" line {self.lines[row]}:"
+        raise InputError(f"{self.label}:{line} {reason}")
+
+
+def read_columns(name: object, folder: Path, where: str) -> Columns:
+    """Read a text file with columns of numbers.
+
+    Text after ``#`` and empty lines are ignored. Lines without any number above the first row are
+    header lines; the first of them with as many cells as the rows names the columns. Cells are
+    separated by semicolons, commas, tabs or blanks, all as in the first row. Numbers have a decimal
+    point.
+
+    Args:
+        name: path in the scene file.
+        folder: folder that it is relative to.
+        where: table and key, for messages.
+
+    Raises:
+        InputError: the file cannot be read or has no rows, rows differ in length, or a cell is not
+            a finite number; one line with the number of the line.
+    """
+    if not isinstance(name, str):
+        raise InputError(f"{where} file: must be a path in quotes")
+    label = f'{where} file "{name}"'
+    try:
+        text = (folder / name).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{label}: no such file; check the path") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{label}: is not a text file in UTF-8; export it as CSV") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{label}: cannot be read ({reason}); check the path") from None
+    lines = [(i, line.partition("#")[0].strip()) for i, line in enumerate(text.splitlines(), 1)]
+    filled = [(i, line) for i, line in lines if line]
+    first = next((k for k, (_, line) in enumerate(filled) if _has_number(line)), None)
+    if first is None:
+        raise InputError(f"{label}: has no row of numbers; write one row a line")
+    separator = _separator(filled[first][1])
+    rows = [_row(line, separator, f"{label}: line {i}") for i, line in filled[first:]]
+    for (i, _), row in zip(filled[first:], rows, strict=True):
+        if len(row) != len(rows[0]):
+            raise InputError(
+                f"{label}: line {i}: has {len(row)} column(s), line {filled[first][0]} has "
+                f"{len(rows[0])}; all rows need the same"
+            )
+    heads = (_cells(line, separator) for _, line in filled[:first])
+    names = next((tuple(head) for head in heads if len(head) == len(rows[0])), ())
+    if first and not names:
+        raise InputError(
+            f"{label}: line {filled[first - 1][0]}: the header does not name the {len(rows[0])} "
+            "column(s) of the rows; name each, or begin the line with #"
+        )
+    return Columns(label, names, np.array(rows), tuple(i for i, _ in filled[first:]))
+
+
+def _separator(line: str) -> str | None:
+    """Return the separator of a line's cells, None for blanks."""
+    return next((mark for mark in SEPARATORS if mark in line), None)
+
+
+def _cells(line: str, separator: str | None) -> list[str]:
+    return [cell.strip().strip("\"'").strip() for cell in line.split(separator)]
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell.replace(",", "."))
+    except ValueError:
+        return False
+    return "_" not in cell
+
+
+def _has_number(line: str) -> bool:
+    return any(_is_number(cell) for cell in _cells(line, _separator(line)))
+
+
+def _row(line: str, separator: str | None, where: str) -> list[float]:
+    """Return the finite numbers of a line."""
+    numbers = []
+    for count, cell in enumerate(_cells(line, separator), 1):
+        if not cell:
+            raise InputError(f"{where}: column {count} is empty; every row needs every value")
+        if not _is_number(cell):
+            raise InputError(
+                f'{where}: column {count} is "{cell[:40]}", not a number; mend it, or begin the '
+                "line with #"
+            )
+        if "," in cell:
+            raise InputError(f'{where}: "{cell[:40]}" has a decimal comma; write decimal points')
+        number = float(cell)
+        if not math.isfinite(number):
+            raise InputError(f'{where}: column {count} is "{cell}", not a finite number; mend it')
+        numbers.append(number)
+    return numbers
