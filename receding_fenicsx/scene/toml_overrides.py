@@ -7,7 +7,12 @@ from typing import Any
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import unknown_name
+from receding_fenicsx.scene.model import Contact
+from receding_fenicsx.scene.profiles import DIRECTIONS
 from receding_fenicsx.scene.toml_tables import ARRAYS, KNOWN, NAMED, as_list, named_materials
+
+PARTS = {"contact": ("friction",), "body": ("parameters",)}
+"""Keys of tables whose value may have parts of its own, as ``contact.friction.forward``."""
 
 
 def apply_override(raw: dict[str, Any], override: str) -> None:
@@ -18,7 +23,8 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
 
     Args:
         raw: the parsed file.
-        override: ``table.key=value``, ``load.NAME.key=value`` or ``title=value``.
+        override: ``table.key=value``, ``load.NAME.key=value`` or ``title=value``. The friction of
+            one direction is ``contact.friction.forward``; the other one stays as it is.
 
     Raises:
         InputError: the text is not an override, or names a table or load that the scene does not
@@ -42,7 +48,26 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
         unknown_name(names[0], KNOWN, f"--set {override}", "table")
     if names[0] == "title" or len(names) == 1:
         raise InputError(f"--set {override}: write {names[0]}.key=value")
-    _table_to_set(raw, names, override)[names[-1]] = value
+    if len(names) > 2 and names[-2] in PARTS.get(names[0], ()):
+        table = _table_to_set(raw, names[:-1], override)
+        table[names[-2]] = _with_part(table, names[-2], names[-1], value, override)
+    else:
+        _table_to_set(raw, names, override)[names[-1]] = value
+
+
+def _with_part(
+    table: dict[str, Any], key: str, part: str, value: object, override: str
+) -> dict[str, Any]:
+    """Return the value of a key with one of its parts changed, the others as they are."""
+    if key == "parameters":
+        given = table.get(key, {})
+        return {**(given if isinstance(given, dict) else {}), part: value}
+    if part not in DIRECTIONS:
+        unknown_name(part, DIRECTIONS, f"--set {override}", "key")
+    given = table.get(key, Contact.friction)
+    if not isinstance(given, dict) or not set(given) & set(DIRECTIONS):
+        given = dict.fromkeys(DIRECTIONS, given)
+    return {**given, part: value}
 
 
 def _table_to_set(raw: dict[str, Any], names: list[str], override: str) -> dict[str, Any]:

@@ -53,6 +53,25 @@ def test_an_incomplete_or_negative_friction_is_refused(friction: str, message: s
     assert message in str(caught.value)
 
 
+def test_one_direction_is_set_and_the_other_one_kept() -> None:
+    def friction(*changes: str) -> object:
+        return rf.read_scene(BLOCK, changes).contacts[0].friction
+
+    assert friction("contact.friction.forward=0.2") == {"forward": 0.2, "backward": 0.35}
+    both = friction("contact.friction.forward=0.2", "contact.1.friction.backward=0.3 + 0.1*x")
+    assert both == {"forward": 0.2, "backward": "0.3 + 0.1*x"}
+    table = "contact.friction={x = [-2, 2], value = [0.1, 0.3]}"
+    kept = {"x": [-2.0, 2.0], "value": [0.1, 0.3]}
+    assert friction(table, "contact.friction.backward=1") == {"forward": kept, "backward": 1.0}
+    default = rf.from_toml(
+        '[[load]]\nname = "p"\nedge = "top"\npressure = 1', ["contact.friction.forward=0.2"]
+    )
+    assert default.contacts[0].friction == {"forward": 0.2, "backward": rf.Contact().friction}
+    for wrong in ("contact.friction.forwards=0.2", "contact.friction.x=[0, 1]"):
+        with pytest.raises(rf.InputError, match=r"unknown key .*forward"):
+            friction(wrong)
+
+
 def test_half_is_modelled_only_where_forward_is_the_image_of_backward() -> None:
     assert is_mirror_symmetric(block("{forward = 0.3, backward = 0.3}"))
     assert is_mirror_symmetric(block('{forward = "0.3 + 0.05*x", backward = "0.3 - 0.05*x"}'))
