@@ -31,7 +31,8 @@ are no load steps. The method, from top to bottom:
 4. **Consistent states** (`consistency`: `ConsistentStates.find`). At the start of a leg and after
    an event, nodes on a limit may go either way. Nodes whose rates violate a condition change state,
    all at first, then the worst one; if a set of states returns, the linear complementarity problem
-   of the rates decides (`interface.lcp`).
+   of the rates decides (`interface.lcp`). Along rigid motions that the states leave free the body
+   drifts as little as the conditions allow (`drift`).
 5. **Next event** (`Walk.run`). A quantity $y_j \ge 0$ that falls reaches zero after
    $$\Delta s_j = -y_j / \dot y_j .$$
    The smallest one is the event: $y \leftarrow y + \dot y\, \Delta s$, the node changes state

@@ -4,7 +4,8 @@ At a reversal or after an event, nodes on a limit (friction limit, zero gap, zer
 either way. Whether a set of states is right is seen from its rates:
 
 1. All nodes whose rates violate their limit change state, after some rounds only the worst one.
-2. When a set of states returns, linear complementarity decides the nodes on limits.
+2. When a set of states returns, linear complementarity decides the nodes on limits; a body that the
+   states leave free drifts out of the way of its ground.
 3. A free body that balances on its contact is moved to the middle of its play, and 2 is repeated.
 4. Nodes count as on a limit up to the round-off of their reactions, and 2 is repeated.
 5. Otherwise an error says which continuation is missing.
@@ -19,6 +20,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import Sums
+from receding_fenicsx.interface.exact.drift import drifting
 from receding_fenicsx.interface.exact.failures import explain
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
@@ -208,6 +210,11 @@ class ConsistentStates:
             segment = segments.at(self.point.state, self.direction)
         except SingularExchange:
             return None, False
+        if len(self.violations(segment)):
+            state = self.point.state
+            gap, wide = self.point.y[n : 2 * n], self._on_limit[n : 2 * n]
+            touching = np.flatnonzero((state == SEPARATION) & ~system.held[n:] & (gap <= wide))
+            segment = drifting(segments, segment, state, self.direction, touching)
         return (None if len(self.violations(segment)) else segment), False
 
     def _balance(self, before: States) -> bool:

@@ -61,7 +61,7 @@ def _not_pressed(
 ) -> NoEquilibrium:
     """Return the error for a body that nothing presses on its contact."""
     gap = segments.system.g0
-    if at_start and not contact.any():
+    if at_start and not contact.any() and gap.min() > 0.0:
         return NoEquilibrium(
             f"the body is not held {where}: it touches nowhere, its smallest initial gap is "
             f"{gap.min():.3g}; take that off the gap, or add a [[support]]"

@@ -194,11 +194,14 @@ class Segments:
         return made
 
     def _make(self, state: States, direction: Array) -> Segment:
-        n = len(state)
         q = self._rates(state, direction)
         if self._works_on_pins(state, q, direction):
             raise SingularExchange
-        forces = q * self.weight
+        return self.segment(state, q, direction)
+
+    def segment(self, state: States, q: Array, direction: Array) -> Segment:
+        """Return the segment with rates (4N,) along a leg; those of low friction are corrected."""
+        n, forces = len(state), q * self.weight
         threshold = -RATE_TOLERANCE * sqrt(forces.dot(forces))
         if len(self._tiny_friction):
             self._margins_from_pressure(state, q, direction, forces)

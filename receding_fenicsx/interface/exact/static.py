@@ -6,6 +6,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged
+from receding_fenicsx.interface.exact.drift import drifted
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
@@ -138,5 +139,7 @@ def _pivot(segments: Segments, start: ContactState, load: Array) -> ContactState
     u = u0.copy()
     for _ in range(3):
         u = u + tableau.correction(reactions(system, load, u))[: 2 * n]
+    open_ = np.flatnonzero((state == SEPARATION) & ~system.held[n:])
+    u = u0 + drifted(segments, u - u0, state, open_)
     end = ContactState(u, reactions(system, load, u), state)
     return _accepted(segments, start, load, end)

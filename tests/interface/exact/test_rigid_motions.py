@@ -143,3 +143,22 @@ def test_dissipation_by_node_is_judged_where_the_drift_is_known_only() -> None:
         assert any("dissipation is off" in said for said in objections(system, history, record))
     # two feet that drift together exchange what they dissipate
     assert spoilt[1] == [] and "dissipation is off" in spoilt[8][0]
+
+
+@pytest.mark.parametrize("gap", [0.0, 0.25])
+def test_a_body_bent_by_loads_without_a_resultant_drifts_out_of_its_ground(gap: float) -> None:
+    bend, one, zero = np.array([1.0, -2.0, 1.0]), np.ones(3), np.zeros(3)
+    K = np.zeros((6, 6))
+    K[:3, :3], K[3:, 3:] = np.eye(3) - 1.0 / 3.0, np.outer(bend, bend)
+    rigid = [[*zero, *one], [*one, *zero], [0, 0, 0, -1, 0, 1]]
+    system = small_system(K, {"bend": [*zero, *bend]}, 0.5, [0.0, gap, 0.0], rigid)
+    history = table(system, [[0.0], [0.6], [0.0], [-0.6]])
+    record = evolve(system, history, output=ALL)
+    assert objections(system, history, record) == []
+    ends = record.turning_points
+    assert np.abs([ends.P, ends.Q]).max() <= 1e-14
+    # bent by lambda / 6 of ``bend``, and lifted out of the ground
+    assert ends.w @ bend == pytest.approx([-0.6, 0.0, 0.6], abs=1e-14)
+    assert np.all(ends.w >= [0.0, -gap, 0.0] - np.array(1e-14))
+    if gap:  # by as little as the feet need
+        assert ends.w[0] == pytest.approx([0.0, 0.3, 0.0], abs=1e-14)
