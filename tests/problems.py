@@ -123,6 +123,22 @@ def directed(p: Problem) -> Problem:
     return replace(p, system=system, tags=(*p.tags, "directions"))
 
 
+def oblique(p: Problem) -> Problem:
+    """Return a problem whose body is guided: it moves freely in directions oblique to its edges."""
+    rng, system = np.random.default_rng([p.number, 2]), p.system
+    n, angles = system.n, rng.choice([0.25, 0.5, 0.75, -0.25, -0.5, -0.75, 0.1, -0.1], 2) * np.pi
+    angle = np.where(np.arange(n) < int(rng.integers(1, n + 1)), *angles)
+    along = np.stack([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
+    rigid = along.reshape(2, 2 * n)[: 1 + int(rng.random() < 0.3)].T
+    basis = np.linalg.qr(rigid)[0]
+    rest = np.eye(2 * n) - basis @ basis.T
+    K = rest @ (system.K + 0.1 * np.eye(2 * n)) @ rest
+    r_star = system.r_star @ rest if rng.random() < 0.2 else system.r_star
+    free = np.zeros(2 * n, dtype=bool)
+    system = replace(system, K=0.5 * (K + K.T), r_star=r_star, held=free, rigid=rigid)
+    return replace(p, system=system, tags=(*p.tags, "oblique"))
+
+
 def _stiffness(rng: np.random.Generator, kind: str, n: int) -> np.ndarray:
     m = 2 * n
     G = rng.standard_normal((m, 3 * m // 2 + 1))
