@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import os
-import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -83,18 +82,6 @@ def make_folder(path: Path) -> None:
     """Create a folder and its parents unless they exist."""
     try:
         path.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise unwritable(path, error) from None
-
-
-def check_room(path: Path, size: int) -> None:
-    """Raise unless there is room for a file of ``size`` bytes at ``path``.
-
-    For files written by other libraries that crash on a full disk.
-    """
-    try:
-        with tempfile.TemporaryFile(dir=path.parent) as file:
-            file.write(bytes(size))
     except OSError as error:
         raise unwritable(path, error) from None
 

@@ -18,20 +18,18 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import block, built
+from bodies import block
 from matplotlib.mathtext import MathTextParser
 from models import block_system
 from small import cyclic
 
 from receding_fenicsx import study
-from receding_fenicsx.bulk.fields import solve_fields
 from receding_fenicsx.cli import main
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.output.plots.units import load_symbol, peak, shown_name
 from receding_fenicsx.output.report.html import write_report
-from receding_fenicsx.output.snapshots import paraview
 from receding_fenicsx.output.storage.hdf5 import read_record
 from receding_fenicsx.scene.model import Contact, Load, Support
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
@@ -304,25 +302,6 @@ def test_full_disk_ends_in_one_line_and_the_run_can_be_gone_on_with(tmp_path: Pa
     one, two = (read_record(tmp_path / out / "record.h5") for out in ("whole", str(limits[-1])))
     for key in ("v", "w", "P", "Q", "state"):
         assert np.array_equal(getattr(one.turning_points, key), getattr(two.turning_points, key))
-
-
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-@pytest.mark.parametrize("elements", [8, 40])
-def test_room_is_reserved_for_the_whole_of_the_fields_that_dolfinx_writes(
-    cell: str, elements: int, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    reserved: list[int] = []
-    monkeypatch.setattr(paraview, "check_room", lambda _, size: reserved.append(size))
-    bulk = built(block(cell, 2, elements=elements, load=Load("p", "top", pressure=1.0)))
-    n = len(bulk.contact.x)
-    parts = solve_fields(bulk, np.ones(1), np.zeros(2 * n))
-    paraview.write_fields(parts, shared_tmp_path / "fields.xdmf")
-    bulk.destroy()
-    comm.barrier()
-    if comm.rank == 0:
-        written = sum(path.stat().st_size for path in shared_tmp_path.iterdir())
-        assert written <= reserved[0] <= 3 * written + paraview.XDMF_OVERHEAD
-    comm.barrier()
 
 
 @alone

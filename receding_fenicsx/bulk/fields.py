@@ -87,6 +87,42 @@ def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
     return bodies[0] if len(bodies) == 1 else _together(bodies[0], bodies[1])
 
 
+def gather_cell_stresses(parts: Sequence[BodyFields]) -> dict[str, Array] | None:
+    """Gather the stresses of the cells on rank 0; collective.
+
+    Args:
+        parts: fields of each modelled body.
+
+    Returns:
+        By name the stress of each cell of :func:`gather_fields`, on rank 0; None elsewhere.
+    """
+    gathered = [_gather_cells(part) for part in parts]
+    bodies = [body for body in gathered if body is not None]
+    if not bodies:
+        return None
+    if len({part.bulk.body.cell for part in parts}) > 1:
+        # each quadrilateral is two triangles
+        for part, stress in zip(parts, bodies, strict=True):
+            if part.bulk.body.cell == "quadrilateral":
+                stress.update({name: np.tile(value, 2) for name, value in stress.items()})
+    return {name: np.concatenate([body[name] for body in bodies]) for name in bodies[0]}
+
+
+def _gather_cells(fields: BodyFields) -> dict[str, Array] | None:
+    """Return the cell stresses of one whole body on rank 0, None elsewhere."""
+    comm, stresses = fields.bulk.comm, fields.stresses.cell
+    dofmap = next(iter(stresses.values())).function_space.dofmap
+    dofs = [dofmap.cell_dofs(cell)[0] for cell in range(dofmap.index_map.size_local)]
+    own: Any = comm.gather([function.x.array[dofs] for function in stresses.values()], root=0)
+    if comm.rank != 0:
+        return None
+    whole = dict(zip(stresses, np.concatenate(own, axis=1), strict=True))
+    if fields.bulk.body.half:
+        image = {name: -value if name == "sxy" else value for name, value in whole.items()}
+        whole = {name: np.concatenate([value, image[name]]) for name, value in whole.items()}
+    return whole
+
+
 def _at_vertices(bulk: Bulk, displacement: fem.Function) -> fem.Function:
     """Return the displacement in the space of degree 1, which is that of the mesh."""
     linear = fem.Function(_dolfinx.vector_space(bulk.body.mesh, 1), name="displacement")

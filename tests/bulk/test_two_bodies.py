@@ -27,7 +27,6 @@ from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots.units import pressure_of
-from receding_fenicsx.output.snapshots.paraview import write_fields
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -231,21 +230,14 @@ def values_by_place(space: object, field: object) -> dict[tuple[float, float], A
 
 
 @pytest.mark.parametrize("half", [False, True])
-def test_fields_hold_both_bodies_and_part_where_the_contact_opens(
-    half: bool, shared_tmp_path: Path
-) -> None:
+def test_fields_hold_both_bodies_and_part_where_the_contact_opens(half: bool) -> None:
     pair = built(pair_scene(), half)
-    file = shared_tmp_path / "at.xdmf"
     n = len(pair.contact.x)
     # the contact opens towards its ends
     u = np.concatenate([np.zeros(n), 0.01 * pair.contact.x**2])
-    parts = solve_fields(pair, np.array([1.0]), u)
-    files = write_fields(parts, file)
-    fields = gather_fields(parts)
+    fields = gather_fields(solve_fields(pair, np.array([1.0]), u))
     if fields is not None:
         assert fields.body is not None
-        assert {f.name for f in files} == {"at_upper.xdmf", "at_lower.xdmf"}
-        assert all(f.is_file() for f in files)
         sides = []
         for body in (0, 1):
             on = (fields.body == body) & (np.abs(fields.points[:, 1] - 2.0) < 1e-12)

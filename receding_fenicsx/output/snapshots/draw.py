@@ -15,7 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from receding_fenicsx.atomic import make_folder
-from receding_fenicsx.bulk.fields import gather_fields, solve_fields
+from receding_fenicsx.bulk.fields import gather_cell_stresses, gather_fields, solve_fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
@@ -25,8 +25,9 @@ from receding_fenicsx.output.snapshots.colours import QUANTITIES, Quantity, colo
 from receding_fenicsx.output.snapshots.layout import Layout, layout_of
 from receding_fenicsx.output.snapshots.page import Clock, compose
 from receding_fenicsx.output.snapshots.render import Picture, find_renderer, renderer
-from receding_fenicsx.output.snapshots.vertices import vertex_areas
+from receding_fenicsx.output.snapshots.vertices import merge_axis, vertex_areas
 from receding_fenicsx.output.snapshots.view import View, view_of
+from receding_fenicsx.output.snapshots.whole_contact import whole_contact
 from receding_fenicsx.scene.history import from_scene
 
 if TYPE_CHECKING:
@@ -67,21 +68,20 @@ def snapshot(
     name = f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}"
     xdmf = beside / f"{name}.xdmf"
     parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
-    files = paraview.write_fields(parts, xdmf)
-    fields = gather_fields(parts)
+    fields, cell_stress = gather_fields(parts), gather_cell_stresses(parts)
 
     def draw() -> list[Path]:
-        assert fields is not None
+        assert fields is not None and cell_stress is not None
         history = from_scene(bulk.scene)
         legs = len(history.path if now.cycle == 0 else history.loop) - 1
-        for file in files:
-            paraview.join_fields(file, paraview.time_of(now.cycle, now.leg, now.s, legs))
-        paraview.join_instants(beside)
+        merged = merge_axis(fields) if bulk.body.half else fields
+        grid = paraview.grid_of(merged, cell_stress, whole_contact(bulk, now))
+        paraview.write_instant(xdmf, grid, paraview.time_of(now.cycle, now.leg, now.s, legs))
         view = view_of(bulk, fields, now)
         made = [folder / f"{name}_{quantity.name}.png" for quantity in quantities]
         for quantity, path in zip(quantities, made, strict=True):
             draw_view(view, quantity, path)
-        return [*made, *files]
+        return [*made, xdmf]
 
     return on_root(comm, draw)
 

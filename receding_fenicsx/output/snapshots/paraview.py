@@ -1,62 +1,128 @@
-"""XDMF files for ParaView: all fields of a body in one grid, all instants in one time series.
+r"""XDMF files of the whole body and its contact, for ParaView, pyvista and meshio.
 
-DOLFINx writes each field as a separate grid, which ParaView shows as separate blocks. Here the
-fields of an instant are joined in one grid, and the instants of a folder in one temporal
-collection, ``instants.xdmf``, which refers to their data. Time counts cycles: 1 is the start of
-cycle 1, 1.5 the end of the first of two legs.
+An instant is one grid: the cells of one or both bodies, and the contact as lines between its nodes,
+which are points of their own. Half bodies are completed. ``instants.xdmf`` is the series of all
+instants of a folder in time. Time counts cycles: 1 is the start of cycle 1, 1.5 the end of the
+first of two legs. Numbers are in HDF5 files beside the XDMF files.
+
+Values at points:
+
+* ``displacement``; ``sxx``, ``syy``, ``szz``, ``sxy``, ``von_mises``, ``max_shear``: averages of
+  the cells around a vertex; on the contact interpolated between vertices.
+* On the contact only, nan elsewhere: tractions ``p`` and ``q`` on the first body, the vector
+  ``traction`` $= q\,t + p\,n$, ``gap`` $= g_0 + w$, ``slip`` $= v$.
+* ``state``: 1 to 4 on the contact, 0 elsewhere.
+
+Values of cells: ``part`` (0: contact, 1: first body, 2: second body) and the stresses at the
+midpoints, ``sxx_cell`` and so on; of contact lines the mean of both ends.
 """
 
 from __future__ import annotations
 
 import re
 import xml.etree.ElementTree as ET
-from collections.abc import Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import Any
 
-from receding_fenicsx.atomic import check_room, new_file
-from receding_fenicsx.mpi import on_root
+import h5py
+import numpy as np
+from numpy.typing import NDArray
 
-if TYPE_CHECKING:
-    from receding_fenicsx.bulk.fields import BodyFields
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.atomic import new_file, new_hdf5
+from receding_fenicsx.bulk.fields import Fields
+from receding_fenicsx.output.snapshots.vertices import edge_values
+from receding_fenicsx.output.snapshots.whole_contact import WholeContact
 
-INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+(_.+)?\.xdmf")
-"""File names of instants; with two bodies the name of the body is at the end."""
+INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+\.xdmf")
+"""File names of instants."""
 
-XDMF_OVERHEAD = 100_000
-"""Upper bound of the bytes of an XDMF file and its HDF5 file besides the arrays."""
+CELL_CODE = {3: 4, 4: 5}
+"""XDMF's numbers of triangles and quadrilaterals, by their number of vertices."""
+LINE_CODE = (2, 2)
+"""XDMF's number of a polyline, and its number of points."""
 
 
-def write_fields(parts: Sequence[BodyFields], file: Path) -> list[Path]:
-    """Write displacement and cell stresses of the modelled bodies to XDMF files; collective.
+@dataclass(frozen=True)
+class Grid:
+    """Points, cells and their values.
+
+    Attributes:
+        points: (n, 3) coordinates.
+        topology: for each of the cells its XDMF number (lines: and their number of points), then
+            its points.
+        at_points: values at points, (n,) or (n, 3).
+        in_cells: values of cells, (m,).
+    """
+
+    points: Array
+    topology: Ints
+    at_points: dict[str, NDArray[Any]]
+    in_cells: dict[str, NDArray[Any]]
+
+
+def grid_of(fields: Fields, cell_stress: dict[str, Array], contact: WholeContact) -> Grid:
+    """Join bodies and contact in one grid.
 
     Args:
-        parts: fields of each body.
-        file: an .xdmf file; of two bodies each has its own, with the body's name in it.
-
-    Returns:
-        The file of each body.
+        fields: fields of the whole body or bodies.
+        cell_stress: stresses of its cells by name.
+        contact: the whole contact.
     """
-    files = [file]
-    if len(parts) > 1:
-        files = [file.with_stem(f"{file.stem}_{part.bulk.scene.body.name}") for part in parts]
-    for part, own in zip(parts, files, strict=True):
-        _write_body(part, own)
-    return files
+    n, m = len(fields.points), len(contact.x)
+    names = list(fields.stress)
+    values = np.column_stack([fields.displacement, *fields.stress.values()])
+    line = np.zeros((m, values.shape[1]))
+    for k in np.unique(contact.edge):
+        on = contact.edge == k
+        line[on] = edge_values(fields, values, contact.points[on], contact.normal[on][0])
+    joined = np.vstack([values, line])
+    at_points: dict[str, NDArray[Any]] = {"displacement": _vectors(joined[:, :2])}
+    at_points |= {name: joined[:, 2 + i] for i, name in enumerate(names)}
+    at_points |= {name: _append(np.nan, n, value) for name, value in _of_contact(contact).items()}
+    at_points["state"] = _append(0, n, contact.state.astype(np.int32))
+
+    start = np.flatnonzero(np.diff(contact.edge) == 0)
+    ends = np.column_stack([start, start + 1])
+    width = fields.cells.shape[1]
+    topology = [
+        np.column_stack([np.full(len(fields.cells), CELL_CODE[width]), fields.cells]),
+        np.column_stack([np.tile(LINE_CODE, (len(ends), 1)), ends + n]),
+    ]
+    body = np.zeros(n, dtype=int) if fields.body is None else fields.body
+    part = np.append(1 + body[fields.cells[:, 0]], np.zeros(len(ends)))
+    in_cells: dict[str, NDArray[Any]] = {"part": part.astype(np.int32)}
+    for i, name in enumerate(names):
+        in_cells[f"{name}_cell"] = np.append(cell_stress[name], line[ends, 2 + i].mean(axis=1))
+    return Grid(
+        points=_vectors(np.vstack([fields.points, contact.points])),
+        topology=np.concatenate([rows.ravel() for rows in topology]),
+        at_points=at_points,
+        in_cells=in_cells,
+    )
 
 
-def _write_body(fields: BodyFields, file: Path) -> None:
-    from dolfinx import io
+def _of_contact(contact: WholeContact) -> dict[str, Array]:
+    """Return the values that only contact nodes have."""
+    p, q = contact.p[:, None], contact.q[:, None]
+    return {
+        "p": contact.p,
+        "q": contact.q,
+        "traction": _vectors(q * contact.tangent + p * contact.normal),
+        "gap": contact.initial_gap + contact.w,
+        "slip": contact.v,
+    }
 
-    functions = [fields.displacement, *fields.stresses.cell.values()]
-    comm, mesh = fields.bulk.comm, fields.bulk.body.mesh
-    counts = [mesh.topology.index_map(dim).size_global for dim in (0, 2)]
-    numbers = 4 * counts[1] + sum(3 * max(counts) for _ in ("geometry", *functions))
-    on_root(comm, lambda: check_room(file, 8 * numbers + XDMF_OVERHEAD))
-    with io.XDMFFile(comm, str(file), "w") as xdmf:
-        xdmf.write_mesh(mesh)
-        for function in functions:
-            xdmf.write_function(function, 0.0)
+
+def _vectors(plane: Array) -> Array:
+    """Return vectors of the plane with a third component 0."""
+    return np.column_stack([plane, np.zeros(len(plane))])
+
+
+def _append(fill: float, n: int, values: NDArray[Any]) -> NDArray[Any]:
+    """Put n times ``fill`` before values."""
+    return np.concatenate([np.full((n, *values.shape[1:]), fill, dtype=values.dtype), values])
 
 
 def time_of(cycle: int, leg: int, s: float, legs: int) -> float:
@@ -71,46 +137,56 @@ def time_of(cycle: int, leg: int, s: float, legs: int) -> float:
     return cycle + (leg + s) / legs
 
 
-def join_fields(file: Path, time: float) -> None:
-    """Join the fields that DOLFINx has written in one grid.
+def write_instant(file: Path, grid: Grid, time: float) -> None:
+    """Write an instant, and the series of all instants of its folder anew.
 
     Args:
-        file: the XDMF file, replaced.
+        file: XDMF file; its numbers go to an HDF5 file of the same name beside it.
+        grid: bodies and contact.
         time: time of the instant.
     """
-    domain = ET.parse(file).getroot().find("Domain")
-    assert domain is not None
-    mesh = domain.find("Grid")
-    assert mesh is not None
-    grid = ET.Element("Grid", Name=file.stem, GridType="Uniform")
-    grid.extend([part for part in mesh if part.tag in ("Topology", "Geometry")])
-    ET.SubElement(grid, "Time", Value=repr(time))
-    grid.extend(domain.iter("Attribute"))
-    _write(file, grid)
+    data = file.with_suffix(".h5")
+    element = ET.Element("Grid", Name=file.stem, GridType="Uniform")
+    cells = str(len(grid.in_cells["part"]))
+    with new_hdf5(data, overwrite=True) as h5:
+        h5.attrs["time"] = time
+
+        def add(parent: ET.Element, name: str, values: NDArray[Any]) -> None:
+            h5[name] = values
+            item = ET.SubElement(parent, "DataItem", Format="HDF")
+            item.set("Dimensions", " ".join(map(str, values.shape)))
+            item.set("NumberType", "Float" if values.dtype.kind == "f" else "Int")
+            item.set("Precision", str(values.dtype.itemsize))
+            item.text = f"{data.name}:/{name}"
+
+        topology = ET.SubElement(element, "Topology", TopologyType="Mixed", NumberOfElements=cells)
+        add(topology, "topology", grid.topology)
+        add(ET.SubElement(element, "Geometry", GeometryType="XYZ"), "geometry", grid.points)
+        for center, group in (("Node", grid.at_points), ("Cell", grid.in_cells)):
+            for name, values in group.items():
+                kind = "Vector" if values.ndim == 2 else "Scalar"
+                attribute = ET.SubElement(element, "Attribute", Name=name, AttributeType=kind)
+                attribute.set("Center", center)
+                add(attribute, f"{center.lower()}/{name}", values)
+    _write(file, element)
+    _join_instants(file.parent)
 
 
-def join_instants(folder: Path) -> list[Path]:
-    """Write the series of a folder's instants, one for each body; return the files."""
-    series: dict[str, list[ET.Element]] = {}
+def _join_instants(folder: Path) -> None:
+    """Write the series of a folder's instants."""
+    grids = []
     for file in folder.glob("*.xdmf"):
-        name = INSTANT.fullmatch(file.name)
-        grid = ET.parse(file).getroot().find("Domain/Grid") if name else None
-        if name is not None and grid is not None and grid.find("Time") is not None:
-            series.setdefault(name[1] or "", []).append(grid)
-    made = []
-    for body, grids in series.items():
-        whole = ET.Element("Grid", Name=f"instants{body}", GridType="Collection")
-        whole.set("CollectionType", "Temporal")
-        whole.extend(sorted(grids, key=_time))
-        made.append(folder / f"instants{body}.xdmf")
-        _write(made[-1], whole)
-    return made
-
-
-def _time(grid: ET.Element) -> float:
-    time = grid.find("Time")
-    assert time is not None
-    return float(time.attrib["Value"])
+        grid = ET.parse(file).getroot().find("Domain/Grid")
+        data = file.with_suffix(".h5")
+        if INSTANT.fullmatch(file.name) and grid is not None and data.is_file():
+            with h5py.File(data) as h5:
+                time = h5.attrs.get("time")
+            if time is not None:
+                grid.insert(0, ET.Element("Time", Value=repr(float(time))))
+                grids.append((float(time), file.name, grid))
+    series = ET.Element("Grid", Name="instants", GridType="Collection", CollectionType="Temporal")
+    series.extend(grid for _, _, grid in sorted(grids, key=lambda entry: entry[:2]))
+    _write(folder / "instants.xdmf", series)
 
 
 def _write(file: Path, grid: ET.Element) -> None:

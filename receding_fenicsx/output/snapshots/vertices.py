@@ -57,16 +57,22 @@ def vertex_areas(points: Array, cells: NDArray[np.int64]) -> Array:
 
 
 def edge_displacement(fields: Fields, place: Array, normal: Array, body: int = 0) -> Array:
-    """Interpolate the displacement along a straight edge from the vertices on it.
+    """Interpolate the displacement (m, 2) along a straight edge; see :func:`edge_values`."""
+    return edge_values(fields, fields.displacement, place, normal, body)
+
+
+def edge_values(fields: Fields, values: Array, place: Array, normal: Array, body: int = 0) -> Array:
+    """Interpolate values along a straight edge from the vertices on it.
 
     Args:
         fields: fields of the whole body.
+        values: (n, k) values at its vertices.
         place: (m, 2) points of the edge.
         normal: (2,) unit normal of the edge.
         body: number of the body that the edge belongs to.
 
     Returns:
-        (m, 2) displacement.
+        (m, k) values.
     """
     tangent = np.array([normal[1], -normal[0]])
     near = EDGE_TOLERANCE * np.abs(fields.points).max()
@@ -77,5 +83,5 @@ def edge_displacement(fields: Fields, place: Array, normal: Array, body: int = 0
     if fields.body is not None:
         on &= fields.body == body
     order = np.argsort(along[on], kind="stable")
-    position, moved = along[on][order], fields.displacement[on][order]
-    return np.stack([np.interp(wanted, position, moved[:, k]) for k in (0, 1)], axis=1)
+    position, known = along[on][order], values[on][order]
+    return np.stack([np.interp(wanted, position, column) for column in known.T], axis=1)

@@ -12,11 +12,10 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction
-from receding_fenicsx.interface.measures.axis import begins_on_axis
-from receding_fenicsx.interface.mirror import mirror_nodes
 from receding_fenicsx.output.plots.units import describe_factors, length_of, name_leg, pressure_of
 from receding_fenicsx.output.snapshots.load_arrows import Arrows, largest_factors, load_arrows
 from receding_fenicsx.output.snapshots.vertices import edge_displacement, merge_axis, outline
+from receding_fenicsx.output.snapshots.whole_contact import whole_contact
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.profiles import directions, evaluate
@@ -180,35 +179,22 @@ def _contact(
     bulk: Bulk | Pair, fields: Fields, instant: Instant, units: Units, unit: float
 ) -> tuple[tuple[Strip, ...], Array, Array, Friction]:
     """Return the contact edges of the whole body, and p, q and f on the first of them."""
-    scene, contact = bulk.scene, bulk.contact
-    # a contact that does not reach the axis of revolution is not mirrored
-    whole = bulk.body.half and (not scene.axisymmetric or begins_on_axis(contact.x))
-    mirror = mirror_nodes(contact.x, whole, contact.edge)
-    side = np.where(mirror.left, -1.0, 1.0)
-    x = side * contact.x[mirror.index]
-    # friction and gap are functions of the radius
-    argument = np.abs(x) if scene.axisymmetric else x
-    place = contact.points[mirror.index] * np.stack([side, np.ones_like(side)], axis=1)
-    state = mirror.states(instant.state.state)
-    edge = contact.edge[mirror.index]
+    scene, found = bulk.scene, whole_contact(bulk, instant)
     strips = []
     for k, described in enumerate(scene.contacts):
-        on = edge == k
-        normal = contact.normal[mirror.index][on][0]
-        moved = place[on] + units.factor * edge_displacement(fields, place[on], normal)
-        gap = units.factor * evaluate(described.initial_gap, argument[on])
-        at, name = place[on] / unit, described.edge
-        strips.append(Strip(name, x[on] / unit, at, moved / unit, normal, gap / unit, state[on]))
-    on = edge == 0
-    weight = mirror.total(contact.weight)
-    per_area = np.where(weight > 0.0, 1.0 / np.where(weight > 0.0, weight, 1.0), np.nan)
-    per_area /= units.traction
-    p = (mirror.total(instant.state.P) * per_area)[on]
-    q = (mirror.odd(instant.state.Q) * per_area)[on]
-    forward, backward = (evaluate(f, argument[on]) for f in directions(scene.contacts[0].friction))
+        on = found.edge == k
+        place, normal = found.points[on], found.normal[on][0]
+        moved = place + units.factor * edge_displacement(fields, place, normal)
+        gap = units.factor * found.initial_gap[on] / unit
+        at, x, state = place / unit, found.x[on] / unit, found.state[on]
+        strips.append(Strip(described.edge, x, at, moved / unit, normal, gap, state))
+    on = found.edge == 0
+    p, q = found.p[on] / units.traction, found.q[on] / units.traction
+    argument = found.argument[on]
+    forward, backward = (evaluate(f, argument) for f in directions(scene.contacts[0].friction))
     if scene.axisymmetric:
         # outward slip is forward on the right and backward on the left
-        outwards = x[on] >= 0.0
+        outwards = found.x[on] >= 0.0
         forward, backward = (
             np.where(outwards, forward, backward),
             np.where(outwards, backward, forward),

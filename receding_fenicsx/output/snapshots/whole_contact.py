@@ -1,0 +1,91 @@
+"""Contact nodes of the whole contact at one instant: positions, states, forces, gap."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.evolution.instants import Instant
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.mirror import mirror_nodes
+from receding_fenicsx.scene.profiles import evaluate
+
+if TYPE_CHECKING:
+    from receding_fenicsx.bulk.body import Bulk
+    from receding_fenicsx.bulk.two_bodies import Pair
+
+
+@dataclass(frozen=True)
+class WholeContact:
+    """The N nodes of all contact edges, a modelled half with its mirror image.
+
+    An axisymmetric contact that begins on the axis has both sides of a section through the axis.
+
+    Attributes:
+        x: (N,) position along the node's edge.
+        argument: (N,) argument of friction and gap: x, axisymmetric the radius.
+        points: (N, 2) coordinates.
+        edge: (N,) number of the contact edge.
+        tangent, normal: (N, 2) unit vectors t and n.
+        state: (N,) states.
+        p, q: (N,) tractions P/m and Q/m on the body; nan at nodes without weight.
+        v, w: (N,) tangential and normal displacement.
+        initial_gap: (N,) gap g0.
+    """
+
+    x: Array
+    argument: Array
+    points: Array
+    edge: Ints
+    tangent: Array
+    normal: Array
+    state: NDArray[np.int8]
+    p: Array
+    q: Array
+    v: Array
+    w: Array
+    initial_gap: Array
+
+
+def whole_contact(bulk: Bulk | Pair, instant: Instant) -> WholeContact:
+    """Return the whole contact of a body, or of two, at one instant.
+
+    Args:
+        bulk: the body or bodies.
+        instant: state of the modelled contact nodes.
+    """
+    scene, contact = bulk.scene, bulk.contact
+    # a contact that does not reach the axis of revolution is not mirrored
+    half = bulk.body.half and (not scene.axisymmetric or begins_on_axis(contact.x))
+    mirror = mirror_nodes(contact.x, half, contact.edge)
+    side = np.where(mirror.left, -1.0, 1.0)
+    x = side * contact.x[mirror.index]
+    argument = np.abs(x) if scene.axisymmetric else x
+    edge = contact.edge[mirror.index]
+    gap = np.zeros(len(x))
+    for k, described in enumerate(scene.contacts):
+        gap[edge == k] = evaluate(described.initial_gap, argument[edge == k])
+    weight = mirror.total(contact.weight)
+    weight = np.where(weight > 0.0, weight, np.nan)
+    # open nodes carry no force: the rest is round-off; held ones carry reactions
+    is_open = np.tile(instant.state.state == State.SEPARATION, 2) & ~contact.held
+    Q, P = np.split(np.where(is_open, 0.0, instant.state.r), 2)
+    return WholeContact(
+        x=x,
+        argument=argument,
+        points=contact.points[mirror.index] * np.stack([side, np.ones_like(side)], axis=1),
+        edge=edge,
+        tangent=contact.tangent[mirror.index],
+        normal=contact.normal[mirror.index],
+        state=mirror.states(instant.state.state),
+        p=mirror.total(P) / weight,
+        q=mirror.odd_total(Q) / weight,
+        v=mirror.odd(instant.v),
+        w=mirror.even(instant.state.w),
+        initial_gap=gap,
+    )
