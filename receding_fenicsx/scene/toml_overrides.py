@@ -39,8 +39,11 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
     try:
         parsed = tomllib.loads(f"value = {text}")
         value = parsed["value"] if set(parsed) == {"value"} else text
-    except (tomllib.TOMLDecodeError, RecursionError):
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
         value = text.strip()
+        if value.startswith(("{", "[")) and names != ["title"]:
+            reason = str(error).partition(" (")[0]
+            raise InputError(f"--set {override}: the value is not valid TOML ({reason})") from None
     if names == ["title"]:
         raw["title"] = value
         return

@@ -104,6 +104,7 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["solvr.method=events"], ["did you mean 'solver'?"]),
         (["load.p1.pressure=1"], ["unknown load 'p1'", "p0"]),
         (["contact.friction"], ["--set", "table.key=value"]),
+        (["contact.friction={x=[0,.5], value=[1,1]}"], ["--set", "not valid TOML"]),
         (["contact=1"], ["--set", "contact.key=value"]),
         (["load.pressure=1"], ["name the load"]),
         (["a.b.c=1"], ["'a'"]),

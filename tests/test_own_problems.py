@@ -1,0 +1,224 @@
+"""Problems of a new user, with public names only, each against an estimate made by hand."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import receding_fenicsx as rf
+
+ROOT = Path(__file__).parents[1]
+
+PAD = """
+// A pad of height 1: foot |x| < foot on the base, head |x| < head, loaded on |x| < loaded.
+DefineConstant[foot = {3}, head = {2}, loaded = {0.5}, contact_elements = {120}, growth = {1.2}];
+Point(1) = {-foot, 0, 0}; Point(2) = {foot, 0, 0}; Point(3) = {head, 1, 0};
+Point(4) = {loaded, 1, 0}; Point(5) = {-loaded, 1, 0}; Point(6) = {-head, 1, 0};
+For i In {1 : 6}
+  Line(i) = {i, i % 6 + 1};
+EndFor
+Curve Loop(1) = {1 : 6};
+Plane Surface(1) = {1};
+Transfinite Curve{1} = contact_elements + 1;
+Physical Curve("foot") = {1};
+Physical Curve("head") = {4};
+Physical Surface("pad") = {1};
+Field[1] = MathEval;
+Field[1].F = Sprintf("%.17g + %.17g * y", 2 * foot / contact_elements, growth - 1);
+Background Field = 1;
+Mesh.MeshSizeExtendFromBoundary = 0;
+Mesh.MeshSizeFromPoints = 0;
+"""
+
+PAD_SCENE = """
+[body]
+mesh = "pad.geo"
+[mesh]
+contact_elements = 120
+[contact]
+edge = "foot"
+friction = 0.3
+[[load]]
+name = "press"
+edge = "head"
+pressure = 1.0
+[history]
+minimum = 0.2
+cycles = 2
+[output]
+cycles = []
+"""
+
+
+def solve(scene: rf.Scene) -> rf.Record:
+    """Run a scene on each rank by itself."""
+    system = rf.condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    return rf.evolve(system, scene)
+
+
+def estimate(record: rf.Record, name: str, row: int = 0) -> float:
+    """Return a fitted half width (radius) at a turning point; an elastic body on a rigid one."""
+    beta = rf.dundurs_beta((1.0, 0.3, "plane strain"))
+    return float(
+        rf.half_width_estimates(record, row, (beta,))[f"{name}_half_width_estimate"]["value"]
+    )
+
+
+# -- trapezoid pad --------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def pad(tmp_path: Path) -> Path:
+    (tmp_path / "pad.geo").write_text(PAD)
+    return tmp_path
+
+
+def test_trapezoid_pad_recedes_to_the_contact_of_a_layer_whatever_the_load(pad: Path) -> None:
+    """Without friction, half width 1.0078 (an endless layer, loaded on |x| < 0.5).
+
+    The flanks begin one height beyond the end of the contact, and what has lifted off carries no
+    load. A receding contact has no length of its own: its size does not depend on the load, and
+    displacements are proportional to it.
+    """
+    layer = rf.reference.closed_forms.LAYERS[0]
+    changes = ["contact.friction=0.0", "history.kind=monotonic"]
+    once, thrice = (
+        solve(rf.from_toml(PAD_SCENE, [*changes, f"load.press.pressure={load}"], pad))
+        for load in (1.0, 3.0)
+    )
+    assert estimate(once, "contact") == pytest.approx(layer.half_width, rel=5e-3)
+    first, second = once.turning_points, thrice.turning_points
+    np.testing.assert_allclose(first.P.sum(), 2.0 * 0.5, rtol=1e-12)
+    np.testing.assert_array_equal(first.state, second.state)
+    np.testing.assert_allclose(second.p, 3.0 * first.p, atol=1e-11)
+    middle = np.interp(0.0, once.x, first.p[-1])
+    assert middle == pytest.approx(layer.p[0], rel=5e-3)
+
+
+def test_dissipation_of_the_pad_is_the_square_of_the_load_over_the_modulus(pad: Path) -> None:
+    """D = (load^2 / E) times a number of shape, f, nu and minimum over maximum: dimensions.
+
+    Young's modulus 200 in place of 1 and a load of 7 in place of 1: 49 / 200 times the dissipation.
+    Friction pulls the foot inwards on loading, so the contact is larger than without, and smaller
+    than the foot; it is the same at each maximum.
+    """
+    plain = solve(rf.from_toml(PAD_SCENE, [], pad))
+    other = solve(rf.from_toml(PAD_SCENE, ["material.young=200", "load.press.pressure=7"], pad))
+    D = plain.cycles.dissipation
+    assert D[0] > 0.0
+    np.testing.assert_allclose(other.cycles.dissipation, 49.0 / 200.0 * D, rtol=1e-8)
+    layer = rf.reference.closed_forms.LAYERS[0]
+    assert layer.half_width < estimate(plain, "contact") < 1.5
+
+
+def test_pressure_at_an_undercut_foot_has_the_singularity_of_the_wedge(pad: Path) -> None:
+    """Pressure r^(lambda - 1) at a foot of angle 120 degrees, with lambda = 0.6157.
+
+    On a smooth rigid plane the corner is half of a free wedge of 240 degrees, opened symmetrically:
+    sin(lambda 240) + lambda sin(240) = 0 (Williams 1952). The next term is smaller by r^1.2 and
+    positive: the slope at a distance of 1.5 % of the foot is larger by up to 0.02.
+    """
+    head = 1.0 + 1.0 / np.tan(np.pi / 3.0)
+    shape = f"body.parameters={{foot = 1.0, head = {head}, loaded = 1.0}}"
+    changes = [shape, "mesh.contact_elements=400", "mesh.growth=1.3", "contact.friction=0.0"]
+    record = solve(rf.from_toml(PAD_SCENE, [*changes, "history.kind=monotonic"], pad))
+    near, far = -7, -13
+    r, p = 1.0 - record.x, record.turning_points.p[-1]
+    slope = 1.0 + np.log(p[near] / p[far]) / np.log(r[near] / r[far])
+    assert 0.6157 < slope < 0.6157 + 0.02
+    np.testing.assert_allclose(record.turning_points.P.sum(), 2.0, rtol=1e-12)
+
+
+# -- lap joint ------------------------------------------------------------------------------------
+
+
+def test_lap_joint_slides_when_its_pull_is_the_friction_of_its_clamp() -> None:
+    """The upper plate carries no other vertical force than its clamp's, 50 on a length of 12.
+
+    So the contact carries f P = 0.3 * 600 = 180, and the pull of 30 on a height of 4, 120, may grow
+    to 1.5 times itself.
+    """
+    scene = rf.read_scene(
+        ROOT / "tests" / "trials" / "lap_joint.toml",
+        [
+            "mesh.contact_elements=120",
+            "history.rows=[[1.0, 0.0], [1.0, 2.0]]",
+            "history.cycle_rows=[]",
+        ],
+    )
+    with pytest.raises(rf.NoEquilibrium, match=r"gross sliding at load factors \[1, 1\.5\]"):
+        solve(scene)
+
+
+# -- axisymmetric punch with a friction map -------------------------------------------------------
+
+
+def punch(friction: str) -> rf.Record:
+    """Press a flat round punch with some friction on a half-space."""
+    changes = ["mesh.contact_elements=80", "mesh.growth=1.3", "history.rows=[[1.0]]"]
+    changes += [f"contact.friction={friction}", "output.cycles=[]"]
+    return solve(rf.read_scene(ROOT / "demos" / "punch_axisymmetric.toml", changes))
+
+
+def test_friction_inside_the_stick_zone_of_a_round_punch_does_not_matter() -> None:
+    """Friction 0.6 on r < 0.5 and 0.2 beyond: all as with 0.2 alone, Spence's stick radius 0.6983.
+
+    Friction enters the law only where a limit is reached. With f = 0.2 all of r < 0.6983 sticks
+    below its limit at every load, so a higher limit there changes nothing.
+    """
+    known = rf.reference.closed_forms.PUNCH_STICK["axisymmetric"][0.3, 0.2]
+    constant, mapped = punch("0.2"), punch("where(x < 0.5, 0.6, 0.2)")
+    assert estimate(mapped, "stick") == pytest.approx(known, rel=0.015)
+    for name in ("p", "q", "v", "w"):
+        values = [getattr(record.turning_points, name) for record in (constant, mapped)]
+        np.testing.assert_allclose(values[1], values[0], atol=1e-13)
+
+
+def test_stick_radius_of_a_friction_map_lies_between_those_of_its_bounds() -> None:
+    """The stick radius grows with friction: 0.1 <= f(r) <= 0.3 gives one between those two.
+
+    A higher friction at the edge holds more than one at the axis, where all sticks. Outside the
+    stick radius every node slips inwards at its limit, q = f(r) p. The pressure carries the load 1.
+    """
+    low, rising, falling, high = map(punch, ("0.1", "0.1 + 0.2*x", "0.3 - 0.2*x", "0.3"))
+    radii = [estimate(record, "stick") for record in (low, falling, rising, high)]
+    assert np.all(np.diff(radii) > 0.0)
+    for record, f in ((rising, 0.1 + 0.2 * rising.x), (falling, 0.3 - 0.2 * falling.x)):
+        table = record.turning_points
+        slips = table.state[0] == rf.State.BACKWARD_SLIP
+        assert slips.any() and not slips[0]
+        np.testing.assert_allclose(table.q[0][slips], (f * table.p[0])[slips], rtol=1e-10)
+        np.testing.assert_allclose(table.P.sum(), 1.0, rtol=1e-10)
+
+
+# -- gap from a file ------------------------------------------------------------------------------
+
+
+def test_parabolic_gap_from_a_file_gives_the_contact_of_hertz(tmp_path: Path) -> None:
+    """a^2 = 4 P R / (pi E*), p0 = 2 P / (pi a) for the gap x^2 / (2 R) in a file of 1001 rows.
+
+    E* = E / (1 - nu^2) against a rigid plane; R is chosen for a = 0.7, on the middle 70 % of the
+    punch. The record holds the gap and needs the file no more.
+    """
+    modulus, a = 1.0 / (1.0 - 0.3**2), 0.7
+    radius = np.pi * modulus * a**2 / 4.0
+    hertz = rf.reference.closed_forms.Hertz(force=1.0, radius=radius, modulus=modulus)
+    x = np.linspace(-1.0, 1.0, 1001)
+    rows = "\n".join(f"{at};{gap}" for at, gap in zip(x, x**2 / (2.0 * radius), strict=True))
+    (tmp_path / "gap.csv").write_text(f"# profile of a roller\nx;value\n{rows}\n")
+    text = (ROOT / "demos" / "punch.toml").read_text().replace("../meshes", str(ROOT / "meshes"))
+    changes = ["mesh.contact_elements=80", "history.rows=[[1.0]]", "contact.friction=0.0"]
+    scene = rf.from_toml(text, [*changes, 'contact.initial_gap={file = "gap.csv"}'], tmp_path)
+    (tmp_path / "gap.csv").unlink()
+    record = solve(scene)
+    assert hertz.a == pytest.approx(a)
+    assert estimate(record, "contact") == pytest.approx(a, rel=5e-3)
+    assert record.turning_points.p.max() == pytest.approx(hertz.p0, rel=5e-3)
+    between = np.interp(record.x, x, x**2 / (2.0 * radius))
+    np.testing.assert_allclose(record.g0, between, rtol=1e-12, atol=1e-15)
+    assert rf.from_toml(rf.to_toml(scene)) == scene
