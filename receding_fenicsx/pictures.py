@@ -65,7 +65,7 @@ def snapshot(
 
     def find() -> tuple[Scene, Instant]:
         scene, system, record = read_run(folder)
-        return scene, instant_of(scene, system, record, cycle, leg, at)
+        return scene, shown_instant(scene, system, record, (cycle, leg, at))
 
     scene, instant = comm.bcast(mpi.on_root(comm, find))
     bulk = picture_body(scene, comm)
@@ -108,7 +108,7 @@ def animate(
         scene, system, record = read_run(folder)
         legs, at, time = history.evenly_spaced(history.from_scene(scene), cycle, frames)
         instants = [
-            instant_of(scene, system, record, cycle, str(leg), float(s))
+            shown_instant(scene, system, record, (cycle, str(leg), float(s)))
             for leg, s in zip(legs, at, strict=True)
         ]
         return scene, animation.Scenario(instants, time)
@@ -172,9 +172,18 @@ def default_instants(scene: Scene, system: ContactSystem, record: Record) -> lis
     chosen = sorted({0, 1, int(table.cycle.max(initial=0))})
     loaded = np.any(table.load != 0.0, axis=1)
     return [
-        instant_of(scene, system, record, int(table.cycle[i]), str(int(table.leg[i])))
+        shown_instant(scene, system, record, (int(table.cycle[i]), str(int(table.leg[i])), 1.0))
         for i in np.flatnonzero(np.isin(table.cycle, chosen) & loaded)
     ]
+
+
+def shown_instant(
+    scene: Scene, system: ContactSystem, record: Record, where: tuple[int, str, float]
+) -> Instant:
+    """Return an instant with the states that zone maps show; ``where`` is cycle, leg and s."""
+    with drawing_modules():
+        from receding_fenicsx.output.plots.touching import as_shown
+    return as_shown(record, system, instant_of(scene, system, record, *where))
 
 
 def plot(record: Record, folder: Path) -> list[Path]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
@@ -21,6 +22,7 @@ class Instant(NamedTuple):
         load: (n_loads,) load factors.
         v: (N,) tangential displacement, also where the solvers work without it.
         state: state in the 2N layout of the solvers.
+        shown: (N,) states that pictures show where they differ from those of ``state``.
     """
 
     cycle: int
@@ -29,6 +31,7 @@ class Instant(NamedTuple):
     load: Array
     v: Array
     state: ContactState
+    shown: NDArray[np.int8] | None = None
 
 
 class Event(NamedTuple):

@@ -24,15 +24,17 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import figures, series, style
-from receding_fenicsx.output.plots.series import first_unloading, limit_without_slip, slip_lines
+from receding_fenicsx.output.plots.series import first_unloading, slip_lines
 from receding_fenicsx.output.plots.timelines import Timeline, timeline, without_flicker
+from receding_fenicsx.output.plots.touching import limit_without_slip
 from receding_fenicsx.output.plots.units import describe_factors, load_symbol, scales_of
-from receding_fenicsx.output.plots.zone_map import FLICKER, fill_strip, zone_map
+from receding_fenicsx.output.plots.zone_labels import MAX_NUMBERS
+from receding_fenicsx.output.plots.zone_map import FLICKER, fill_strip, stacked_map, zone_map
 from receding_fenicsx.output.plots.zone_plots import load_axis
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import Load, OutputOptions, Scene, SolverOptions
+from receding_fenicsx.scene.history import History, from_scene
+from receding_fenicsx.scene.model import HistoryOptions, Load, OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene.toml_file import to_toml
 
 PAPER = Scene(loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
@@ -417,15 +419,27 @@ def test_zone_map_shows_half_of_a_symmetric_contact_against_the_load() -> None:
 def test_no_text_lies_on_another_or_beyond_the_page(paper: bool) -> None:
     unloading = record("unloading", paper=paper)
     for name, figure in figures.draw_all(record(paper=paper), unloading):
-        boxes = text_boxes(figure)
-        page = figure.bbox
-        for i, (text, box) in enumerate(boxes):
-            assert page.x0 <= box.x0, f"{name}: {text}"
-            assert box.x1 <= page.x1, f"{name}: {text}"
-            assert page.y0 <= box.y0, f"{name}: {text}"
-            assert box.y1 <= page.y1, f"{name}: {text}"
-            for other, beside in boxes[:i]:
-                assert not box.overlaps(beside), f"{name}: '{text}' on '{other}'"
+        check_texts(figure, name)
+
+
+@pytest.mark.parametrize("legs", [3, 24])
+def test_no_text_of_many_legs_and_loads_lies_on_another(legs: int) -> None:
+    for name, figure in figures.draw_all(around(legs)):
+        if "zones" in name:
+            check_texts(figure, name)
+
+
+def check_texts(figure: Figure, name: str) -> None:
+    """Assert that all texts of a figure are on its page and none lies on another."""
+    boxes = text_boxes(figure)
+    page = figure.bbox
+    for i, (text, box) in enumerate(boxes):
+        assert page.x0 <= box.x0, f"{name}: {text}"
+        assert box.x1 <= page.x1, f"{name}: {text}"
+        assert page.y0 <= box.y0, f"{name}: {text}"
+        assert box.y1 <= page.y1, f"{name}: {text}"
+        for other, beside in boxes[:i]:
+            assert not box.overlaps(beside), f"{name}: '{text}' on '{other}'"
 
 
 def text_boxes(figure: Figure) -> list:
@@ -453,32 +467,35 @@ def labels_beyond(axes: Axes) -> list[Text]:
     return found
 
 
+NUMBERED = [
+    "fig04_tractions_first_loading",
+    "fig05_zones_first_unloading",
+    "fig06_tractions_first_unloading",
+    "fig07_zones_cycle_9",
+    "fig08_slip_per_cycle",
+    "fig09_zones_last_cycle",
+    "zones_by_cycle",
+    "fig10_dissipation_per_cycle",
+    "dissipation_density",
+    "hysteresis",
+    "trajectories",
+    "tractions_last_cycle",
+]
+"""Figures of the paper's block."""
+
+
 def test_figures_are_those_that_the_record_holds_something_for() -> None:
     def names(found: Record, *others: Record) -> list[str]:
         return [name for name, _ in figures.draw_all(found, *others)]
 
-    assert names(record("monotonic")) == ["fig04_tractions_first_loading"]
-    assert names(record("unloading")) == [
-        "fig04_tractions_first_loading",
-        "fig05_zones_first_unloading",
-        "fig06_tractions_first_unloading",
-    ]
+    assert names(record("monotonic")) == NUMBERED[:1]
+    assert names(record("unloading")) == NUMBERED[:3]
     wide = {"zones_by_cycle", "hysteresis", "trajectories"}
     drawn = dict(figures.draw_all(record(), record("unloading"), record(method="gauss-seidel")))
-    assert list(drawn) == [
-        "fig04_tractions_first_loading",
-        "fig05_zones_first_unloading",
-        "fig06_tractions_first_unloading",
-        "fig07_zones_cycle_9",
-        "fig08_slip_per_cycle",
-        "fig09_zones_last_cycle",
-        "zones_by_cycle",
-        "fig10_dissipation_per_cycle",
-        "dissipation_density",
-        "hysteresis",
-        "trajectories",
-        "tractions_last_cycle",
-    ]
+    assert list(drawn) == NUMBERED
+    # only the paper's block has the paper's numbers, and its cycle 9
+    neutral = [re.sub(r"^fig\d\d_", "", name) for name in NUMBERED if "cycle_9" not in name]
+    assert names(record(paper=False)) == neutral
     for name, figure in drawn.items():
         width = style.PAGE if name in wide else style.COLUMN
         assert figure.get_figwidth() == pytest.approx(width, rel=0.01), name
@@ -505,9 +522,9 @@ def test_first_figures_stand_at_the_largest_load_and_where_a_third_of_it_is_left
         assert said is not None, title
         return float(said[1] or 1.0)
 
-    assert part("fig04_tractions_first_loading") == 1.0
+    assert part("tractions_first_loading") == 1.0
     # samples are a fortieth of the leg apart
-    assert part("fig06_tractions_first_unloading") == 0.325
+    assert part("tractions_first_unloading") == 0.325
 
 
 def test_the_same_record_gives_the_same_files_of_the_width_asked_for(tmp_path: Path) -> None:
@@ -582,29 +599,94 @@ def test_nothing_sticks_where_there_is_no_friction(mu: float) -> None:
     assert bool(axes.collections) == bool(mu)
 
 
-@pytest.mark.parametrize("legs", [2, 4, 5, 7, 30])
-def test_no_leg_is_left_out_of_the_zone_maps_unless_they_say_so(legs: int) -> None:
+def around(legs: int, cycles: int = 2) -> Record:
+    """Return a record of two nodes under two loads whose cycle is a polygon."""
     angle = np.linspace(0.0, 2.0 * np.pi, legs + 1)
     loop = np.stack([1.0 + 0.3 * np.cos(angle), 0.2 * np.sin(angle)], axis=1)
     loop[-1] = loop[0]
-    system = two_nodes()
-    history = History(("a", "b"), np.array([[0.0, 0.0], loop[0]]), loop, 2)
-    found = evolve(system, history, output=OutputOptions(samples_per_leg=2, cycles="all"))
+    history = History(("a", "b"), np.array([[0.0, 0.0], loop[0]]), loop, cycles)
+    return evolve(two_nodes(), history, output=OutputOptions(samples_per_leg=2, cycles="all"))
+
+
+@pytest.mark.parametrize("legs", [2, 4, 5])
+def test_each_of_few_legs_has_a_panel(legs: int) -> None:
+    found = around(legs)
     drawn = dict(figures.draw_all(found))
-    last = drawn["fig09_zones_last_cycle"]
-    told = [text.get_text() for text in last.findobj(Text) if "of the 30 legs" in text.get_text()]
-    assert told == (["24 of the 30 legs"] if legs == 30 else [])
-    assert len([axes for axes in last.axes if axes.axison]) == min(legs, 24)
-    if legs == 30:
-        assert "zones_by_cycle" not in drawn
-        return
+    assert len([axes for axes in drawn["zones_last_cycle"].axes if axes.axison]) == legs
     overview = [axes for axes in drawn["zones_by_cycle"].axes if axes.axison]
-    places = [re.sub(r"\(\w+\) |:.*", "", axes.get_title()) for axes in overview]
+    places = [re.sub(r"\(\w+\) |:.*", "", axes.get_title(), flags=re.S) for axes in overview]
     expected = [f"cycle {cycle}, leg {leg}" for cycle in (1, 2) for leg in range(legs)]
     unloading = series.first_unloading(found)
     assert unloading is not None
     expected[(unloading[0] - 1) * legs + unloading[1]] = "first unloading"
     assert places == expected
+
+
+@pytest.mark.parametrize("legs", [7, 30])
+def test_a_cycle_of_many_legs_is_one_map_with_the_loads_beside_it(legs: int) -> None:
+    found = around(legs)
+    drawn = dict(figures.draw_all(found))
+    zones, loads = drawn["zones_last_cycle"].axes
+    assert zones.get_ylim() == loads.get_ylim() == (0.0, legs)
+    table = found.turning_points
+    rows = np.flatnonzero(table.cycle == 2)
+    along = table.load[[rows[0] - 1, *rows]] / np.abs(table.load).max(axis=0)
+    for k, name in enumerate("ab"):
+        assert loads.lines[k].get_label() == f"${name}$"
+        assert np.array_equal(
+            np.asarray(loads.lines[k].get_xydata()), np.stack([along[:, k], np.arange(legs + 1)], 1)
+        )
+    *cycles, _ = drawn["zones_by_cycle"].axes
+    assert [axes.get_title() for axes in cycles] == ["(a) cycle 1", "(b) cycle 2"]
+
+
+@cache
+def measured() -> Record:
+    """Return a record of the block under a signal of 500 points a cycle."""
+    time = np.arange(501) / 500.0
+    noise = np.random.default_rng(7).normal(size=501)
+    signal = 0.8 + 0.4 * np.sin(6.0 * np.pi * time) * np.cos(2.0 * np.pi * time) + 0.03 * noise
+    signal[-1] = signal[0]
+    scene = replace(
+        PAPER,
+        history=HistoryOptions(
+            "table",
+            columns=("p0",),
+            rows=((float(signal[0]),),),
+            cycle_rows=tuple((float(value),) for value in signal[1:]),
+            cycles=2,
+        ),
+        output=OutputOptions(samples_per_leg=2, cycles=(2,)),
+    )
+    return evolve(models.block_system(12, 6), from_scene(scene), output=scene.output)
+
+
+def test_a_measured_signal_of_500_points_is_one_map_of_few_polygons() -> None:
+    found = measured()
+    drawn = stacked_map(found, 2)
+    table = found.samples
+    rows = np.flatnonzero((table.cycle == 2) & (table.s < 1.0))
+    events = found.events
+    assert len(rows) == 500
+    for row in rows:
+        leg, s = int(table.leg[row]), float(table.s[row])
+        near = np.abs(events.leg + events.s - (leg + s)) < 1e-6
+        settled = np.setdiff1d(np.arange(len(found.x)), events.node[(events.cycle == 2) & near])
+        states = drawn.states((leg + s) / 500.0)
+        assert np.array_equal(states[settled], table.state[row][settled])
+    total = sum(area(polygon) for _, polygon in drawn.pieces if len(polygon) > 3)
+    assert total == pytest.approx(np.ptp(found.x), rel=1e-12)
+    # a polygon for each leg and pair of nodes would be three times as many
+    assert len(drawn.pieces) < 500 * (len(found.x) - 1) / 2
+    figure = figures.zone_maps(found, 2)
+    zones, loads = figure.axes
+    path = np.asarray(loads.lines[0].get_xydata())
+    assert path.shape == (501, 2)
+    points = found.turning_points
+    largest = np.abs(points.load).max()
+    assert np.array_equal(path[1:, 0], points.load[points.cycle == 2][:, 0] / largest)
+    assert 0 < len(zones.texts) <= MAX_NUMBERS
+    check_texts(figure, "measured signal")
 
 
 def test_unknown_format_is_refused(tmp_path: Path) -> None:

@@ -84,7 +84,7 @@ def run(cycles: int = 22) -> tuple:
 
 def test_captions_claim_no_load_that_other_histories_do_not_have() -> None:
     captions = dict(CAPTIONS)
-    for name in ("fig04", "fig05", "fig06"):
+    for name in ("tractions_first_loading", "zones_first_unloading", "tractions_first_unloading"):
         assert not re.search(r"third|\d|maximum|the end of", captions[name]), captions[name]
 
 
@@ -220,7 +220,7 @@ def test_every_edge_of_several_has_its_rows_and_its_figures(tmp_path: Path) -> N
     ]
     for edge in ("left", "right"):
         (tmp_path / "figures" / edge).mkdir(parents=True)
-        Image.new("RGB", (8, 8)).save(tmp_path / "figures" / edge / "fig05_zones.png")
+        Image.new("RGB", (8, 8)).save(tmp_path / "figures" / edge / "zones_first_unloading.png")
     limits = [[-0.5, 0.25, "left"]]
     errors = {"dissipation_ratio": {"value": 0.5, "error": 1e-4}}
     several = {

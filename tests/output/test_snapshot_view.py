@@ -23,14 +23,14 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.law import Friction, State
 from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots import style
+from receding_fenicsx.mpi import given, on_root
+from receding_fenicsx.output.plots import figures, style
 from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, scaled
 from receding_fenicsx.output.snapshots.layout import layout_of
 from receding_fenicsx.output.snapshots.load_arrows import Arrows
 from receding_fenicsx.output.snapshots.page import compose
 from receding_fenicsx.output.snapshots.view import Strip, View, view_of
-from receding_fenicsx.pictures import picture_body
+from receding_fenicsx.pictures import picture_body, shown_instant
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -110,6 +110,55 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     )
     # forward is where the record slips forward
     assert np.array_equal(view.state, table.state[1])
+
+
+def drawn_states(figure: Figure, n: int, at: np.ndarray) -> list[int]:
+    """States at points (x, y) of the n-th axes, by the colours of the areas drawn there."""
+    axes, states = figure.axes[n], {colour: int(s) for s, colour in style.STATE_COLOURS.items()}
+    areas = [
+        (patch.get_transform().transform_path(patch.get_path()), to_hex(patch.get_facecolor()))
+        for patch in axes.patches
+    ]
+    for drawn in axes.collections:
+        if isinstance(drawn, PolyCollection):
+            colours = to_rgba_array(drawn.get_facecolor())
+            paths = [axes.transData.transform_path(path) for path in drawn.get_paths()]
+            areas += [(path, to_hex(c)) for path, c in zip(paths, colours, strict=True)]
+    dots = axes.transData.transform(at)
+    return [[states[c] for path, c in areas if path.contains_point(dot)][-1] for dot in dots]
+
+
+def test_steady_zones_that_only_touch_their_limit_are_alike_in_all_pictures() -> None:
+    history = HistoryOptions(maximum=LARGEST, minimum=LARGEST / 3.0, cycles=60)
+    mesh = MeshOptions(contact_elements=40, degree=2, growth=1.4)
+    scene = replace(BLOCK, contacts=(Contact(),), history=history, mesh=mesh)
+    system = study.condense(scene, COMM)
+
+    def make() -> tuple[Record, Instant]:
+        record = evolve(given(system), scene)
+        return record, shown_instant(scene, given(system), record, (60, "unloading", 1.0))
+
+    record, now = COMM.bcast(on_root(COMM, make))
+    bulk = picture_body(scene, COMM)
+    try:
+        fields = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
+        view = None if fields is None else view_of(bulk, fields, now)
+    finally:
+        bulk.destroy()
+    if view is None:
+        return
+    low = record.at(60, "minimum")
+    # the path itself has slips far below those that anything shows
+    slips = np.isin(low.state, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
+    assert np.count_nonzero(slips & (view.state == State.STICK)) > 3
+    assert np.array_equal(low.state[view.state != State.STICK], view.state[view.state != 1])
+    x = record.x[record.x > 0.01 * HEIGHT][:-1] / HEIGHT + 1e-6
+    expected = view.state[record.x > 0.01 * HEIGHT][:-1].tolist()
+    band = figures.tractions(record, low)
+    assert drawn_states(band, 0, np.stack([x, 0.9 + 0.0 * x], axis=1)) == expected
+    zone_map = figures.zone_maps(record, [(60, 0)])
+    just_above = 1.0 / 3.0 + 1e-6 + 0.0 * x
+    assert drawn_states(zone_map, 0, np.stack([x, just_above], axis=1)) == expected
 
 
 def test_arrows_end_on_the_deformed_edge_that_they_press() -> None:

@@ -21,6 +21,7 @@ from receding_fenicsx.evolution.moment import moment_of
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.cycle_maps import cycle_maps
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
@@ -33,18 +34,13 @@ from receding_fenicsx.output.plots.loops import (
     sampled_cycles,
     shown_cycles,
 )
-from receding_fenicsx.output.plots.series import (
-    Still,
-    first_unloading,
-    legs_of,
-    limit_without_slip,
-    slip_lines,
-)
+from receding_fenicsx.output.plots.series import first_unloading, legs_of, slip_lines
 from receding_fenicsx.output.plots.traction_plots import tractions
 from receding_fenicsx.output.plots.units import Scales, scales_of
-from receding_fenicsx.output.plots.zone_plots import zone_maps
+from receding_fenicsx.output.plots.zone_plots import MAX_PANELS, zone_maps
 
 __all__ = [
+    "cycle_maps",
     "dissipation_density",
     "dissipation_per_cycle",
     "hysteresis",
@@ -63,12 +59,18 @@ FIG6_LOAD = 1.0 / 3.0
 """Part of the largest load in the paper's Fig. 6."""
 MAX_ROWS = 6
 """Largest number of rows of the overview of sampled cycles; each cycle begins a row."""
-ALL_EDGES = ("fig10_dissipation_per_cycle", "hysteresis")
+ALL_EDGES = ("dissipation_per_cycle", "hysteresis")
 """Figures of all contact edges together."""
-MAX_PANELS = 6
-"""Largest number of panels in a column."""
-MAX_LEGS = 24
-"""Largest number of legs of a cycle in one figure."""
+PAPER_FIGURES = {
+    "tractions_first_loading": 4,
+    "zones_first_unloading": 5,
+    "tractions_first_unloading": 6,
+    "zones_cycle_9": 7,
+    "slip_per_cycle": 8,
+    "zones_last_cycle": 9,
+    "dissipation_per_cycle": 10,
+}
+"""Numbers of the paper's figures; only figures of the paper's block have them in their names."""
 
 
 def plot_all(
@@ -107,7 +109,7 @@ def plot_all(
     for edge, part in edges.items():
         alone = len(edges) == 1
         for name, figure in draw_all(part, unloading, stepped):
-            whole = alone or name in ALL_EDGES
+            whole = alone or name.endswith(ALL_EDGES)
             place = folder if whole else folder / edge.replace("/", "_")
             make_folder(place)
             files = [place / f"{name}.{ending}" for ending in formats]
@@ -137,28 +139,32 @@ def save(figure: Figure, path: Path) -> None:
 def draw_all(
     record: Record, unloading: Record | None = None, stepped: Record | None = None
 ) -> Iterator[tuple[str, Figure]]:
-    """Yield the name and the figure of everything that :func:`plot_all` writes."""
+    """Yield the name and the figure of everything that :func:`plot_all` writes.
+
+    Figures of the paper's block have the paper's numbers in their names.
+    """
     scales = scales_of(record)
+    for name, figure in _every_figure(record, scales, unloading, stepped):
+        number = PAPER_FIGURES.get(name) if scales.paper else None
+        yield f"fig{number:02d}_{name}" if number else name, figure
+
+
+def _every_figure(
+    record: Record, scales: Scales, unloading: Record | None, stepped: Record | None
+) -> Iterator[tuple[str, Figure]]:
     yield from _first_loading(record, scales)
     yield from _first_unloading([unloading or record, record])
     last = int(record.turning_points.cycle.max(initial=0))
-    if legs_of(record, FIG7_CYCLE) and last > FIG7_CYCLE:
-        yield f"fig07_zones_cycle_{FIG7_CYCLE}", _all_legs(record, FIG7_CYCLE, scales)
+    if scales.paper and legs_of(record, FIG7_CYCLE) and last > FIG7_CYCLE:
+        yield f"zones_cycle_{FIG7_CYCLE}", zone_maps(record, FIG7_CYCLE, scales)
     if slip_lines(record, scales.length):
-        yield "fig08_slip_per_cycle", slip_per_cycle(record, scales)
+        yield "slip_per_cycle", slip_per_cycle(record, scales)
     if legs_of(record, last) and last > 1:
-        still = limit_without_slip(record, last)
-        yield "fig09_zones_last_cycle", _all_legs(record, last, scales, still)
-    if len(sampled := [cycle for cycle in sampled_cycles(record) if cycle]) > 1:
-        columns = _columns(len(legs_of(record, sampled[0])))
-        most = MAX_ROWS // -(-len(legs_of(record, sampled[0])) // columns)
-        if most > 1:
-            several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
-            legs = [leg for cycle in several for leg in legs_of(record, cycle)]
-            yield "zones_by_cycle", zone_maps(record, legs, scales, columns=columns)
+        yield "zones_last_cycle", zone_maps(record, last, scales)
+    yield from _sampled_zones(record, scales)
     dissipation = record.cycles.dissipation
     if len(dissipation) > 1 and dissipation[0] > 0.0:
-        yield "fig10_dissipation_per_cycle", dissipation_per_cycle(record, scales, stepped)
+        yield "dissipation_per_cycle", dissipation_per_cycle(record, scales, stepped)
     if np.any(record.cycles.dissipation_density > 0.0):
         yield "dissipation_density", dissipation_density(record, scales)
     if last > 0 and shown_cycles(record):
@@ -175,15 +181,21 @@ def draw_all(
             yield "tractions_last_cycle", tractions(record, chosen, scales)
 
 
-def _all_legs(record: Record, cycle: int, scales: Scales, still: Still | None = None) -> Figure:
-    """Map the zones along all legs of a cycle."""
-    legs = legs_of(record, cycle)
-    chosen = [legs[k] for k in _spread(range(len(legs)), MAX_LEGS)]
-    columns = 1 if len(chosen) <= MAX_PANELS else 3
-    figure = zone_maps(record, chosen, scales, still, columns)
-    if len(chosen) < len(legs):
-        figure.suptitle(f"{len(chosen)} of the {len(legs)} legs", fontsize="medium")
-    return figure
+def _sampled_zones(record: Record, scales: Scales) -> Iterator[tuple[str, Figure]]:
+    """Yield the zones of several sampled cycles, as panels or, of many legs, as continuous maps."""
+    sampled = [cycle for cycle in sampled_cycles(record) if cycle]
+    if len(sampled) < 2:
+        return
+    legs = len(legs_of(record, sampled[0]))
+    if legs > MAX_PANELS:
+        several = sorted({sampled[0], sampled[len(sampled) // 2], sampled[-1]})
+        yield "zones_by_cycle", cycle_maps(record, several, scales)
+        return
+    columns = _columns(legs)
+    most = MAX_ROWS // -(-legs // columns)
+    several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
+    shown = [leg for cycle in several for leg in legs_of(record, cycle)]
+    yield "zones_by_cycle", zone_maps(record, shown, scales, columns=columns)
 
 
 def _columns(legs: int) -> int:
@@ -207,7 +219,7 @@ def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure
         size = np.abs(table.load[rows] / scales.load_max).sum(axis=1)
         row = int(rows[np.argmax(size)])
         yield (
-            "fig04_tractions_first_loading",
+            "tractions_first_loading",
             tractions(record, [moment_of(record, table, row)], scales),
         )
 
@@ -218,7 +230,7 @@ def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
     found = [(record, where) for record, where in places if where is not None]
     for record, where in found[:1]:
         if where in legs_of(record, where[0]):
-            yield "fig05_zones_first_unloading", zone_maps(record, [where])
+            yield "zones_first_unloading", zone_maps(record, [where])
     instants: list[tuple[float, int, Record, States, int]] = []
     for record, (cycle, leg) in found:
         largest = scales_of(record).load_max
@@ -229,4 +241,4 @@ def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
                 instants.append((off, len(instants), record, table, int(row)))
     if instants:
         _, _, record, table, row = min(instants, key=lambda instant: instant[:2])
-        yield "fig06_tractions_first_unloading", tractions(record, [moment_of(record, table, row)])
+        yield "tractions_first_unloading", tractions(record, [moment_of(record, table, row)])

@@ -1,22 +1,18 @@
-"""Data of figures: legs, slip per cycle, nodes at the friction limit that do not slip."""
+"""Data of figures: legs, slip per cycle."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import PowerLaw, fit_power_law
 from receding_fenicsx.reference.ahn_barber import SLIP_CYCLES, SLIP_FLOOR, SLIP_NODES
 
-AT_LIMIT = 1e-6
-"""Largest relative difference of |Q| and f P of a node at its friction limit."""
-NEGLIGIBLE_SLIP = 1e-4
-"""Largest range of v over a cycle, over that of any node, that counts as no slip."""
+POSITION_TOLERANCE = 1e-6
+"""Round-off of the representative nodes' positions, over the length scale."""
 MIN_CYCLES = 5
 """Smallest number of cycles for the fit of a power law."""
 MAX_LINES = 4
@@ -46,23 +42,6 @@ class SlipLine:
     def at(self, N: Array) -> Array:
         """Values of the fit."""
         return self.factor * N**self.fit.exponent
-
-
-@dataclass(frozen=True)
-class Still:
-    """Nodes that reach the friction limit within a cycle and do not slip.
-
-    Attributes:
-        stuck: (N,) all nodes whose slip over the cycle is negligible.
-        node, leg, s: (n,) node, and where it first reaches the limit; nodes increase.
-        strict: none of them slips at all; else some slip by less than ``NEGLIGIBLE_SLIP``.
-    """
-
-    stuck: NDArray[np.bool_]
-    node: Ints
-    leg: Ints
-    s: Array
-    strict: bool
 
 
 def leg_ends(record: Record, cycle: int, leg: int) -> tuple[Array, Array]:
@@ -118,9 +97,8 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
     seen = size > SLIP_FLOOR * size.max()
     moving = np.all(seen[cycles - 1], axis=0)
     distance = record.x / length
-    wanted = (
-        moving & (distance >= SLIP_NODES[0] - AT_LIMIT) & (distance <= SLIP_NODES[1] + AT_LIMIT)
-    )
+    low, high = SLIP_NODES[0] - POSITION_TOLERANCE, SLIP_NODES[1] + POSITION_TOLERANCE
+    wanted = moving & (distance >= low) & (distance <= high)
     nodes = np.flatnonzero(wanted if wanted.any() else moving)
     if not len(nodes):
         return []
@@ -143,51 +121,3 @@ def fitted_cycles(record: Record) -> Ints:
     n = len(record.cycles.slip_increment)
     first, last = SLIP_CYCLES
     return np.arange(first, last + 1) if n >= last else np.arange(n // 2, n + 1)[n // 2 == 0 :]
-
-
-def limit_without_slip(record: Record, cycle: int) -> Still:
-    """Find the nodes that reach |Q| = f P within a sampled cycle and yet do not slip.
-
-    Slip that is a negligible part of the largest counts as none, because slip decays to zero only
-    in the limit of the steady state.
-    """
-    table = record.samples
-    rows = np.flatnonzero(table.cycle == cycle)
-    before = np.flatnonzero(record.turning_points.cycle == cycle - 1)[-1:]
-    v = np.vstack([record.turning_points.v[before], table.v[rows]])
-    state = table.state[rows]
-    span = np.ptp(v, axis=0)
-    slips = np.any(np.isin(state, (State.FORWARD_SLIP, State.BACKWARD_SLIP)), axis=0)
-    opens = np.any(state == State.SEPARATION, axis=0)
-    stuck = ~opens & (span <= NEGLIGIBLE_SLIP * span.max(initial=0.0)) & record.friction.present
-    at_limit = stuck & (table.P[rows] > 0.0) & _is_at_limit(record, table.Q[rows], table.P[rows])
-    reached = at_limit.any(axis=0)
-    if record.method == "events":
-        # a node may reach the limit and leave it between two samples
-        events = record.events
-        slip = np.isin(events.new, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
-        reached[events.node[(events.cycle == cycle) & slip]] = True
-    node = np.flatnonzero(reached & stuck)
-    row = rows[np.argmax(at_limit[:, node], axis=0)]
-    leg, s = table.leg[row], table.s[row].copy()
-    if record.method == "events":
-        for k, i in enumerate(node):
-            found = _first_slip(record, cycle, int(i))
-            if found is not None:
-                leg[k], s[k] = found
-    return Still(stuck, node, leg, s, not bool(np.any(slips[node])))
-
-
-def _is_at_limit(record: Record, Q: Array, P: Array) -> NDArray[np.bool_]:
-    """Return whether the tangential reactions Q reach a limit at the pressures P."""
-    low, high = record.friction.limits((1.0 - AT_LIMIT) * P)
-    return (Q <= low) | (Q >= high)
-
-
-def _first_slip(record: Record, cycle: int, node: int) -> tuple[int, float] | None:
-    """Return leg and exact position at which a node begins to slip in a cycle."""
-    events = record.events
-    here = (events.cycle == cycle) & (events.node == node)
-    here &= np.isin(events.new, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
-    found = np.flatnonzero(here)
-    return (int(events.leg[found[0]]), float(events.s[found[0]])) if len(found) else None

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import matplotlib as mpl
 import numpy as np
@@ -18,6 +19,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import STATE_NAMES
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.touching import shown_states
 from receding_fenicsx.output.plots.units import Scales, describe_load, scales_of
 
 STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
@@ -38,7 +40,8 @@ def tractions(
         scales: units; by default those of the record.
 
     Returns:
-        The figure.
+        The figure. States are those of
+        :func:`~receding_fenicsx.output.plots.touching.shown_states`.
 
     Raises:
         InputError: the argument is not one or several instants.
@@ -55,7 +58,11 @@ def tractions(
         figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels)
         grid = figure.add_gridspec(2 * panels, 1, height_ratios=[0.09, 1.0] * panels)
         axes: Axes | None = None
-        for n, moment in enumerate(moments):
+        shown = [
+            replace(moment, state=shown_states(record, moment.cycle, moment.state))
+            for moment in moments
+        ]
+        for n, moment in enumerate(shown):
             band = figure.add_subplot(grid[2 * n], sharex=axes)
             axes = figure.add_subplot(grid[2 * n + 1], sharex=band)
             _draw_band(band, record, moment.state, scales)
@@ -78,7 +85,7 @@ def tractions(
             # in a row, unless the unit has a long name
             ncols = 3 if len(cone) < MAX_LABEL_LENGTH else 2
             figure.legend(handles=curves, loc="outside upper center", ncols=ncols)
-        states = np.unique([moment.state for moment in moments])
+        states = np.unique([moment.state for moment in shown])
         patches = style.state_patches(states, friction)
         figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
     return figure

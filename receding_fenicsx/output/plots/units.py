@@ -18,6 +18,8 @@ from receding_fenicsx.scene.model import Scene
 
 MAX_NAME_LENGTH = 10
 """Largest number of letters of a load's name in a label."""
+LETTER_WIDTH = 0.065
+"""Mean width in inches of a letter of a title."""
 IN_MATHEMATICS = {
     **{letter: f"\\{letter}" for letter in "_%${} "},
     "\\": r"\backslash ",
@@ -218,19 +220,43 @@ def describe_factors(names: tuple[str, ...], parts: Array) -> str:
     )
 
 
-def describe_leg(record: Record, cycle: int, leg: int, scales: Scales) -> str:
-    """Describe a leg; with several loads also the range of each load."""
+def describe_leg(
+    record: Record, cycle: int, leg: int, scales: Scales, inches: float = np.inf
+) -> str:
+    """Describe a leg; with several loads also the range of each load.
+
+    Args:
+        record: the record.
+        cycle: cycle of the leg.
+        leg: leg within the cycle.
+        scales: units.
+        inches: width; a longer text is broken between the loads.
+    """
     text = _way(record, cycle, leg)
     if len(record.load_names) == 1:
         return text
     begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
-    names = [shown_name(n) if is_word(n) else f"${load_symbol(n)}$" for n in record.load_names]
     moves = [
-        f"{name} ${a:z.3g}$ to ${b:z.3g}$"
-        for name, a, b in zip(names, begin, end, strict=True)
+        f"{load_text(name)} ${a:z.3g}$ to ${b:z.3g}$"
+        for name, a, b in zip(record.load_names, begin, end, strict=True)
         if a != b
     ]
-    return f"{text}: " + ", ".join(moves)
+    lines = [f"{text}: " if moves else text]
+    for n, move in enumerate(moves):
+        piece = move + (", " if n + 1 < len(moves) else "")
+        longer = len(_plain(lines[-1] + piece)) * LETTER_WIDTH > inches
+        lines = [*lines, piece] if longer else [*lines[:-1], lines[-1] + piece]
+    return "\n".join(line.rstrip() for line in lines)
+
+
+def _plain(text: str) -> str:
+    """Return a text without the marks of mathematics."""
+    return re.sub(r"\\mathrm|[${}_]", "", text)
+
+
+def load_text(name: str) -> str:
+    """Return a load's name as a text: a symbol as mathematics, a word as it is."""
+    return shown_name(name) if is_word(name) else f"${load_symbol(name)}$"
 
 
 def _way(record: Record, cycle: int, leg: int) -> str:

@@ -20,6 +20,8 @@ MIN_ARROW_ZONE = 0.2
 """Smallest length in inches of a thin zone that has its number next to it."""
 MAX_ARROW = 0.6
 """Largest length of an arrow in inches."""
+MAX_NUMBERS = 24
+"""Largest number of zones, from the deepest on, that have numbers."""
 RASTER = 100
 """Raster points per inch."""
 
@@ -42,7 +44,10 @@ class Label:
 
 
 def place_labels(
-    drawn: ZoneMap, x_range: tuple[float, float], inches: tuple[float, float]
+    drawn: ZoneMap,
+    x_range: tuple[float, float],
+    inches: tuple[float, float],
+    arrows: bool = True,
 ) -> list[Label]:
     """Place the numbers of a zone map.
 
@@ -50,35 +55,38 @@ def place_labels(
         drawn: the map.
         x_range: part of x that is shown.
         inches: width and height of the axes.
+        arrows: whether thin zones have their numbers next to them.
 
     Returns:
-        The labels; very small zones have none.
+        The labels; very small zones have none, nor have those beyond ``MAX_NUMBERS``.
     """
     raster, x, s = _raster(drawn, x_range, inches)
     room = np.full(raster.shape, np.inf)
-    zones: list[tuple[State, NDArray[np.bool_], Array]] = []
+    zones: list[tuple[float, State, tuple[int, int], float]] = []
     for state in State:
-        parts, n = ndimage.label(raster == state)
-        for k in range(1, n + 1):
-            depth = ndimage.distance_transform_edt(np.pad(parts == k, 1))[1:-1, 1:-1] / RASTER
-            room = np.where(parts == k, depth, room)
-            zones.append((state, parts == k, depth))
-    zones.sort(key=lambda zone: -float(zone[2].max()))
+        parts, _ = ndimage.label(raster == state)
+        for k, box in enumerate(ndimage.find_objects(parts), start=1):
+            part = parts[box] == k
+            depth = ndimage.distance_transform_edt(np.pad(part, 1))[1:-1, 1:-1] / RASTER
+            room[box] = np.where(part, depth, room[box])
+            row, column = np.unravel_index(int(np.argmax(depth)), depth.shape)
+            rows, columns = np.nonzero(part)
+            extent = float(np.hypot(np.ptp(rows), np.ptp(columns))) / RASTER
+            tip = int(row) + box[0].start, int(column) + box[1].start
+            zones.append((float(depth.max()), state, tip, extent))
+    zones.sort(key=lambda zone: -zone[0])
     labels, taken = [], np.zeros(raster.shape, dtype=bool)
-    for state, part, depth in zones:
-        tip = np.unravel_index(int(np.argmax(depth)), depth.shape)
-        if depth[tip] >= MIN_DEPTH:
-            labels.append(Label(state, (x[tip[1]], s[tip[0]]), None, state))
+    for depth, state, tip, extent in zones[:MAX_NUMBERS]:
+        point = x[tip[1]], s[tip[0]]
+        if depth >= MIN_DEPTH:
+            labels.append(Label(state, point, None, state))
             taken[tip] = True
-            continue
-        rows, columns = np.nonzero(part)
-        if np.hypot(np.ptp(rows), np.ptp(columns)) < MIN_ARROW_ZONE * RASTER:
-            continue
-        place = _beside(raster, room, taken, tip)
-        if place is not None:
-            at, point = (x[place[1]], s[place[0]]), (x[tip[1]], s[tip[0]])
-            labels.append(Label(state, at, point, State(int(raster[place]))))
-            taken[place] = taken[tip] = True
+        elif arrows and extent >= MIN_ARROW_ZONE:
+            place = _beside(raster, room, taken, tip)
+            if place is not None:
+                on = State(int(raster[place]))
+                labels.append(Label(state, (x[place[1]], s[place[0]]), point, on))
+                taken[place] = taken[tip] = True
     return labels
 
 
@@ -95,7 +103,7 @@ def _raster(
 
 
 def _beside(
-    raster: NDArray[np.int8], room: Array, taken: NDArray[np.bool_], tip: tuple[np.intp, ...]
+    raster: NDArray[np.int8], room: Array, taken: NDArray[np.bool_], tip: tuple[int, int]
 ) -> tuple[int, int] | None:
     """Return the nearest free place for a number, in a zone of another state."""
     clear = ndimage.distance_transform_edt(~taken) / RASTER if taken.any() else np.inf

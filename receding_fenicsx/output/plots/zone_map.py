@@ -16,8 +16,10 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.output.plots.series import legs_of
 from receding_fenicsx.output.plots.timelines import (
     Timeline,
+    timeline,
     timelines_of,
     without_flicker,
     without_slip,
@@ -86,10 +88,7 @@ def zone_map(
     Returns:
         The map.
     """
-    timelines = timelines_of(record, cycle, leg)
-    if stuck is not None:
-        timelines = [without_slip(t) if i else t for t, i in zip(timelines, stuck, strict=True)]
-    timelines = without_flicker(timelines, flicker)
+    timelines = _lines_of(record, cycle, leg, stuck, flicker)
     strips = [
         fill_strip(a, b, x0, x1)
         for (a, b), (x0, x1) in zip(pairwise(timelines), pairwise(record.x), strict=True)
@@ -97,6 +96,79 @@ def zone_map(
     pieces = [piece for strip in strips for piece in strip.pieces]
     lines = [line for strip in strips for line in strip.lines]
     return ZoneMap(record.x, timelines, pieces, np.array(lines).reshape(-1, 2, 2))
+
+
+def stacked_map(
+    record: Record, cycle: int, stuck: NDArray[np.bool_] | None = None, flicker: float = 0.0
+) -> ZoneMap:
+    """Map the zones of a whole cycle, its n legs stacked: leg k is at k/n <= s <= (k + 1)/n.
+
+    The arguments are those of :func:`zone_map`. Where two neighbouring nodes keep the same state
+    through several legs, these have one polygon.
+    """
+    legs = [leg for _, leg in legs_of(record, cycle)]
+    lines = [_lines_of(record, cycle, leg, stuck, flicker) for leg in legs]
+    first, last = (np.array([[t.state[k] for t in row] for row in lines]) for k in (0, -1))
+    constant = np.array([[len(t.state) == 1 for t in row] for row in lines])
+    same = constant[:, 1:] & constant[:, :-1] & (first[:, 1:] == first[:, :-1])
+    n, x = len(legs), record.x
+    pieces: list[tuple[State, Polygon]] = []
+    found: list[Array] = []
+    for i in range(len(x) - 1):
+        key = np.where(same[:, i], first[:, i], -1 - np.arange(n))
+        cuts = np.flatnonzero(np.diff(key)) + 1
+        for begin, end in pairwise([0, *cuts.tolist(), n]):
+            if same[begin, i]:
+                corners = [[x[i], begin], [x[i + 1], begin], [x[i + 1], end], [x[i], end]]
+                pieces.append((State(int(first[begin, i])), np.array(corners) / [1.0, n]))
+                continue
+            strip = fill_strip(lines[begin][i], lines[begin][i + 1], x[i], x[i + 1])
+            move, scale = np.array([0.0, begin / n]), np.array([1.0, 1.0 / n])
+            pieces += [(state, polygon * scale + move) for state, polygon in strip.pieces]
+            found += [line * scale + move for line in strip.lines]
+    found += _changes_between_legs(x, first, last)
+    whole = [_joined([row[i] for row in lines]) for i in range(len(x))]
+    return ZoneMap(x, whole, pieces, np.array(found).reshape(-1, 2, 2))
+
+
+def _changes_between_legs(x: Array, first: NDArray[np.int8], last: NDArray[np.int8]) -> list[Array]:
+    """Return lines where nodes change their state at the turning point between two legs.
+
+    Args:
+        x: (N,) positions.
+        first: (n, N) states at the begin of each leg.
+        last: (n, N) states at the end of each leg.
+    """
+    ends = np.concatenate([x[:1], 0.5 * (x[1:] + x[:-1]), x[-1:]])
+    found = []
+    for k in range(1, len(first)):
+        changed = np.flatnonzero(first[k] != last[k - 1])
+        for run in np.split(changed, np.flatnonzero(np.diff(changed) > 1) + 1):
+            if len(run):
+                s = k / len(first)
+                found.append(np.array([[ends[run[0]], s], [ends[run[-1] + 1], s]]))
+    return found
+
+
+def _joined(lines: list[Timeline]) -> Timeline:
+    """Join the timelines of a node along n legs; s of the whole runs from 0 to 1."""
+    n = len(lines)
+    changes = [
+        ((k + s) / n, int(state))
+        for k, line in enumerate(lines)
+        for s, state in zip(line.s[:-1].tolist(), line.state.tolist(), strict=True)
+    ]
+    return timeline(changes[0][1], changes[1:])
+
+
+def _lines_of(
+    record: Record, cycle: int, leg: int, stuck: NDArray[np.bool_] | None, flicker: float
+) -> list[Timeline]:
+    """Return the timelines of all nodes along a leg, cleaned as in :func:`zone_map`."""
+    timelines = timelines_of(record, cycle, leg)
+    if stuck is not None:
+        timelines = [without_slip(t) if i else t for t, i in zip(timelines, stuck, strict=True)]
+    return without_flicker(timelines, flicker)
 
 
 def fill_strip(a: Timeline, b: Timeline, x0: float, x1: float) -> Strip:

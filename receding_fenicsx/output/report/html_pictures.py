@@ -20,17 +20,23 @@ LAST_PLACE = 99
 """Order of figures without a caption of their own."""
 
 CAPTIONS = (
-    ("fig04", "Tractions, friction cone and states at the largest load of the first loading."),
-    ("fig05", "Zones of stick, slip and separation along the first unloading."),
-    ("fig06", "Tractions during the first unloading; the load is given above the states."),
-    ("fig07", "Zones along the ninth cycle."),
-    ("fig08", "Slip increment of each cycle at some nodes, with fitted power of N."),
     (
-        "fig09",
+        "tractions_first_loading",
+        "Tractions, friction cone and states at the largest load of the first loading.",
+    ),
+    ("zones_first_unloading", "Zones of stick, slip and separation along the first unloading."),
+    (
+        "tractions_first_unloading",
+        "Tractions during the first unloading; the load is given above the states.",
+    ),
+    ("zones_cycle_9", "Zones along the ninth cycle."),
+    ("slip_per_cycle", "Slip increment of each cycle at some nodes, with fitted power of N."),
+    (
+        "zones_last_cycle",
         "Zones along the last cycle. Dashed line: nodes that reach the friction limit without "
         "slip.",
     ),
-    ("fig10", "Dissipation of each cycle over that of cycle 1."),
+    ("dissipation_per_cycle", "Dissipation of each cycle over that of cycle 1."),
     ("zones_by_cycle", "Zones along all sampled cycles."),
     ("dissipation_density", "Dissipation per contact area in a cycle, along the contact edge."),
     ("hysteresis", "Loads against their work-conjugate displacements; the area of a loop is work."),

@@ -11,7 +11,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
 from receding_fenicsx.interface.measures.steady import limit_of_decay
 from receding_fenicsx.interface.measures.zones import contact_zones
-from receding_fenicsx.output.plots.series import limit_without_slip
+from receding_fenicsx.output.plots.touching import limit_without_slip
 from receding_fenicsx.output.report.half_widths import (
     contact_betas,
     estimated_ends,

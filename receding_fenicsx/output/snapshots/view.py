@@ -186,7 +186,7 @@ def _contact(
         place, normal = found.points[on], found.normal[on][0]
         moved = place + units.factor * edge_displacement(fields, place, normal)
         gap = units.factor * found.initial_gap[on] / unit
-        at, x, state = place / unit, found.x[on] / unit, found.state[on]
+        at, x, state = place / unit, found.x[on] / unit, found.shown[on]
         strips.append(Strip(described.edge, x, at, moved / unit, normal, gap, state))
     on = found.edge == 0
     p, q = found.p[on] / units.traction, found.q[on] / units.traction

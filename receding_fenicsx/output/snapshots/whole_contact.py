@@ -36,6 +36,7 @@ class WholeContact:
         p, q: (N,) tractions P/m and Q/m on the body; nan at nodes without weight.
         v, w: (N,) tangential and normal displacement.
         initial_gap: (N,) gap g0.
+        shown: (N,) states that pictures show.
     """
 
     x: Array
@@ -50,6 +51,7 @@ class WholeContact:
     v: Array
     w: Array
     initial_gap: Array
+    shown: NDArray[np.int8]
 
 
 def whole_contact(bulk: Bulk | Pair, instant: Instant) -> WholeContact:
@@ -88,4 +90,5 @@ def whole_contact(bulk: Bulk | Pair, instant: Instant) -> WholeContact:
         v=mirror.odd(instant.v),
         w=mirror.even(instant.state.w),
         initial_gap=gap,
+        shown=mirror.states(instant.state.state if instant.shown is None else instant.shown),
     )

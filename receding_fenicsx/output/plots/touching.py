@@ -1,0 +1,141 @@
+"""Nodes that touch the friction limit without slip: one decision for all pictures.
+
+Where slip has decayed, the exact path still finds changes between stick and slip with slips of
+1e-9 of the largest. :func:`shown_states` shows them as stick: in zone maps, above the tractions and
+under the fringes. Zone maps mark with a dashed line where :func:`limit_without_slip` finds them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.evolution.instants import Instant
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.system import ContactSystem
+
+AT_LIMIT = 1e-6
+"""Largest relative difference of |Q| and f P of a node at its friction limit."""
+NEGLIGIBLE_SLIP = 1e-4
+"""Largest range of v over a cycle, over that of any node of the edge, that counts as no slip."""
+SLIP = (State.FORWARD_SLIP, State.BACKWARD_SLIP)
+
+
+@dataclass(frozen=True)
+class Still:
+    """Nodes that reach the friction limit within a cycle and do not slip.
+
+    Attributes:
+        stuck: (N,) all nodes whose slip over the cycle is negligible.
+        node, leg, s: (n,) node, and where it first reaches the limit; nodes increase.
+        strict: none of them slips at all; else some slip by less than ``NEGLIGIBLE_SLIP``.
+    """
+
+    stuck: NDArray[np.bool_]
+    node: Ints
+    leg: Ints
+    s: Array
+    strict: bool
+
+
+def as_shown(record: Record, system: ContactSystem, instant: Instant) -> Instant:
+    """Return an instant of the modelled nodes with the states that pictures show."""
+    if not is_settled(record, instant.cycle):
+        return instant
+    stuck = stuck_nodes(record, instant.cycle)[~mirror_of(system).left]
+    return instant._replace(shown=without_slip(instant.state.state, stuck))
+
+
+def is_settled(record: Record, cycle: int) -> bool:
+    """Return whether a cycle is steady; without a steady state, whether it is the last one."""
+    last = int(record.turning_points.cycle.max(initial=0))
+    first = record.steady.cycle if record.steady.reached else last
+    return cycle > 1 and cycle >= first
+
+
+def stuck_nodes(record: Record, cycle: int) -> NDArray[np.bool_]:
+    """Return (N,) closed nodes with friction whose slip over a cycle is negligible."""
+    points, samples = record.turning_points, record.samples
+    before = np.flatnonzero(points.cycle == cycle - 1)[-1:]
+    ends, rows = (np.flatnonzero(table.cycle == cycle) for table in (points, samples))
+    span = np.ptp(np.vstack([points.v[before], points.v[ends], samples.v[rows]]), axis=0)
+    state = np.vstack([points.state[ends], samples.state[rows]])
+    largest = np.zeros(len(span))
+    for k in np.unique(record.edge):
+        largest[record.edge == k] = span[record.edge == k].max()
+    closed = ~np.any(state == State.SEPARATION, axis=0)
+    return closed & (span <= NEGLIGIBLE_SLIP * largest) & record.friction.present
+
+
+def shown_states(record: Record, cycle: int, state: NDArray[np.integer]) -> NDArray[np.int8]:
+    """Return (N,) states of an instant of a cycle as pictures show them.
+
+    In a settled cycle the nodes of :func:`stuck_nodes` stick.
+    """
+    shown = np.asarray(state, dtype=np.int8)
+    if not is_settled(record, cycle):
+        return shown
+    return without_slip(shown, stuck_nodes(record, cycle))
+
+
+def without_slip(state: NDArray[np.int8], stuck: NDArray[np.bool_]) -> NDArray[np.int8]:
+    """Return (N,) states with stick in place of the slip of some nodes."""
+    return np.where(np.isin(state, SLIP) & stuck, State.STICK, state).astype(np.int8)
+
+
+def stills_of(record: Record, cycles: Iterable[int]) -> dict[int, Still]:
+    """Return :func:`limit_without_slip` of each settled cycle."""
+    return {
+        cycle: limit_without_slip(record, cycle)
+        for cycle in set(cycles)
+        if is_settled(record, cycle)
+    }
+
+
+def limit_without_slip(record: Record, cycle: int) -> Still:
+    """Find the nodes that reach |Q| = f P within a sampled cycle and yet do not slip.
+
+    Slip that is a negligible part of the largest counts as none, because slip decays to zero only
+    in the limit of the steady state.
+    """
+    table = record.samples
+    rows = np.flatnonzero(table.cycle == cycle)
+    state = table.state[rows]
+    slips = np.any(np.isin(state, SLIP), axis=0)
+    stuck = stuck_nodes(record, cycle)
+    at_limit = stuck & (table.P[rows] > 0.0) & _is_at_limit(record, table.Q[rows], table.P[rows])
+    reached = at_limit.any(axis=0)
+    if record.method == "events":
+        # a node may reach the limit and leave it between two samples
+        events = record.events
+        slip = np.isin(events.new, SLIP)
+        reached[events.node[(events.cycle == cycle) & slip]] = True
+    node = np.flatnonzero(reached & stuck)
+    row = rows[np.argmax(at_limit[:, node], axis=0)]
+    leg, s = table.leg[row], table.s[row].copy()
+    if record.method == "events":
+        for k, i in enumerate(node):
+            found = _first_slip(record, cycle, int(i))
+            if found is not None:
+                leg[k], s[k] = found
+    return Still(stuck, node, leg, s, not bool(np.any(slips[node])))
+
+
+def _is_at_limit(record: Record, Q: Array, P: Array) -> NDArray[np.bool_]:
+    """Return whether the tangential reactions Q reach a limit at the pressures P."""
+    low, high = record.friction.limits((1.0 - AT_LIMIT) * P)
+    return (Q <= low) | (Q >= high)
+
+
+def _first_slip(record: Record, cycle: int, node: int) -> tuple[int, float] | None:
+    """Return leg and exact position at which a node begins to slip in a cycle."""
+    events = record.events
+    here = (events.cycle == cycle) & (events.node == node) & np.isin(events.new, SLIP)
+    found = np.flatnonzero(here)
+    return (int(events.leg[found[0]]), float(events.s[found[0]])) if len(found) else None
