@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import runpy
 from pathlib import Path
 
 from mpi4py import MPI
@@ -153,6 +154,23 @@ def test_lap_joint_slides_when_its_pull_is_the_friction_of_its_clamp() -> None:
     )
     with pytest.raises(rf.NoEquilibrium, match=r"gross sliding at load factors \[1, 1\.5\]"):
         solve(scene)
+
+
+def test_double_lap_joint_dissipates_what_shear_lag_gives_to_second_order_in_its_height() -> None:
+    """F^3 / (24 q E A) a cycle and F / (2 q) on each side; derived in the demo."""
+    joint = runpy.run_path(str(ROOT / "demos" / "lap_joint.py"))
+    errors = {}
+    for height in (0.5, 0.25):
+        record = joint["solve"](height)
+        if record is not None:
+            errors[height] = joint["compare"](record)
+    if errors:
+        assert all(abs(errors[0.25][name]) < most for name, most in joint["TOLERANCE"].items())
+        extrapolated = (4.0 * errors[0.25]["dissipation"] - errors[0.5]["dissipation"]) / 3.0
+        assert abs(extrapolated) < 0.002
+        # the ends of the slip zones are corners: first order
+        slip = errors[0.5]["slip length"] / errors[0.25]["slip length"]
+        assert slip == pytest.approx(2.0, rel=0.1)
 
 
 # -- axisymmetric punch with a friction map -------------------------------------------------------
