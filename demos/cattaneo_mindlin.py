@@ -42,9 +42,8 @@ TOLERANCE = 0.01
 
 def solve(size: float = 30.0, elements: int = 240) -> rf.Record | None:
     """Run the scene with blocks of some size; the record on rank 0."""
-    changes = [f"mesh.contact_elements={elements}"]
-    for name, up in (("upper", 1), ("lower", -1)):
-        changes.append(f"body.{name}.parameters={{size={size}, half_width=1.5, up={up}}}")
+    changes = [f"body.{name}.parameters.size={size}" for name in ("upper", "lower")]
+    changes.append(f"mesh.contact_elements={elements}")
     return rf.run(rf.read_scene(HERE / "cattaneo_mindlin.toml", changes))
 
 
@@ -61,13 +60,11 @@ def compare(record: rf.Record) -> list[tuple[str, float, float, float, float, fl
         known = KNOWN.stick_half_width(Q, leg)
         found = rf.stick_half_width(x, s.state[i], record.f)
         ends = [HERTZ.a, known, KNOWN.stick_half_width(KNOWN.largest, "loading")]
-        away = np.all(
-            [np.abs(np.abs(x) - end) > (LEFT_OUT + 0.5) * spacing for end in ends], axis=0
-        )
+        apart = [np.abs(np.abs(x) - end) > (LEFT_OUT + 0.5) * spacing for end in ends]
+        away = np.all(apart, axis=0)
         # the force of the lower body on the upper one is against Q
-        q = -s.q[i] - KNOWN.traction(x, Q, leg)
-        p = s.p[i] - HERTZ.pressure(x)
-        off = [float(np.abs(part[away]).max()) / HERTZ.p0 for part in (q, p)]
+        differences = -s.q[i] - KNOWN.traction(x, Q, leg), s.p[i] - HERTZ.pressure(x)
+        off = [float(np.abs(part[away]).max()) / HERTZ.p0 for part in differences]
         rows.append((leg, Q, found, known, off[0] / KNOWN.f, off[1]))
     return rows
 
@@ -96,7 +93,7 @@ def figure(record: rf.Record, folder: Path) -> None:
 
 
 def main() -> None:
-    """Print the tables; assert stick widths within one node and tractions within 1 %."""
+    """Print the errors at three sizes; assert those of the largest."""
     parser = argparse.ArgumentParser(description="Cattaneo and Mindlin.")
     parser.add_argument("--out", default="results/cattaneo_mindlin", help="folder of the figure")
     folder = Path(parser.parse_args().out)
@@ -112,14 +109,10 @@ def main() -> None:
             f"size {size:2.0f}: a = {a:.4f} (Hertz {HERTZ.a:.4f}); largest errors: stick width "
             f"{worst[0]:.2f} nodes, q {worst[1]:.1e}, p {worst[2]:.1e}"
         )
-    if record is None:
-        return
-    print("leg          Q/fP   stick here   closed form   error of q/(f p0)")
-    for leg, Q, found, known, off, _ in rows:
-        print(f"{leg:10s}  {Q / 0.5:5.2f}  {found:10.4f}  {known:11.4f}  {off:16.1e}")
-    figure(record, folder)
-    assert worst[0] <= 1.0, "stick half width is off by more than one node"
-    assert worst[1] < TOLERANCE and worst[2] < TOLERANCE, "tractions are off by more than 1 %"
+    if record is not None:
+        figure(record, folder)
+        assert worst[0] <= 1.0, "stick half width is off by more than one node"
+        assert max(worst[1:]) < TOLERANCE, "tractions are off by more than 1 %"
 
 
 if __name__ == "__main__":
