@@ -124,18 +124,27 @@ def directed(p: Problem) -> Problem:
 
 
 def oblique(p: Problem) -> Problem:
-    """Return a problem whose body is guided: it moves freely in directions oblique to its edges."""
+    """Return a problem whose body is guided or hinged, with two edges oblique to each other."""
     rng, system = np.random.default_rng([p.number, 2]), p.system
     n, angles = system.n, rng.choice([0.25, 0.5, 0.75, -0.25, -0.5, -0.75, 0.1, -0.1], 2) * np.pi
-    angle = np.where(np.arange(n) < int(rng.integers(1, n + 1)), *angles)
-    along = np.stack([[np.cos(angle), np.sin(angle)], [-np.sin(angle), np.cos(angle)]])
-    rigid = along.reshape(2, 2 * n)[: 1 + int(rng.random() < 0.3)].T
-    basis = np.linalg.qr(rigid)[0]
+    first = np.arange(n) < int(rng.integers(1, n + 1))
+    angle = np.where(first, *angles)
+    along = np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    across = np.stack([-along[:, 1], along[:, 0]], axis=1)
+    places = along * (1.0 + np.arange(n))[:, None]
+    hinge = places - rng.choice([-2.0, -1.0, 0.0, 1.0, 3.0], 2)
+    turn = np.stack([-hinge[:, 1], hinge[:, 0]], axis=1)
+    ways = [np.broadcast_to(one, (n, 2)) for one in np.eye(2)]
+    motions = [ways[:1], ways, [turn], [*ways, turn]][rng.choice(4, p=[0.4, 0.2, 0.3, 0.1])]
+    local = [np.concatenate([(m * along).sum(1), (m * across).sum(1)]) for m in motions]
+    rigid = np.array(local).T[:, : 2 * n - 1]
+    left, size, _ = np.linalg.svd(rigid, full_matrices=False)
+    basis = left[:, size > 1e-8]
     rest = np.eye(2 * n) - basis @ basis.T
     K = rest @ (system.K + 0.1 * np.eye(2 * n)) @ rest
     r_star = system.r_star @ rest if rng.random() < 0.2 else system.r_star
     free = np.zeros(2 * n, dtype=bool)
-    system = replace(system, K=0.5 * (K + K.T), r_star=r_star, held=free, rigid=rigid)
+    system = replace(system, K=0.5 * (K + K.T), r_star=r_star, held=free, rigid=basis)
     return replace(p, system=system, tags=(*p.tags, "oblique"))
 
 

@@ -6,17 +6,21 @@ in proportion to the load (section 1.1 of the paper): one set of states holds al
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.legs import LegProblem, changes
-from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.static import solve_static
-from receding_fenicsx.interface.law import SEPARATION
+from receding_fenicsx.interface.exact.segments import Segments, States
+from receding_fenicsx.interface.exact.static import ACCEPTED_RESIDUAL, solve_static
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.residual import (
     largest_force,
     local_stiffness,
+    reachable,
     relative_residual,
 )
 from receding_fenicsx.interface.system import ContactState, Leg
@@ -54,14 +58,36 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
     change, n = end.u - start.u, system.n
     scale = largest_force(system, load, end.r, problem.force_scale)
     slip = np.where(system.held[:n] | (end.state == SEPARATION), 0.0, change[:n])
+    residual = relative_residual(system, end, change[:n], local_stiffness(system), scale)
+    force = max(ACCEPTED_RESIDUAL, reachable(system, end.u, scale)) * scale
+    end = replace(end, state=_without_moved_sticks(segments, end, slip, force))
     return Leg(
         end=end,
         dissipation=-0.5 * end.Q * slip,
         work=0.5 * float(load @ system.r_star @ change),
-        residual=relative_residual(system, end, change[:n], local_stiffness(system), scale),
+        residual=residual,
         force_scale=scale,
         samples=[
             (s, ContactState(start.u + s * change, s * end.r, end.state)) for s in problem.samples
         ],
         events=changes(0.0, start.state, end.state),
     )
+
+
+def _without_moved_sticks(
+    segments: Segments, end: ContactState, slip: Array, force: float
+) -> States:
+    """Return the states of the end; nodes that were called stuck but have moved slip or are open.
+
+    Args:
+        segments: of the condensed body.
+        end: a state that satisfies the contact law.
+        slip: (N,) change of v.
+        force: nodal force that counts as none.
+    """
+    moved = np.abs(slip) * segments.weight[: len(slip)] > force
+    slides = np.where(slip > 0.0, FORWARD, BACKWARD)
+    new = np.where(end.P > force, slides, SEPARATION)
+    sticks = segments.frictional & (end.state == STICK)
+    states: States = np.where(sticks & moved, new, end.state).astype(np.int8)
+    return states

@@ -34,6 +34,7 @@ from receding_fenicsx.interface.exact.unloading import (
     UNLOADING_ROUND_OFF,
     carries_nothing,
     is_at_rest,
+    is_closed,
     stops_short,
     zero_crossing,
 )
@@ -113,7 +114,7 @@ class EventPath:
         if not np.any(a) and carries_nothing(start, problem.force_scale):
             if not np.any(b):
                 return unchanged(problem)
-            if is_at_rest(self.system, a):
+            if is_at_rest(self.system, a) and is_closed(self.segments, start, problem.force_scale):
                 return self._from_rest(problem)
             resting = self._resting(start, problem.ends)
             leg = self._pressed_leg(problem.piece(resting, (a, b), problem.force_scale, (0.0, 1.0)))

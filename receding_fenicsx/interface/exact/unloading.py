@@ -42,6 +42,14 @@ def is_at_rest(system: ContactSystem, load: Array) -> bool:
     return not np.any(load) and not np.any(system.g0)
 
 
+def is_closed(segments: Segments, state: ContactState, force_scale: float) -> bool:
+    """Return whether no node is open: a body may come off some of its edges as it slides."""
+    n = segments.system.n
+    gap = (segments.system.g0 + state.w) * segments.weight[n : 2 * n]
+    opened = gap[~segments.system.held[n:]].max(initial=0.0)
+    return bool(opened <= UNLOADED_FORCE * force_scale)
+
+
 def stops_short(segments: Segments, load: Array) -> bool:
     """Return whether a leg to this load has to stop at the remaining load."""
     return is_at_rest(segments.system, load) and segments.lifts_freely
