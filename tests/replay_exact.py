@@ -54,7 +54,7 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             apart = True
         if s_held < s_a and not apart:
             run.object(leg.place(s_a), "an event lies beyond its place", s_a - s_held, PLACE)
-        if apart and not _rolls(run, leg, s_a, u_a - u):
+        if apart and not _rolls(run, leg, (s_a, u), u_a - u, s_zero):
             before = (s_held, s_a), u, state
             after = _jump(run, leg, before, (groups[g:], changed[g:]), kept, totals)
             if after is None:
@@ -65,6 +65,10 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             _look_for_hidden_jump(run, leg, (s_a, u), here, u_a - u, totals)
         u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
         drifts = _drifts(here, now, (s_a, s_b), (u_a, u_b), (kept, s_apex))
+        if drifts is None and np.all(now == OPEN):
+            # nothing tells where a body is that touches nowhere
+            totals.known = False
+            return
         if drifts is None:
             totals.adrift |= here.slides_freely
         else:
@@ -181,11 +185,15 @@ def _look_for_hidden_jump(
         totals.unsure += abs(energy + float(load @ body.r_star @ change))
 
 
-def _rolls(run: Replay, leg: Leg, s: float, change: Array) -> bool:
+def _rolls(
+    run: Replay, leg: Leg, before: tuple[float, Array], change: Array, s_zero: float
+) -> bool:
     """Return whether an unloaded body moves as a rigid one, which costs nothing."""
-    if s > 0.0 or np.any(leg.ends[0]):
+    s, u = before
+    unloaded = s == 0.0 and not np.any(leg.ends[0])
+    if not unloaded and not abs(s - s_zero) <= PLACE:
         return False
-    forces = np.abs([run.body.reactions(leg.load(0.0), leg.u), run.body.K @ change])
+    forces = np.abs([run.body.reactions(leg.load(s), u), run.body.K @ change])
     return bool(forces.max() <= LAW * leg.force)
 
 
@@ -380,6 +388,8 @@ def _jump(
     work = float(load @ body.r_star @ change)
     totals.released -= 0.5 * float(change @ body.K @ (after + u)) + work
     totals.work += work
+    # it is solved for just beyond its place
+    totals.unsure += JUMP_STEP * abs(float((leg.ends[1] - leg.ends[0]) @ body.r_star @ change))
     totals.jumps += 1
     run.jumps.append(Jump(leg, s_held, u.astype(float), old))
     return after

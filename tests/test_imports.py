@@ -29,7 +29,7 @@ FLOORS = (
 """Rooms of the package from the ground up. A room imports from floors below its own only."""
 
 INTERFACE = (
-    ("law",),
+    ("law", "rigid_motions"),
     ("system",),
     (
         "solver",

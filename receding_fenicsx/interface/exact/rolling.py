@@ -16,8 +16,8 @@ import scipy.optimize
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.gauss_seidel.direct import RIGID_TOLERANCE, has_rigid
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.rigid_motions import RIGID_TOLERANCE, has_rigid
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 POTENTIAL_TOLERANCE = 1e-9

@@ -23,14 +23,14 @@ from receding_fenicsx.interface.exact.tableau import (
     Tableau,
     limit_distances,
 )
-from receding_fenicsx.interface.gauss_seidel.direct import (
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
+from receding_fenicsx.interface.lcp.contact import Undecided
+from receding_fenicsx.interface.residual import local_stiffness
+from receding_fenicsx.interface.rigid_motions import (
     RIGID_TOLERANCE,
     has_rigid,
     neutral_motions,
 )
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
-from receding_fenicsx.interface.lcp.contact import Undecided
-from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 States = NDArray[np.int8]

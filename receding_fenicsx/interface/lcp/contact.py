@@ -22,12 +22,16 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
 from receding_fenicsx.interface.lcp import enumerate_states, lemke
+from receding_fenicsx.interface.rigid_motions import neutral_motions
 from receding_fenicsx.interface.system import ContactSystem
 
 Indices = NDArray[np.intp]
 
 DECIDE_TOLERANCE = 1e-12
 """Part of the largest variable below which a complementary variable counts as zero."""
+
+NO_REACTION = 1e-14
+"""Reaction, over the largest one, that is left by round-off where loads have no effect."""
 
 COVERS = 8
 """Covering vectors of Lemke's method that are tried: an added pressure, uniform and then random.
@@ -76,7 +80,8 @@ def solve_states(
     n = system.n
     problem = _Pairs(undecided, system.friction)
     rows = np.concatenate([problem.v_nodes, n + problem.v_nodes, n + undecided.smooth])
-    S, s = _eliminate(system.K, r0, rows, open_dofs)
+    S, s = _eliminate(system, r0, rows, open_dofs)
+    s[np.abs(s) <= NO_REACTION * float(np.abs(r0).max(initial=0.0))] = 0.0
     M, q = problem.outputs(problem.columns(S)), problem.outputs(s)
     z = lemke.solve(M, q, problem.covers())
     if z is None:
@@ -221,13 +226,23 @@ def _exhaust(
     return state
 
 
-def _eliminate(K: Array, r0: Array, rows: Indices, free: Indices) -> tuple[Array, Array]:
-    """Return stiffness and reactions at ``rows``, the ``free`` dofs having no reaction."""
+def _eliminate(
+    system: ContactSystem, r0: Array, rows: Indices, free: Indices
+) -> tuple[Array, Array]:
+    """Return stiffness and reactions at ``rows``, the ``free`` dofs having no reaction.
+
+    Rigid motions that move nothing but these are kept from moving.
+    """
+    K = system.K
     S, s = K[np.ix_(rows, rows)], r0[rows]
     if len(free) == 0:
         return S, s
+    kept = np.ones(len(K), dtype=bool)
+    kept[free] = False
+    motions = neutral_motions(system.rigid, kept)[free]
+    pinned = float(np.abs(np.diagonal(K)).max()) * motions @ motions.T
     coupling = K[np.ix_(free, rows)]
-    factor = sla.cho_factor(K[np.ix_(free, free)])
+    factor = sla.cho_factor(K[np.ix_(free, free)] + pinned)
     return S - coupling.T @ sla.cho_solve(factor, coupling), s - coupling.T @ sla.cho_solve(
         factor, r0[free]
     )

@@ -80,6 +80,14 @@ class Continuation:
         """Return the size of a change of displacement (2N,), as a nodal force."""
         return float(np.abs(self._stiffness * change).max(initial=0.0))
 
+    def distance(self, end: ContactState, exact: ContactState) -> float:
+        """Return the distance of two ends as a nodal force.
+
+        How far a body drifts along the rigid motions that its states leave free is not determined.
+        """
+        change, free = end.u - exact.u, self.segments.free_motions(exact.state)
+        return self.size(change - free @ (free.T @ change))
+
     def is_straight(self, start: ContactState, end: ContactState, force_scale: float) -> bool:
         """Return whether the straight path from start to end keeps the contact law throughout."""
         n, system, none = self.system.n, self.system, LIMIT_TOLERANCE * force_scale

@@ -117,7 +117,7 @@ class StepTrials:
         length = self.continuation.size(exact.u - leg.end.u)
 
         def error(step: Step) -> float:
-            distance = self.continuation.size(step.end.u - exact.u)
+            distance = self.continuation.distance(step.end, exact)
             return distance / (length + LIMIT_TOLERANCE * step.force_scale / STEP_ERROR)
 
         if error(step) <= SMALL_STEP_ERROR:

@@ -1,0 +1,33 @@
+"""Rigid motions that supports leave, and those that a contact leaves as well."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array
+
+RIGID_TOLERANCE = 1e-8
+"""Distance from a unit rigid motion within which a motion of the contact is rigid."""
+
+
+def neutral_motions(rigid: Array, kept: NDArray[np.bool_]) -> Array:
+    """Return (2N, k) orthonormal rigid motions that leave the kept freedoms where they are.
+
+    Args:
+        rigid: (2N, n) rigid motions that supports leave.
+        kept: (2N,) freedoms whose displacement is given.
+    """
+    if rigid.shape[1] == 0:
+        return rigid
+    _, size, right = np.linalg.svd(rigid[kept], full_matrices=True)
+    motions = rigid @ right[int(np.count_nonzero(size > RIGID_TOLERANCE)) :].T
+    return np.linalg.qr(motions)[0] if motions.size else motions
+
+
+def has_rigid(rigid: Array, motion: Array) -> bool:
+    """Return whether a motion (2N,) of the contact nodes is among the rigid ones left free."""
+    if rigid.shape[1] == 0:
+        return False
+    weights = np.linalg.lstsq(rigid, motion, rcond=None)[0]
+    return bool(np.abs(rigid @ weights - motion).max() <= RIGID_TOLERANCE)
