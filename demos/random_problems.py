@@ -14,6 +14,9 @@ which ``tests/replay.py`` solves anew. All inequalities, slip directions, events
 must hold there, and the record must agree. Where a path is refused, ``tests/ways.py`` tries all
 states of all nodes on limits: a refusal is right if no state continues the path.
 
+Three families follow from the same numbers: "plain"; "directed" with other friction forward than
+backward; "oblique" with bodies that are guided or hinged, on two edges oblique to each other.
+
 **What to look for.** How many problems were accepted, refused for which reason, and wrong (0).
 
     python demos/random_problems.py --count 5000 --seed 0
@@ -27,7 +30,7 @@ from mpi4py import MPI
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tests"))
 
-from problems import FALSE, WRONG, judge, problem, table_of
+from problems import FALSE, FAMILIES, WRONG, judge, problem, table_of
 
 import receding_fenicsx as rf
 
@@ -39,10 +42,12 @@ def main() -> None:
     parser = argparse.ArgumentParser(description="Random problems, accepted, refused and wrong.")
     parser.add_argument("--count", type=int, default=5000)
     parser.add_argument("--seed", type=int, default=0, help="number of the first problem")
+    parser.add_argument("--family", choices=FAMILIES, default="plain")
     options = parser.parse_args()
     own = range(options.seed + comm.rank, options.seed + options.count, comm.size)
     # a problem follows from its number alone: any one can be played again
-    judged = rf.on_all(comm, lambda: {number: judge(problem(number)) for number in own})
+    family = FAMILIES[options.family]
+    judged = rf.on_all(comm, lambda: {number: judge(family(problem(number))) for number in own})
     found = {number: o for part in comm.allgather(judged) for number, o in part.items()}
     bad = {number: o for number, o in sorted(found.items()) if o.verdict in (WRONG, FALSE)}
     if comm.rank == 0:

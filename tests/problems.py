@@ -152,6 +152,10 @@ def oblique(p: Problem) -> Problem:
     return replace(p, system=system, solver=solver, tags=(*p.tags, "oblique"))
 
 
+FAMILIES = {"plain": lambda p: p, "directed": directed, "oblique": oblique}
+"""What becomes of the problem of a number, by name."""
+
+
 def _stiffness(rng: np.random.Generator, kind: str, n: int) -> np.ndarray:
     m = 2 * n
     G = rng.standard_normal((m, 3 * m // 2 + 1))
