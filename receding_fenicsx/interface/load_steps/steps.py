@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,6 +90,9 @@ class StepTrials:
             # a free body that touches nowhere yet falls on the plane
             return Trial(step, s_to)
         if is_smallest:
+            if step is None:
+                with suppress(NotConverged):
+                    step = self._solve(leg, load, patient=True)
             continues = step is not None and self._change(leg, step) <= FINITE_CHANGE
             return Trial(step if continues else path.error, s_to)
         if path.s - s > SMALLEST_PART:
@@ -97,9 +100,18 @@ class StepTrials:
                 return Trial(path.walk.stop_here(), path.s)
         return Trial(None, s + SMALLEST_PART)
 
-    def _solve(self, leg: LegInSteps, load: Array, guess: ContactState | None = None) -> Step:
-        scale = leg.leg.force_scale
-        step = solve_step(self.system, leg.end, load, self.options, scale, guess)
+    def _solve(
+        self,
+        leg: LegInSteps,
+        load: Array,
+        guess: ContactState | None = None,
+        patient: bool = False,
+    ) -> Step:
+        """Solve a part by sweeps, which may creep to the largest number of them if ``patient``."""
+        scale, options = leg.leg.force_scale, self.options
+        if patient:
+            options = replace(options, stalled_sweeps=options.max_sweeps)
+        step = solve_step(self.system, leg.end, load, options, scale, guess)
         leg.leg.sweeps += step.sweeps
         return step
 
