@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.errors import RecedingError as RecedingError
     from receding_fenicsx.errors import SolveError as SolveError
     from receding_fenicsx.evolution.evolve import evolve as evolve
+    from receding_fenicsx.evolution.probe_history import ProbeHistory as ProbeHistory
     from receding_fenicsx.evolution.record import Record as Record
     from receding_fenicsx.evolution.replay import instant_of as instant_of
     from receding_fenicsx.evolution.replay import state_at as state_at
@@ -97,6 +98,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.model import Material as Material
     from receding_fenicsx.scene.model import MeshOptions as MeshOptions
     from receding_fenicsx.scene.model import OutputOptions as OutputOptions
+    from receding_fenicsx.scene.model import Probe as Probe
     from receding_fenicsx.scene.model import Scene as Scene
     from receding_fenicsx.scene.model import SolverOptions as SolverOptions
     from receding_fenicsx.scene.model import Support as Support
@@ -122,6 +124,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "Contact": ("scene.model", "Contact edge, its friction and its initial gap"),
         "Load": ("scene.model", "Pressure, traction, displacement or platen, times a load factor"),
         "Support": ("scene.model", "Edge or point that is fixed"),
+        "Probe": ("scene.model", "Points at which displacement and stress are recorded"),
         "HistoryOptions": ("scene.model", "History of the load factors, as a scene gives it"),
         "SolverOptions": ("scene.model", "Method, load steps, tolerances, symmetry"),
         "OutputOptions": ("scene.model", "Cycles and samples that the record keeps"),
@@ -158,6 +161,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "SOLVERS": ("evolution.solvers", "Solvers by their names in [solver] method"),
         "Leg": ("interface.system", "What a solver returns for a leg"),
         "Record": ("evolution.record", "Results: turning points, samples, events, cycles"),
+        "ProbeHistory": ("evolution.probe_history", "Stress and displacement at a probe's points"),
         "read_record": ("output.storage.hdf5", "Read a Record from an HDF5 file"),
         "write_record": ("output.storage.hdf5", "Write a Record to an HDF5 file"),
         "instant_of": ("evolution.replay", "Replay the state at an instant named by cycle and leg"),
@@ -232,6 +236,8 @@ __all__ = [
     "NoQuasiStaticContinuation",
     "NotConverged",
     "OutputOptions",
+    "Probe",
+    "ProbeHistory",
     "RecedingError",
     "Record",
     "RunOptions",

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import long_run, mpi
-from receding_fenicsx.bulk.from_scene import condensed
+from receding_fenicsx.bulk.from_scene import condensed, probes_of
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
@@ -19,6 +19,7 @@ from receding_fenicsx.interface.system import friction_margin
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import space_errors, summary
 from receding_fenicsx.output.storage import hdf5, summary_file
+from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
 from receding_fenicsx.output.storage.run_folder import SYSTEM, run_folder
 from receding_fenicsx.pictures import draw, drawing_modules
 from receding_fenicsx.scene.model import OutputOptions, Scene
@@ -127,38 +128,53 @@ def _system(
     system_file: str | Path | None,
 ) -> tuple[ContactSystem | None, dict[str, Any]]:
     """Return the scene's system on rank 0, saved or newly condensed, and data for the summary."""
+    place = None if folder is None else folder / SYSTEM
 
-    def saved() -> ContactSystem | None:
-        place = None if folder is None else folder / SYSTEM
-        if place is not None and place.is_file():
-            return hdf5.read_system(place, scene)
-        if system_file is None:
-            return None
-        whole = hdf5.read_system(Path(system_file))
-        system = hdf5.read_system(Path(system_file), scene)
-        if place is not None:
-            whole = replace(
-                whole,
-                f=system.f,
-                f_backward=system.f_backward,
-                g0=system.g0,
-                scene_toml=system.scene_toml,
-            )
-            hdf5.write_system(place, whole)
-        return system
+    def resumed() -> ContactSystem | None:
+        known = place is not None and place.is_file()
+        return hdf5.read_system(mpi.given(place), scene) if known else None
 
-    system = mpi.on_root(comm, saved)
+    system = mpi.on_root(comm, resumed)
+    if system is None and system_file is not None:
+        system = _saved_system(scene, comm, timer, place, Path(system_file))
     if comm.bcast(system is not None):
         return system, {}
     bare, dofs = condensed(scene, comm, timer)
 
     def keep() -> ContactSystem:
         whole = with_profiles(scene, mpi.given(bare))
-        if folder is not None:
-            hdf5.write_system(folder / SYSTEM, whole)
+        if place is not None:
+            hdf5.write_system(place, whole)
         return system_for(scene, whole)
 
     return mpi.on_root(comm, keep), {"bulk_dofs": dofs}
+
+
+def _saved_system(
+    scene: Scene, comm: MPI.Comm, timer: Timer, place: Path | None, file: Path
+) -> ContactSystem | None:
+    """Return a saved system for a scene on rank 0, and keep it in the run's folder; collective.
+
+    The bodies are meshed only where the scene has probes that the system lacks.
+    """
+
+    def read() -> ContactSystem:
+        return hdf5.read_system(file, scene)
+
+    system = mpi.on_root(comm, read)
+    if comm.bcast(system is not None and system.probes is None and bool(scene.probes)):
+        probes = probes_of(scene, comm, timer)
+        system = None if system is None else replace(system, probes=probes)
+
+    def keep() -> None:
+        if place is None:
+            return
+        own, whole = mpi.given(system), hdf5.read_system(file)
+        scenes_own = ("f", "f_backward", "g0", "scene_toml", "probes")
+        hdf5.write_system(place, replace(whole, **{k: getattr(own, k) for k in scenes_own}))
+
+    mpi.on_root(comm, keep)
+    return system
 
 
 def condense(
@@ -184,9 +200,9 @@ def condense(
 
 
 def _headlines(scene: Scene, comm: MPI.Comm) -> Record | None:
-    """Return the record of a scene without samples and events; collective."""
-    system = condense(scene, comm)
-    bare = replace(scene, output=OutputOptions(samples_per_leg=1, cycles=()))
+    """Return the record of a scene without samples, events and probes; collective."""
+    bare = replace(scene, output=OutputOptions(samples_per_leg=1, cycles=()), probes=())
+    system = condense(bare, comm)
     return mpi.on_root(comm, lambda: evolve(mpi.given(system), bare))
 
 
@@ -221,7 +237,9 @@ def _costs(comm: MPI.Comm, timer: Timer) -> dict[str, Any]:
 
 
 def _write_record(folder: Path | None, record: Record | None) -> None:
-    hdf5.write_record(mpi.given(folder) / "record.h5", mpi.given(record), overwrite=True)
+    place, found = mpi.given(folder), mpi.given(record)
+    hdf5.write_record(place / "record.h5", found, overwrite=True)
+    write_probes(place / PROBES, found)
 
 
 def _write_report(folder: Path | None, record: Record | None) -> None:

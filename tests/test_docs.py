@@ -21,6 +21,7 @@ from receding_fenicsx.scene.model import (
     Material,
     MeshOptions,
     OutputOptions,
+    Probe,
     SolverOptions,
     Support,
 )
@@ -44,6 +45,7 @@ SECTIONS = {
     "[contact]": Contact,
     "[[load]]": Load,
     "[[support]]": Support,
+    "[[probe]]": Probe,
     "[history]": HistoryOptions,
     "[solver]": SolverOptions,
     "[output]": OutputOptions,

@@ -67,7 +67,7 @@ def _by_schur(bulk: Bulk) -> Elimination:
     matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness
     pc, K = schur.factorise(matrix, bulk.contact.dofs)
     factor = pc.getFactorMatrix()
-    solve = _solver(bulk, factor)
+    solve = block_solver(bulk, factor)
     held, compliance = _held_response(bulk, solve)
     u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
     force = _contact_forces(bulk, solve, u[:, None])
@@ -81,7 +81,7 @@ def _by_solves(bulk: Bulk) -> Elimination:
     solver = interior_solver(bulk)
     pc = solver.getPC()
     factor = pc.getFactorMatrix()
-    solve = _solver(bulk, factor)
+    solve = block_solver(bulk, factor)
     size = len(bulk.contact.dofs)
     K = np.empty((size, size)) if bulk.comm.rank == 0 else None
     for first in range(0, size, BLOCK_COLUMNS):
@@ -111,7 +111,7 @@ def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:
     for column, load in zip(loads.T, bulk.loads, strict=True):
         column[:] = load.getArray(readonly=True)
     x = solve(loads)
-    force = _times(bulk.stiffness, x) - loads
+    force = times(bulk.stiffness, x) - loads
     moved = np.zeros_like(loads)
     for k, name in enumerate(bulk.load_names):
         if name in bulk.prescribed:
@@ -138,11 +138,11 @@ def _contact_forces(bulk: Bulk, solve: Solve, u: Array, first: int = 0) -> Array
     start, rows = bulk.stiffness.getOwnershipRange()[0], bulk.stiffness.getLocalSize()[0]
     x = np.zeros((rows, u.shape[1]))
     x[dofs[inside] - start] = u[places[inside] - first]
-    force = _times(bulk.stiffness, x)
-    return gather_contact(bulk, force - _times(bulk.stiffness, solve(force)))
+    force = times(bulk.stiffness, x)
+    return gather_contact(bulk, force - times(bulk.stiffness, solve(force)))
 
 
-def _times(matrix: PETSc.Mat, columns: Array) -> Array:
+def times(matrix: PETSc.Mat, columns: Array) -> Array:
     """Multiply a matrix by columns, each rank giving and getting its own rows."""
     right = _dense(matrix, columns)
     left = matrix.matMult(right)
@@ -162,7 +162,7 @@ def _dense(matrix: PETSc.Mat, columns: Array) -> PETSc.Mat:
     return dense
 
 
-def _solver(bulk: Bulk, factor: PETSc.Mat) -> Solve:
+def block_solver(bulk: Bulk, factor: PETSc.Mat) -> Solve:
     """Return the function that solves with a factor of A_II, or of A with its Schur complement."""
     off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]])
     off = off - bulk.stiffness.getOwnershipRange()[0]

@@ -6,6 +6,7 @@ import signal
 import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,7 +22,7 @@ if TYPE_CHECKING:
 
     from receding_fenicsx.bulk.body import Bulk
     from receding_fenicsx.bulk.two_bodies import Pair
-    from receding_fenicsx.interface.system import ContactSystem
+    from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
 
 SERIAL_CELLS = 30_000
 """Largest number of cells (estimated) of a rectangle that rank 0 condenses alone."""
@@ -52,6 +53,7 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
         The system on rank 0 (None elsewhere), and the number of degrees of freedom of the bodies.
     """
     from receding_fenicsx.bulk import condensation
+    from receding_fenicsx.bulk.probes.matrix import probe_matrix
 
     if comm.size > 1 and is_small(scene):
         from mpi4py import MPI
@@ -63,7 +65,30 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
         with timer("condense"):
             system = condensation.condense(bulk)
             on_root(comm, lambda: _check_reaches_contact(given(system)))
+            probes = probe_matrix(bulk, scene) if scene.probes else None
+            if system is not None:
+                system = replace(system, probes=probes)
             return system, bulk.dofs
+    finally:
+        bulk.destroy()
+
+
+def probes_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> ProbeMatrix | None:
+    """Mesh and assemble a scene's bodies for the values at its probes alone; collective.
+
+    Returns:
+        The matrix on rank 0, None elsewhere.
+    """
+    from receding_fenicsx.bulk.probes.matrix import probe_matrix
+
+    if comm.size > 1 and is_small(scene):
+        from mpi4py import MPI
+
+        return on_root(comm, lambda: probes_of(scene, MPI.COMM_SELF, timer))
+    bulk = bulk_of(scene, comm, timer)
+    try:
+        with timer("condense"):
+            return probe_matrix(bulk, scene)
     finally:
         bulk.destroy()
 

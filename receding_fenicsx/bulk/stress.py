@@ -16,6 +16,7 @@ from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.material import lame_constants
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
+from receding_fenicsx.scene.model import Material
 
 STRESSES = ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear")
 """Names of the stresses; "max_shear" is the largest shear in the plane. In an axisymmetric body
@@ -86,7 +87,15 @@ def _gradient(bulk: Bulk, displacement: fem.Function, points: Array) -> Array:
 
 def _components(bulk: Bulk, gradient: Array) -> dict[str, Array]:
     """Return each stress of ``STRESSES`` from gradients (..., [xx, xy, yx, yy, zz])."""
-    material = bulk.scene.material
+    sxx, syy, szz, sxy = np.moveaxis(linear_stresses(bulk.scene.material, gradient), -1, 0)
+    pairs = (sxx - syy) ** 2 + (syy - szz) ** 2 + (szz - sxx) ** 2
+    von_mises = np.sqrt(0.5 * pairs + 3.0 * sxy**2)
+    max_shear = np.hypot(0.5 * (sxx - syy), sxy)
+    return dict(zip(STRESSES, (sxx, syy, szz, sxy, von_mises, max_shear), strict=True))
+
+
+def linear_stresses(material: Material, gradient: Array) -> Array:
+    """Return (..., [sxx, syy, szz, sxy]) from gradients (..., [xx, xy, yx, yy, zz])."""
     lam, mu = (material.young * constant for constant in lame_constants(material))
     exx, eyy, ezz = gradient[..., 0], gradient[..., 3], gradient[..., 4]
     dilation = exx + eyy + ezz
@@ -96,10 +105,7 @@ def _components(bulk: Bulk, gradient: Array) -> dict[str, Array]:
     szz = lam * dilation + 2.0 * mu * ezz
     if material.kinematics == "plane stress":
         szz = np.zeros_like(sxx)
-    pairs = (sxx - syy) ** 2 + (syy - szz) ** 2 + (szz - sxx) ** 2
-    von_mises = np.sqrt(0.5 * pairs + 3.0 * sxy**2)
-    max_shear = np.hypot(0.5 * (sxx - syy), sxy)
-    return dict(zip(STRESSES, (sxx, syy, szz, sxy, von_mises, max_shear), strict=True))
+    return np.stack([sxx, syy, szz, sxy], axis=-1)
 
 
 def _cell_dofs(space: fem.FunctionSpace, cells: int) -> NDArray[np.int32]:

@@ -10,6 +10,7 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
 from receding_fenicsx.evolution.instants import Event, Instant
+from receding_fenicsx.evolution.probing import probes_table
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, States, Steady
 from receding_fenicsx.interface.law import MIRRORED, State
@@ -64,6 +65,7 @@ def record_of(
         n_events=totals.events,
         jumps=totals.jumps,
         released=mirror.factor * totals.released,
+        probes=probes_table(system, corners, samples),
     )
 
 

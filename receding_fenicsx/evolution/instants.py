@@ -41,6 +41,7 @@ class Event(NamedTuple):
         cycle, leg, s, load: place on the load path, as in :class:`Instant`.
         node: the modelled node.
         old, new: its states before and after.
+        probed: displacements and stresses at the probes, (6 m,); None without probes.
     """
 
     cycle: int
@@ -50,6 +51,7 @@ class Event(NamedTuple):
     node: int
     old: int
     new: int
+    probed: Array | None = None
 
 
 def instant(

@@ -65,7 +65,10 @@ class JournalFormat:
                 ("state", "i1", (n,)),
             ]
         )
-        self._event = np.dtype([*EVENT.descr, ("s", "<f8"), ("load", "<f8", (loads,))])
+        event = [*EVENT.descr, ("s", "<f8"), ("load", "<f8", (loads,))]
+        if system.probes is not None:
+            event.append(("probed", "<f8", (6 * len(system.probes.names),)))
+        self._event = np.dtype(event)
 
     def pack(self, cycles: list[FinishedCycle]) -> bytes:
         """Return the block of some cycles."""
@@ -89,7 +92,7 @@ class JournalFormat:
             points[key] = [getattr(i.state, key) for i in instants]
         changes = np.zeros(len(events), self._event)
         if events:
-            for key in Event._fields:
+            for key in self._event.fields or ():
                 changes[key] = [getattr(event, key) for event in events]
         data = rows.tobytes() + points.tobytes() + changes.tobytes()
         head = np.array([(len(rows), len(points), len(changes), zlib.crc32(data))], HEAD)
@@ -136,6 +139,7 @@ def _event(row: np.void) -> Event:
         node=int(row["node"]),
         old=int(row["old"]),
         new=int(row["new"]),
+        probed=row["probed"].copy() if "probed" in (row.dtype.fields or ()) else None,
     )
 
 

@@ -15,7 +15,7 @@ from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.profiles import Profile, directions, evaluate, evaluate_checked
-from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
 PROFILE_ROUND_OFF = 1e-10
 """Gap or friction, over the largest one along the edge, below which it is round-off of zero."""
@@ -26,7 +26,7 @@ def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
 
     They are evaluated here only, for a newly condensed body and for a saved one. Body, material,
     mesh, contact edges, loads and supports of the scene must be those that the system was condensed
-    from.
+    from. Probes of another scene are dropped.
 
     Raises:
         InputError: friction or gap is negative at a node, or cannot be evaluated there.
@@ -42,7 +42,15 @@ def with_profiles(scene: Scene, system: ContactSystem) -> ContactSystem:
         g0=_shifted_to_axis(scene, system, _values(scene, system, "initial_gap", gaps)),
         scene_toml=to_toml(scene),
         f_backward=None if np.array_equal(f, f_backward) else f_backward,
+        probes=system.probes if scene.probes and has_probes_of(scene, system) else None,
     )
+
+
+def has_probes_of(scene: Scene, system: ContactSystem) -> bool:
+    """Return whether a system has the probes of a scene, for which it need not be condensed."""
+    if not scene.probes or system.probes is None or not system.scene_toml:
+        return not scene.probes
+    return from_toml(system.scene_toml).probes == scene.probes
 
 
 def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:

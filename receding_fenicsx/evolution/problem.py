@@ -8,7 +8,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.prepare import system_for
+from receding_fenicsx.evolution.prepare import has_probes_of, system_for
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import check_range, check_system
 from receding_fenicsx.scene.history import History, check_history, from_scene
@@ -73,6 +73,11 @@ def problem_of_scene(system: ContactSystem, scene: Scene) -> Problem:
         raise InputError(
             f"evolve: the system was condensed from a scene with another {other}; condense this "
             "scene"
+        )
+    if not has_probes_of(scene, system):
+        raise InputError(
+            "evolve: the system was condensed with other probes than the scene has; condense this "
+            "scene, or change its [[probe]] tables"
         )
     system, slip = system_for(scene, system), scene.history.initial_slip
     initial_slip = None if slip is None else evaluate(slip, system.x)

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Ints
 from receding_fenicsx.evolution import moment, tables
+from receding_fenicsx.evolution.probe_history import ProbeHistory, history_of
 from receding_fenicsx.evolution.record_data import Events, RecordData, States
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml
@@ -76,6 +77,14 @@ class Record(RecordData):
             InputError: no stored instant fits (the message names the nearest), or several do.
         """
         return moment.find(self, cycle, load, leg, s)
+
+    def probe(self, name: str) -> ProbeHistory:
+        """Return displacements and stresses at the points of a probe, along the load path.
+
+        Raises:
+            InputError: the record has no such probe.
+        """
+        return history_of(self, name)
 
     def to_table(self, which: str = "turning_points") -> dict[str, NDArray[Any]]:
         """Return "turning_points", "samples", "events" or "cycles" as columns of equal length.

@@ -78,6 +78,33 @@ class Cycles:
 
 
 @dataclass
+class Probes:
+    """Displacements and stresses at the m points of the probes, at n instants along the path.
+
+    The instants are all turning points, and the samples and events of the kept cycles.
+
+    Attributes:
+        names: name of the probe of each point.
+        points: (m, 2) coordinates.
+        kind: (n,) 0 for a turning point, 1 for a sample, 2 for an event.
+        cycle, leg, s: (n,) where on the load path, as in :class:`States`; in its order.
+        load: (n, n_loads) load factors.
+        displacement: (n, m, 2) displacements u_x, u_y.
+        stress: (n, m, 4) stresses s_xx, s_yy, s_zz, s_xy.
+    """
+
+    names: tuple[str, ...]
+    points: Array
+    kind: NDArray[np.int8]
+    cycle: Ints
+    leg: Ints
+    s: Array
+    load: Array
+    displacement: Array
+    stress: Array
+
+
+@dataclass
 class Steady:
     """Whether a steady state was reached, and its kind; see ``interface/measures/steady.py``.
 
@@ -126,6 +153,7 @@ class RecordData:
         released: energy released by the jumps, not counted in any dissipation.
         f_backward: (N,) coefficient of friction for backward slip; None where ``f`` holds for both
             directions.
+        probes: displacements and stresses at the probes; None where the scene has none.
     """
 
     x: Array
@@ -156,6 +184,7 @@ class RecordData:
     jumps: int = 0
     released: float = 0.0
     f_backward: Array | None = None
+    probes: Probes | None = None
 
     @property
     def friction(self) -> Friction:

@@ -14,6 +14,7 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.checks import check_landing, energy_error
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
 from receding_fenicsx.evolution.instants import Event, Instant, instant, rest_state
+from receding_fenicsx.evolution.probing import known_places, probed_at
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.law import STATE_NAMES, State
@@ -167,8 +168,11 @@ class RunState:
                 instant(self.problem.system, (number, k, s), (1 - s) * a + s * b, sampled)
                 for s, sampled in leg.samples
             ]
+            known = None if self._is_static(number, k) else known_places(state, ends, leg)
+            probed = probed_at(self.problem.system, known, [event[0] for event in leg.events])
             samples.events += [
-                Event(number, k, s, (1 - s) * a + s * b, *change) for s, *change in leg.events
+                Event(number, k, s, (1 - s) * a + s * b, node, old, new, values)
+                for (s, node, old, new), values in zip(leg.events, probed, strict=True)
             ]
         return leg
 

@@ -38,7 +38,7 @@ def columns(record: RecordData, which: str) -> Columns:
 
 def frame(record: RecordData, which: str) -> pd.DataFrame:
     """Return a table for pandas; see :meth:`Record.to_pandas`."""
-    return _optional("pandas").DataFrame(columns(record, which))
+    return optional("pandas").DataFrame(columns(record, which))
 
 
 def dataset(record: RecordData, which: str) -> xarray.Dataset:
@@ -63,7 +63,7 @@ def dataset(record: RecordData, which: str) -> xarray.Dataset:
         coordinates["f_backward"] = ("node", record.f_backward)
     if row == "cycle":
         coordinates["cycle"] = per_row["cycle"]
-    return _optional("xarray").Dataset(variables, coordinates)
+    return optional("xarray").Dataset(variables, coordinates)
 
 
 def _by_name(record: RecordData, per_load: Columns) -> Columns:
@@ -96,7 +96,12 @@ def _parts(record: RecordData, which: str) -> tuple[Columns, Columns, Columns]:
     return per_row, per_node, per_load
 
 
-def _optional(name: str) -> ModuleType:
+def optional(name: str) -> ModuleType:
+    """Import pandas or xarray.
+
+    Raises:
+        InputError: it is not installed.
+    """
     try:
         return import_module(name)
     except ModuleNotFoundError:

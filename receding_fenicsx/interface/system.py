@@ -19,6 +19,22 @@ from receding_fenicsx.interface.law import Friction, friction_of
 
 
 @dataclass(frozen=True)
+class ProbeMatrix:
+    """Displacements and stresses at m points of the bodies, linear in [v; w; lambda].
+
+    Attributes:
+        names: name of the probe of each point.
+        points: (m, 2) coordinates.
+        rows: (m, 6, 2N + n_loads), with [u_x, u_y, s_xx, s_yy, s_zz, s_xy] = rows @ [v; w; lambda]
+            at each point; N are the modelled nodes, the points those of the whole body.
+    """
+
+    names: tuple[str, ...]
+    points: Array
+    rows: Array
+
+
+@dataclass(frozen=True)
 class ContactSystem:
     """An elastic body (or half of a mirror-symmetric one) condensed to its N contact nodes.
 
@@ -51,6 +67,7 @@ class ContactSystem:
         edge_names: names of the contact edges.
         scene_toml: text of the scene that the system was condensed from, "" when made by hand.
         f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
+        probes: displacements and stresses at the points of the scene's probes; None without.
     """
 
     x: Array
@@ -73,6 +90,7 @@ class ContactSystem:
     axisymmetric: bool = False
     scene_toml: str = ""
     f_backward: Array | None = None
+    probes: ProbeMatrix | None = None
 
     @property
     def friction(self) -> Friction:
@@ -143,6 +161,7 @@ class Leg:
         events: (s, node, old state, new state), s not decreasing.
         sweeps: Gauss-Seidel sweeps spent.
         jumps: (s, energy released) of every jump that was stepped over.
+        stops: (s, u) at the events, for probes; between these and the samples u is taken as linear.
     """
 
     end: ContactState
@@ -154,6 +173,7 @@ class Leg:
     events: list[tuple[float, int, int, int]] = field(default_factory=list)
     sweeps: int = 0
     jumps: list[tuple[float, float]] = field(default_factory=list)
+    stops: list[tuple[float, Array]] = field(default_factory=list)
 
 
 def reactions(system: ContactSystem, load: Array, u: Array) -> Array:

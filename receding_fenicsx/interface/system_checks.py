@@ -49,6 +49,14 @@ def check_system(system: ContactSystem) -> None:
                 f"{name} of the contact system has shape {array.shape}, expected {shape}: "
                 f"{n} nodes, {loads} loads"
             )
+    probes = system.probes
+    if probes is not None:
+        wanted = (len(probes.names), 6, 2 * n + loads)
+        if probes.rows.shape != wanted or probes.points.shape != (len(probes.names), 2):
+            raise InputError(
+                f"probes of the contact system have rows of shape {probes.rows.shape}, expected "
+                f"{wanted}: points, 6 components, 2 * {n} nodes and {loads} loads"
+            )
     if system.rigid.ndim != 2 or len(system.rigid) != 2 * n:
         raise InputError(
             f"rigid of the contact system has shape {system.rigid.shape}, expected ({2 * n}, "

@@ -21,6 +21,7 @@ TABLE_OF = {
     "contacts": "contact",
     "loads": "load",
     "supports": "support",
+    "probes": "probe",
 }
 """Table of the scene file for each attribute of a scene that has another name."""
 
@@ -164,6 +165,41 @@ class Support:
 
 
 @dataclass(frozen=True)
+class Probe:
+    """Points of a body at which displacement and stress are recorded: exactly one of three keys.
+
+    Attributes:
+        name: name of the probe; also that of its files.
+        point: coordinates [x, y] of one point.
+        points: coordinates of several points.
+        segment: both ends of a segment, which gets ``count`` evenly spaced points.
+        count: number of points of the segment, ends included.
+        body: name of the points' body, in a scene of two bodies.
+    """
+
+    name: str
+    point: tuple[float, float] | None = None
+    points: tuple[tuple[float, ...], ...] = ()
+    segment: tuple[tuple[float, ...], ...] = ()
+    count: int | None = None
+    body: str | None = None
+
+    @property
+    def coordinates(self) -> tuple[tuple[float, ...], ...]:
+        """Coordinates (x, y) of all points."""
+        if self.point is not None:
+            return (self.point,)
+        if self.points:
+            return self.points
+        n = (self.count or 2) - 1
+        (ax, ay), (bx, by) = self.segment
+        # both ends exactly, the middle of symmetric ends exactly
+        return tuple(
+            (((n - i) * ax + i * bx) / n, ((n - i) * ay + i * by) / n) for i in range(n + 1)
+        )
+
+
+@dataclass(frozen=True)
 class HistoryOptions:
     """Options of the load history; see :mod:`receding_fenicsx.scene.history`.
 
@@ -264,6 +300,7 @@ class Scene:
     history: HistoryOptions = field(default_factory=HistoryOptions)
     solver: SolverOptions = field(default_factory=SolverOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
+    probes: tuple[Probe, ...] = ()
 
     @property
     def axisymmetric(self) -> bool:

@@ -15,8 +15,8 @@ COUNT_TOLERANCE = 1e-9
 def part_of(scene: Scene, body: Body) -> Scene:
     """Return the scene of one body, with edge names without the body's name.
 
-    Contacts, loads and supports of the other body are omitted. The number of contact elements of a
-    rectangle is that for which elements have the same size on both bodies.
+    Contacts, loads and supports of the other body are omitted, and the probes of a pair. The number
+    of contact elements of a rectangle is that for which elements have the same size on both bodies.
 
     Args:
         scene: the scene.
@@ -62,6 +62,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
         contacts=tuple(contacts),
         loads=tuple(loads),
         supports=tuple(supports),
+        probes=() if scene.others else scene.probes,
     )
 
 

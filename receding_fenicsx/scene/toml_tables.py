@@ -18,6 +18,7 @@ from receding_fenicsx.scene.model import (
     Material,
     MeshOptions,
     OutputOptions,
+    Probe,
     Scene,
     SolverOptions,
     Support,
@@ -32,11 +33,11 @@ TABLES: dict[str, type] = {
     "output": OutputOptions,
 }
 """Tables that occur once, with the dataclass of each."""
-ARRAYS: dict[str, type] = {"contact": Contact, "load": Load, "support": Support}
+ARRAYS: dict[str, type] = {"contact": Contact, "load": Load, "support": Support, "probe": Probe}
 """Tables that may occur several times, with the dataclass of each."""
 ATTRIBUTE = {table: attribute for attribute, table in TABLE_OF.items()}
 """Attribute of a scene for each table that may occur several times."""
-NAMED = ("body", "load")
+NAMED = ("body", "load", "probe")
 """Tables that are identified by their names where there are several."""
 KNOWN = ("title", "body", *TABLES, *ARRAYS)
 """Keys at the top of a scene file."""
@@ -113,7 +114,7 @@ def _array(raw: object, kind: type, name: str) -> tuple[Any, ...]:
 
 def _label(name: str, table: dict[str, Any], index: int, count: int) -> str:
     """Return the name of a table in messages."""
-    if name in NAMED and isinstance(table.get("name"), str) and (name == "load" or count > 1):
+    if name in NAMED and isinstance(table.get("name"), str) and (name != "body" or count > 1):
         return f"{name} '{table['name']}'"
     single = count == 1 and name in ("body", "contact")
     return f"[{name}]" if single else f"[[{name}]] number {index + 1}"

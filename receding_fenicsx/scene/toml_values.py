@@ -134,6 +134,7 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "str | None": read_string,
     "float": _number,
     "int": _integer,
+    "int | None": _integer,
     "bool": _boolean,
     "Profile": _profile,
     "FrictionProfile": _friction,

@@ -14,7 +14,7 @@ from receding_fenicsx.scene.model import TABLE_OF, Load, Scene
 from receding_fenicsx.scene.validate_bodies import check_bodies, check_mesh
 from receding_fenicsx.scene.validate_contacts import check_contacts, check_initial_slip
 from receding_fenicsx.scene.validate_loads import check_loads, check_supports
-from receding_fenicsx.scene.validate_options import check_output, check_solver
+from receding_fenicsx.scene.validate_options import check_output, check_probes, check_solver
 
 LOCKING_POISSON = 0.45
 """Poisson's ratio above which elements of order 1 are too stiff. On the paper's block with 81
@@ -41,6 +41,7 @@ def validate(scene: Scene) -> None:
     check_contacts(scene)
     check_loads(scene)
     check_supports(scene)
+    check_probes(scene)
     check_solver(scene.solver)
     history = from_scene(scene)
     check_initial_slip(scene)

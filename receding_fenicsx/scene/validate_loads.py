@@ -6,7 +6,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import SMALLEST
-from receding_fenicsx.scene.model import FREE, Load, Scene, Support
+from receding_fenicsx.scene.model import FREE, Body, Load, Scene, Support
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     edge_points,
@@ -141,19 +141,29 @@ def _check_support(scene: Scene, support: Support) -> None:
 
 def _check_point(scene: Scene, support: Support, where: str) -> None:
     """Check that a support's point lies on its body."""
+    body = body_of_point(scene, support.body, where)
+    if body.mesh is not None:
+        return
+    if not isinstance(support.point, tuple):
+        raise InputError(f"{where} point: a rectangle has no named points; write [x, y]")
+    check_inside(scene, body, support.point, f"{where} point")
+
+
+def body_of_point(scene: Scene, name: str | None, where: str) -> Body:
+    """Return the body that a point names; a name is needed where there are two bodies, only."""
     names = [body.name for body in scene.bodies]
-    if (support.body is None) == bool(scene.others) or support.body not in (None, *names):
+    if (name is None) == bool(scene.others) or name not in (None, *names):
         raise InputError(
             f"{where} body: must name the body of the point; give one of {', '.join(names)}"
             if scene.others
             else f"{where} body: the scene has one body only; remove it"
         )
-    body = scene.bodies[names.index(support.body) if support.body is not None else 0]
-    if body.mesh is not None:
-        return
-    if not isinstance(support.point, tuple):
-        raise InputError(f"{where} point: a rectangle has no named points; write [x, y]")
-    x, y = support.point
+    return scene.bodies[names.index(name) if name is not None else 0]
+
+
+def check_inside(scene: Scene, body: Body, point: tuple[float, ...], where: str) -> None:
+    """Check that a point lies on a rectangle."""
+    x, y = point
     left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
     low, high = (body.position[1] + part for part in (0.0, body.height))
     if is_cylinder(scene, body):
@@ -161,7 +171,7 @@ def _check_point(scene: Scene, support: Support, where: str) -> None:
     slack = LENGTH_TOLERANCE * max(body.width, body.height)
     if not (left - slack <= x <= right + slack and low - slack <= y <= high + slack):
         raise InputError(
-            f"{where} point: ({x:g}, {y:g}) lies outside the body, {left:g} <= x <= {right:g}, "
+            f"{where}: ({x:g}, {y:g}) lies outside the body, {left:g} <= x <= {right:g}, "
             f"{low:g} <= y <= {high:g}; move it"
         )
 

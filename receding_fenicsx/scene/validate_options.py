@@ -1,11 +1,12 @@
-"""Validation of solver and output options."""
+"""Validation of solver and output options, and of probes."""
 
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_choice, check_count, check_positive
 from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import Scene, SolverOptions
+from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
+from receding_fenicsx.scene.validate_loads import body_of_point, check_inside
 
 MAX_STEPS = 1_000_000
 """Largest number of load steps or samples of a leg."""
@@ -15,6 +16,13 @@ BYTES_PER_NODE = 50
 """Bytes of one node at one instant of a record: v, w, P, Q, p, q and the state."""
 DEFAULT_SAMPLED_CYCLES = 5
 """Number of cycles that are sampled by default: 0, 1, 2, 9 and the last."""
+PROBE_KINDS = ("point", "points", "segment")
+"""Keys of a probe of which exactly one is given."""
+MOST_POINTS = 1000
+"""Largest number of points of all probes together: each costs six solves with the bulk."""
+NOT_IN_FILE_NAMES = '/\\:*?"<>|'
+"""Characters that the names of files cannot hold on some systems."""
+MAX_NAME_LENGTH = 80
 
 
 def check_solver(solver: SolverOptions) -> None:
@@ -69,3 +77,63 @@ def _check_record_size(scene: Scene, history: History) -> None:
         size = count * legs * nodes * BYTES_PER_NODE
         if size > MAX_RECORD_BYTES:
             raise InputError(f"{key}: requires a record of {size / 1e9:.0f} GB; {advice}")
+
+
+def check_probes(scene: Scene) -> None:
+    """Check the names of probes, and that their points lie on their bodies.
+
+    Whether a point lies inside a mesh file's body is found when the body is meshed.
+    """
+    seen: set[str] = set()
+    for probe in scene.probes:
+        where = f"probe '{probe.name}'"
+        _check_probe_name(probe.name)
+        if probe.name.casefold() in seen:
+            raise InputError(f"{where}: two probes have this name; rename one")
+        seen.add(probe.name.casefold())
+        _check_probe_points(probe, where)
+        body = body_of_point(scene, probe.body, where)
+        for point in probe.coordinates if body.mesh is None else ():
+            check_inside(scene, body, point, where)
+    total = sum(len(probe.coordinates) for probe in scene.probes)
+    if total > MOST_POINTS:
+        raise InputError(
+            f"[[probe]]: the probes have {total} points, at most {MOST_POINTS} are possible; "
+            "leave some out"
+        )
+
+
+def _check_probe_name(name: str) -> None:
+    """Check that a name can be that of a file."""
+    if not name.strip():
+        raise InputError("[[probe]] name: is empty; give the probe a name")
+    wrong = [c for c in name if c in NOT_IN_FILE_NAMES or not c.isprintable()]
+    if wrong or name != name.strip() or name.startswith(".") or len(name) > MAX_NAME_LENGTH:
+        raise InputError(
+            f"[[probe]] name: {name!r} cannot be the name of a file; use letters, digits, _ and -"
+        )
+
+
+def _check_probe_points(probe: Probe, where: str) -> None:
+    """Check that the points are given in one way, as pairs of numbers."""
+    given = [kind for kind in PROBE_KINDS if getattr(probe, kind) not in (None, ())]
+    if len(given) != 1:
+        raise InputError(
+            f"{where}: has {' and '.join(given) or 'none'} of {', '.join(PROBE_KINDS)}; give "
+            "exactly one of them"
+        )
+    if (probe.count is not None) != (given == ["segment"]):
+        raise InputError(
+            f"{where} count: a segment needs its number of points; add count"
+            if given == ["segment"]
+            else f"{where} count: belongs to a segment; remove it"
+        )
+    for pair in probe.points or probe.segment or (probe.point or (),):
+        if len(pair) != 2:
+            raise InputError(f"{where} {given[0]}: a point is two numbers [x, y], not {list(pair)}")
+    if probe.count is None:
+        return
+    if len(probe.segment) != 2 or probe.segment[0] == probe.segment[1]:
+        raise InputError(f"{where} segment: needs two different ends, [[x, y], [x, y]]")
+    if not 2 <= probe.count <= MOST_POINTS:
+        raise InputError(f"{where} count: must be from 2 to {MOST_POINTS}, not {probe.count}")

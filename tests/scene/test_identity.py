@@ -25,6 +25,7 @@ from receding_fenicsx.scene.model import (
     Material,
     MeshOptions,
     OutputOptions,
+    Probe,
     Scene,
     SolverOptions,
     Support,
@@ -58,6 +59,10 @@ FULL = Scene(
     ),
     solver=SolverOptions("gauss-seidel", 10, "none", 1.4, False, 1e-9, 1e-11, 99, 1e-7, "static"),
     output=OutputOptions(5, (1, 3), 4),
+    probes=(
+        Probe("one", points=((0.5, 1.5), (0.0, 1.5)), body="a"),
+        Probe("row", segment=((0.0, 0.5), (1.0, 0.5)), count=3, body="b"),
+    ),
 )
 """A scene of two bodies that sets all keys that go with each other."""
 
@@ -83,7 +88,7 @@ def variants(table: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Yield ("table.key", the scene with another value of that key), for every key there is."""
     for field in dataclasses.fields(table):
         value, name = getattr(table, field.name), NAMED.get(field.name, field.name)
-        name = name.replace("supports", "support")
+        name = name.replace("supports", "support").replace("probes", "probe")
         below = f"{key}.{name}" if key else name
         if dataclasses.is_dataclass(value):
             for path, other in variants(value, below):

@@ -71,6 +71,7 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
             (s, ContactState(start.u + s * change, s * end.r, end.state)) for s in problem.samples
         ],
         events=changes(0.0, start.state, end.state),
+        stops=[(0.0, start.u)],
     )
 
 

@@ -95,8 +95,12 @@ class PathPoint:
 
     def extrapolated(self, s: float, y: Array) -> ContactState:
         """Return the same for quantities ``y`` at another place, with the present states."""
-        n, g0 = self.system.n, self.system.g0
-        return self.with_displacements(s, np.concatenate([y[:n], y[n : 2 * n] - g0]))
+        return self.with_displacements(s, self.displacements(y))
+
+    def displacements(self, y: Array) -> Array:
+        """Return the displacements (2N,) that belong to quantities ``y``."""
+        n = self.system.n
+        return np.concatenate([y[:n], y[n : 2 * n] - self.system.g0])
 
     def with_displacements(self, s: float, u: Array) -> ContactState:
         """Return the same for displacements (2N,) at another place."""
@@ -153,4 +157,5 @@ def joined(first: Leg, second: Leg, s0: float, scale: float = 1.0) -> Leg:
         + [(late(s), i, old, new) for s, i, old, new in second.events],
         jumps=[(s * scale, energy) for s, energy in first.jumps]
         + [(late(s), energy) for s, energy in second.jumps],
+        stops=[(s * scale, u) for s, u in first.stops] + [(late(s), u) for s, u in second.stops],
     )

@@ -119,6 +119,7 @@ class EventPath:
             resting = self._resting(start, problem.ends)
             leg = self._pressed_leg(problem.piece(resting, (a, b), problem.force_scale, (0.0, 1.0)))
             leg.events = [*changes(0.0, start.state, resting.state), *leg.events]
+            leg.stops = [(0.0, resting.u), *leg.stops]
             return leg
         s0 = zero_crossing(problem.ends)
         if s0 is None:
@@ -216,6 +217,7 @@ class EventPath:
             problem.piece(jump.end, (load, b), before.force_scale, (s, 1.0), jumps=1)
         )
         before.events += changes(s, before.end.state, jump.end.state)
+        before.stops += [(walk.point.s, before.end.u), (s, jump.end.u)]
         leg = joined(before, rest, s)
         leg.work += jump.work
         leg.jumps = [(walk.point.s, jump.released), *leg.jumps]

@@ -71,10 +71,14 @@ class Reduction:
 
     def expand(self, state: ContactState, load: Array) -> ContactState:
         """Return a state of the active nodes for all, with reactions evaluated afresh."""
-        u = self.back @ np.concatenate([state.u, load, [1.0]])
+        u = self.displacements(state.u, load)
         states = self.frozen.copy()
         states[self.nodes] = state.state
         return ContactState(u, reactions(self.full, load, u), states)
+
+    def displacements(self, u: Array, load: Array) -> Array:
+        """Return the displacements (2N,) of all nodes from those of the active nodes."""
+        return self.back @ np.concatenate([u, load, [1.0]])
 
     def fits(self, start: ContactState) -> bool:
         """Return whether the frozen nodes are in the states and at the places they are to keep."""
@@ -119,6 +123,7 @@ class Reduction:
             force_scale=scale,
             samples=[(s, self.expand(state, problem.load(s))) for s, state in leg.samples],
             events=[(s, int(self.nodes[i]), old, new) for s, i, old, new in leg.events],
+            stops=[(s, self.displacements(u, problem.load(s))) for s, u in leg.stops],
         )
 
     def leaving(self, u: Array, load: Array, force_scale: float) -> Indices:
@@ -195,6 +200,7 @@ def reduce(full: Segments, start: ContactState, active: NDArray[np.bool_]) -> Re
         rigid=system.rigid[S] if len(fixed) == 0 else np.zeros((m, 0)),
         load_compliance=np.zeros((0, 0)),
         load_sign=np.zeros(0),
+        probes=None,
     )
     swing = r_star[:, loose] @ moved[:, m : m + loads]
     watched, watched_node = _watch(full, start, ~active, reaction, back)

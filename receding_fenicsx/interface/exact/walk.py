@@ -44,6 +44,7 @@ class Walk:
         sample_at: places at which states are still to be stored.
         samples: states stored so far, with their places.
         events: changes of state so far.
+        stops: displacements at the start and at the events, where samples are asked for.
     """
 
     def __init__(
@@ -76,6 +77,7 @@ class Walk:
         self.sample_at = list(problem.samples)
         self.samples: list[tuple[float, ContactState]] = []
         self.events: list[Event] = []
+        self.stops = [(problem.s_start, start.u)] if problem.samples else []
         self._accept_round_off = accept_round_off
         self._unloading = not np.any(problem.ends[1])
         self._trials_before = segments.trials
@@ -111,6 +113,8 @@ class Walk:
             if last:
                 point.s = s_end
                 return
+            if self.problem.samples:
+                self.stops.append((point.s, point.displacements(y)))
             if ds <= SIMULTANEOUS:
                 self._check_progress()
             segment, looked_at = self._event(int(segment.falling[k]), segment)
@@ -256,6 +260,7 @@ class Walk:
             force_scale=sums.force_scale,
             samples=self.samples,
             events=self.events,
+            stops=self.stops,
         )
 
     def _refined_end(self) -> ContactState:

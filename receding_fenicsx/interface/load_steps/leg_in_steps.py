@@ -65,11 +65,12 @@ class LegInSteps:
         leg.residual = max(leg.residual, found.residual)
         leg.force_scale = max(leg.force_scale, found.force_scale)
         leg.end = found.end
+        leg.stops.append((part[1], found.end.u))
 
     def replace(self, found: Leg, s: float) -> None:
         """Replace everything so far by the exact path from the start of the leg to s."""
         leg = self.leg
-        leg.samples = found.samples
+        leg.samples, leg.stops = found.samples, [*found.stops, (s, found.end.u)]
         at_start = [event for event in leg.events if event[0] == 0.0]
         stops = [place for place, _ in found.samples]
         leg.events = at_start + seen_changes(found, self.problem.start, s, stops)
@@ -101,6 +102,7 @@ class LegInSteps:
         )
         leg.residual = max(leg.residual, residual)
         leg.end = jump.end
+        leg.stops.append((part[1], jump.end.u))
 
 
 def seen_changes(

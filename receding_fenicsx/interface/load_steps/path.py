@@ -77,6 +77,7 @@ class GaussSeidelPath:
             resting = at_rest(self.system, start, ends[1])
         now = self._start(LegProblem(resting, ends, force_scale))
         now.leg.events = changes(0.0, start.state, resting.state)
+        now.leg.stops = [(0.0, resting.u)]
         stored = {round((j + 1) * self.steps / samples) for j in range(samples)}
         crossing = zero_crossing(ends)
         s = 0.0

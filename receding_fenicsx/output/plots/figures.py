@@ -18,6 +18,7 @@ from matplotlib.figure import Figure
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import moment_of
+from receding_fenicsx.evolution.probe_history import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.output.plots import style
@@ -34,6 +35,7 @@ from receding_fenicsx.output.plots.loops import (
     sampled_cycles,
     shown_cycles,
 )
+from receding_fenicsx.output.plots.probe_plots import probe_stresses
 from receding_fenicsx.output.plots.series import first_unloading, legs_of, slip_lines
 from receding_fenicsx.output.plots.traction_plots import tractions
 from receding_fenicsx.output.plots.units import Scales, scales_of
@@ -45,6 +47,7 @@ __all__ = [
     "dissipation_per_cycle",
     "hysteresis",
     "plot_all",
+    "probe_stresses",
     "save",
     "slip_per_cycle",
     "tractions",
@@ -61,6 +64,8 @@ MAX_ROWS = 6
 """Largest number of rows of the overview of sampled cycles; each cycle begins a row."""
 ALL_EDGES = ("dissipation_per_cycle", "hysteresis")
 """Figures of all contact edges together."""
+PROBE = "probe_"
+"""Beginning of the names of probes' figures."""
 PAPER_FIGURES = {
     "tractions_first_loading": 4,
     "zones_first_unloading": 5,
@@ -109,7 +114,7 @@ def plot_all(
     for edge, part in edges.items():
         alone = len(edges) == 1
         for name, figure in draw_all(part, unloading, stepped):
-            whole = alone or name.endswith(ALL_EDGES)
+            whole = alone or name.endswith(ALL_EDGES) or name.startswith(PROBE)
             place = folder if whole else folder / edge.replace("/", "_")
             make_folder(place)
             files = [place / f"{name}.{ending}" for ending in formats]
@@ -179,6 +184,8 @@ def _every_figure(
         if len(rows):
             chosen = [moment_of(record, table, int(row)) for row in _spread(rows, MAX_PANELS)]
             yield "tractions_last_cycle", tractions(record, chosen, scales)
+    for name in probe_names(record) if len(record.turning_points.s) else ():
+        yield f"{PROBE}{name}", probe_stresses(record, name, scales)
 
 
 def _sampled_zones(record: Record, scales: Scales) -> Iterator[tuple[str, Figure]]:

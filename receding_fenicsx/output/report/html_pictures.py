@@ -49,6 +49,7 @@ CAPTIONS = (
         "tractions_last_cycle",
         "Tractions, friction cone and states at the turning points of the last cycle.",
     ),
+    ("probe_", "Stresses at a probe, whose name is in that of the file."),
     ("max_shear", "Isochromatic fringes: contours of the largest in-plane shear stress."),
     ("von_mises", "Von Mises equivalent stress."),
 )

@@ -17,8 +17,8 @@ from receding_fenicsx.atomic import new_hdf5
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import system_for
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.record_data import Cycles, Events, States, Steady
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.evolution.record_data import Cycles, Events, Probes, States, Steady
+from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
 from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml
@@ -35,8 +35,9 @@ GROUPS: dict[str, type] = {
     "events": Events,
     "cycles": Cycles,
     "steady": Steady,
+    "probes": Probes,
 }
-"""Tables of a Record; each has its own group."""
+"""Tables of a Record; each has its own group. Records without probes have no group for them."""
 
 COMPRESSED_SIZE = 4096
 """Number of values from which an array is compressed (without loss)."""
@@ -77,6 +78,8 @@ def read_record(path: Path) -> Record:
         values: dict[str, Any] = {}
         for field in dataclasses.fields(Record):
             if field.name in GROUPS:
+                if field.default is None and field.name not in file:
+                    continue
                 kind = GROUPS[field.name]
                 group = _member(file, field.name)
                 values[field.name] = kind(
@@ -88,6 +91,8 @@ def read_record(path: Path) -> Record:
                     values[field.name] = _read(place, field.name)
         for name in ("load_names", "edge_names"):
             values[name] = tuple(values[name])
+        if "probes" in values:
+            values["probes"].names = tuple(values["probes"].names)
         record = Record(**values)
         _check_lengths(record)
     return record
@@ -105,8 +110,7 @@ def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> 
         InputError: the file exists already or cannot be written.
     """
     with _create(path, SYSTEM, overwrite) as file:
-        values = {f.name: getattr(system, f.name) for f in dataclasses.fields(system)}
-        values = {name: value for name, value in values.items() if value is not None}
+        values = _values_of(system)
         for name, value in values.items():
             _write(file, name, value)
         file.attrs["checksum"] = _checksum(values)
@@ -131,18 +135,20 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
         values: dict[str, Any] = {}
         for field in dataclasses.fields(ContactSystem):
             optional = field.default is None
-            if not optional or field.name in file or field.name in file.attrs:
+            stored = field.name in file or field.name in file.attrs
+            if field.name != "probes" and (not optional or stored):
                 values[field.name] = _read(file, field.name)
         for name in ("load_names", "edge_names"):
             values[name] = tuple(values[name])
-        system = ContactSystem(**values)
+        system = ContactSystem(**values, probes=_read_probes(file))
         n = len(system.x)
         size = n if system.kind == "normal" else 2 * n
         if system.K.shape != (size, size) or system.held.shape != (2 * n,):
             raise InputError(f"{path}: arrays have inconsistent shapes; condense the scene again")
-        stored, intact = _read(file, "digest"), _read(file, "checksum") == _checksum(values)
+        intact = _read(file, "checksum") == _checksum(_values_of(system))
+        condensed_from = _read(file, "digest")
     if scene is not None:
-        _check_scene(path, stored, system.scene_toml, scene)
+        _check_scene(path, condensed_from, system.scene_toml, scene)
     if not intact:
         raise InputError(f"{path}: is damaged; create it again")
     if scene is None:
@@ -151,6 +157,23 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
         return system_for(scene, system)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
+
+
+def _values_of(system: ContactSystem) -> dict[str, Any]:
+    """Return the fields of a system that are not None by their names in its file."""
+    values = {f.name: getattr(system, f.name) for f in dataclasses.fields(system)}
+    probes = values.pop("probes")
+    if probes is not None:
+        values |= {f"probes/{f.name}": getattr(probes, f.name) for f in dataclasses.fields(probes)}
+    return {name: value for name, value in values.items() if value is not None}
+
+
+def _read_probes(file: h5py.File) -> ProbeMatrix | None:
+    """Read the probes of a system, None where it has none."""
+    if "probes" not in file:
+        return None
+    names = tuple(_read(file, "probes/names"))
+    return ProbeMatrix(names, _read(file, "probes/points"), _read(file, "probes/rows"))
 
 
 def _checksum(values: dict[str, Any]) -> int:
@@ -253,6 +276,8 @@ def _check_lengths(record: Record) -> None:
         values = getattr(record, name)
         if values is not None and len(values) != n:
             raise InputError(f"'/nodes/{name}' does not have {n} rows; create the file again")
+    if record.probes is not None:
+        _check_probes(record.probes, n_loads)
     for name in ("turning_points", "samples"):
         table: States = getattr(record, name)
         rows = len(table.s)
@@ -262,3 +287,14 @@ def _check_lengths(record: Record) -> None:
             wanted = (rows,) if len(shape) < 2 else (rows, n_loads if per_load else n)
             if shape != wanted:
                 raise InputError(f"'/{name}/{field.name}' has a wrong shape; create the file again")
+
+
+def _check_probes(probes: Probes, n_loads: int) -> None:
+    """Raise InputError if arrays of the probes have inconsistent shapes."""
+    n, m = len(probes.s), len(probes.names)
+    shapes: dict[str, tuple[int, ...]] = {k: (n,) for k in ("kind", "cycle", "leg", "s")}
+    shapes |= {"points": (m, 2), "load": (n, n_loads)}
+    shapes |= {"displacement": (n, m, 2), "stress": (n, m, 4)}
+    for name, shape in shapes.items():
+        if getattr(probes, name).shape != shape:
+            raise InputError(f"'/probes/{name}' has a wrong shape; create the file again")

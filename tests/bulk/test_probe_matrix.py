@@ -1,0 +1,186 @@
+"""Matrix of the probes against back-substitution and the stresses of whole fields."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import block, built, cylinder
+from dolfinx import fem
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.fields import gather_fields, solve_fields
+from receding_fenicsx.bulk.mesh.meshing import make_meshes
+from receding_fenicsx.bulk.probes.matrix import probe_matrix
+from receding_fenicsx.bulk.probes.points import point_values
+from receding_fenicsx.bulk.two_bodies import Pair, build_all
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.model import (
+    Body,
+    Contact,
+    Load,
+    Material,
+    MeshOptions,
+    Probe,
+    Scene,
+    Support,
+)
+
+comm = MPI.COMM_WORLD
+Array = NDArray[np.float64]
+
+STRESSES = ("sxx", "syy", "szz", "sxy")
+PRESS = Load("P", "top", platen=True, force=(0.0, -1.0))
+SIDE = Load("s", "left", (-0.25, 0.25), traction=(1.0, 0.5))
+PULL = Load("d", "right", (0.0, 0.5), displacement=(1.0, "y - 2"))
+PAIR = Scene(
+    body=Body("upper", width=4.0, position=(0.0, 2.0)),
+    others=(Body("lower", width=8.0, height=2.0),),
+    material=Material(2.0, 0.3),
+    materials=(Material(3.0, 0.2, name="lower"),),
+    mesh=MeshOptions(contact_elements=12, degree=2),
+    contacts=(Contact("upper.bottom", against="lower.top"),),
+    loads=(
+        Load("p0", "upper.top", (-1.0, 1.0), pressure=1.0),
+        Load("q", "lower.right", traction=(1.0, 0.0)),
+    ),
+    supports=(Support("xy", edge="lower.bottom"),),
+)
+CASES = {
+    "triangles of order 1": (block(degree=1), False),
+    "quadrilaterals of order 2, half": (block("quadrilateral", 2), True),
+    "plane stress, order 2": (block(degree=2, material=Material(2.0, 0.3, "plane stress")), True),
+    "prescribed displacement": (block("quadrilateral", 1, loads=(SIDE, PULL)), False),
+    "platen": (block(degree=2, loads=(PRESS, SIDE), supports=()), False),
+    "revolution, order 1": (cylinder("quadrilateral", 1), True),
+    "revolution, order 2": (cylinder(degree=2), True),
+    "two bodies": (PAIR, False),
+    "halves of two bodies": (replace(PAIR, loads=PAIR.loads[:1]), True),
+}
+
+
+def places(bulk: Bulk | Pair) -> list[Array]:
+    """Vertices and midpoints of some cells of each body, alike on every rank."""
+    found = []
+    for part in bulk.parts:
+        fields = gather_fields(solve_fields(part, *at_rest(part)))
+        chosen = None
+        if fields is not None:
+            cells = fields.cells[:: max(1, len(fields.cells) // 9)]
+            corners = fields.points[cells]
+            chosen = np.vstack([corners[:, 0], corners.mean(axis=1)])
+            if part.scene.axisymmetric:
+                chosen[:, 0] = np.abs(chosen[:, 0])  # the picture shows both sides
+        found.append(comm.bcast(chosen))
+    return found
+
+
+def at_rest(bulk: Bulk | Pair) -> tuple[Array, Array]:
+    return np.zeros(len(bulk.load_names)), np.zeros(2 * len(bulk.contact.x))
+
+
+def with_probes(scene: Scene, points: list[Array]) -> Scene:
+    names = [body.name for body in scene.bodies]
+    probes = [
+        Probe(f"in {k}", points=tuple(map(tuple, at)), body=names[k] if scene.others else None)
+        for k, at in enumerate(points)
+    ]
+    return replace(scene, probes=tuple(probes))
+
+
+def by_cells(bulk: Bulk | Pair, load: Array, u: Array, points: list[Array]) -> Array | None:
+    """[u_x, u_y, s_xx, s_yy, s_zz, s_xy] from whole fields: at vertices, then at midpoints."""
+    rows = []
+    for fields, at in zip(solve_fields(bulk, load, u), points, strict=True):
+        gathered = gather_fields([fields])
+        middle = _middles(fields.bulk, fields.stresses.cell)
+        if gathered is None:
+            continue
+        for k, point in enumerate(at):
+            if k < len(at) // 2:
+                n = len(gathered.points) // (2 if bulk.parts[0].scene.axisymmetric else 1)
+                i = int(np.argmin(np.hypot(*(gathered.points[:n] - point).T)))
+                stress = [gathered.stress[name][i] for name in STRESSES]
+                rows.append([*gathered.displacement[i], *stress])
+            else:
+                mirrored = fields.bulk.body.half and point[0] < 0.0
+                flip = np.array([-1.0 if mirrored else 1.0, 1.0])
+                i = int(np.argmin(np.hypot(*(middle[:, :2] - flip * point).T)))
+                stress = middle[i, 2:] * [1.0, 1.0, 1.0, flip[0]]
+                rows.append([np.nan, np.nan, *stress])
+    return np.array(rows) if rows else None
+
+
+def _middles(bulk: Bulk, stress: dict[str, fem.Function]) -> Array:
+    """Midpoint and stresses of every cell, on every rank."""
+    space = stress["sxx"].function_space
+    n = bulk.body.mesh.topology.index_map(2).size_local
+    at = space.tabulate_dof_coordinates()[:n, :2]
+    values = np.column_stack([stress[name].x.array[:n] for name in STRESSES])
+    return np.vstack(comm.allgather(np.hstack([at, values])))
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_probes_are_what_back_substitution_of_the_whole_field_gives(case: str) -> None:
+    scene, half = CASES[case]
+    made = build_all(scene, make_meshes(comm, scene, half))
+    points = places(made)
+    matrix = probe_matrix(made, with_probes(scene, points))
+    random = np.random.default_rng(5)
+    load = random.standard_normal(len(made.load_names))
+    u = random.standard_normal(2 * len(made.contact.x))
+    u[np.asarray(made.contact.held)] = 0.0
+    whole = by_cells(made, load, u, points)
+    made.destroy()
+    if matrix is None or whole is None:
+        return
+    found = matrix.rows @ np.concatenate([u, load])
+    # the field of one side only would not be odd on the axis of symmetry
+    if half and not scene.axisymmetric:
+        axis = np.abs(matrix.points[:, 0]) < 1e-12
+        assert np.all(found[axis][:, [0, 5]] == 0.0)
+        whole[axis, 5] = 0.0
+    scale = np.nanmax(np.abs(whole), axis=0)
+    assert np.all(scale > 0.0) or scene.material.kinematics == "plane stress"
+    error = np.abs(found - whole) / np.maximum(scale, 1e-300)
+    assert np.nanmax(error) < 1e-12
+
+
+# -- places --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_polynomials_of_the_element_are_exact_at_any_point(cell: str, degree: int) -> None:
+    """Displacement (a + b x + c y)^degree at points inside and on cells."""
+    scene = block(cell, degree, loads=(SIDE,))
+    made = built(scene)
+    points = np.array([[0.1, 0.2], [-1.3, 0.77], [0.0, 0.0], [2.0, 1.0], [-2.0, 0.35]])
+    values = point_values(made, points, ["probe"] * len(points))
+    made_u = np.zeros(made.dofs)
+    at = made.space.tabulate_dof_coordinates()[:, :2]
+    n = made.space.dofmap.index_map.size_local
+    inner = 0.3 + 0.5 * at[:n, 0] - 0.2 * at[:n, 1]
+    first = made.space.dofmap.index_map.local_range[0]
+    made_u[2 * first : 2 * (first + n)] = np.column_stack([inner**degree, -inner]).ravel()
+    made_u = comm.allreduce(made_u)
+    made.destroy()
+    found = np.bincount(values.row, values.value * made_u[values.dof]).reshape(-1, 6)
+    inner = 0.3 + 0.5 * points[:, 0] - 0.2 * points[:, 1]
+    slope = degree * inner ** (degree - 1)
+    exx, eyy, shear = 0.5 * slope, np.full(5, 0.2), -0.2 * slope - 0.5
+    lam, mu = 2.0 * 0.3 / (1.3 * 0.4), 1.0 / 1.3
+    known = [inner**degree, -inner, lam * (exx + eyy) + 2 * mu * exx]
+    known += [lam * (exx + eyy) + 2 * mu * eyy, lam * (exx + eyy), mu * shear]
+    assert np.abs(found - np.transpose(known)).max() < 1e-12
+
+
+def test_point_outside_a_meshed_body_is_refused_on_all_ranks() -> None:
+    made = built(block())
+    with pytest.raises(InputError, match=r"probe 'p': \(0, 1.1\) lies outside the mesh .*; move"):
+        point_values(made, np.array([[0.0, 0.5], [0.0, 1.1]]), ["probe 'p'"] * 2)
+    made.destroy()
