@@ -1,16 +1,17 @@
-"""The reference builds, and its formulas survive Markdown."""
+"""The pages of the documentation: keys of scenes, API, gallery; formulas survive Markdown."""
 
 import dataclasses
-import importlib.util
+import inspect
 import json
 import re
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
-from mpi4py import MPI
-
+import api_pages
+import gallery_pages
 import pytest
+import site_links
+import site_source
 
 import receding_fenicsx
 from receding_fenicsx.scene.model import (
@@ -27,15 +28,6 @@ from receding_fenicsx.scene.model import (
 )
 
 ROOT = Path(__file__).parent.parent
-
-
-def builder() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("build", ROOT / "docs" / "build.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 SECTIONS = {
@@ -75,13 +67,6 @@ def test_every_key_of_a_scene_is_told_with_its_default(heading: str) -> None:
     assert named == set(told)
 
 
-def test_every_module_can_be_imported_for_the_reference() -> None:
-    build = builder()
-    names = build.modules()
-    assert {"receding_fenicsx", "receding_fenicsx.bulk.condensation"} <= set(names)
-    assert [name for name in names if not build.imports(name)] == []
-
-
 def test_formulas_in_docstrings_survive_markdown() -> None:
     r"""Markdown takes a backslash away from ``\\`` and ``\{``, and formulas must end."""
     found = 0
@@ -95,15 +80,99 @@ def test_formulas_in_docstrings_survive_markdown() -> None:
     assert found > 20
 
 
-def test_reference_builds_with_a_page_for_each_module(tmp_path: Path) -> None:
-    pytest.importorskip("pdoc")
-    if MPI.COMM_WORLD.size > 1:
-        pytest.skip("the build is for one rank")
-    build = builder()
-    build.build(tmp_path)
-    for name in build.modules():
-        page = tmp_path / f"{name.replace('.', '/')}.html"
-        assert page.is_file(), f"{name} has no page"
-        assert "Error parsing" not in page.read_text(encoding="utf-8")
-    laws = (tmp_path / "receding_fenicsx" / "interface.html").read_text(encoding="utf-8")
-    assert r"K_{tn} \cr K_{nt}" in laws
+def test_api_describes_every_module_and_public_name(tmp_path: Path) -> None:
+    package = Path(receding_fenicsx.__file__).parent
+    modules = api_pages.write_pages(package, tmp_path / "api")
+    files = [path.relative_to(package) for path in package.rglob("*.py")]
+    assert len(modules) == len([path for path in files if path.name != "__main__.py"])
+    pages = "\n".join(path.read_text(encoding="utf-8") for path in (tmp_path / "api").iterdir())
+    for module in modules:
+        assert f"{{py:module}} {module}\n" in pages
+    links = re.findall(r"\{py:obj\}`rf\.(\w+) <receding_fenicsx\.([\w.]+)>`", pages)
+    assert {name for name, _ in links} == set(receding_fenicsx.__all__)
+    for _, target in links:
+        module, _, name = target.rpartition(".")
+        defined = re.search(rf"py:(?:function|class|data)\}} {name}\b", pages)
+        assert defined or f"{{py:module}} receding_fenicsx.{target}\n" in pages, target
+    assert r"K_{tn} \cr K_{nt}" in pages
+
+
+def test_docstrings_become_markdown() -> None:
+    text = """Return a.
+
+    Raises :class:`~errors.InputError` as follows::
+
+        code
+
+    Args:
+        a, b: both
+            of them.
+        c: third.
+
+    Returns:
+        (n,) values:
+
+        * one.
+
+    Raises:
+        InputError: never.
+
+    The end.
+    """
+    assert api_pages.markdown(inspect.cleandoc(text)).splitlines() == [
+        "Return a.",
+        "",
+        "Raises {py:class}`~errors.InputError` as follows:",
+        "",
+        "    code",
+        "",
+        "**Arguments**",
+        "",
+        "* `a, b`: both",
+        "  of them.",
+        "* `c`: third.",
+        "",
+        "**Returns**",
+        "",
+        "(n,) values:",
+        "",
+        "* one.",
+        "",
+        "**Raises**",
+        "",
+        "* `InputError`: never.",
+        "",
+        "",
+        "The end.",
+    ]
+
+
+def test_every_picture_belongs_to_a_demo() -> None:
+    demos = ROOT / "demos"
+    shown = [gallery_pages.pictures_of(demos, name) for name in gallery_pages.demo_names(demos)]
+    assert {name for names in shown for name in names} == {
+        path.name for path in (demos / "pictures").iterdir()
+    }
+
+
+def test_links_to_files_lead_to_pages() -> None:
+    text = "[a](../CHANGELOG.md) [b](docs/scene.md#mesh) ![c](../demos/pictures/c.png) [d](https://x.y)"
+    assert site_source.relinked(text) == (
+        "[a](changelog.md) [b](scene.md#mesh) ![c](pictures/c.png) [d](https://x.y)"
+    )
+    text = "[a](../demos/block.py) [b](../receding_fenicsx/bulk/mesh/__init__.py) [c](../demos)"
+    assert (
+        site_source.relinked(text) == "[a](gallery/block.md) [b](api/bulk.mesh.md) [c](gallery.md)"
+    )
+
+
+def test_broken_links_of_a_site_are_found(tmp_path: Path) -> None:
+    pages = {
+        "index.html": '<p id="top"><a href="sub/a.html#here">',
+        "sub/a.html": '<b id="here"><a href="../index.html#bottom"><img src="no.png">',
+    }
+    for name, text in pages.items():
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        (tmp_path / name).write_text(text, encoding="utf-8")
+    found = site_links.broken_links(tmp_path)
+    assert sorted(found) == ["sub/a.html: ../index.html#bottom", "sub/a.html: no.png"]

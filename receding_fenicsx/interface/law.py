@@ -31,6 +31,7 @@ class State(IntEnum):
 
 
 STATE_NAMES = {s: s.name.lower().replace("_", " ") for s in State}
+"""Names of the states in words."""
 
 STICK, SEPARATION = int(State.STICK), int(State.SEPARATION)
 FORWARD, BACKWARD = int(State.FORWARD_SLIP), int(State.BACKWARD_SLIP)

@@ -1,0 +1,173 @@
+"""Pages of the API: one for each room (folder) of the package, written from its sources.
+
+The docstrings are Markdown with Google's sections and formulas between dollar signs. They are read
+from the syntax tree; nothing is imported.
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+PACKAGE = "receding_fenicsx"
+SECTIONS = {
+    "Args:": "Arguments",
+    "Attributes:": "Attributes",
+    "Raises:": "Raises",
+    "Returns:": "Returns",
+    "Yields:": "Yields",
+}
+ENTRY = re.compile(r"^([\w, *]+|\"[^\"]+\"(?:, \"[^\"]+\")*): ?(.*)")
+ROLE = re.compile(r":(func|class|meth|mod|data|attr|obj|exc):`")
+ORDER = ("", "scene", "bulk", "interface", "evolution", "output", "reference")
+"""Folders of the package in the order of the pages."""
+
+
+def write_pages(package: Path, out: Path) -> list[str]:
+    """Write the pages of all rooms and the list of public names.
+
+    Args:
+        package: folder of the package.
+        out: folder of the pages, created.
+
+    Returns:
+        Names of the modules documented.
+    """
+    out.mkdir(parents=True)
+    folders = [package, *(path.parent for path in package.rglob("*/__init__.py"))]
+    rooms = {".".join(path.relative_to(package).parts): path for path in folders}
+    order = sorted(rooms, key=lambda room: (ORDER.index(room.split(".")[0]), room))
+    documented = []
+    for room in order:
+        modules = [path for path in sorted(rooms[room].glob("*.py")) if path.stem != "__main__"]
+        names = [_module_name(package, path) for path in modules]
+        text = [_module(path, name) for path, name in zip(modules, names, strict=True)]
+        (out / f"{room or PACKAGE}.md").write_text("\n\n".join(text), encoding="utf-8")
+        documented += names
+    index = [
+        "# API",
+        "## Public names",
+        "`import receding_fenicsx as rf` gives all of these.",
+        *_public_names(package),
+        "## Rooms",
+        "The package has a folder for each concept; imports go down only.",
+        "\n".join(
+            ["```{toctree}", ":maxdepth: 1", "", *(room or PACKAGE for room in order), "```"]
+        ),
+    ]
+    (out / "index.md").write_text("\n\n".join(index), encoding="utf-8")
+    return documented
+
+
+def _module_name(package: Path, path: Path) -> str:
+    parts = path.relative_to(package.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+def _public_names(package: Path) -> Iterator[str]:
+    """Yield a table of the public names for each of their groups."""
+    tree = ast.parse((package / "__init__.py").read_text(encoding="utf-8"))
+    (table,) = (
+        node.value
+        for node in tree.body
+        if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == "_PUBLIC"
+    )
+    assert table is not None
+    for group, names in ast.literal_eval(table).items():
+        rows = [f"**{group}**", "", "| name | |", "| --- | --- |"]
+        for name, (place, text) in names.items():
+            module, colon, inner = place.partition(":")
+            target = f"{PACKAGE}.{module}" + ("" if colon and not inner else f".{inner or name}")
+            told = text.replace("|", r"\|")
+            rows.append(f"| {{py:obj}}`rf.{name} <{target}>` | {told} |")
+        yield "\n".join(rows)
+
+
+def _module(path: Path, name: str) -> str:
+    """Return the section of one module; the room's own is the head of its page."""
+    tree = ast.parse(path.read_text(encoding="utf-8"))
+    head = path.stem == "__init__"
+    title = name.removeprefix(f"{PACKAGE}.") if head else path.stem
+    parts = [f"{'#' if head else '##'} {title}", f"```{{py:module}} {name}\n```"]
+    parts.append(markdown(ast.get_docstring(tree) or ""))
+    parts += _members(tree.body, fence="`" * 5)
+    return "\n\n".join(parts)
+
+
+def _members(body: list[ast.stmt], fence: str) -> Iterator[str]:
+    """Yield the description of each public constant, function and class with a docstring."""
+    seen: set[str] = set()
+    for node, following in zip(body, [*body[1:], None], strict=True):
+        name = _name(node)
+        if name.startswith("_") or not name or name in seen:
+            continue
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            doc = ast.get_docstring(node)
+        elif isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant):
+            doc = str(following.value.value)
+        else:
+            doc = None
+        if doc is None:
+            continue
+        seen.add(name)
+        inner = [markdown(doc)]
+        if isinstance(node, ast.ClassDef):
+            inner += _members(node.body, fence[1:])
+        yield "\n".join([fence + _directive(node, name), "", "\n\n".join(inner), fence])
+
+
+def _name(node: ast.stmt) -> str:
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        return node.name
+    if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+        return node.targets[0].id
+    if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
+        return node.target.id
+    return ""
+
+
+def _directive(node: ast.stmt, name: str) -> str:
+    """Return Sphinx's directive of a definition, with its signature."""
+    if isinstance(node, ast.ClassDef):
+        return f"{{py:class}} {name}"
+    if not isinstance(node, ast.FunctionDef):
+        return f"{{py:data}} {name}"
+    arguments = node.args
+    method = bool(arguments.args) and arguments.args[0].arg in ("self", "cls")
+    if method:
+        arguments.args.pop(0)
+    returned = f" -> {ast.unparse(node.returns)}" if node.returns else ""
+    if any(ast.unparse(decorator) == "property" for decorator in node.decorator_list):
+        kind = f"\n:type: {ast.unparse(node.returns)}" if node.returns else ""
+        return f"{{py:property}} {name}{kind}"
+    signature = f"{name}({ast.unparse(arguments)}){returned}".replace("\n", " ")
+    return f"{{py:{'method' if method else 'function'}}} {signature}"
+
+
+def markdown(docstring: str) -> str:
+    """Return a docstring as Markdown: Google's sections as lists, references as MyST's roles."""
+    lines: list[str] = []
+    section = ""
+    for line in ROLE.sub(r"{py:\1}`", docstring).splitlines():
+        if line in SECTIONS:
+            section = line
+            lines += [f"**{SECTIONS[line]}**", ""]
+        elif not section or not line.strip():
+            lines.append(line)
+        elif not line.startswith("    "):
+            section = ""
+            lines += ["", line]
+        elif section in ("Returns:", "Yields:"):
+            lines.append(line[4:])
+        else:
+            lines.append(_entry(line[4:]))
+    # in reStructuredText two colons begin a block of code
+    return re.sub(r"::$", ":", "\n".join(lines), flags=re.MULTILINE)
+
+
+def _entry(line: str) -> str:
+    """Return a line of a section as part of a list."""
+    found = ENTRY.match(line)
+    if found is None:
+        return f"  {line.strip()}"
+    return f"* `{found[1]}`: {found[2]}"

@@ -1,0 +1,21 @@
+"""Sphinx's configuration of the documentation; ``docs/build.py`` prepares the pages and runs it."""
+
+project = "receding_fenicsx"
+author = "The receding_fenicsx developers"
+copyright = author
+extensions = ["myst_parser", "sphinx.ext.mathjax", "sphinx-mathjax-offline"]
+myst_enable_extensions = ["dollarmath"]
+myst_dmath_double_inline = True
+myst_heading_anchors = 3
+html_theme = "furo"
+html_title = "receding_fenicsx"
+html_static_path = ["static"]
+html_css_files = ["site.css"]
+html_show_sphinx = False
+html_copy_source = False
+highlight_language = "none"
+add_module_names = False
+python_use_unqualified_type_names = True
+toc_object_entries_show_parents = "hide"
+# names of types in signatures are links where they are unique
+suppress_warnings = ["ref.python"]

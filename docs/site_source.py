@@ -1,0 +1,52 @@
+"""Sources of the site: the project's documents, its demos, and the pages made from its code."""
+
+import re
+import shutil
+from pathlib import Path
+
+import api_pages
+import gallery_pages
+
+DOCS = Path(__file__).resolve().parent
+ROOT = DOCS.parent
+
+
+def prepare(source: Path) -> None:
+    """Gather and generate the sources of all pages.
+
+    Args:
+        source: folder of the sources, created.
+    """
+    source.mkdir(parents=True)
+    demos = ROOT / "demos"
+    shutil.copytree(demos / "pictures", source / "pictures")
+    shutil.copytree(demos, source / "demos", ignore=shutil.ignore_patterns("pictures", "__*"))
+    pages = {path.name: path for path in DOCS.glob("*.md")}
+    pages |= {name.lower(): ROOT / name for name in ("CHANGELOG.md", "CONTRIBUTING.md")}
+    for name, path in pages.items():
+        text = relinked(path.read_text(encoding="utf-8"))
+        (source / name).write_text(text, encoding="utf-8")
+    api_pages.write_pages(ROOT / api_pages.PACKAGE, source / "api")
+    gallery_pages.write_pages(demos, source)
+
+
+def relinked(text: str) -> str:
+    """Return a page whose links to files of the project lead to pages of the site."""
+
+    def place(found: re.Match[str]) -> str:
+        path = found[1].removeprefix("../").removeprefix("docs/").rstrip("/")
+        if path in ("CHANGELOG.md", "CONTRIBUTING.md"):
+            path = path.lower()
+        elif path == "demos":
+            path = "gallery.md"
+        elif path.startswith("demos/pictures/"):
+            path = path.removeprefix("demos/")
+        elif path == f"{api_pages.PACKAGE}/__init__.py":
+            path = "api/index.md"
+        elif room := re.fullmatch(rf"{api_pages.PACKAGE}/(.+)/__init__\.py", path):
+            path = f"api/{room[1].replace('/', '.')}.md"
+        elif demo := re.fullmatch(r"demos/(\w+)\.py", path):
+            path = f"gallery/{demo[1]}.md"
+        return f"]({path}"
+
+    return re.sub(r"\]\(((?!https?:)[^)#\s]+)", place, text)
