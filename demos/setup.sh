@@ -19,7 +19,7 @@ debian_packages=(
 # Test of a new environment: imports, and compilation of a form.
 works='
 from receding_fenicsx.bulk.elasticity import warm_up
-import PIL, gmsh, h5py, matplotlib, pytest, scipy, vtk
+import PIL, gmsh, h5py, matplotlib, pandas, pytest, scipy, vtk, xarray
 from mpi4py import MPI
 warm_up(MPI.COMM_SELF, "triangle", 1)'
 

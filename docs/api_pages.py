@@ -19,7 +19,7 @@ SECTIONS = {
 }
 ENTRY = re.compile(r"^([\w, *]+|\"[^\"]+\"(?:, \"[^\"]+\")*): ?(.*)")
 ROLE = re.compile(r":(func|class|meth|mod|data|attr|obj|exc):`")
-ORDER = ("", "scene", "bulk", "interface", "evolution", "output", "reference")
+ORDER = ("", "scene", "bulk", "interface", "evolution", "output", "parameter_sweep", "reference")
 """Folders of the package in the order of the pages."""
 
 

@@ -86,6 +86,9 @@ if TYPE_CHECKING:
     from receding_fenicsx.output.storage.hdf5 import write_record as write_record
     from receding_fenicsx.output.storage.hdf5 import write_system as write_system
     from receding_fenicsx.output.storage.summary_file import read_summary as read_summary
+    from receding_fenicsx.parameter_sweep.sweep import SweepOptions as SweepOptions
+    from receding_fenicsx.parameter_sweep.sweep import sweep as sweep
+    from receding_fenicsx.parameter_sweep.table import SweepTable as SweepTable
     from receding_fenicsx.pictures import animate as animate
     from receding_fenicsx.pictures import plot as plot
     from receding_fenicsx.pictures import snapshot as snapshot
@@ -167,6 +170,11 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "instant_of": ("evolution.replay", "Replay the state at an instant named by cycle and leg"),
         "state_at": ("evolution.replay", "Replay the state at cycle, leg number and position s"),
     },
+    "Sweep": {
+        "sweep": ("parameter_sweep.sweep", "Run a scene for every combination of values"),
+        "SweepOptions": ("parameter_sweep.sweep", "Options of a sweep: resume, overwrite, ..."),
+        "SweepTable": ("parameter_sweep.table", "Result of a sweep: a row for each case"),
+    },
     "Evaluation": {
         "zones": ("interface.measures.zones", "Zones of equal state along the contact edge"),
         "contact_half_width": ("interface.measures.zones", "Contact half width, to node spacing"),
@@ -247,6 +255,8 @@ __all__ = [
     "SolverOptions",
     "State",
     "Support",
+    "SweepOptions",
+    "SweepTable",
     "animate",
     "child_environment",
     "condense",
@@ -282,6 +292,7 @@ __all__ = [
     "stick_half_width",
     "style",
     "summarise",
+    "sweep",
     "to_toml",
     "traction_at",
     "validate",

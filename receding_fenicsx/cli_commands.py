@@ -109,6 +109,27 @@ def _is_finished(options: argparse.Namespace, scene: Scene, comm: MPI.Comm) -> b
     return finished
 
 
+def _sweep(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
+    from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
+    from receding_fenicsx.parameter_sweep.values import read_over
+    from receding_fenicsx.scene.toml_file import read_scene
+
+    scene, over = read_scene(options.scene, options.overrides), read_over(options.over)
+    comm = _require_mpi(comm)
+    with _Progress(comm, options.verbose) as say:
+        chosen = SweepOptions(
+            overwrite=options.overwrite,
+            resume=options.resume,
+            folder=Path(options.scene).parent,
+            progress=say,
+        )
+        table = sweep(scene, over, options.out, options.workers, options=chosen)
+    if table is not None:
+        print(f"{table!r}\nwritten to {Path(options.out) / 'sweep.csv'}")
+    none_left = table is not None and len(table.failed) == len(table.rows)
+    return int(comm.bcast(none_left))
+
+
 def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import mpi, study
     from receding_fenicsx.atomic import check_file
@@ -231,6 +252,7 @@ def _doctor(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
 COMMANDS: dict[str, Callable[[argparse.Namespace, MPI.Comm | None], int | None]] = {
     "run": _run,
     "condense": _condense,
+    "sweep": _sweep,
     "plot": _plot,
     "snapshot": _snapshot,
     "animate": _animate,

@@ -81,6 +81,39 @@ def _condense(added: argparse.ArgumentParser) -> None:
     _verbose(added)
 
 
+def _sweep(added: argparse.ArgumentParser) -> None:
+    _scene(added)
+    added.add_argument(
+        "--over",
+        action="append",
+        required=True,
+        metavar="TABLE.KEY=VALUES",
+        help="values of one key, as for --set: a list 0,0.25,0.5 or a range first:last:number, as "
+        "in contact.friction=0.1:0.9:9; may be repeated: all combinations are run",
+    )
+    added.add_argument(
+        "--out",
+        required=True,
+        metavar="DIR",
+        help="folder for sweep.csv (a row for each case), sweep.json (scene, keys, versions) and "
+        "cases.jsonl (finished cases, to resume from)",
+    )
+    added.add_argument("--overwrite", action="store_true", help="replace an earlier sweep")
+    added.add_argument(
+        "--resume",
+        action="store_true",
+        help="continue an interrupted sweep; values may have been added to its keys",
+    )
+    added.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="run the cases on N new processes of this machine (default: on this one). On several "
+        "machines start the command under mpirun instead: rank 0 hands out the cases",
+    )
+    _verbose(added)
+
+
 def _snapshot(added: argparse.ArgumentParser) -> None:
     _run_folder(added)
     _cycle(added, required=True)
@@ -170,6 +203,7 @@ def _verbose(added: argparse.ArgumentParser) -> None:
 COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "run": (_run, "run a study: mesh, condense, evolve, write results, draw pictures"),
     "condense": (_condense, "condense the body to its contact nodes and save the system"),
+    "sweep": (_sweep, "run a scene for every combination of values; write a table"),
     "plot": (_run_folder, "draw the figures of a finished run again"),
     "snapshot": (_snapshot, "draw the body of a finished run at one instant"),
     "animate": (_animate, "make an animation of one cycle of a finished run"),

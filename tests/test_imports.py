@@ -20,6 +20,7 @@ FLOORS = (
     ("output",),
     ("pictures", "long_run"),
     ("study",),
+    ("parameter_sweep",),
     ("__init__",),
     ("cli_parser",),
     ("cli_commands",),

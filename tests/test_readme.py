@@ -29,6 +29,7 @@ CHEAPER = {
     "run": ["--set", "mesh.contact_elements=16", "--set", "history.cycles=9"],
     "condense": ["--set", "mesh.contact_elements=16"],
     "animate": ["--frames", "3"],
+    "sweep": ["--set", "mesh.contact_elements=16", "--set", "history.cycles=2"],
 }
 """What is added to a command, so that it takes a moment only."""
 ENVIRONMENT = Path(sys.prefix)
@@ -120,6 +121,20 @@ def test_recipes_of_the_guide_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     for recipe in recipes:
         exec(compile(recipe, "extending.md", "exec"), names)
     assert (tmp_path / "friction_used.png").is_file()
+
+
+def test_program_of_the_guide_to_sweeps_runs(beside_demos: Path) -> None:
+    (program,) = programs("docs/sweeps.md")
+    (beside_demos / "program.py").write_text(program, encoding="utf-8")
+    run = subprocess.run(
+        [sys.executable, "program.py"],
+        env=child_environment() | {"PYTHONPATH": str(ROOT)},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert run.returncode == 0, run.stderr
+    assert "6 cases\n" in run.stdout and "(3, 2)" in run.stdout
 
 
 def test_commands_of_the_documents_run(

@@ -98,7 +98,7 @@ def find(
     if isinstance(load, str):
         if load not in ("minimum", "maximum") or s is not None:
             raise InputError('load: give "minimum" or "maximum" (without s) or a load factor')
-        return moment_of(record, points, _extreme(points, ends, load))
+        return moment_of(record, points, extreme_row(points, ends, load))
     if load is None and s is None:
         return moment_of(record, points, int(ends[-1]))
     if load is not None and len(record.load_names) != 1:
@@ -127,7 +127,7 @@ def _rows_of(table: States, cycle: int, leg: int | None) -> NDArray[np.intp]:
     return np.flatnonzero((table.cycle == cycle) & (leg is None or table.leg == leg))
 
 
-def _extreme(points: States, rows: NDArray[np.intp], load: str) -> int:
+def extreme_row(points: States, rows: NDArray[np.intp], load: str) -> int:
     """Return the last of the rows with the smallest or largest loads, each over its maximum."""
     largest = np.abs(points.load).max(axis=0)
     size = np.abs(points.load[rows] / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)

@@ -65,6 +65,11 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
         raise InputError(f"not valid TOML: {error}".replace("\n", " ")) from None
     for override in overrides:
         apply_override(raw, override)
+    return from_raw(raw, folder)
+
+
+def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:
+    """Convert parsed TOML into a scene and validate it; see :func:`from_toml`."""
     scene = scene_of(inline_files(raw, folder or Path()))
     if folder is not None:
         found = [_with_path(body, folder) for body in scene.bodies]

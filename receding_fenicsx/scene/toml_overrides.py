@@ -31,55 +31,85 @@ def apply_override(raw: dict[str, Any], override: str) -> None:
             have.
     """
     key, equals, text = override.partition("=")
-    names = [part.strip() for part in key.split(".")]
-    if not equals or not all(names):
+    if not equals or not all(part.strip() for part in key.split(".")):
         raise InputError(
             f"--set {override}: write table.key=value, for example contact.friction=0.5"
         )
+    where = f"--set {override}"
+    # a title may be any text
+    value = parse_value(text, None if key.strip() == "title" else where)
+    set_value(raw, key, value, where)
+
+
+def parse_value(text: str, where: str | None) -> Any:
+    """Return a value read as TOML; text that is not TOML is a string.
+
+    Args:
+        text: the text.
+        where: origin of the text, for messages; None takes any text.
+
+    Raises:
+        InputError: the text begins as a list or a table, and is not valid TOML.
+    """
     try:
         parsed = tomllib.loads(f"value = {text}")
-        value = parsed["value"] if set(parsed) == {"value"} else text
     except (tomllib.TOMLDecodeError, RecursionError) as error:
-        value = text.strip()
-        if value.startswith(("{", "[")) and names != ["title"]:
+        if where is not None and text.strip().startswith(("{", "[")):
             reason = str(error).partition(" (")[0]
-            raise InputError(f"--set {override}: the value is not valid TOML ({reason})") from None
+            raise InputError(f"{where}: the value is not valid TOML ({reason})") from None
+        return text.strip()
+    return parsed["value"] if set(parsed) == {"value"} else text
+
+
+def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
+    """Change one value of a parsed scene file in place.
+
+    Args:
+        raw: the parsed file.
+        key: "table.key", "load.NAME.key" or "title", as in :func:`apply_override`.
+        value: the value, as TOML gives it.
+        where: origin of the change, for messages.
+
+    Raises:
+        InputError: the key names a table or load that the scene does not have.
+    """
+    names = [part.strip() for part in key.split(".")]
     if names == ["title"]:
         raw["title"] = value
         return
     if names[0] not in KNOWN:
-        unknown_name(names[0], KNOWN, f"--set {override}", "table")
+        unknown_name(names[0], KNOWN, where, "table")
     if names[0] == "title" or len(names) == 1:
-        raise InputError(f"--set {override}: write {names[0]}.key=value")
+        raise InputError(f"{where}: write {names[0]}.key=value")
     if len(names) > 2 and names[-2] in PARTS.get(names[0], ()):
-        table = _table_to_set(raw, names[:-1], override)
-        table[names[-2]] = _with_part(table, names[-2], names[-1], value, override)
+        table = _table_to_set(raw, names[:-1], where)
+        table[names[-2]] = _with_part(table, names[-2], names[-1], value, where)
     else:
-        _table_to_set(raw, names, override)[names[-1]] = value
+        _table_to_set(raw, names, where)[names[-1]] = value
 
 
 def _with_part(
-    table: dict[str, Any], key: str, part: str, value: object, override: str
+    table: dict[str, Any], key: str, part: str, value: object, where: str
 ) -> dict[str, Any]:
     """Return the value of a key with one of its parts changed, the others as they are."""
     if key == "parameters":
         given = table.get(key, {})
         return {**(given if isinstance(given, dict) else {}), part: value}
     if part not in DIRECTIONS:
-        unknown_name(part, DIRECTIONS, f"--set {override}", "key")
+        unknown_name(part, DIRECTIONS, where, "key")
     given = table.get(key, Contact.friction)
     if not isinstance(given, dict) or not set(given) & set(DIRECTIONS):
         given = dict.fromkeys(DIRECTIONS, given)
     return {**given, part: value}
 
 
-def _table_to_set(raw: dict[str, Any], names: list[str], override: str) -> dict[str, Any]:
+def _table_to_set(raw: dict[str, Any], names: list[str], where: str) -> dict[str, Any]:
     """Return the table that an override "table.key" or "table.NAME.key" changes."""
     kind = names[0]
     # a name may itself hold a dot
     name = ".".join(names[1:-1])
     if kind == "load" and not name:
-        raise InputError(f"--set {override}: name the load, for example load.p0.pressure=2.0")
+        raise InputError(f"{where}: name the load, for example load.p0.pressure=2.0")
     if kind == "material" and name in named_materials(raw):
         return named_materials(raw)[name]
     if kind in ARRAYS or isinstance(raw.get(kind), list):
@@ -88,21 +118,21 @@ def _table_to_set(raw: dict[str, Any], names: list[str], override: str) -> dict[
             chosen = [table for table in tables if table.get("name") == name]
             if not chosen:
                 known = [str(table["name"]) for table in tables if "name" in table]
-                unknown_name(name, known, f"--set {override}", kind)
+                unknown_name(name, known, where, kind)
             return chosen[0]
         if name.isdecimal() and 1 <= int(name) <= len(tables):
             return tables[int(name) - 1]
         if len(tables) != 1:
             which = "NAME" if kind in NAMED else f"N (1 to {len(tables)})"
             raise InputError(
-                f"--set {override}: the scene has {len(tables)} [[{kind}]] tables; write "
+                f"{where}: the scene has {len(tables)} [[{kind}]] tables; write "
                 f"{kind}.{which}.key=value"
             )
         if not name:
             return tables[0]
     table = raw.setdefault(kind, {})
     if name:
-        raise InputError(f"--set {override}: write {kind}.key=value")
+        raise InputError(f"{where}: write {kind}.key=value")
     if not isinstance(table, dict):
         raise InputError(f"'{kind}' must be a table; write [{kind}]")
     return table

@@ -94,7 +94,7 @@ def run_folder(
 def _check_not_interrupted(part: Path) -> None:
     """Raise InputError if another process is using a working folder, or it is left of one."""
     if part.exists():
-        os.close(_lock(part))
+        os.close(lock_folder(part))
         raise InputError(
             f"{part}: holds an interrupted run; continue it with --resume, or replace it with "
             "--overwrite"
@@ -108,7 +108,7 @@ def _fill(part: Path, scene: Scene, earlier: Path | None) -> int:
         The handle of the lock, to be closed.
     """
     part.mkdir(parents=True, exist_ok=True)
-    lock = _lock(part)
+    lock = lock_folder(part)
     if earlier != part:
         _clear(part)
     if earlier is not None and earlier != part:
@@ -193,7 +193,7 @@ def _check_same(folder: Path, scene: Scene) -> None:
         )
 
 
-def _lock(part: Path) -> int:
+def lock_folder(part: Path) -> int:
     """Lock a folder for this process; return the handle, which must be closed."""
     handle = os.open(part, os.O_RDONLY)
     try:

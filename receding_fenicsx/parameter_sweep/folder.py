@@ -1,0 +1,202 @@
+"""Folder of a sweep: its finished cases, kept one by one, and the table in the end."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shutil
+import zlib
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, BinaryIO
+
+from receding_fenicsx.atomic import make_folder, new_file, unwritable
+from receding_fenicsx.environment import versions
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.output.storage.run_folder import lock_folder
+from receding_fenicsx.parameter_sweep.cases import Case, Grid
+from receding_fenicsx.parameter_sweep.table import SweepTable
+from receding_fenicsx.parameter_sweep.worker import Outcome
+from receding_fenicsx.scene.identity import difference, digest
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+
+PROVENANCE, CASES, TABLE, SYSTEMS = "sweep.json", "cases.jsonl", "sweep.csv", "systems"
+"""Files of a sweep: what it is of, finished cases, table; folder of its condensed systems."""
+FORMAT_VERSION = 1
+
+
+@dataclass(frozen=True)
+class SweepKind:
+    """What a sweep is of: cases of another scene, other keys or other numbers do not mix with it.
+
+    Attributes:
+        scene: the scene that is changed.
+        grid: its cases.
+        measure: text that identifies the function that takes the numbers, "" for the default one.
+    """
+
+    scene: Scene
+    grid: Grid
+    measure: str = ""
+
+
+class SweepFolder:
+    """Open folder of a sweep.
+
+    Attributes:
+        path: the folder.
+        finished: outcomes of the finished cases by the identity of their scenes.
+    """
+
+    def __init__(self, path: Path, finished: dict[str, Outcome], file: BinaryIO) -> None:
+        """Keep the finished cases, and the open file that takes the others."""
+        self.path, self.finished, self._file = path, finished, file
+
+    @property
+    def systems(self) -> Path:
+        """Folder of the condensed systems."""
+        return self.path / SYSTEMS
+
+    def add(self, case: Case, outcome: Outcome) -> None:
+        """Write a finished case to the disk: a line with a checksum.
+
+        Raises:
+            RecedingError: the disk is full.
+        """
+        row = {"case": case.labels, "identity": case.identity, **asdict(outcome)}
+        text = json.dumps(row, ensure_ascii=False).encode()
+        try:
+            self._file.write(b"%08x %s\n" % (zlib.crc32(text), text))
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise unwritable(self.path / CASES, error) from None
+        self.finished[case.identity] = outcome
+
+    def publish(self, table: SweepTable) -> None:
+        """Write the table; the condensed systems are removed."""
+        table.write_csv(self.path / TABLE, overwrite=True)
+        shutil.rmtree(self.systems, ignore_errors=True)
+
+
+@contextlib.contextmanager
+def sweep_folder(
+    path: Path, kind: SweepKind, overwrite: bool = False, resume: bool = False
+) -> Iterator[SweepFolder]:
+    """Open the folder of a sweep, a new one or one to go on with.
+
+    Args:
+        path: the folder; it is created unless it exists.
+        kind: what the sweep is of.
+        overwrite: replace an earlier sweep.
+        resume: keep the finished cases of an earlier sweep, if there is one.
+
+    Raises:
+        InputError: the folder holds something else, or a sweep of another scene, over other keys or
+            with other numbers; or another process is using it.
+        RecedingError: the disk is full.
+    """
+    has_sweep = _check(path, overwrite, resume)
+    if has_sweep and resume:
+        _check_same(path, kind)
+    make_folder(path)
+    lock = lock_folder(path)
+    try:
+        if not resume:
+            for name in (TABLE, CASES):
+                (path / name).unlink(missing_ok=True)
+            shutil.rmtree(path / SYSTEMS, ignore_errors=True)
+        finished = _read_cases(path / CASES)
+        if any(c.scene is not None and c.identity not in finished for c in kind.grid.cases):
+            (path / TABLE).unlink(missing_ok=True)
+        _write_provenance(path, kind)
+        with open(path / CASES, "ab") as file:
+            yield SweepFolder(path, finished, file)
+    except OSError as error:
+        raise unwritable(path, error) from None
+    finally:
+        os.close(lock)
+
+
+def _check(path: Path, overwrite: bool, resume: bool) -> bool:
+    """Return whether a folder holds a sweep; raise InputError if it may not be written to."""
+    if overwrite and resume:
+        raise InputError("--resume and --overwrite: give one of them")
+    if not path.exists():
+        return False
+    if not path.is_dir():
+        raise InputError(f"{path}: is a file; give a new folder")
+    if (path / PROVENANCE).is_file():
+        if not (overwrite or resume):
+            raise InputError(
+                f"{path}: holds a sweep; continue it with --resume, or replace it with --overwrite"
+            )
+        return True
+    if any(path.iterdir()):
+        raise InputError(f"{path}: is not the folder of a sweep; choose another folder")
+    return False
+
+
+def _check_same(path: Path, kind: SweepKind) -> None:
+    """Raise InputError if a folder holds another sweep."""
+    try:
+        found = json.loads((path / PROVENANCE).read_text(encoding="utf-8"))
+        scene = from_toml(found["scene"])
+        keys, measure, checksum = found["over"].keys(), found["measure"], found["digest"]
+    except (OSError, ValueError, KeyError, TypeError, AttributeError, InputError):
+        raise InputError(
+            f"{path / PROVENANCE}: is damaged; start a new sweep with --overwrite"
+        ) from None
+    other = difference(scene, kind.scene, frozenset({"title"}))
+    if other is None and checksum != digest(kind.scene):
+        other = "mesh file"
+    if set(keys) != set(kind.grid.keys):
+        other = f"key: it is over {', '.join(keys)}"
+    if other is None and measure != kind.measure:
+        other = "function measure"
+    if other is not None:
+        raise InputError(
+            f"{path}: is a sweep with another {other}; continue it as it was, or choose another "
+            "folder"
+        )
+
+
+def _write_provenance(path: Path, kind: SweepKind) -> None:
+    over = dict(zip(kind.grid.keys, kind.grid.labels, strict=True))
+    content: dict[str, Any] = {
+        "format_version": FORMAT_VERSION,
+        "title": kind.scene.title,
+        "over": over,
+        "cases": len(kind.grid.cases),
+        "measure": kind.measure,
+        "scene": to_toml(kind.scene),
+        "digest": digest(kind.scene),
+        "versions": versions(),
+    }
+    with new_file(path / PROVENANCE, overwrite=True) as beside:
+        text = json.dumps(content, indent=2, ensure_ascii=False)
+        beside.write_text(text + "\n", encoding="utf-8")
+
+
+def _read_cases(path: Path) -> dict[str, Outcome]:
+    """Read the finished cases; cut off an unfinished line, pass over damaged ones.
+
+    Cases that may succeed when they are tried again are not counted as finished.
+    """
+    if not path.is_file():
+        return {}
+    content = path.read_bytes()
+    whole = content[: content.rfind(b"\n") + 1]
+    if len(whole) < len(content):
+        os.truncate(path, len(whole))
+    finished: dict[str, Outcome] = {}
+    for line in whole.splitlines():
+        checksum, _, text = line.partition(b" ")
+        if checksum != b"%08x" % zlib.crc32(text):
+            continue
+        row = json.loads(text)
+        finished[row["identity"]] = Outcome(row["cells"], row["error"], row["final"])
+    return {identity: outcome for identity, outcome in finished.items() if outcome.final}

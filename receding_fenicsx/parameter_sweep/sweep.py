@@ -1,0 +1,263 @@
+"""Sweep of a scene over a grid of values, on one process, on many, or on the ranks of an MPI job.
+
+table = rf.sweep(scene, {"contact.friction": [0.1, 0.2], "history.minimum": [0.0, 0.5]}, "out")
+table["dissipation_last_cycle"], table.grid("steady"), table.to_pandas()
+"""
+
+from __future__ import annotations
+
+import hashlib
+import inspect
+import pickle
+import signal
+import time
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import Executor
+from contextlib import ExitStack, closing, contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from receding_fenicsx import mpi
+from receding_fenicsx.errors import InputError, Interrupted
+from receding_fenicsx.long_run import INTERRUPTED, duration
+from receding_fenicsx.parameter_sweep import processes
+from receding_fenicsx.parameter_sweep.cases import Case, grid_of
+from receding_fenicsx.parameter_sweep.folder import SweepFolder, SweepKind, sweep_folder
+from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
+from receding_fenicsx.parameter_sweep.worker import Measure, Outcome, Task
+from receding_fenicsx.scene.model import Scene
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+MAX_WORKERS = 1024
+
+
+@dataclass(frozen=True)
+class SweepOptions:
+    """Options of a sweep.
+
+    Attributes:
+        overwrite: replace an earlier sweep in the folder.
+        resume: go on with an earlier sweep of the same scene over the same keys; its finished cases
+            are kept, values may have been added.
+        executor: an executor of ``concurrent.futures`` that plays the cases, such as the
+            ``MPIPoolExecutor`` of ``python -m mpi4py.futures``.
+        folder: folder that paths of files among the values are relative to; default: the working
+            directory.
+        progress: called on rank 0 with a text after every case.
+    """
+
+    overwrite: bool = False
+    resume: bool = False
+    executor: Executor | None = None
+    folder: Path | None = None
+    progress: Callable[[str], None] | None = None
+
+
+def sweep(
+    scene: Scene,
+    over: Mapping[str, Any],
+    out: str | Path | None = None,
+    workers: int | None = None,
+    measure: Measure | None = None,
+    options: SweepOptions = SweepOptions(),
+) -> SweepTable | None:
+    """Play a scene for every combination of values; all ranks of an MPI job call this together.
+
+    Cases of the same body, mesh, contact edges, loads and supports share one condensed system. A
+    case that fails is a row with its reason. Under ``mpirun -n R``, rank 0 hands out the cases and
+    the others play them.
+
+    Args:
+        scene: the scene that is changed.
+        over: values of each key "table.key" or "load.NAME.key": a list, or a dictionary of values
+            by the names that the table shows.
+        out: folder for ``sweep.csv``, ``sweep.json`` (what the sweep is of) and ``cases.jsonl``
+            (finished cases, from which an interrupted sweep goes on). None writes nothing.
+        workers: number of new processes of this machine that play the cases; default: this process.
+        measure: function that takes a dictionary of numbers and texts from the record of a case;
+            default: the headline numbers. For other processes it must be a function of a module.
+        options: further options.
+
+    Returns:
+        The table on rank 0, None on the others.
+
+    Raises:
+        InputError: a key or a value cannot be used in any combination, the folder holds another
+            sweep, or the options contradict each other. Nothing has been computed then.
+        Interrupted: a signal asked to end; the folder can be resumed.
+    """
+    comm = mpi.world()
+    alone = comm.size == 1 or options.executor is not None
+    _check_workers(workers, measure, options, comm)
+
+    def prepare() -> SweepKind:
+        return SweepKind(scene, grid_of(scene, over, options.folder), _identity(measure))
+
+    if alone:
+        return _swept(prepare(), out, measure, options, _player(workers, options.executor))
+    return _on_ranks(comm, prepare, out, measure, options)
+
+
+def _on_ranks(
+    comm: MPI.Comm,
+    prepare: Callable[[], SweepKind],
+    out: str | Path | None,
+    measure: Measure | None,
+    options: SweepOptions,
+) -> SweepTable | None:
+    """Sweep on the ranks of an MPI job; errors of rank 0 are raised on all of them."""
+    from mpi4py.futures import MPICommExecutor
+    from petsc4py import PETSc  # noqa: F401 - its start is collective
+
+    kind = mpi.on_root(comm, prepare)
+    table: SweepTable | None = None
+    error: BaseException | None = None
+    executors = MPICommExecutor(comm, root=0)  # type: ignore[arg-type]
+    with _deaf_unless_root(comm), executors as executor:
+        if executor is not None:
+            try:
+                player = _player(None, executor)
+                table = _swept(mpi.given(kind), out, measure, options, player)
+            except BaseException as caught:
+                error = caught
+
+    def answer() -> SweepTable:
+        if error is not None:
+            raise error
+        return mpi.given(table)
+
+    return mpi.on_root(comm, answer)
+
+
+@contextmanager
+def _deaf_unless_root(comm: MPI.Comm) -> Iterator[None]:
+    """Let rank 0 alone answer signals that ask to end: it withdraws the cases not begun."""
+    kept = {}
+    if comm.rank > 0:
+        with suppress(ValueError):  # signals belong to the main thread
+            for number in (signal.SIGINT, signal.SIGTERM):
+                kept[number] = signal.signal(number, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number, handler in kept.items():
+            signal.signal(number, handler)
+
+
+Player = Callable[[Mapping[int, Task]], processes.Played]
+
+
+def _player(workers: int | None, executor: Executor | None) -> Player:
+    """Return the function that plays the cases."""
+    if executor is not None:
+        return lambda tasks: processes.on_executor(executor, tasks)
+    if workers is not None:
+        return lambda tasks: processes.on_processes(tasks, workers)
+    return processes.in_this_process
+
+
+def _swept(
+    kind: SweepKind,
+    out: str | Path | None,
+    measure: Measure | None,
+    options: SweepOptions,
+    player: Player,
+) -> SweepTable:
+    """Play the cases that are not finished, and return the table."""
+    cases = kind.grid.cases
+    with ExitStack() as stack:
+        folder = None
+        finished: dict[str, Outcome] = {}
+        if out is not None:
+            opened = sweep_folder(Path(out), kind, options.overwrite, options.resume)
+            folder = stack.enter_context(opened)
+            finished = folder.finished
+        systems = None if folder is None else folder.systems
+        # cases of one body follow each other: a process keeps few condensed systems
+        order = sorted(range(len(cases)), key=lambda number: cases[number].body)
+        tasks = {
+            number: Task(scene, case.body, systems, measure, (*kind.grid.keys, ERROR))
+            for number, case, scene in ((k, cases[k], cases[k].scene) for k in order)
+            if scene is not None and case.identity not in finished
+        }
+        _play(player, tasks, (cases, folder, finished), options.progress)
+        rows = (_row(kind.grid.keys, case, finished) for case in cases)
+        table = SweepTable(kind.grid.keys, kind.grid.labels, tuple(rows))
+        if folder is not None:
+            folder.publish(table)
+    return table
+
+
+def _play(
+    player: Player,
+    tasks: Mapping[int, Task],
+    kept: tuple[tuple[Case, ...], SweepFolder | None, dict[str, Outcome]],
+    progress: Callable[[str], None] | None,
+) -> None:
+    """Play cases; keep each of them as it finishes."""
+    cases, folder, finished = kept
+    done, begin = len(cases) - len(tasks), time.monotonic()
+    failed = 0
+    try:
+        with closing(player(tasks)) as played:
+            for count, (number, outcome) in enumerate(played, 1):
+                finished[cases[number].identity] = outcome
+                if folder is not None:
+                    folder.add(cases[number], outcome)
+                failed += bool(outcome.error)
+                if progress is not None:
+                    left = duration((time.monotonic() - begin) / count * (len(tasks) - count))
+                    bad = f", {failed} failed" if failed else ""
+                    progress(f"sweep: case {done + count} of {len(cases)}{bad}, {left} left")
+    except (KeyboardInterrupt, SystemExit) as signalled:
+        if folder is None:
+            raise
+        code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
+        text = f"interrupted after {len(folder.finished)} of {len(cases)} cases"
+        text = f"{text}; {folder.path} holds them; continue by --resume"
+        raise Interrupted(text, int(code or 1)) from None
+
+
+def _row(keys: tuple[str, ...], case: Case, finished: Mapping[str, Outcome]) -> dict[str, Any]:
+    """Return the row of a case."""
+    outcome = Outcome({}, case.error) if case.scene is None else finished[case.identity]
+    return {**dict(zip(keys, case.labels, strict=True)), **outcome.cells, ERROR: outcome.error}
+
+
+def _check_workers(
+    workers: int | None, measure: Measure | None, options: SweepOptions, comm: MPI.Comm
+) -> None:
+    """Raise InputError for a wrong number of workers, or a function that cannot be sent to them."""
+    if workers is not None:
+        if isinstance(workers, bool) or not isinstance(workers, int):
+            raise InputError(f"workers = {workers!r}: must be a whole number")
+        if not 1 <= workers <= MAX_WORKERS:
+            raise InputError(f"workers = {workers}: must be from 1 to {MAX_WORKERS}")
+        if options.executor is not None or comm.size > 1:
+            raise InputError(
+                "workers: the cases are played by the ranks of the MPI job, or by the executor; "
+                "leave workers out"
+            )
+    if measure is not None and (workers is not None or options.executor or comm.size > 1):
+        try:
+            pickle.dumps(measure)
+        except Exception as error:
+            raise InputError(
+                f"measure: cannot be sent to another process ({error}); make it a function of a "
+                "module"
+            ) from None
+
+
+def _identity(measure: Measure | None) -> str:
+    """Return a text that changes with the function's name and program text."""
+    if measure is None:
+        return ""
+    name = getattr(measure, "__qualname__", type(measure).__qualname__)
+    try:
+        text = inspect.getsource(measure)
+    except (OSError, TypeError):
+        return name
+    return f"{name} {hashlib.sha256(text.encode()).hexdigest()[:16]}"

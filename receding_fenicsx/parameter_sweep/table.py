@@ -1,0 +1,133 @@
+"""Table of a sweep: a row for each case."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.atomic import new_file
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.tables import optional
+from receding_fenicsx.scene.checks import suggestion
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+ERROR = "error"
+"""Column of the reasons why cases failed."""
+SHOWN_ROWS, SHOWN_MEASURED = 20, 5
+"""Rows and measured columns that the printed table shows."""
+HEADLINES = (
+    "steady",
+    "steady_cycle",
+    "dissipation_last_cycle",
+    "stick_half_width_at_minimum",
+    "residual_max",
+)
+"""Measured columns that the printed table shows, where there are such."""
+
+
+@dataclass(frozen=True, repr=False)
+class SweepTable:
+    """Table of a sweep; ``table["dissipation_last_cycle"]`` is a column.
+
+    Attributes:
+        keys: the keys of the sweep, the first columns.
+        labels: the values of each key.
+        rows: one dictionary for each case, the last key varying fastest: keys, measured numbers
+            (none where the case failed), and "error", the reason why it failed, or "".
+    """
+
+    keys: tuple[str, ...]
+    labels: tuple[tuple[Any, ...], ...]
+    rows: tuple[dict[str, Any], ...]
+
+    @property
+    def columns(self) -> tuple[str, ...]:
+        """Names of all columns: keys, measured numbers, "error"."""
+        names = dict.fromkeys(name for row in self.rows for name in row)
+        return (*(name for name in names if name != ERROR), ERROR)
+
+    @property
+    def failed(self) -> tuple[dict[str, Any], ...]:
+        """Rows of the cases that failed."""
+        return tuple(row for row in self.rows if row[ERROR])
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        """Return a column; missing numbers are NaN, missing texts None.
+
+        Raises:
+            InputError: there is no such column.
+        """
+        if name not in self.columns:
+            raise InputError(
+                f"sweep: no column is named '{name}'; {suggestion(name, self.columns)}"
+            )
+        values = [row.get(name) for row in self.rows]
+        given = [value for value in values if value is not None]
+        if given and all(isinstance(v, int | float) and not isinstance(v, bool) for v in given):
+            if len(given) == len(values):
+                return np.array(values)
+            return np.array([math.nan if value is None else value for value in values])
+        column = np.empty(len(values), dtype=object)
+        column[:] = values
+        return column
+
+    def grid(self, name: str) -> NDArray[Any]:
+        """Return a column with one axis for each key, in the order of ``keys``."""
+        return self[name].reshape([len(values) for values in self.labels])
+
+    def to_pandas(self) -> pd.DataFrame:
+        """Return the table as a DataFrame; needs pandas."""
+        return optional("pandas").DataFrame({name: self[name] for name in self.columns})
+
+    def write_csv(self, path: str | Path, overwrite: bool = False) -> None:
+        """Write the table as a CSV file; numbers keep all their digits.
+
+        Raises:
+            InputError: the file exists already, or its folder is not writable.
+        """
+        names = self.columns
+        with (
+            new_file(Path(path), overwrite) as beside,
+            beside.open("w", encoding="utf-8", newline="") as file,
+        ):
+            writer = csv.writer(file, lineterminator="\n")
+            writer.writerow(names)
+            writer.writerows([row.get(name) for name in names] for row in self.rows)
+
+    def __repr__(self) -> str:
+        """Return the number of cases, and the first rows with the most important columns."""
+        measured = [name for name in self.columns[len(self.keys) :] if name != ERROR]
+        names = [name for name in HEADLINES if name in measured] or measured[:SHOWN_MEASURED]
+        names = [*self.keys, *names, *([ERROR] if self.failed else [])]
+        rows = [names, *([_shown(r.get(name)) for name in names] for r in self.rows[:SHOWN_ROWS])]
+        widths = [max(len(row[k]) for row in rows) for k in range(len(names))]
+        lines = [
+            "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+            for row in rows
+        ]
+        if len(self.rows) > SHOWN_ROWS:
+            lines.append(f"... {len(self.rows) - SHOWN_ROWS} more rows")
+        return "\n".join([*lines, _counts(self.rows, self.failed)])
+
+
+def _counts(rows: Sequence[dict[str, Any]], failed: Sequence[dict[str, Any]]) -> str:
+    """Return how many cases there are, and how many failed."""
+    text = f"{len(rows)} cases"
+    return f"{text}, {len(failed)} failed" if failed else text
+
+
+def _shown(value: Any) -> str:
+    """Return a cell as text, at most 40 characters."""
+    if value is None:
+        return "-"
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return text if len(text) <= 40 else text[:37] + "..."

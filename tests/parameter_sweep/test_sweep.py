@@ -1,0 +1,374 @@
+"""Sweeps over grids of values, interrupted and gone on with, against runs of single scenes."""
+
+import contextlib
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import sweep_measures
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+from receding_fenicsx.parameter_sweep import processes, worker
+from receding_fenicsx.parameter_sweep.values import read_over
+
+BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
+SMALL = ["mesh.contact_elements=10", "history.cycles=2"]
+OVER: dict[str, Any] = {"contact.friction": [0.2, 0.6], "history.minimum": [0.0, 0.25, 0.5]}
+comm = MPI.COMM_WORLD
+Run = Callable[..., Any]
+one_rank = pytest.mark.skipif(comm.size > 1, reason="starts processes by itself")
+
+
+def scene(*changes: str) -> rf.Scene:
+    return rf.read_scene(BLOCK, [*SMALL, *changes])
+
+
+def lines(folder: Path) -> list[bytes]:
+    return (folder / "cases.jsonl").read_bytes().splitlines(keepends=True)
+
+
+def test_rows_hold_the_numbers_of_single_runs() -> None:
+    table = rf.sweep(scene(), OVER)
+    for k, (f, minimum) in enumerate((f, m) for f in (0.2, 0.6) for m in (0.0, 0.25, 0.5)):
+        record = rf.run(scene(f"contact.friction={f}", f"history.minimum={minimum}"))
+        if table is None or record is None:
+            continue
+        row, summary = table.rows[k], rf.summarise(record)
+        assert (row["contact.friction"], row["history.minimum"]) == (f, minimum)
+        assert row["dissipation_last_cycle"] == summary["dissipation_per_cycle"][-1]
+        assert row["dissipation_first_loading"] == summary["dissipation_first_loading"]
+        assert (row["steady"], row["events"]) == (summary["steady"]["kind"], summary["events"])
+        assert row["residual_max"] == summary["residual_max"]
+        low, high = summary["turning_points"][-2:]
+        for key in ("contact_half_width", "stick_half_width", "p_max"):
+            assert row[f"{key}_at_minimum"] == low[key]
+            assert row[f"{key}_at_maximum"] == high[key]
+        assert row["error"] == ""
+    if table is not None:
+        assert len(table.rows) == 6 and table.failed == ()
+        assert table.grid("steady").shape == (2, 3)
+        # less friction, more slip; the same for a larger range of the load
+        assert np.all(np.diff(table.grid("dissipation_last_cycle"), axis=1) < 0.0)
+
+
+@one_rank
+def test_a_body_is_condensed_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    condensed = []
+
+    def counted(case: rf.Scene, *rest: Any, **options: Any) -> Any:
+        condensed.append(case.mesh.contact_elements)
+        return rf.condense(case, *rest, **options)
+
+    monkeypatch.setattr(worker, "condense", counted)
+    monkeypatch.setattr(worker, "_systems", {})
+    over = {
+        "contact.friction": [0.0, 0.3],
+        "contact.initial_gap": [0.0, "0.001*x**2"],
+        "solver.method": ["events", "gauss-seidel"],
+        "mesh.contact_elements": [8, 10, 12],  # fastest, and more than are kept in memory
+    }
+    table = rf.sweep(scene("history.cycles=1"), over)
+    assert table is not None and len(table.rows) == 24 and table.failed == ()
+    assert sorted(condensed) == [8, 10, 12]
+
+
+def test_a_case_that_fails_is_a_row_with_its_reason(shared_tmp_path: Path) -> None:
+    over = {
+        "solver.max_sweeps": [1, 20000],
+        "history.maximum": [0.4, 1.0],
+        "history.minimum": [0.25, 0.5],
+    }
+    changed = scene("solver.method=gauss-seidel", "solver.polish=false", "solver.steps_per_leg=4")
+    for _ in range(2):  # failures are kept as results are
+        options = rf.SweepOptions(resume=True)
+        table = rf.sweep(changed, over, shared_tmp_path / "out", options=options)
+        if table is None:
+            continue
+        errors = table.grid("error")
+        assert all("minimum: 0.5 is not below maximum = 0.4" in text for text in errors[:, 0, 1])
+        assert all("residual" in text for text in (*errors[0, 0, :1], *errors[0, 1]))
+        assert errors[1, 0, 0] == "" and set(errors[1, 1]) == {""}
+        D = table["dissipation_last_cycle"]
+        assert np.array_equal(np.isfinite(D), table["error"] == "")
+        assert len(table.failed) == 5 and repr(table).endswith("8 cases, 5 failed")
+        assert len(lines(shared_tmp_path / "out")) == 6  # two cases had no scene
+
+
+KILLED = """
+import os, signal, sys
+import receding_fenicsx as rf
+
+out, after, workers = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]) or None
+count = 0
+
+
+def kill_here(text):
+    global count
+    count += 1
+    if count == after:
+        os.kill(os.getpid(), signal.SIGKILL)
+
+
+if __name__ == "__main__":
+    scene = rf.read_scene({block!r}, {small!r})
+    options = rf.SweepOptions(resume=True, progress=kill_here)
+    rf.sweep(scene, {over!r}, out, workers, options=options)
+"""
+
+
+def running_with(mark: str) -> list[Path]:
+    """Return the processes that have a text in their environment."""
+    found = []
+    for place in Path("/proc").glob("[0-9]*/environ"):
+        with contextlib.suppress(OSError):
+            if mark.encode() in place.read_bytes():
+                found.append(place)
+    return found
+
+
+def test_a_sweep_killed_twice_has_the_table_of_an_undisturbed_one(
+    tmp_path: Path, mpirun: Run
+) -> None:
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    undisturbed = rf.sweep(scene(), OVER, whole)
+    program = tmp_path / "killed.py"
+    program.write_text(KILLED.format(block=BLOCK, small=SMALL, over=OVER))
+    # two processes of this machine, then two ranks; the parent kills itself by SIGKILL
+    mark = f"SWEEP_MARK={tmp_path}"
+    command = [sys.executable, str(program), str(out), "2", "2"]
+    environment = {**rf.child_environment(), "SWEEP_MARK": str(tmp_path)}
+    killed = subprocess.run(command, env=environment, check=False, stderr=subprocess.DEVNULL)
+    assert killed.returncode == -signal.SIGKILL
+    while running_with(mark):  # the new processes end with their parent
+        time.sleep(0.02)
+    assert len(lines(out)) == 2
+    assert mpirun(2, program, out, 2, 0).returncode != 0
+    assert len(lines(out)) == 4
+    assert not (out / "sweep.csv").exists()
+    said: list[str] = []
+    options = rf.SweepOptions(resume=True, progress=said.append)
+    table = rf.sweep(scene(), OVER, out, options=options)
+    assert len(said) == 2 and said[0].startswith("sweep: case 5 of 6, ")
+    assert table == undisturbed
+    assert (out / "sweep.csv").read_bytes() == (whole / "sweep.csv").read_bytes()
+    assert sorted(lines(out)) == sorted(lines(whole))
+    assert sorted(os.listdir(out)) == ["cases.jsonl", "sweep.csv", "sweep.json"]
+
+
+def test_damaged_lines_are_played_again(shared_tmp_path: Path) -> None:
+    out = shared_tmp_path / "out"
+    rf.sweep(scene(), OVER, out)
+    comm.Barrier()
+    whole, kept = (out / "sweep.csv").read_bytes(), lines(out)
+    comm.Barrier()
+    if comm.rank == 0:
+        flipped = bytearray(kept[1])
+        flipped[200] ^= 1
+        (out / "cases.jsonl").write_bytes(kept[0] + bytes(flipped) + kept[2] + kept[3][:100])
+    comm.Barrier()
+    said: list[str] = []
+    rf.sweep(scene(), OVER, out, options=rf.SweepOptions(resume=True, progress=said.append))
+    if comm.rank == 0:
+        assert len(said) == 4
+        assert (out / "sweep.csv").read_bytes() == whole
+        assert set(lines(out)) - {bytes(flipped)} == set(kept)
+
+
+def test_a_sweep_goes_on_with_more_values_but_nothing_else(shared_tmp_path: Path) -> None:
+    out, resume = shared_tmp_path / "out", rf.SweepOptions(resume=True)
+    over = {"contact.friction": [0.2]}
+    rf.sweep(scene(), over, out)
+    for other, keys, measure, word in (
+        (scene("material.poisson=0.2"), over, None, r"\[material\] poisson"),
+        (scene(), {"history.minimum": [0.2]}, None, "it is over contact.friction"),
+        (scene(), over, sweep_measures.half, "function measure"),
+    ):
+        with pytest.raises(rf.InputError, match=f"is a sweep with another.*{word}"):
+            rf.sweep(other, keys, out, measure=measure, options=resume)
+    said: list[str] = []
+    more = {"contact.friction": [0.4, 0.2]}
+    table = rf.sweep(scene(), more, out, options=replace(resume, progress=said.append))
+    if table is not None:
+        assert len(said) == 1 and table["contact.friction"].tolist() == [0.4, 0.2]
+    with pytest.raises(rf.InputError, match="holds a sweep; continue it"):
+        rf.sweep(scene(), over, out)
+    rf.sweep(scene(), over, out, options=rf.SweepOptions(overwrite=True))
+    comm.Barrier()
+    assert len(lines(out)) == 1
+
+
+def test_the_table_may_hold_numbers_of_the_users_own(shared_tmp_path: Path) -> None:
+    slips = {"none": 0.0, "wave": {"x": [-2.0, 0.0, 2.0], "value": [0.0, 0.1, 0.0]}}
+    over = {"history.initial_slip": slips, "load.p0.pressure": np.array([1.0, 2.0])}
+    table = rf.sweep(scene(), over, shared_tmp_path / "out", measure=sweep_measures.half)
+    if table is None:
+        return
+    assert table.columns == ("history.initial_slip", "load.p0.pressure", "half", "name", "error")
+    assert table["history.initial_slip"].tolist() == ["none", "none", "wave", "wave"]
+    # forces are proportional to the load, except where slip was there before
+    half = table.grid("half")
+    assert half[0, 1] == pytest.approx(2.0 * half[0, 0], rel=1e-12)
+    assert half[1, 1] != pytest.approx(2.0 * half[1, 0], rel=1e-3)
+    with open(shared_tmp_path / "out" / "sweep.csv", newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [float(row["half"]) for row in rows] == table["half"].tolist()
+    assert table.to_pandas()["half"].tolist() == table["half"].tolist()
+    with pytest.raises(rf.InputError, match="did you mean 'half'"):
+        table["halb"]
+
+
+@one_rank
+def test_a_case_whose_process_dies_is_a_row_and_is_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, over = tmp_path / "out", {"contact.friction": [0.2, 0.3, 0.4]}
+    measure = sweep_measures.dies_at_three_tenths
+    table = rf.sweep(scene(), over, out, workers=1, measure=measure)
+    assert table is not None
+    (bad,) = table.failed
+    assert bad["contact.friction"] == 0.3 and "process was ended" in bad["error"]
+    assert table["f"].tolist()[::2] == [0.2, 0.4] and np.isnan(table["f"][1])
+    monkeypatch.setattr(processes, "play", lambda task: worker.Outcome({"f": 7.0}))
+    again = rf.sweep(scene(), over, out, measure=measure, options=rf.SweepOptions(resume=True))
+    assert again is not None and again["f"].tolist() == [0.2, 7.0, 0.4]
+
+
+def test_an_interrupted_sweep_tells_how_to_go_on(shared_tmp_path: Path) -> None:
+    out = shared_tmp_path / "out"
+
+    def interrupt(_: str) -> None:
+        raise KeyboardInterrupt
+
+    with pytest.raises(rf.Interrupted, match=r"after 1 of 6 cases.*by --resume") as caught:
+        rf.sweep(scene(), OVER, out, options=rf.SweepOptions(progress=interrupt))
+    assert caught.value.exit_code == 130
+    comm.Barrier()
+    assert len(lines(out)) == 1
+
+
+@pytest.mark.parametrize(
+    ("texts", "values"),
+    [
+        (["a.b=1,2.5,true"], [1, 2.5, True]),
+        (["a.b=0.1:0.3:3"], [0.1, 0.2, 0.3]),
+        (["a.b=10:30:3, 99"], [10, 20, 30, 99]),  # alone TOML would read a time of day
+        (["a.b=1:2:3"], [1.0, 1.5, 2.0]),
+        (["a.b=events,gauss-seidel"], ["events", "gauss-seidel"]),
+        (["a.b=[-1.0, 1.0],[0.0, 2.0]"], [[-1.0, 1.0], [0.0, 2.0]]),
+        (['a.b={file = "gap.csv"}, "0.1*max(x, 0)"'], [{"file": "gap.csv"}, "0.1*max(x, 0)"]),
+    ],
+)
+def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None:
+    (found,) = read_over(texts).values()
+    assert found == pytest.approx(values) if isinstance(values[0], float) else found == values
+    assert list(map(type, found)) == list(map(type, values))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (["--over", "contact.frictoin=0.1,0.2"], ["contact.frictoin", "did you mean 'friction'"]),
+        (["--over", "contcat.friction=0.1"], ["unknown table 'contcat'", "contact"]),
+        (["--over", "load.q.pressure=1,2"], ["load.q.pressure", "unknown load 'q'"]),
+        (["--over", "friction=0.1"], ["friction", "table.key"]),
+        (["--over", "title=a,b"], ["title", "table.key"]),
+        (["--over", "contact.friction"], ["table.key=values"]),
+        (["--over", "contact.friction="], ["table.key=values"]),
+        (["--over", "contact.friction=0.1,,0.2"], ["missing between commas"]),
+        (["--over", "contact.friction=0.1,0.1"], ["0.1 occurs twice"]),
+        (["--over", "contact.friction=0.1:0.9:1"], ["first:last:number"]),
+        (["--over", "contact.friction=0.1:0.9:x"], ["first:last:number"]),
+        (["--over", "contact.friction=0:inf:3"], ["first:last:number"]),
+        (["--over", "contact.friction=0.3,-0.1"], ["contact.friction = -0.1", "friction"]),
+        (["--over", "mesh.contact_elements=10,20.5"], ["20.5", "whole number"]),
+        (["--over", "history.minimum=0.5,1.0"], ["history.minimum = 1.0", "not below maximum"]),
+        (["--over", "solver.method=events,event"], ["solver.method = event:", "events"]),
+        (["--over", "contact.initial_gap={file = 3},0.0"], ["path in quotes"]),
+        (["--over", "contact.friction=0.1", "--over", "contact.friction=0.2"], ["occurs twice"]),
+        (
+            ["--over", "contact.friction=0:1:1000", "--over", "history.minimum=0:0.9:2000"],
+            ["cases"],
+        ),
+        (["--over", "contact.friction=0.1", "--workers", "0"], ["workers = 0", "from 1"]),
+        (["--over", "contact.friction=0.1", "--workers", "two"], ["--workers", "two"]),
+        (["--over", "contact.friction=0.1", "--resume", "--overwrite"], ["give one of them"]),
+        ([], ["--over"]),
+    ],
+)
+def test_bad_input_is_refused_in_one_line_before_anything_runs(
+    changes: list[str],
+    words: list[str],
+    shared_tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    settings = [word for change in SMALL for word in ("--set", change)]
+    command = ["sweep", BLOCK, *settings, "--out", str(shared_tmp_path / "out"), *changes]
+    assert cli.main(command) == 2
+    captured = capsys.readouterr()
+    assert captured.out == ""
+    assert captured.err.count("\n") == (comm.rank == 0)
+    for word in words if comm.rank == 0 else ():
+        assert word in captured.err
+    assert os.listdir(shared_tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("over", "options", "words"),
+    [
+        ({}, {}, "keys and values"),
+        ({"contact.friction": 0.3}, {}, "list of values"),
+        ({"contact.friction": "0.3"}, {}, "list of values"),
+        ({"contact.friction": []}, {}, "has no values"),
+        ({"contact.friction": [None]}, {}, "must be a number"),
+        ({3: [1.0]}, {}, "table.key"),
+        ({"contact.friction": [0.3]}, {"workers": 1.5}, "whole number"),
+        ({"contact.friction": [0.3]}, {"workers": 2, "measure": lambda _: {}}, "of a module"),
+    ],
+)
+def test_bad_arguments_are_refused(over: Any, options: Any, words: str) -> None:
+    if comm.size > 1 and options.get("workers") == 2:
+        words = "leave workers out"
+    with pytest.raises(rf.InputError, match=words):
+        rf.sweep(scene(), over, **options)
+
+
+def test_measures_that_are_no_numbers_are_rows_with_the_reason() -> None:
+    for measure, reason in (
+        (sweep_measures.array, "'P' must be a number or a text, not a ndarray"),
+        (sweep_measures.number, "must return a dictionary, not a float"),
+        (sweep_measures.taken, "'error' cannot be the name of a column"),
+        (sweep_measures.wrong, "ZeroDivisionError"),
+    ):
+        table = rf.sweep(scene("history.cycles=1"), {"contact.friction": [0.2]}, measure=measure)
+        if table is not None:
+            assert reason in table.rows[0]["error"]
+
+
+def test_the_command_prints_a_short_table_and_says_where_the_rest_is(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = shared_tmp_path / "out"
+    settings = [word for change in SMALL for word in ("--set", change)]
+    command = ["sweep", BLOCK, *settings, "--out", str(out)]
+    command += ["--over", "contact.friction=0.1:0.5:5", "--over", "history.minimum=0:0.5:5"]
+    assert cli.main(command) == 0
+    captured = capsys.readouterr()
+    assert captured.err == ""
+    if comm.rank == 0:
+        shown = captured.out.splitlines()
+        assert len(shown) <= 30
+        assert shown[-3:] == ["... 5 more rows", "25 cases", f"written to {out / 'sweep.csv'}"]
+        assert json.loads((out / "sweep.json").read_text())["over"]["history.minimum"][1] == 0.125

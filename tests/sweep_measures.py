@@ -1,0 +1,32 @@
+"""Numbers that tests of sweeps take from records, in a module that new processes can import."""
+
+import os
+from typing import Any
+
+import receding_fenicsx as rf
+
+
+def half(record: rf.Record) -> dict[str, Any]:
+    return {"half": 0.5 * record.turning_points.P[-1].max(), "name": "half"}
+
+
+def dies_at_three_tenths(record: rf.Record) -> dict[str, Any]:
+    if record.f.max() == 0.3:
+        os._exit(7)
+    return {"f": record.f.max()}
+
+
+def array(record: rf.Record) -> dict[str, Any]:
+    return {"P": record.turning_points.P}
+
+
+def number(record: rf.Record) -> Any:
+    return record.residual_max
+
+
+def taken(record: rf.Record) -> dict[str, Any]:
+    return {"error": 0.0}
+
+
+def wrong(record: rf.Record) -> dict[str, Any]:
+    return {"half": 1 / 0}
