@@ -36,6 +36,7 @@ class Moment:
         v, w: (N,) tangential and normal displacement.
         f: (N,) coefficients of friction; for forward slip only where ``f_backward`` is given.
         f_backward: (N,) coefficients for backward slip, or None.
+        axisymmetric: x is the radius.
     """
 
     cycle: int
@@ -53,11 +54,13 @@ class Moment:
     w: Array
     f: Array
     f_backward: Array | None = None
+    axisymmetric: bool = False
 
     @property
     def zones(self) -> list[Zone]:
         """Zones of equal state as (name, from, to), from the smallest x to the greatest."""
-        return contact_zones(self.x, self.state, friction_of(self.f, self.f_backward).mean)
+        f = friction_of(self.f, self.f_backward).mean
+        return contact_zones(self.x, self.state, f, self.axisymmetric)
 
 
 def moment_of(record: RecordData, table: States, row: int) -> Moment:
@@ -72,6 +75,7 @@ def moment_of(record: RecordData, table: States, row: int) -> Moment:
         x=record.x,
         f=record.f,
         f_backward=record.f_backward,
+        axisymmetric=record.axisymmetric,
         **{key: getattr(table, key)[row] for key in ("state", "P", "Q", "p", "q", "v", "w")},
     )
 

@@ -34,14 +34,21 @@ def zones(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> l
     Returns:
         The zones from the smallest x to the greatest; each begins where the one before ends.
     """
+    return _split(x, state, {int(k): name for k, name in STATE_NAMES.items()}, axisymmetric)
+
+
+def _split(
+    x: Array, values: NDArray[np.integer], names: dict[int, str], axisymmetric: bool
+) -> list[Zone]:
+    """Split the contact edge into zones of equal value, with the name of each value."""
     if len(x) == 0:
         return []
-    starts = np.flatnonzero(np.diff(state)) + 1
+    starts = np.flatnonzero(np.diff(values)) + 1
     begin = [0.0] if axisymmetric and begins_on_axis(x) else x[:1]
     ends = np.concatenate([begin, 0.5 * (x[starts - 1] + x[starts]), x[-1:]])
     first = np.concatenate([[0], starts])
     return [
-        (STATE_NAMES[State(int(state[i]))], float(a), float(b))
+        (names[int(values[i])], float(a), float(b))
         for i, a, b in zip(first, ends[:-1], ends[1:], strict=True)
     ]
 
@@ -51,15 +58,17 @@ def contact_zones(
 ) -> list[Zone]:
     """Return the zones of :func:`zones`, with "contact" in place of "stick" without friction.
 
-    Without friction no node has a friction limit to stick below.
+    A node without friction has no limit to stick below: closed, it slides freely.
+
+    Args:
+        x: (N,) positions, increasing.
+        state: (N,) values of :class:`State`.
+        f: (N,) coefficient of friction; 0 at nodes without friction.
+        axisymmetric: x is the radius.
     """
-    found = zones(x, state, axisymmetric)
-    if np.any(f > 0.0):
-        return found
-    return [
-        (FRICTIONLESS_CONTACT if name == STATE_NAMES[State.STICK] else name, a, b)
-        for name, a, b in found
-    ]
+    names = {int(k): name for k, name in STATE_NAMES.items()} | {0: FRICTIONLESS_CONTACT}
+    slides = (np.asarray(state) == State.STICK) & (np.asarray(f) <= 0.0)
+    return _split(x, np.where(slides, 0, state), names, axisymmetric)
 
 
 def contact_half_width(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> float:

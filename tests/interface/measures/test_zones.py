@@ -2,7 +2,12 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.measures.zones import contact_half_width, stick_half_width, zones
+from receding_fenicsx.interface.measures.zones import (
+    contact_half_width,
+    contact_zones,
+    stick_half_width,
+    zones,
+)
 
 STICK, OPEN, FORWARD, BACKWARD = (
     State.STICK,
@@ -70,3 +75,18 @@ def test_nodes_without_friction_do_not_stick() -> None:
     state = np.array([OPEN, STICK, STICK, STICK, OPEN])
     assert stick_half_width(x, state, np.zeros(5)) == 0.0
     assert stick_half_width(x, state, np.array([0.3, 0.0, 0.3, 0.0, 0.3])) == 0.5
+
+
+def test_closed_nodes_without_friction_are_in_contact_and_do_not_stick() -> None:
+    x, closed = np.arange(6.0), np.array([2, 1, 1, 1, 3, 2])
+    f = np.array([0.0, 0.0, 0.0, 0.3, 0.3, 0.3])
+    expected = [
+        ("separation", 0.0, 0.5),
+        ("contact", 0.5, 2.5),
+        ("stick", 2.5, 3.5),
+        ("forward slip", 3.5, 4.5),
+        ("separation", 4.5, 5.0),
+    ]
+    assert contact_zones(x, closed, f) == expected
+    assert [name for name, _, _ in contact_zones(x, np.ones(6, int), 0.0 * f)] == ["contact"]
+    assert contact_zones(x[1:], closed[1:], f[1:], True)[0] == ("contact", 0.0, 2.5)
