@@ -51,8 +51,8 @@ def main() -> None:
 
 
 def show(stage: str) -> None:
-    """Print the stages of the run, but not every cycle."""
-    if "cycle" not in stage:
+    """Print the stages of the run, but not every cycle and picture."""
+    if ":" not in stage:
         print(f"  {stage} ...", flush=True)
 
 

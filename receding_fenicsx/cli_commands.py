@@ -80,6 +80,7 @@ def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
                 snapshots=None if pictures is None else pictures == "all",
                 resume=options.resume,
                 system_file=options.system,
+                pdf=options.pdf,
                 error=options.error,
                 progress=say,
             )

@@ -66,6 +66,7 @@ def _run(added: argparse.ArgumentParser) -> None:
         help="figures: plots of the contact; all: snapshots of the body too, which needs its mesh. "
         "Default: all, or figures with --system",
     )
+    added.add_argument("--pdf", action="store_true", help="draw the figures as PDF too")
     added.add_argument(
         "--error",
         action="store_true",
@@ -204,7 +205,7 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "run": (_run, "run a study: mesh, condense, evolve, write results, draw pictures"),
     "condense": (_condense, "condense the body to its contact nodes and save the system"),
     "sweep": (_sweep, "run a scene for every combination of values; write a table"),
-    "plot": (_run_folder, "draw the figures of a finished run again"),
+    "plot": (_run_folder, "draw the figures of a finished run again, as PNG and PDF"),
     "snapshot": (_snapshot, "draw the body of a finished run at one instant"),
     "animate": (_animate, "make an animation of one cycle of a finished run"),
     "export": (_export, "export one load step in the FCLIB format for other solvers"),

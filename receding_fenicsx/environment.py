@@ -89,6 +89,9 @@ def _tested(finding: Finding) -> Finding:
         return finding
     if finding.name == "MUMPS":
         return _factorisation(finding)
+    if finding.name == "matplotlib":
+        # the versions in a summary do without loading it
+        return _probe(finding.name, lambda: _module_version("matplotlib"), finding.advice)
     release = ".".join(finding.version.split(".")[:2])
     if finding.name == "dolfinx" and release not in TESTED_DOLFINX:
         tested = " and ".join(TESTED_DOLFINX)
@@ -130,7 +133,7 @@ def _modules() -> list[Finding]:
             pip.format("gmsh") + " and apt install libgl1 libglu1-mesa libxrender1 libxcursor1 "
             "libxfixes3 libxft2 libfontconfig1 libxinerama1",
         ),
-        ("matplotlib", lambda: _module_version("matplotlib"), pip.format("matplotlib")),
+        ("matplotlib", lambda: metadata.version("matplotlib"), pip.format("matplotlib")),
         ("pyvista", lambda: metadata.version("pyvista"), pip.format("pyvista")),
         ("vtk", lambda: metadata.version("vtk"), pip.format("'vtk>=9.5,<9.6'")),
         ("pillow", lambda: metadata.version("pillow"), pip.format("pillow")),

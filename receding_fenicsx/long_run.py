@@ -19,6 +19,7 @@ from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.timing import duration
 
 if TYPE_CHECKING:
     from receding_fenicsx.interface.system import ContactSystem
@@ -102,12 +103,3 @@ class _Pace:
         # the terminal has one line for the counts and the time; the rest is logged
         events = message.partition(",")[0]
         self.say(f"evolve: cycle {cycle} of {cycles}, {events}, {left} left at most")
-
-
-def duration(seconds: float) -> str:
-    """Return a duration in seconds, minutes or hours, depending on its length."""
-    if seconds < 100.0:
-        return f"{seconds:.0f} s"
-    if seconds < 6000.0:
-        return f"{seconds / 60.0:.0f} min"
-    return f"{seconds / 3600.0:.1f} h"

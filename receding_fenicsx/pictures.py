@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,9 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.mpi import world
+from receding_fenicsx.output.plots.beside import FigureProcess
+from receding_fenicsx.output.plots.child_process import cores
+from receding_fenicsx.output.snapshots import render
 from receding_fenicsx.output.storage.run_folder import read_run
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
@@ -58,7 +61,7 @@ def snapshot(
         The files written, on rank 0; None on the others.
     """
     with drawing_modules():
-        from receding_fenicsx.output.snapshots import draw as snapshots
+        from receding_fenicsx.output.snapshots.draw import snapshots
     comm = comm or world()
     folder = Path(folder)
     timer = Timer(progress if comm.rank == 0 else None)
@@ -71,7 +74,7 @@ def snapshot(
     bulk = picture_body(scene, comm)
     try:
         with timer("pictures"):
-            return snapshots.snapshot(bulk, instant, folder / "snapshots")
+            return snapshots(bulk, [instant], folder / "snapshots", say=timer.say)
     finally:
         bulk.destroy()
 
@@ -123,34 +126,119 @@ def animate(
         bulk.destroy()
 
 
-def draw(
-    scene: Scene,
-    comm: MPI.Comm,
-    system: ContactSystem | None,
-    record: Record | None,
-    folder: Path | None,
-    body: bool,
-) -> None:
-    """Draw the figures on rank 0 and, if wanted, the default snapshots of the body; collective."""
-    with drawing_modules():
-        from receding_fenicsx.output.plots import figures
-    mpi.on_root(comm, lambda: figures.plot_all(mpi.given(record), mpi.given(folder) / "figures"))
-    if not body:
-        return
-    with drawing_modules():
-        from receding_fenicsx.output.snapshots import colours
-        from receding_fenicsx.output.snapshots import draw as snapshots
+@dataclass(frozen=True)
+class Wanted:
+    """Pictures that a run draws.
 
-    def choose() -> list[Instant]:
-        return default_instants(scene, mpi.given(system), mpi.given(record))
+    Attributes:
+        figures: figures of the contact.
+        body: snapshots of the body too.
+        pdf: figures as PDF too.
+    """
 
-    instants, place = comm.bcast((mpi.on_root(comm, choose), folder))
-    fine = picture_body(scene, comm)
-    try:
-        for instant in instants:
-            snapshots.snapshot(fine, instant, place / "snapshots", colours.DEFAULT_QUANTITIES)
-    finally:
-        fine.destroy()
+    figures: bool = True
+    body: bool = True
+    pdf: bool = False
+
+
+class Drawing:
+    """Pictures of a run.
+
+    Where a second core is available, processes that draw are started beside the computation, and
+    the figures are drawn beside the snapshots of the body.
+    """
+
+    def __init__(self, comm: MPI.Comm, wanted: Wanted, say: Say | None) -> None:
+        """Start no process yet.
+
+        Args:
+            comm: communicator.
+            wanted: what is drawn.
+            say: called on rank 0 with the progress.
+        """
+        self.comm, self.wanted, self.say = comm, wanted, say
+        self.beside: FigureProcess | None = None
+
+    def __enter__(self) -> Drawing:
+        """Start the processes on rank 0; one that cannot start is replaced or missed later."""
+        wanted = self.wanted
+        if self.comm.rank == 0 and wanted.figures and wanted.body and cores() > 1:
+            # a missing renderer is an error when it is needed, on all ranks
+            with contextlib.suppress(RecedingError, OSError):
+                self.beside = FigureProcess()
+                render.renderer.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the process that draws figures; the renderer serves later runs too."""
+        if self.beside is not None:
+            self.beside.close()
+
+    def draw(
+        self,
+        scene: Scene,
+        system: ContactSystem | None,
+        record: Record | None,
+        folder: Path | None,
+    ) -> None:
+        """Draw the figures and, if wanted, the default snapshots of the body; collective.
+
+        Args:
+            scene: the scene.
+            system: its system, on rank 0.
+            record: its record, on rank 0, also in ``record.h5``.
+            folder: folder of the run, on rank 0.
+
+        Raises:
+            RecedingError: a library is missing, or drawing failed.
+        """
+        if not self.wanted.figures:
+            return
+        mpi.on_root(self.comm, lambda: self._begin_figures(mpi.given(record), mpi.given(folder)))
+        if self.wanted.body:
+            self._draw_body(scene, system, record, folder)
+        mpi.on_root(self.comm, self._finish_figures)
+
+    def _begin_figures(self, record: Record, folder: Path) -> None:
+        """Begin to draw the figures beside; draw them here where no process can do it."""
+        with drawing_modules():
+            from receding_fenicsx.output.plots import figures
+        place, formats = folder / "figures", figures.FORMATS if self.wanted.pdf else ("png",)
+        if self.beside is None:
+            figures.plot_all(record, place, formats=formats, tell=self._tell)
+        else:
+            self.beside.begin((folder / "record.h5", place, formats))
+
+    def _finish_figures(self) -> None:
+        """Wait for figures drawn beside."""
+        if self.beside is not None:
+            self.beside.finish(self._tell)
+
+    def _tell(self, name: str, done: int) -> None:
+        if self.say is not None:
+            self.say(f"figures: {done + 1}, {name}")
+
+    def _draw_body(
+        self,
+        scene: Scene,
+        system: ContactSystem | None,
+        record: Record | None,
+        folder: Path | None,
+    ) -> None:
+        """Draw the default snapshots of the body; collective."""
+        with drawing_modules():
+            from receding_fenicsx.output.snapshots import colours
+            from receding_fenicsx.output.snapshots.draw import snapshots
+
+        def choose() -> list[Instant]:
+            return default_instants(scene, mpi.given(system), mpi.given(record))
+
+        instants, place = self.comm.bcast((mpi.on_root(self.comm, choose), folder))
+        fine = picture_body(scene, self.comm)
+        try:
+            snapshots(fine, instants, place / "snapshots", colours.DEFAULT_QUANTITIES, self.say)
+        finally:
+            fine.destroy()
 
 
 def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
@@ -194,7 +282,7 @@ def plot(record: Record, folder: Path) -> list[Path]:
     return [*figures.plot_all(record, folder), html.write_report(folder.parent, record.scene_toml)]
 
 
-@contextmanager
+@contextlib.contextmanager
 def drawing_modules() -> Iterator[None]:
     """Import drawing modules; refer to the doctor where one of their libraries is missing.
 

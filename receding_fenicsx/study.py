@@ -21,7 +21,7 @@ from receding_fenicsx.output.report import space_errors, summary
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
 from receding_fenicsx.output.storage.run_folder import SYSTEM, run_folder
-from receding_fenicsx.pictures import draw, drawing_modules
+from receding_fenicsx.pictures import Drawing, Wanted, drawing_modules
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.timing import Say, Timer
@@ -45,6 +45,7 @@ class RunOptions:
             finished one in ``OUT`` for more cycles; start from rest where there is none.
         system_file: a saved system of the same body, material, mesh, contact edges, loads and
             supports, used instead of condensing again; the body is not meshed.
+        pdf: draw the figures as PDF too.
         error: solve on coarser meshes too, and estimate the space errors of the headline numbers.
         progress: called on rank 0 with a text about each stage and each cycle.
     """
@@ -54,6 +55,7 @@ class RunOptions:
     snapshots: bool | None = None
     resume: bool = False
     system_file: str | Path | None = None
+    pdf: bool = False
     error: bool = False
     progress: Say | None = None
 
@@ -88,7 +90,10 @@ def run(
         space_errors.check(scene)
     comm = comm or world()
     timer = Timer(options.progress if comm.rank == 0 else None)
-    with _folder(comm, out, scene, options) as folder:
+    with (
+        _folder(comm, out, scene, options) as folder,
+        Drawing(comm, _wanted(out, options), timer.say) as drawing,
+    ):
         system, extra = _system(scene, comm, timer, folder, options.system_file)
         with timer("evolve"):
             evolved = mpi.on_root(
@@ -107,17 +112,22 @@ def run(
         if out is not None:
             # written before the pictures too, which may fail
             mpi.on_root(comm, lambda: _write_record(folder, record))
-            _write_summary(comm, folder, record, extra, timer)
+            text = mpi.on_root(comm, lambda: summary.summarise(mpi.given(record), extra))
+            _write_summary(comm, folder, text, timer)
             with timer("pictures"):
-                if options.pictures and failure is None:
-                    body = options.system_file is None
-                    body = body if options.snapshots is None else options.snapshots
-                    draw(scene, comm, system, record, folder, body)
-            _write_summary(comm, folder, record, extra, timer)
+                if failure is None:
+                    drawing.draw(scene, system, record, folder)
+            _write_summary(comm, folder, text, timer)
             mpi.on_root(comm, lambda: _write_report(folder, record))
     if failure is not None:
         raise failure
     return record
+
+
+def _wanted(out: str | Path | None, options: RunOptions) -> Wanted:
+    """Return the pictures to draw."""
+    body = options.system_file is None if options.snapshots is None else options.snapshots
+    return Wanted(out is not None and options.pictures, body, options.pdf)
 
 
 def _system(
@@ -249,17 +259,13 @@ def _write_report(folder: Path | None, record: Record | None) -> None:
 
 
 def _write_summary(
-    comm: MPI.Comm,
-    folder: Path | None,
-    record: Record | None,
-    extra: dict[str, Any],
-    timer: Timer,
+    comm: MPI.Comm, folder: Path | None, text: dict[str, Any] | None, timer: Timer
 ) -> None:
     """Write the summary with timings and memory of the run so far; collective."""
-    whole = {**extra, **_costs(comm, timer)}
+    costs = _costs(comm, timer)
 
     def write() -> None:
-        text = summary.summarise(mpi.given(record), whole)
-        summary_file.write_summary(mpi.given(folder) / "summary.json", text, overwrite=True)
+        file = mpi.given(folder) / "summary.json"
+        summary_file.write_summary(file, mpi.given(text) | costs, overwrite=True)
 
     mpi.on_root(comm, write)

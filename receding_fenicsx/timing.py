@@ -1,4 +1,4 @@
-"""Timer of the stages of a run."""
+"""Timer of the stages of a run, and progress within a stage."""
 
 from __future__ import annotations
 
@@ -35,3 +35,36 @@ class Timer:
             spent = self.seconds.get(stage, 0.0)
             self.seconds[stage] = spent + time.perf_counter() - begin
             log.info("%s: %.3f s", stage, self.seconds[stage])
+
+
+Tell = Callable[[str, int], None]
+"""Called with the name of each picture before it is drawn, and the number of those before it."""
+
+
+class Countdown:
+    """Progress of a known number of pictures: those done, and the time left."""
+
+    def __init__(self, say: Say | None, what: str, total: int) -> None:
+        """Start to count; ``say`` is called with the progress."""
+        self.say, self.what, self.total = say, what, total
+        self.begin = time.monotonic()
+
+    def __call__(self, name: str, done: int) -> None:
+        """Tell the next picture and the number of those before it."""
+        log.info("%s: %d of %d, %s", self.what, done + 1, self.total, name)
+        if self.say is None:
+            return
+        text = f"{self.what}: {done + 1} of {self.total}, {name}"
+        if done:
+            spent = time.monotonic() - self.begin
+            text += f", about {duration(spent / done * (self.total - done))} left"
+        self.say(text)
+
+
+def duration(seconds: float) -> str:
+    """Return a duration in seconds, minutes or hours, depending on its length."""
+    if seconds < 100.0:
+        return f"{seconds:.0f} s"
+    if seconds < 6000.0:
+        return f"{seconds / 60.0:.0f} min"
+    return f"{seconds / 3600.0:.1f} h"

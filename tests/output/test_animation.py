@@ -49,7 +49,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
 ) -> None:
     drawn: list[tuple[View, Layout, Clock]] = []
 
-    def note(view: View, layout: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
+    def note(view: View, layout: Any, pixels: Any, colours: Any, clock: Any, _: Any) -> Figure:
         drawn.append((view, layout, clock))
         return compose(view, layout, pixels, colours, clock)
 
@@ -113,7 +113,7 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
     fields = [found for found in made if found is not None]
     drawn: list[tuple[View, Clock]] = []
 
-    def note(view: View, page: Any, pixels: Any, colours: Any, clock: Any) -> Figure:
+    def note(view: View, page: Any, pixels: Any, colours: Any, clock: Any, _: Any) -> Figure:
         drawn.append((view, clock))
         return Figure(figsize=(1.0, 1.0))
 

@@ -14,6 +14,7 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
+from PIL import Image
 
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.errors import InputError
@@ -40,6 +41,7 @@ from receding_fenicsx.output.plots.series import first_unloading, legs_of, slip_
 from receding_fenicsx.output.plots.traction_plots import tractions
 from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zone_plots import MAX_PANELS, zone_maps
+from receding_fenicsx.timing import Tell
 
 __all__ = [
     "cycle_maps",
@@ -56,6 +58,8 @@ __all__ = [
 ]
 
 FORMATS = ("png", "pdf")
+PNG_LEVEL = 1
+"""Compression of PNG files: level 6 needs twice the time for a tenth fewer bytes."""
 FIG7_CYCLE = 9
 """Cycle of the paper's Fig. 7."""
 FIG6_LOAD = 1.0 / 3.0
@@ -84,6 +88,7 @@ def plot_all(
     unloading: Record | None = None,
     stepped: Record | None = None,
     formats: str | Iterable[str] = FORMATS,
+    tell: Tell | None = None,
 ) -> list[Path]:
     """Draw and save all figures that a record has data for.
 
@@ -96,6 +101,7 @@ def plot_all(
             default show the first unloading of ``record``.
         stepped: record of the same history by another method, marked in Fig. 10.
         formats: file formats, as endings.
+        tell: called with the name of each figure before it is drawn.
 
     Returns:
         The files.
@@ -120,10 +126,24 @@ def plot_all(
             files = [place / f"{name}.{ending}" for ending in formats]
             if set(files) <= set(made):
                 continue
+            if tell is not None:
+                tell(name, len(made) // len(formats))
+            lay_out(figure)
             for path in files:
                 save(figure, path)
             made += files
     return made
+
+
+def lay_out(figure: Figure) -> None:
+    """Compute the positions of a figure's parts, which then stay as they are."""
+    engine = figure.get_layout_engine()
+    if engine is not None:
+        with mpl.rc_context(style.RC):
+            figure.dpi = style.DPI
+            style.agg_canvas(figure)
+            engine.execute(figure)
+        figure.set_layout_engine("none")
 
 
 def save(figure: Figure, path: Path) -> None:
@@ -132,13 +152,24 @@ def save(figure: Figure, path: Path) -> None:
     options: dict[str, dict[str, Any]] = {
         "pdf": {"metadata": {"CreationDate": None}},
         "svg": {"metadata": {"Date": None}},
-        # half the time of the usual level, a fifth more bytes
-        "png": {"pil_kwargs": {"compress_level": 2}},
     }
     # the PDF writer warns about the dates inside some systems' fonts
     logging.getLogger("fontTools").setLevel(logging.ERROR)
     with mpl.rc_context(style.RC), new_file(path, overwrite=True) as beside:
-        figure.savefig(beside, format=ending, **options.get(ending, {}))
+        if ending == "png":
+            _save_png(figure, beside)
+        else:
+            figure.savefig(beside, format=ending, **options.get(ending, {}))
+
+
+def _save_png(figure: Figure, path: Path) -> None:
+    """Save a figure as PNG without opacity, a fifth faster than Matplotlib and smaller."""
+    lay_out(figure)
+    figure.dpi = style.DPI
+    canvas = style.agg_canvas(figure)
+    canvas.draw()
+    pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
+    pixels.save(path, "PNG", compress_level=PNG_LEVEL, dpi=(style.DPI, style.DPI))
 
 
 def draw_all(

@@ -16,6 +16,7 @@ import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
+from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
@@ -115,6 +116,25 @@ def new_figure(width: float, height: float) -> Figure:
     figure = PaperFigure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
     return figure
+
+
+def agg_canvas(figure: Figure) -> FigureCanvasAgg:
+    """Return the canvas on which a figure is drawn as pixels.
+
+    Its renderer keeps the mathematics that were set for the figures before.
+    """
+    canvas = figure.canvas
+    if not isinstance(canvas, FigureCanvasAgg):
+        canvas = FigureCanvasAgg(figure)
+    renderer = canvas.get_renderer()
+    _parsers.append(renderer.mathtext_parser)
+    renderer.mathtext_parser = _parsers[0]
+    del _parsers[1:]
+    return canvas
+
+
+_parsers: list[MathTextParser] = []
+"""The parser of mathematics that all renderers share, which has their cache."""
 
 
 def ticks(axis: Axis, most: int = 5) -> None:

@@ -7,8 +7,6 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
-from PIL import Image
-
 from receding_fenicsx.output.report import html_elements as html
 
 PICTURE_WIDTH = 1200
@@ -65,6 +63,8 @@ def figures(paths: Sequence[Path], edges: set[str], paper: bool) -> str:
 
     shown = []
     for path in sorted(paths, key=place):
+        from PIL import Image
+
         with Image.open(path) as image:
             wide = image.width > WIDE_FIGURE
         caption = f"On {path.parent.name}: " if path.parent.name in edges else ""
@@ -80,6 +80,8 @@ def snapshots(paths: Sequence[Path]) -> str:
     """Return pictures of the body, reduced in size and as JPEG."""
     shown = []
     for path in paths:
+        from PIL import Image
+
         with Image.open(path) as image:
             size = PICTURE_WIDTH, round(image.height * PICTURE_WIDTH / image.width)
             small = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)

@@ -14,7 +14,6 @@ from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
@@ -28,7 +27,7 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.units import load_symbol, peak, pressure_of
 from receding_fenicsx.output.snapshots.colours import Quantity
-from receding_fenicsx.output.snapshots.draw import draw_pages
+from receding_fenicsx.output.snapshots.draw import draw_sheets, sheets_of
 from receding_fenicsx.output.snapshots.layout import layout_of
 from receding_fenicsx.output.snapshots.load_arrows import largest_factors
 from receding_fenicsx.output.snapshots.page import Clock
@@ -131,8 +130,8 @@ def draw_frames(
     frames = []
     with mpl.rc_context(style.RC):
         layout = layout_of(*views, dpi=FILM_DPI)
-        for page in draw_pages(views, quantity, layout, clocks):
-            canvas = FigureCanvasAgg(page)
+        for page in draw_sheets(sheets_of(views, quantity, layout, clocks)):
+            canvas = style.agg_canvas(page)
             canvas.draw()
             frames.append(np.array(canvas.buffer_rgba())[:, :, :3])
     return frames

@@ -5,11 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from matplotlib.artist import Artist, allow_rasterization
 from matplotlib.axes import Axes
+from matplotlib.backend_bases import RendererBase
 from matplotlib.cm import ScalarMappable
 from matplotlib.colors import ListedColormap, Normalize
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
+from matplotlib.tri import Triangulation
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.measures.zones import zones
@@ -27,6 +30,8 @@ TICK_SPACING = 0.18
 """Smallest distance in inches of the labels of a colour bar."""
 MAX_TICKS = 6
 """Largest number of labels of a colour bar."""
+CONTOUR_PIXELS = 1.0
+"""Width of a contour line in pixels."""
 CLOCK_MARGIN = 0.12
 """Room left and right of the curves of the loads in a film, over their length."""
 
@@ -54,8 +59,34 @@ class Clock:
     legend: str = "upper right"
 
 
+class PixelImage(Artist):
+    """An image with one pixel for each pixel of the page, drawn as it is."""
+
+    def __init__(self, pixels: Pixels, corner: tuple[float, float]) -> None:
+        """Place the image with its lower left corner at a point of the page, in inches."""
+        super().__init__()
+        self.set_zorder(1.0)
+        opaque = np.full((*pixels.shape[:2], 1), 255, np.uint8)
+        self.rgba = np.concatenate([pixels, opaque], axis=2)[::-1]
+        self.corner = corner
+
+    @allow_rasterization
+    def draw(self, renderer: RendererBase) -> None:
+        """Draw the image."""
+        assert self.figure is not None
+        x, y = (round(inches * self.figure.dpi) for inches in self.corner)
+        context = renderer.new_gc()
+        renderer.draw_image(context, x, y, self.rgba)
+        context.restore()
+
+
 def compose(
-    view: View, layout: Layout, pixels: Pixels, colours: Colours, clock: Clock | None = None
+    view: View,
+    layout: Layout,
+    pixels: Pixels,
+    colours: Colours,
+    clock: Clock | None = None,
+    contours: tuple[Array, Array] | None = None,
 ) -> Figure:
     """Draw the page around the rendered field.
 
@@ -65,13 +96,16 @@ def compose(
         pixels: the rendered field.
         colours: its colours.
         clock: position in a film; None for a single picture.
+        contours: field at the vertices, and the values at which contour lines are drawn.
 
     Returns:
         The page.
     """
     figure = Figure(figsize=(layout.width, layout.height), dpi=layout.dpi)
     body = _axes_at(figure, layout.body)
-    body.imshow(pixels, extent=layout.window, interpolation="antialiased", aspect="auto", zorder=1)
+    body.add_artist(PixelImage(pixels, layout.body[:2]))
+    if contours is not None:
+        _draw_contours(body, view, *contours, layout.dpi)
     body.set_xlim(layout.window[0], layout.window[1])
     body.set_ylim(layout.window[2], layout.window[3])
     body.set_axis_off()
@@ -86,6 +120,26 @@ def compose(
     _draw_colour_bar(figure, view, layout, colours)
     _write_captions(figure, view, layout, colours.note)
     return figure
+
+
+def _draw_contours(axes: Axes, view: View, values: Array, levels: Array, dpi: float) -> None:
+    """Draw the contour lines of a field."""
+    inside = levels[(values.min() < levels) & (levels < values.max())]
+    if not len(inside):
+        return
+    cells = view.cells
+    if cells.shape[1] > 3:
+        cells = np.vstack([cells[:, :3], cells[:, [0, 2, 3]]])
+    axes.tricontour(
+        Triangulation(view.moved[:, 0], view.moved[:, 1], cells),
+        values,
+        levels=inside,
+        colors="black",
+        alpha=0.5,
+        linewidths=CONTOUR_PIXELS * 72.0 / dpi,
+        linestyles="solid",
+        zorder=1.5,
+    )
 
 
 def _axes_at(figure: Figure, box: Box) -> Axes:

@@ -1,0 +1,148 @@
+"""Pictures of a run: drawn beside each other, errors of the processes, progress."""
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from receding_fenicsx import environment, pictures, read_scene, study
+from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots.beside import FigureProcess
+from receding_fenicsx.output.plots.child_process import ChildProcess
+from receding_fenicsx.timing import Countdown
+
+BLOCK = Path(__file__).parents[1] / "demos" / "block.toml"
+SMALL = ["mesh.contact_elements=12", "history.cycles=1", "output.samples_per_leg=4"]
+COMM = MPI.COMM_WORLD
+
+
+def test_pictures_of_a_run_are_the_same_on_one_core_and_on_two(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    heard: list[str] = []
+    for cores in (1, 2):
+        monkeypatch.setattr(pictures, "cores", lambda cores=cores: cores)
+        options = study.RunOptions(pdf=cores == 2, progress=heard.append)
+        study.run(read_scene(BLOCK, SMALL), shared_tmp_path / str(cores), options, COMM)
+
+    def compare() -> None:
+        one, two = (
+            {str(p.relative_to(folder)): p.read_bytes() for p in folder.rglob("*.p*")}
+            for folder in (shared_tmp_path / "1", shared_tmp_path / "2")
+        )
+        pages = {name for name in two if name.endswith(".pdf")}
+        # PDF only where asked for, one for each figure
+        assert not any(name.endswith(".pdf") for name in one)
+        assert {f"{name[:-4]}.png" for name in pages} == {n for n in one if "figures" in n}
+        assert one == {name: data for name, data in two.items() if name not in pages}
+        drawn = len([name for name in one if "snapshots" in name])
+        assert drawn == 6
+        for text in ("figures: 1, ", f"pictures of the body: {drawn} of {drawn}, "):
+            assert sum(line.startswith(text) for line in heard) == 2, text
+
+    on_root(COMM, compare)
+
+
+def test_errors_of_the_process_that_draws_arrive_in_one_line(shared_tmp_path: Path) -> None:
+    out = shared_tmp_path / "run"
+    study.run(read_scene(BLOCK, SMALL), out, study.RunOptions(pictures=False), COMM)
+
+    def check() -> None:
+        (out / "figures").write_text("no folder")
+        process = FigureProcess()
+        process.begin((out / "record.h5", out / "figures", ("png",)))
+        with pytest.raises(InputError, match="figures") as refused:
+            process.finish(None)
+        assert "\n" not in str(refused.value)
+        assert process.child is not None
+        process.child.process.kill()
+        process.child.process.wait()
+        with pytest.raises(RecedingError, match=r"drawing failed .*status -9"):
+            process.begin((out / "record.h5", out / "more", ("png",)))
+            process.finish(None)
+        process.close()
+
+    on_root(COMM, check)
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_process_that_draws_ends_with_its_parent() -> None:
+    code = (
+        "import time\n"
+        "from receding_fenicsx.output.plots.child_process import ChildProcess\n"
+        "child = ChildProcess('receding_fenicsx.output.plots.beside:painter')\n"
+        "print(child.process.pid, flush=True)\n"
+        "time.sleep(60.0)\n"
+    )
+    command = [sys.executable, "-c", code]
+    variables = environment.child_environment()
+    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=variables) as parent:
+        assert parent.stdout is not None
+        child = int(parent.stdout.readline())
+        os.kill(child, 0)
+        parent.send_signal(signal.SIGKILL)
+    for _ in range(600):
+        try:
+            os.kill(child, 0)
+            state = Path(f"/proc/{child}/stat").read_text().rpartition(") ")[2][:1]
+        except (ProcessLookupError, FileNotFoundError):
+            return
+        if state == "Z":
+            return
+        time.sleep(0.1)
+    pytest.fail("the process is still there")
+
+
+@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+def test_run_without_pictures_loads_no_drawing_library(tmp_path: Path) -> None:
+    code = (
+        "import json, sys\n"
+        "from receding_fenicsx.cli import main\n"
+        "code = main(sys.argv[1:])\n"
+        "found = {'matplotlib', 'pyvista', 'vtkmodules', 'PIL'} & set(sys.modules)\n"
+        "print(json.dumps([code, sorted(found)]))\n"
+    )
+    options = [part for value in SMALL for part in ("--set", value)]
+    arguments = ["run", str(BLOCK), "--pictures", "none", "--out", str(tmp_path / "run"), *options]
+    done = subprocess.run(
+        [sys.executable, "-c", code, *arguments],
+        env=environment.child_environment(),
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert json.loads(done.stdout.splitlines()[-1]) == [0, []]
+
+
+def test_libraries_missing_in_the_process_are_said() -> None:
+    def check() -> None:
+        child = ChildProcess("receding_fenicsx.no_such_module:painter")
+        with pytest.raises(EOFError):
+            child.answer()
+        assert "No module named" in child.last_words()
+
+    on_root(COMM, check)
+
+
+def test_countdown_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([0.0, 2.0, 6.0])
+    heard: list[str] = []
+    with monkeypatch.context() as patched:
+        patched.setattr(time, "monotonic", lambda: next(clock))
+        tell = Countdown(heard.append, "frames", 4)
+        for done, name in enumerate(("a", "b", "c")):
+            tell(name, done)
+    # 2 s for the first frame, 6 s for two of them
+    assert heard == [
+        "frames: 1 of 4, a",
+        "frames: 2 of 4, b, about 6 s left",
+        "frames: 3 of 4, c, about 6 s left",
+    ]
