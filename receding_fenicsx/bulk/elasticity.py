@@ -93,8 +93,9 @@ def _nodal_forces(
     for load in scene.loads:
         if load.displacement is None:
             add_load(forces[load.name], space, body, scene, load)
-            if P is not None:
-                _tie_forces(P, forces[load.name])
+    if P is not None:
+        for vector in forces.values():
+            _tie_forces(P, vector)
     return forces
 
 

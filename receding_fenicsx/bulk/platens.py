@@ -73,13 +73,13 @@ def find_ties(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> Ties:
     for load in scene.loads:
         if load.platen:
             keys.setdefault((load.edge, load.span), load.name)
-    taken: dict[int, str] = {}
+    taken: dict[int, tuple[str, str]] = {}
     parts: list[tuple[Ints, Ints, Array, Array]] = []
     for (edge, span), name in keys.items():
         nodes, places = edge_nodes(space, body, edge, span)
         for node in nodes:
-            other = taken.setdefault(int(node), name)
-            if other != name:
+            other, where = taken.setdefault(int(node), (name, f"{edge} {span}"))
+            if where != f"{edge} {span}":
                 raise InputError(
                     f"load '{name}': its platen on '{edge}' meets that of load '{other}'; give "
                     "both the same edge and span, or a span that leaves a gap between them"
@@ -105,32 +105,41 @@ def find_prescribed(
     Raises:
         InputError: it is not constant on a platen, or free in both components; on all ranks.
     """
-    return {
-        load.name: _prescribed(load, space, body, ties)
-        for load in scene.loads
-        if load.displacement is not None
-    }
+    parts: dict[str, list[tuple[Ints, Array, Array]]] = {}
+    for load in scene.loads:
+        if load.displacement is not None:
+            parts.setdefault(load.name, []).extend(_given(load, space, body, ties))
+    return {name: _prescribed(name, given) for name, given in parts.items()}
 
 
-def _prescribed(load: Load, space: fem.FunctionSpace, body: BodyMesh, ties: Ties) -> Prescribed:
+def _given(
+    load: Load, space: fem.FunctionSpace, body: BodyMesh, ties: Ties
+) -> list[tuple[Ints, Array, Array]]:
+    """Return degrees of freedom, values and places (n, 2) of each prescribed component."""
     assert load.displacement is not None
     nodes, places = edge_nodes(space, body, load.edge, load.span)
     given = [
-        (2 * ties.leader(nodes) + axis, profile_values(load, body, part, places))
+        (2 * ties.leader(nodes) + axis, profile_values(load, body, part, places), places)
         for axis, part in enumerate(load.displacement)
         if part != FREE
     ]
     if not given:
         raise InputError(f"load '{load.name}' displacement: is free in both directions; give one")
-    every = np.concatenate([dofs for dofs, _ in given])
-    values = np.concatenate([v for _, v in given])
+    return given
+
+
+def _prescribed(name: str, given: list[tuple[Ints, Array, Array]]) -> Prescribed:
+    """Join the components on all edges of a load; they agree where they share a node."""
+    every, values, places = (np.concatenate([part[k] for part in given]) for k in range(3))
     dofs, first, inverse = np.unique(every, return_index=True, return_inverse=True)
-    if np.abs(values - values[first][inverse]).max() > EQUAL_TOLERANCE * np.abs(values).max():
+    differs = np.abs(values - values[first][inverse])
+    if differs.max() > EQUAL_TOLERANCE * np.abs(values).max():
+        x, y = places[int(np.argmax(differs))]
         raise InputError(
-            f"load '{load.name}' displacement: differs along the platen on edge '{load.edge}', "
-            "which moves without rotation; give numbers"
+            f"load '{name}' displacement: has two values at ({x:g}, {y:g}), of two edges or on a "
+            "platen, which moves without rotation; give equal numbers"
         )
-    return Prescribed(dofs, values[first], np.tile(places, (len(given), 1))[first])
+    return Prescribed(dofs, values[first], places[first])
 
 
 def tie_matrix(matrix: PETSc.Mat, ties: Ties) -> PETSc.Mat | None:

@@ -107,20 +107,45 @@ def _check_kind(scene: Scene, load: Load, where: str) -> None:
 def _check_load_names(scene: Scene) -> None:
     if not scene.loads:
         raise InputError("[[load]]: the scene has none; add one")
-    names = [(load.name, scene.find_edge(load.edge)[0].name) for load in scene.loads]
-    for name, body in names:
-        if not name.strip():
+    for load in scene.loads:
+        if not load.name.strip():
             raise InputError("[[load]] name: is empty; give the load a name")
-        if not name.isprintable():
+        if not load.name.isprintable():
             raise InputError(
-                f"[[load]] name: {name!r} holds a character that cannot be printed; remove it"
+                f"[[load]] name: {load.name!r} holds a character that cannot be printed; remove it"
             )
-        count = names.count((name, body))
-        if count > 1:
-            raise InputError(
-                f"load '{name}': {count} loads have this name; rename one (only parts on two "
-                "bodies share a name)"
-            )
+    for k, load in enumerate(scene.loads):
+        for other in scene.loads[:k]:
+            if other.name == load.name:
+                _check_parts(scene, other, load)
+
+
+def _check_parts(scene: Scene, a: Load, b: Load) -> None:
+    """Check two parts of one load: both forces or both displacements, and not the same part."""
+    if (a.displacement is None) != (b.displacement is None):
+        forced, moved = (a, b) if b.displacement is not None else (b, a)
+        raise InputError(
+            f"load '{a.name}': is a force on \"{forced.edge}\" and a displacement on "
+            f'"{moved.edge}"; give them two names'
+        )
+    if scene.find_edge(a.edge) != scene.find_edge(b.edge) or _kinds(a) != _kinds(b):
+        return
+    if has_mesh_file(scene, a.edge):
+        overlap = a.span is None or b.span is None or _overlap(a.span, b.span) > 0.0
+    else:
+        whole = edge_range(scene, a.edge)
+        length = LENGTH_TOLERANCE * (whole[1] - whole[0])
+        overlap = _overlap(a.span or whole, b.span or whole) > length
+    if overlap:
+        raise InputError(
+            f"load '{a.name}': two of its parts are a {_kinds(a)[0]} on the same part of "
+            f'"{a.edge}"; write them as one, or rename one'
+        )
+
+
+def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
+    """Return the length that two spans share, negative where they are apart."""
+    return min(a[1], b[1]) - max(a[0], b[0])
 
 
 def _check_support(scene: Scene, support: Support) -> None:

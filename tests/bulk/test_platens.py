@@ -358,7 +358,7 @@ def test_mirror_symmetry_of_moved_edges(load: Load, symmetric: bool) -> None:
         ({"loads": (PRESS, replace(SHEAR, span=(0.0, 1.0)))}, "meets that of load 'P'"),
         ({"loads": (replace(PRESS, edge="right"),)}, "takes along a contact node"),
         ({"loads": (Load("d", "right", displacement=(1.0, 0.0)),)}, "takes along a contact node"),
-        ({"loads": (replace(SINK, platen=True, displacement=("x", 0.0)),)}, "differs along"),
+        ({"loads": (replace(SINK, platen=True, displacement=("x", 0.0)),)}, "has two values at"),
         (
             {"loads": (SINK,), "supports": (Support("y", point=(0.0, 1.0)),)},
             "a node that a support",

@@ -526,10 +526,10 @@ def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> No
             {
                 "loads": (
                     Load("p", "upper.top", pressure=1.0),
-                    Load("p", "upper.left", pressure=1.0),
+                    Load("p", "upper.top", (0.0, 1.0), pressure=1.0),
                 )
             },
-            "load 'p': 2 loads have this name",
+            "load 'p': two of its parts are a pressure on the same part of",
         ),
         ({"others": 2 * (Body("lower"),)}, "the scene has 3; at most two"),
     ],
@@ -544,5 +544,5 @@ def test_pairs_that_cannot_be_modelled_are_refused(change: dict, words: str) -> 
 def test_load_that_is_a_force_here_and_a_displacement_there_is_refused() -> None:
     scene = pair_scene()
     moved = Load("p0", "lower.right", (-0.5, 0.5), displacement=(0.01, "free"))
-    with pytest.raises(InputError, match="is a force on one body and a displacement on the other"):
+    with pytest.raises(InputError, match=r"is a force on .* and a displacement on"):
         system_of(replace(scene, loads=(*scene.loads, moved)))

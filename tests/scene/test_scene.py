@@ -199,7 +199,11 @@ def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]
         ('[support]\nfix = "x"\npoint = [0, 2]', ["point", "outside the body"]),
         ('[support]\nfix = "x"\nedge = "bottom"', ["contact edge"]),
         ('[support]\nedge = "left"', ["'fix' is missing"]),
-        ('[[load]]\nname = "p0"\nedge = "left"\npressure = 1', ["load 'p0'", "2 loads"]),
+        ('[[load]]\nname = "p0"\nedge = "top"\npressure = 1', ["load 'p0'", "two of its parts"]),
+        (
+            '[[load]]\nname = "p0"\nedge = "left"\ndisplacement = [1, 0]',
+            ["load 'p0'", 'a force on "top" and a displacement on "left"'],
+        ),
         ('[[load]]\nname = "q"\nedge = "left"', ["load 'q'", "has none of pressure, traction"]),
         (
             '[[load]]\nname = "q"\nedge = "top"\nforce = [0.0, -1.0]',

@@ -1,0 +1,171 @@
+"""One load on several edges: several tables of one name act together under one load factor."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import block
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.mpi import given
+from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
+from receding_fenicsx.scene.symmetry import is_mirror_symmetric
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.study import condense
+
+PRESS = Load("P", "top", pressure="1 + 0.2*x")
+PARTS = {
+    "pressure and tractions on three edges": (
+        Load("L", "left", (-0.25, 0.25), traction=(1.0, 0.5)),
+        Load("L", "top", traction=(0.3, "0.1*x")),
+        Load("L", "right", (0.0, 0.5), pressure=0.5),
+    ),
+    "two spans of one edge": (
+        Load("L", "top", (-1.5, -0.5), traction=(0.4, 0.0)),
+        Load("L", "top", (0.5, 1.5), traction=(0.2, -0.1)),
+    ),
+    "pressure and traction on one span": (
+        Load("L", "top", (-1.0, 1.0), pressure=0.5),
+        Load("L", "top", (-1.0, 1.0), traction=(0.3, 0.0)),
+    ),
+    "two platens": (
+        Load("L", "left", (0.0, 0.5), platen=True, force=(0.2, 0.1)),
+        Load("L", "right", (0.0, 0.5), platen=True, force=(0.3, -0.2)),
+    ),
+    "a platen and a traction": (
+        Load("L", "left", (0.0, 0.5), platen=True, force=(0.2, 0.1)),
+        Load("L", "top", (0.0, 1.0), traction=(0.1, -0.2)),
+    ),
+    "two moved edges": (
+        Load("L", "left", (0.0, 0.5), displacement=(0.1, "free")),
+        Load("L", "right", (0.0, 0.5), displacement=("0.1", -0.02)),
+    ),
+}
+
+
+def system_of(scene: Scene) -> ContactSystem:
+    return given(condense(scene, MPI.COMM_SELF))
+
+
+def apart(parts: Sequence[Load]) -> tuple[Load, ...]:
+    return tuple(replace(part, name=f"L{k}") for k, part in enumerate(parts))
+
+
+@pytest.mark.parametrize("case", PARTS)
+def test_load_of_several_parts_is_their_sum(case: str) -> None:
+    """Reactions, compliance and work-conjugate displacement against loads of their own names."""
+    parts = PARTS[case]
+    corners = ((1.0, 0.0), (1.0, 0.05), (1.1, -0.04))
+    history = HistoryOptions(kind="table", columns=("P", "L"), rows=corners)
+    together = block(loads=(PRESS, *parts), history=history)
+    own = apart(parts)
+    columns = ("P", *(part.name for part in own))
+    rows = tuple((p, *len(own) * [q]) for p, q in corners)
+    split = block(loads=(PRESS, *own), history=replace(history, columns=columns, rows=rows))
+    one, many = system_of(together), system_of(split)
+    assert one.load_names == ("P", "L")
+    total = np.vstack([many.r_star[:1], many.r_star[1:].sum(axis=0)])
+    size = np.abs(total).max()
+    np.testing.assert_allclose(one.r_star, total, atol=1e-11 * size)
+    sums = np.zeros((2, 1 + len(parts)))
+    sums[0, 0], sums[1, 1:] = 1.0, 1.0
+    compliance = sums @ many.load_compliance @ sums.T
+    np.testing.assert_allclose(
+        one.load_compliance, compliance, atol=1e-11 * np.abs(compliance).max()
+    )
+    a, b = (evolve(*pair).turning_points for pair in ((one, together), (many, split)))
+    for name in ("P", "Q", "v", "w"):
+        found, known = getattr(a, name), getattr(b, name)
+        np.testing.assert_allclose(found, known, atol=1e-9 * np.abs(known).max(), err_msg=name)
+    known = b.load_displacement @ sums.T
+    np.testing.assert_allclose(a.load_displacement, known, atol=1e-9 * np.abs(known).max())
+
+
+@pytest.mark.parametrize(
+    "whole",
+    [
+        Load("L", "top", displacement=("0.1*x", "-0.1*(1 + x**2)")),
+        Load("L", "top", traction=("1 + x", 0.5)),
+    ],
+)
+def test_halves_of_an_edge_are_the_whole_edge(whole: Load) -> None:
+    """The moved node in the middle belongs to both halves."""
+    halves = tuple(replace(whole, span=span) for span in ((-2.0, 0.0), (0.0, 2.0)))
+    even, alone = SolverOptions(symmetry="none"), HistoryOptions(kind="monotonic")
+    one, two = (
+        system_of(block("quadrilateral", growth=1.0, loads=loads, solver=even, history=alone))
+        for loads in ((whole,), halves)
+    )
+    scale = np.abs(one.r_star).max()
+    np.testing.assert_allclose(two.r_star, one.r_star, atol=1e-10 * scale)
+    np.testing.assert_allclose(two.load_compliance, one.load_compliance, rtol=1e-9)
+    np.testing.assert_allclose(two.K, one.K, atol=1e-10 * np.abs(one.K).max())
+
+
+def test_halves_of_a_symmetric_load_model_half_of_the_body_only_where_each_is_symmetric() -> None:
+    middle = Load("p", "top", (-0.5, 0.5), pressure=1.0)
+    strips = tuple(Load("p", "top", span, pressure=1.0) for span in ((-1.5, -1.0), (1.0, 1.5)))
+    assert is_mirror_symmetric(block(loads=(middle, Load("p", "top", traction=(0.0, -0.1)))))
+    once = HistoryOptions(kind="monotonic")
+    for loads in ((middle, Load("p", "top", traction=("0.1*x", -0.1))), (middle, *strips)):
+        scene = block(loads=loads, history=once)
+        whole = replace(scene, solver=replace(scene.solver, symmetry="none"))
+        a, b = (evolve(system_of(s), s).turning_points for s in (scene, whole))
+        np.testing.assert_allclose(a.P, b.P, atol=1e-10)
+        np.testing.assert_allclose(a.Q, b.Q, atol=1e-10)
+        np.testing.assert_allclose(a.load_displacement, b.load_displacement, rtol=1e-9)
+    assert not is_mirror_symmetric(block(loads=(middle, replace(strips[0], name="p"))))
+
+
+SIDES = (
+    Load("L", "left", (-0.25, 0.25), pressure=1.0),
+    Load("L", "right", (-0.25, 0.25), pressure=2.0),
+)
+
+
+def test_parts_are_changed_by_their_number() -> None:
+    text = to_toml(block(loads=SIDES))
+    changed = from_toml(text, ["load.L.2.pressure=3"])
+    assert [load.pressure for load in changed.loads] == [1.0, 3.0]
+    for override, word in (
+        ("load.L.pressure=3", "load.L.N.pressure"),
+        ("load.L.3.span=1", "unknown"),
+    ):
+        with pytest.raises(InputError, match=word):
+            from_toml(text, [override])
+
+
+MOVED = Load("L", "top", displacement=("free", -0.1))
+
+
+@pytest.mark.parametrize(
+    ("loads", "words"),
+    [
+        ((SIDES[0], MOVED), 'load \'L\': is a force on "left" and a displacement on "top"'),
+        ((SIDES[0], replace(SIDES[0], span=(0.0, 0.5))), "two of its parts are a pressure on the"),
+        ((MOVED, replace(MOVED, span=(0.0, 1.0))), "two of its parts are a displacement on the"),
+        (
+            (MOVED, Load("L", "right", (0.0, 0.5), displacement=("free", -0.2))),
+            "load 'L' displacement: has two values at (2, 1)",
+        ),
+        (
+            (
+                Load("L", "top", platen=True, force=(0.0, -1.0)),
+                Load("L", "right", (0.0, 0.5), platen=True, force=(0.0, -1.0)),
+            ),
+            "load 'L': its platen on 'right' meets that of load 'L'",
+        ),
+    ],
+)
+def test_parts_that_cannot_act_together_are_refused(loads: tuple[Load, ...], words: str) -> None:
+    with pytest.raises(InputError) as caught:
+        system_of(block(loads=loads))
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
