@@ -96,6 +96,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.history import from_scene as history_from_scene
     from receding_fenicsx.scene.model import Body as Body
     from receding_fenicsx.scene.model import Contact as Contact
+    from receding_fenicsx.scene.model import Harmonic as Harmonic
     from receding_fenicsx.scene.model import HistoryOptions as HistoryOptions
     from receding_fenicsx.scene.model import Load as Load
     from receding_fenicsx.scene.model import Material as Material
@@ -129,6 +130,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "Support": ("scene.model", "Edge or point that is fixed"),
         "Probe": ("scene.model", "Points at which displacement and stress are recorded"),
         "HistoryOptions": ("scene.model", "History of the load factors, as a scene gives it"),
+        "Harmonic": ("scene.model", "Mean, amplitude and phase of a load of a harmonic history"),
         "SolverOptions": ("scene.model", "Method, load steps, tolerances, symmetry"),
         "OutputOptions": ("scene.model", "Cycles and samples that the record keeps"),
         "read_scene": ("scene.toml_file", "Read a scene file, with changes table.key=value"),
@@ -232,6 +234,7 @@ __all__ = [
     "Contact",
     "ContactState",
     "ContactSystem",
+    "Harmonic",
     "History",
     "HistoryOptions",
     "InputError",

@@ -6,11 +6,17 @@ import logging
 import time
 from collections import deque
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from receding_fenicsx.errors import Interrupted, SolveError
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.atomic import new_file
+from receding_fenicsx.errors import InputError, Interrupted, SolveError
 from receding_fenicsx.evolution.collect import record_of
+from receding_fenicsx.evolution.corners import CORNERS, with_corners
 from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
 from receding_fenicsx.evolution.problem import problem_of_scene
@@ -47,7 +53,8 @@ def run_history(
         say: called with the progress.
 
     Returns:
-        The record, and the error that ended the history early if one did.
+        The record, and the error that ended the history early if one did. The scene of the record
+        has the number of corners of a harmonic history.
 
     Raises:
         Interrupted: a signal asked to end. The folder holds the record of the finished cycles.
@@ -59,13 +66,18 @@ def run_history(
         journal = JournalFile(folder / JOURNAL, system, every)
         if journal.cycles:
             log.info("resumes from the checkpoint after cycle %d", len(journal.cycles) - 1)
+    doubling = None
     try:
-        return continue_history(problem_of_scene(system, scene), journal, _Pace(say)), None
+        scene, doubling = _with_corners(scene, system, folder, say)
+        record = continue_history(problem_of_scene(system, scene), journal, _Pace(say))
+        record.doubling = doubling
+        return record, None
     except SolveError as error:
         # a history that fails in its very first leg leaves nothing worth keeping
         if not isinstance(error.record, Record) or not len(error.record.turning_points.s):
             raise
         record, error.record = error.record, None
+        record.doubling = doubling
         return record, error
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None or not journal.cycles:
@@ -83,6 +95,28 @@ def run_history(
     finally:
         journal.write()
         journal.close()
+
+
+def _with_corners(
+    scene: Scene,
+    system: ContactSystem,
+    folder: Path | None,
+    say: Callable[[str], None] | None,
+) -> tuple[Scene, Array | None]:
+    """Return the scene with the corners of its harmonic history, those of the run it resumes."""
+    file = None if folder is None else folder / CORNERS
+    if file is not None and file.is_file():
+        try:
+            doubling = np.loadtxt(file, ndmin=2)
+            corners = int(doubling[-1, 0])
+        except (OSError, ValueError, IndexError):
+            raise InputError(f"{file}: is damaged; start a new run with --overwrite") from None
+        return replace(scene, history=replace(scene.history, corners=corners)), doubling
+    scene, found = with_corners(system, scene, say)
+    if file is not None and found is not None:
+        with new_file(file) as beside:
+            np.savetxt(beside, found, header="corners, error estimate of the dissipation")
+    return scene, found
 
 
 class _Pace:

@@ -100,6 +100,9 @@ def run(
                 comm, lambda: long_run.run_history(scene, mpi.given(system), folder, timer.say)
             )
         record, failure = evolved or (None, None)
+        if scene.history.kind == "harmonic":
+            # with the number of corners that was found
+            scene = comm.bcast(None if record is None else record.scene)
         failure = comm.bcast(failure)
         if failure is not None:
             extra["failure"] = str(failure)

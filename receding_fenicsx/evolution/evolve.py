@@ -8,6 +8,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.checks import check_force_range
 from receding_fenicsx.evolution.collect import record_of
+from receding_fenicsx.evolution.corners import with_corners
 from receding_fenicsx.evolution.cycle_data import add_to_watch
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
@@ -33,7 +34,8 @@ def evolve(
 
     ``evolve(system, scene)`` plays a whole scene on the body that the system was condensed from:
     friction, gap, history, initial slip, solver and output are the scene's. The record equals that
-    of :func:`~receding_fenicsx.study.run` bit by bit.
+    of :func:`~receding_fenicsx.study.run` bit by bit. The corners of a harmonic history are doubled
+    until they meet its tolerance; the record's scene has their number.
 
     ``evolve(system, History(...))`` plays a path of load factors on the system as it is. The
     record's ``scene_toml`` is then empty.
@@ -62,8 +64,11 @@ def evolve(
                 "evolve: a scene brings its own solver, output and initial slip; change the scene "
                 "by dataclasses.replace"
             )
-        journal = Journal(history.output.checkpoint_cycles)
-        return continue_history(problem_of_scene(system, history), journal, progress)
+        scene, doubling = with_corners(system, history)
+        journal = Journal(scene.output.checkpoint_cycles)
+        record = continue_history(problem_of_scene(system, scene), journal, progress)
+        record.doubling = doubling
+        return record
     problem = problem_of_history(system, history, solver, output, initial_slip)
     return continue_history(problem, Journal(), progress)
 

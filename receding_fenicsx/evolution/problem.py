@@ -50,6 +50,10 @@ class Problem:
         """Number of the last cycle of the history."""
         return self.history.cycles if len(self.history.loop) else 0
 
+    def samples_on(self, cycle: int) -> int:
+        """Return the number of samples per leg of a sampled cycle."""
+        return self.output.samples_on(len(self.history.polyline(cycle)) - 1)
+
     def is_sampled(self, cycle: int) -> bool:
         """Return whether samples of a cycle were asked for by its number."""
         wanted = DEFAULT_SAMPLED_CYCLES if self.output.cycles is None else self.output.cycles

@@ -154,6 +154,9 @@ class RecordData:
         f_backward: (N,) coefficient of friction for backward slip; None where ``f`` holds for both
             directions.
         probes: displacements and stresses at the probes; None where the scene has none.
+        doubling: (k, 2) of a harmonic history whose corners were doubled: number of corners of each
+            polygon, and error estimate of its dissipation per cycle, relative (NaN for the first
+            two).
     """
 
     x: Array
@@ -185,6 +188,7 @@ class RecordData:
     released: float = 0.0
     f_backward: Array | None = None
     probes: Probes | None = None
+    doubling: Array | None = None
 
     @property
     def friction(self) -> Friction:

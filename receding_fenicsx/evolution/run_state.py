@@ -160,7 +160,7 @@ class RunState:
             leg = self.solver.static_leg(state, ends, scale)
             check_landing(self.model, leg.end)
         else:
-            count = self.problem.output.samples_per_leg if samples is not None else 0
+            count = self.problem.samples_on(number) if samples is not None else 0
             leg = self.solver.trace_leg(state, ends, scale, count)
         if samples is not None:
             a, b = ends

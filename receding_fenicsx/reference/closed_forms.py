@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.polynomial.legendre import leggauss
 from numpy.typing import ArrayLike
+from scipy.integrate import quad
 
 from receding_fenicsx.arrays import Array
 
@@ -177,3 +178,20 @@ class CattaneoMindlin:
             return scale * first
         d = self.stick_half_width(Q, leg)
         return scale * (first - 2.0 * (arc(x, a) - d / a * arc(x, d)))
+
+    def dissipation(self) -> float:
+        """Return the frictional dissipation of a cycle of Q between -``largest`` and ``largest``.
+
+        On the way from one reversal to the other, |q| = f p in c < |x| < a, and two points there
+        slip by (2 f / R) int_c^x sqrt(t^2 - c^2) dt, where c is the stick half width at the
+        reversals. The dissipation is the integral of f p times this slip, twice a cycle.
+        """
+        c = self.stick_half_width(self.largest, "loading")
+
+        def slip(x: float) -> float:
+            root = np.sqrt(max(x**2 - c**2, 0.0))
+            area = 0.5 * (x * root - c**2 * np.log((x + root) / c)) if c > 0.0 else 0.5 * x**2
+            return float(2.0 * self.f / self.hertz.radius * area)
+
+        half, _ = quad(lambda x: self.f * float(self.hertz.pressure(x)) * slip(x), c, self.hertz.a)
+        return float(4.0 * half)

@@ -6,7 +6,8 @@ nothing of finite elements. From a file to a history:
 1. :func:`~receding_fenicsx.scene.toml_file.read_scene` parses the file.
    :func:`~receding_fenicsx.scene.toml_overrides.apply_override` applies ``--set table.key=value``,
    and :func:`~receding_fenicsx.scene.profiles.inline_files` replaces ``{file = "gap.csv"}`` by the
-   table in that file, read by :func:`~receding_fenicsx.scene.column_file.read_columns`.
+   table in that file, read by :func:`~receding_fenicsx.scene.column_file.read_columns`;
+   :func:`~receding_fenicsx.scene.history.signal_file.with_signals` does so for rows of a history.
 2. :func:`~receding_fenicsx.scene.toml_tables.scene_of` converts the tables into the dataclass
    :class:`~receding_fenicsx.scene.model.Scene`. It refuses unknown keys and wrong types; each value
    is read by a function of :mod:`~receding_fenicsx.scene.toml_values`.
@@ -15,8 +16,8 @@ nothing of finite elements. From a file to a history:
    :mod:`~receding_fenicsx.scene.validate_contacts`, :mod:`~receding_fenicsx.scene.validate_loads`
    and :mod:`~receding_fenicsx.scene.validate_options`.
    :func:`~receding_fenicsx.scene.validate.warnings` lists options that make results inaccurate.
-4. :func:`~receding_fenicsx.scene.history.from_scene` makes the load history, a polyline of load
-   factors.
+4. :func:`~receding_fenicsx.scene.history.kinds.from_scene` makes the load history, a polyline of
+   load factors.
 5. :func:`~receding_fenicsx.scene.symmetry.is_mirror_symmetric` decides whether half of the body is
    modelled. :func:`~receding_fenicsx.scene.one_body.part_of` gives each body of a pair its own
    scene.

@@ -15,6 +15,9 @@ from receding_fenicsx.errors import InputError
 SEPARATORS = (";", ",", "\t")
 """Separators of columns, the first that a line holds counts; without any of them, blanks."""
 
+COMMENTS = ("#", "%")
+"""Marks at the beginning of a comment line."""
+
 
 @dataclass(frozen=True)
 class Columns:
@@ -23,12 +26,14 @@ class Columns:
     Attributes:
         label: key and path, for messages.
         names: (columns,) names in the header line; empty without a header.
+        remark: (columns,) words of the last comment above the rows with as many; empty without.
         values: (rows, columns), all finite.
         lines: number of the line of each row, from 1.
     """
 
     label: str
     names: tuple[str, ...]
+    remark: tuple[str, ...]
     values: Array
     lines: tuple[int, ...]
 
@@ -54,10 +59,10 @@ class Columns:
 def read_columns(name: object, folder: Path, where: str) -> Columns:
     """Read a text file with columns of numbers.
 
-    Text after ``#`` and empty lines are ignored. Lines without any number above the first row are
-    header lines; the first of them with as many cells as the rows names the columns. Cells are
-    separated by semicolons, commas, tabs or blanks, all as in the first row. Numbers have a decimal
-    point.
+    Text after ``#``, lines that begin with ``%`` and empty lines are ignored. Lines without any
+    number above the first row are header lines; the first of them with as many cells as the rows
+    names the columns. Cells are separated by semicolons, commas, tabs or blanks, all as in the
+    first row. Numbers have a decimal point.
 
     Args:
         name: path in the scene file.
@@ -80,7 +85,7 @@ def read_columns(name: object, folder: Path, where: str) -> Columns:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{label}: cannot be read ({reason}); check the path") from None
-    lines = [(i, line.partition("#")[0].strip()) for i, line in enumerate(text.splitlines(), 1)]
+    lines = [(i, _content(line)) for i, line in enumerate(text.splitlines(), 1)]
     filled = [(i, line) for i, line in lines if line]
     first = next((k for k, (_, line) in enumerate(filled) if _has_number(line)), None)
     if first is None:
@@ -100,7 +105,15 @@ def read_columns(name: object, folder: Path, where: str) -> Columns:
             f"{label}: line {filled[first - 1][0]}: the header does not name the {len(rows[0])} "
             "column(s) of the rows; name each, or begin the line with #"
         )
-    return Columns(label, names, np.array(rows), tuple(i for i, _ in filled[first:]))
+    above = [line.strip() for line in text.splitlines()[: filled[first][0] - 1]]
+    remarks = (tuple(_cells(line[1:].strip(), separator)) for line in above if line[:1] in COMMENTS)
+    remark = ([words for words in remarks if len(words) == len(rows[0])] or [()])[-1]
+    return Columns(label, names, remark, np.array(rows), tuple(i for i, _ in filled[first:]))
+
+
+def _content(line: str) -> str:
+    """Return a line without its comment."""
+    return "" if line.lstrip()[:1] == "%" else line.partition("#")[0].strip()
 
 
 def _separator(line: str) -> str | None:

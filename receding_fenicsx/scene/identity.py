@@ -11,6 +11,7 @@ from typing import Any
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import TABLE_OF, Scene
 from receding_fenicsx.scene.one_body import part_of
+from receding_fenicsx.scene.options import SAMPLES_PER_LEG, OutputOptions
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.scene.toml_file import to_toml
 
@@ -70,6 +71,8 @@ def condensed_part(scene: Scene) -> Scene:
         contacts=tuple(replace(c, friction=0.0, initial_gap=0.0) for c in scene.contacts),
         loads=scene.loads,
         supports=scene.supports,
+        # explicit, as it enters the digest of saved systems
+        output=OutputOptions(samples_per_leg=SAMPLES_PER_LEG),
     )
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import re
 import tomllib
 from collections.abc import Iterable
 from dataclasses import replace
@@ -11,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.history.signal_file import with_signals
 from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, Scene
 from receding_fenicsx.scene.profiles import inline_files
 from receding_fenicsx.scene.toml_overrides import apply_override
@@ -70,6 +72,7 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
 
 def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:
     """Convert parsed TOML into a scene and validate it; see :func:`from_toml`."""
+    raw = with_signals(raw, folder or Path())
     scene = scene_of(inline_files(raw, folder or Path()))
     if folder is not None:
         found = [_with_path(body, folder) for body in scene.bodies]
@@ -128,7 +131,14 @@ def _text(value: object) -> str:
     if isinstance(value, list | tuple):
         return "[" + ", ".join(_text(item) for item in value) + "]"
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{key} = {_text(item)}" for key, item in value.items()) + "}"
+        return "{" + ", ".join(f"{_key(k)} = {_text(item)}" for k, item in value.items()) + "}"
+    if dataclasses.is_dataclass(value):
+        return "{" + ", ".join(_lines(value)) + "}"
     if isinstance(value, int):
         return str(int(value))
     return repr(float(value))  # type: ignore[arg-type]
+
+
+def _key(name: str) -> str:
+    """Return a key as TOML, in quotes where it is not bare."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)

@@ -11,7 +11,7 @@ from receding_fenicsx.scene.model import Contact
 from receding_fenicsx.scene.profiles import DIRECTIONS
 from receding_fenicsx.scene.toml_tables import ARRAYS, KNOWN, NAMED, as_list, named_materials
 
-PARTS = {"contact": ("friction",), "body": ("parameters",)}
+PARTS = {"contact": ("friction",), "body": ("parameters",), "history": ("constant", "harmonic")}
 """Keys of tables whose value may have parts of its own, as ``contact.friction.forward``."""
 
 
@@ -81,18 +81,30 @@ def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
         unknown_name(names[0], KNOWN, where, "table")
     if names[0] == "title" or len(names) == 1:
         raise InputError(f"{where}: write {names[0]}.key=value")
-    if len(names) > 2 and names[-2] in PARTS.get(names[0], ()):
+    if names[:2] == ["history", "harmonic"] and len(names) > 3:
+        _table_of_load(raw, ".".join(names[2:-1]), where)[names[-1]] = value
+    elif len(names) > 2 and names[-2] in PARTS.get(names[0], ()):
         table = _table_to_set(raw, names[:-1], where)
         table[names[-2]] = _with_part(table, names[-2], names[-1], value, where)
     else:
         _table_to_set(raw, names, where)[names[-1]] = value
 
 
+def _table_of_load(raw: dict[str, Any], name: str, where: str) -> dict[str, Any]:
+    """Return the table [history.harmonic.NAME] of a load."""
+    table: Any = raw
+    for key in ("history", "harmonic", name):
+        table = table.setdefault(key, {})
+        if not isinstance(table, dict):
+            raise InputError(f"{where}: '{key}' must be a table")
+    return table
+
+
 def _with_part(
     table: dict[str, Any], key: str, part: str, value: object, where: str
 ) -> dict[str, Any]:
     """Return the value of a key with one of its parts changed, the others as they are."""
-    if key == "parameters":
+    if key != "friction":
         given = table.get(key, {})
         return {**(given if isinstance(given, dict) else {}), part: value}
     if part not in DIRECTIONS:
@@ -116,6 +128,15 @@ def _table_to_set(raw: dict[str, Any], names: list[str], where: str) -> dict[str
         tables = as_list(raw.setdefault(kind, {}), kind)
         if kind in NAMED and name:
             chosen = [table for table in tables if table.get("name") == name]
+            if len(chosen) > 1:
+                raise InputError(
+                    f"{where}: {len(chosen)} [[{kind}]] tables are named '{name}'; write "
+                    f"{kind}.{name}.N.{names[-1]}, N = 1 to {len(chosen)}"
+                )
+            base, _, number = name.rpartition(".")
+            parts = [table for table in tables if table.get("name") == base]
+            if not chosen and number.isdecimal() and 1 <= int(number) <= len(parts):
+                return parts[int(number) - 1]
             if not chosen:
                 known = [str(table["name"]) for table in tables if "name" in table]
                 unknown_name(name, known, where, kind)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
 from collections.abc import Callable
@@ -9,6 +10,7 @@ from typing import Any
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import unknown_name
+from receding_fenicsx.scene.model import Harmonic
 from receding_fenicsx.scene.profiles import DIRECTIONS, FrictionProfile, Profile, directions
 
 
@@ -76,7 +78,8 @@ def _rows(value: object, where: str) -> tuple[tuple[float, ...], ...]:
     return tuple(_numbers(row, f"{where} row {i + 1}") for i, row in enumerate(_list(value, where)))
 
 
-def _names(value: object, where: str) -> tuple[str, ...]:
+def read_names(value: object, where: str) -> tuple[str, ...]:
+    """Return a value that must be a list of strings."""
     return tuple(read_string(item, where) for item in _list(value, where))
 
 
@@ -115,6 +118,25 @@ def _parameters(value: object, where: str) -> dict[str, float]:
     return {name: _number(item, f"{where}.{name}") for name, item in value.items()}
 
 
+def _harmonic(value: object, where: str) -> dict[str, Harmonic]:
+    if not isinstance(value, dict):
+        raise InputError(f"{where}: must hold a table for each load, not {_shown(value)}")
+    known = tuple(field.name for field in dataclasses.fields(Harmonic))
+    found = {}
+    for name, table in value.items():
+        if not isinstance(table, dict):
+            raise InputError(
+                f"{where}.{name}: must be a table {{mean = ..., amplitude = ..., phase = ...}}, "
+                f"not {_shown(table)}"
+            )
+        for key in table:
+            if key not in known:
+                unknown_name(key, known, f"{where}.{name}", "key")
+        numbers = {key: _number(item, f"{where}.{name} {key}") for key, item in table.items()}
+        found[name] = Harmonic(**numbers)
+    return found
+
+
 def _traction(value: object, where: str) -> tuple[Profile, Profile]:
     if not isinstance(value, list) or len(value) != 2:
         raise InputError(f"{where}: must be a pair [x, y] in global axes, not {_shown(value)}")
@@ -133,6 +155,7 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "str": read_string,
     "str | None": read_string,
     "float": _number,
+    "float | None": _number,
     "int": _integer,
     "int | None": _integer,
     "bool": _boolean,
@@ -143,8 +166,9 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "tuple[float, float] | None": _pair,
     "tuple[float, float] | str | None": _point,
     "dict[str, float]": _parameters,
+    "dict[str, Harmonic]": _harmonic,
     "tuple[Profile, Profile] | None": _traction,
-    "tuple[str, ...]": _names,
+    "tuple[str, ...]": read_names,
     "tuple[tuple[float, ...], ...]": _rows,
     "tuple[int, ...] | str | None": _sampled_cycles,
 }

@@ -10,7 +10,7 @@ import math
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_size
 from receding_fenicsx.scene.history import from_scene
-from receding_fenicsx.scene.model import TABLE_OF, Load, Scene
+from receding_fenicsx.scene.model import TABLE_OF, Harmonic, Load, Scene
 from receding_fenicsx.scene.validate_bodies import check_bodies, check_mesh
 from receding_fenicsx.scene.validate_contacts import check_contacts, check_initial_slip
 from receding_fenicsx.scene.validate_loads import check_loads, check_supports
@@ -80,8 +80,8 @@ def _check_finite(value: object, where: str) -> None:
         for item in value:
             _check_finite(item, where)
     elif hasattr(value, "__dataclass_fields__"):
-        label = (
-            f"load '{value.name}'" if isinstance(value, Load) else f"[{TABLE_OF.get(where, where)}]"
-        )
+        label = f"[{TABLE_OF.get(where, where)}]"
+        if isinstance(value, Load | Harmonic):
+            label = f"load '{value.name}'" if isinstance(value, Load) else where
         for key in value.__dataclass_fields__:
             _check_finite(getattr(value, key), key if where == "scene" else f"{label} {key}")

@@ -46,7 +46,8 @@ def check_solver(solver: SolverOptions) -> None:
 def check_output(scene: Scene, history: History) -> None:
     """Check the table [output], and that the record is not too large to be stored."""
     output = scene.output
-    check_count(output.samples_per_leg, MAX_STEPS, "[output] samples_per_leg")
+    if output.samples_per_leg is not None:
+        check_count(output.samples_per_leg, MAX_STEPS, "[output] samples_per_leg")
     check_positive(output.checkpoint_cycles, "[output] checkpoint_cycles")
     if isinstance(output.cycles, tuple):
         for number in output.cycles:
@@ -59,7 +60,7 @@ def check_output(scene: Scene, history: History) -> None:
 
 
 def _check_record_size(scene: Scene, history: History) -> None:
-    output, legs = scene.output, max(len(history.loop) - 1, 1)
+    output, legs = scene.output, max(len(history.loop) - 1, len(history.path) - 1)
     # a run until the steady state ends long before
     cycles = 0 if history.until_steady else history.cycles
     sampled = min(DEFAULT_SAMPLED_CYCLES, cycles + 1)
@@ -67,10 +68,10 @@ def _check_record_size(scene: Scene, history: History) -> None:
         sampled = len(output.cycles) if isinstance(output.cycles, tuple) else cycles + 1
     nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
     for key, count, advice in (
-        ("[history] cycles", cycles, "use fewer"),
+        ("[history] cycles", cycles + 1, "use fewer"),
         (
             "[output] samples_per_leg",
-            sampled * output.samples_per_leg,
+            sampled * output.samples_on(legs),
             "use fewer, or sample fewer cycles by output.cycles",
         ),
     ):

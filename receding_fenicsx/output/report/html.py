@@ -14,8 +14,10 @@ from receding_fenicsx.output.report.text import (
     FRICTION_MARGIN,
     extremes_of,
     fitted,
+    headline_points,
     length_format,
     limit_ranges,
+    polygon_line,
     space_errors,
     zones_header,
     zones_shown,
@@ -134,13 +136,10 @@ def _paper(summary: Mapping[str, Any]) -> str:
 
 def _turning_points(summary: Mapping[str, Any]) -> str:
     """Return the table of turning points of cycle 0, cycle 1 and the last cycle."""
-    points = summary["turning_points"]
-    last = max((p["cycle"] for p in points), default=0)
+    points = headline_points(summary)
     form = length_format(summary)
     rows = []
     for p in points:
-        if p["cycle"] not in (0, 1, last):
-            continue
         load = ", ".join(f"{name} = {value:z.6g}" for name, value in p["load"].items())
         half = [p["contact_half_width"], p["stick_half_width"]]
         below = [fitted(p.get(f"{k}_half_width_estimate"), form) for k in ("contact", "stick")]
@@ -188,6 +187,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
                 html.value(steady["dissipation_limit"]),
             ]
         )
+    rows += [line.split(": ", 1) for line in polygon_line(summary)]
     if ranges := limit_ranges(summary):
         rows.append(["friction limit reached without slip in the last cycle, x from", ranges])
     return html.table([], rows)

@@ -19,7 +19,12 @@ from receding_fenicsx.output.report.half_widths import (
     half_widths,
 )
 from receding_fenicsx.reference.ahn_barber import paper_table
+from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history.harmonic import DEFAULT_TOLERANCE, is_straight
 from receding_fenicsx.scene.validate import warnings
+
+FITTED_LEGS = 32
+"""Largest number of legs of a cycle at whose turning points ends of zones are fitted."""
 
 TREND_CYCLES = 8
 """Smallest number of cycles for a fitted trend of the dissipation."""
@@ -61,6 +66,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
             **_trend(record),
         },
         "limit_without_slip": _limit_ranges(record),
+        **_polygon(record),
         "residual_max": float(record.residual_max),
         "energy_error_max": float(record.energy_error_max),
         "events": int(record.n_events),
@@ -85,6 +91,21 @@ def _turning_points(record: Record) -> list[dict[str, Any]]:
         for i in rows
         for name, part, betas in parts
     ]
+
+
+def _polygon(record: Record) -> dict[str, Any]:
+    """Return the polygon that stands for a harmonic history, and its error estimate."""
+    scene, doubling = record.scene, record.doubling
+    if scene is None or scene.history.kind != "harmonic":
+        return {}
+    found: dict[str, Any] = {"corners": len(from_scene(scene).loop) - 1}
+    if is_straight(scene.history):
+        return {"harmonic": {**found, "error_estimate": 0.0}}
+    if doubling is None:
+        return {"harmonic": {**found, "error_estimate": None}}
+    tolerance = scene.history.tolerance or DEFAULT_TOLERANCE
+    found |= {"error_estimate": float(doubling[-1, 1]), "tolerance": tolerance}
+    return {"harmonic": {**found, "doubling": [[int(n), float(e)] for n, e in doubling]}}
 
 
 def _symmetry(record: Record) -> str:
@@ -152,6 +173,8 @@ def _has_axis(record: Record) -> bool:
 def _is_fitted(record: Record, i: int) -> bool:
     """Return whether the ends of zones are fitted at a turning point."""
     cycle = record.turning_points.cycle
+    if np.count_nonzero(cycle == cycle[i]) > FITTED_LEGS:
+        return False
     return bool(cycle[i] <= FITTED_CYCLES or cycle[i] == cycle[-1])
 
 

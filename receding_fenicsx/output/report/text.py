@@ -8,6 +8,8 @@ from typing import Any
 
 EXTREMES = ("p_max", "q_min", "q_max")
 """Extreme tractions of a turning point."""
+MANY_LEGS = 12
+"""Largest number of legs of a cycle whose turning points are all in the printed table."""
 ROUND_OFF = 1e-12
 """Part of the largest traction below which a traction is round-off."""
 COLUMNS = (
@@ -55,8 +57,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
 
 def _turning_points(summary: Mapping[str, Any]) -> list[str]:
     """Return the table of the turning points of cycle 0, of cycle 1 and of the last cycle."""
-    points = summary["turning_points"]
-    last = max((p["cycle"] for p in points), default=0)
+    points = headline_points(summary)
     edge = ["edge"] if any("edge" in p for p in points) else []
     length, traction = length_format(summary), _format([p[k] for p in points for k in EXTREMES])
     rows = [
@@ -73,9 +74,29 @@ def _turning_points(summary: Mapping[str, Any]) -> list[str]:
             zones_shown(p, summary),
         ]
         for p in points
-        if p["cycle"] in (0, 1, last)
     ]
     return _columns([[*edge, *COLUMNS, zones_header(summary)], *rows])
+
+
+def headline_points(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    """Return the turning points of cycles 0, 1 and the last, of many legs those at extreme loads.
+
+    In a cycle of more than ``MANY_LEGS`` these are where a load factor is the smallest or the
+    largest of the cycle, and the end of the cycle.
+    """
+    points = summary["turning_points"]
+    last = max((p["cycle"] for p in points), default=0)
+    found = []
+    for cycle in sorted({0, 1, last}):
+        rows = [p for p in points if p["cycle"] == cycle]
+        legs = {p["leg"]: p["load"] for p in rows}
+        kept = {*legs}
+        if len(legs) > MANY_LEGS:
+            factors = [[load[name] for load in legs.values()] for name in rows[0]["load"]]
+            ends = [(v.index(min(v)), v.index(max(v))) for v in factors if min(v) < max(v)]
+            kept = {list(legs)[k] for pair in ends for k in pair} | {max(legs)}
+        found += [p for p in rows if p["leg"] in kept]
+    return found
 
 
 def _cycles(summary: Mapping[str, Any]) -> list[str]:
@@ -91,7 +112,25 @@ def _cycles(summary: Mapping[str, Any]) -> list[str]:
             f"dissipation, {steady['trend']} law ({steady['trend_value']:.3g}): extrapolated limit "
             f"{steady['dissipation_limit'] / D[0]:.4f} of cycle 1"
         )
+    lines += polygon_line(summary)
     return lines
+
+
+def polygon_line(summary: Mapping[str, Any]) -> list[str]:
+    """Return the line on the polygon that stands for a harmonic history, if it is one."""
+    polygon = summary.get("harmonic")
+    if polygon is None:
+        return []
+    error = polygon["error_estimate"]
+    words = "not estimated, the corners are fixed" if error is None else f"{error:.1e}"
+    if error == 0.0:
+        words = "none, the loads follow a straight line"
+    elif error is None and "tolerance" in polygon:
+        words = "unknown, the history ended early"
+    return [
+        f"harmonic history: polygon of {polygon['corners']} corners, error of the dissipation per "
+        f"cycle by it: {words}"
+    ]
 
 
 def _checks(summary: Mapping[str, Any]) -> list[str]:

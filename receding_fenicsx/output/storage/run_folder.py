@@ -15,6 +15,7 @@ from pathlib import Path
 
 from receding_fenicsx.atomic import check_folder, new_file, sync, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.evolution.corners import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
@@ -112,8 +113,9 @@ def _fill(part: Path, scene: Scene, earlier: Path | None) -> int:
     if earlier != part:
         _clear(part)
     if earlier is not None and earlier != part:
-        for name in (SYSTEM, JOURNAL):
-            shutil.copy2(earlier / name, part / name)
+        for name in (SYSTEM, JOURNAL, CORNERS):
+            if (earlier / name).is_file():
+                shutil.copy2(earlier / name, part / name)
     with new_file(part / SCENE, overwrite=True) as beside:
         beside.write_text(to_toml(scene), encoding="utf-8")
     return lock

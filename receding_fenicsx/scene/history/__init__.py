@@ -1,0 +1,16 @@
+"""Load histories: polylines of load factors, from a scene or made directly.
+
+* :mod:`~receding_fenicsx.scene.history.polyline`: a :class:`History`, its legs and instants.
+* :mod:`~receding_fenicsx.scene.history.kinds`: the history of a scene, by its kind.
+* :mod:`~receding_fenicsx.scene.history.table`: kind "table".
+* :mod:`~receding_fenicsx.scene.history.harmonic`: kind "harmonic".
+* :mod:`~receding_fenicsx.scene.history.signal_file`: rows of a table from a file.
+"""
+
+from receding_fenicsx.scene.history.kinds import KINDS as KINDS
+from receding_fenicsx.scene.history.kinds import MAX_CYCLES as MAX_CYCLES
+from receding_fenicsx.scene.history.kinds import from_scene as from_scene
+from receding_fenicsx.scene.history.polyline import History as History
+from receding_fenicsx.scene.history.polyline import check_history as check_history
+from receding_fenicsx.scene.history.polyline import evenly_spaced as evenly_spaced
+from receding_fenicsx.scene.history.polyline import leg_number as leg_number

@@ -1,0 +1,154 @@
+"""Load history of a scene, by ``[history] kind``."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import check_choice
+from receding_fenicsx.scene.history.driven import check_driven, check_known
+from receding_fenicsx.scene.history.harmonic import from_harmonic
+from receding_fenicsx.scene.history.polyline import History
+from receding_fenicsx.scene.history.table import from_table
+from receding_fenicsx.scene.model import HistoryOptions, Scene
+
+KINDS = ("monotonic", "cyclic", "table", "harmonic")
+MAX_CYCLES = 1_000_000_000
+"""Largest number of cycles; cycle numbers in the files of a run have room for it."""
+
+KEYS_OF_KIND = {
+    "load": ("cyclic", "monotonic"),
+    "maximum": ("cyclic", "monotonic"),
+    "minimum": ("cyclic", "monotonic"),
+    "rows": ("table",),
+    "cycle_rows": ("table",),
+    "columns": ("table",),
+    "harmonic": ("harmonic",),
+    "corners": ("harmonic",),
+    "tolerance": ("harmonic",),
+}
+"""Keys that have a meaning for some kinds of history only."""
+
+
+def from_scene(scene: Scene) -> History:
+    """Return the load history of a scene.
+
+    * "monotonic": path from 0 to ``maximum``, no cycles.
+    * "cyclic": path from 0 to ``maximum``; each cycle is ``maximum``, ``minimum``, ``maximum``.
+    * "table": path from zero load through ``rows``; each cycle runs from the last row through
+      ``cycle_rows`` back to it.
+    * "harmonic": see :mod:`~receding_fenicsx.scene.history.harmonic`. Where the scene does not fix
+      the number of corners, the polygon is the coarsest one:
+      :func:`~receding_fenicsx.evolution.corners.with_corners` finds how many are needed.
+
+    Loads in ``constant`` are applied first, on a leg of their own, and kept.
+
+    Args:
+        scene: the scene; the order of its loads is that of the columns of the history.
+
+    Returns:
+        The history.
+
+    Raises:
+        InputError: a load is not driven, or an option of the history is invalid.
+    """
+    if not isinstance(scene, Scene):
+        raise InputError(f"a Scene is needed, not a {type(scene).__name__}")
+    options, names = scene.history, scene.load_names
+    check_choice(options.kind, KINDS, "[history] kind")
+    if options.until not in (None, "steady"):
+        raise InputError(
+            f'[history] until: "{options.until}" is unknown; use "steady" or remove it'
+        )
+    _check_keys(options)
+    check_known(tuple(options.constant), names, "constant")
+    varying = tuple(name for name in names if name not in options.constant)
+    if not varying:
+        raise InputError("[history] constant: names every load; leave out the one that varies")
+    history = _from_options(options, varying)
+    if len(history.loop):
+        _check_cycles(options.cycles)
+    return _with_constant(history, options, names)
+
+
+def _from_options(options: HistoryOptions, names: tuple[str, ...]) -> History:
+    """Return the history of the loads that are not constant."""
+    if options.kind == "table":
+        return from_table(options, names)
+    if options.kind == "harmonic":
+        return from_harmonic(options, names)
+    if options.load is None and len(names) != 1:
+        raise InputError(
+            "[history] load: the scene has several loads; name the driven one, and the others in "
+            "constant"
+        )
+    driven = names[0] if options.load is None else options.load
+    check_driven((driven,), names, options, "load")
+    return _from_range(options, names)
+
+
+def _from_range(options: HistoryOptions, names: tuple[str, ...]) -> History:
+    """Return the history of one load between minimum and maximum."""
+    if not options.maximum > 0.0:
+        raise InputError(
+            f"[history] maximum: must be positive, not {options.maximum:g}; to reverse the "
+            "load, change its own sign"
+        )
+    path = np.array([[0.0], [options.maximum]])
+    if options.kind == "monotonic":
+        return History(names, path, np.zeros((0, 1)))
+    if options.minimum >= options.maximum:
+        raise InputError(
+            f"[history] minimum: {options.minimum:g} is not below maximum = {options.maximum:g}; "
+            "reduce it"
+        )
+    loop = np.array([[options.maximum], [options.minimum], [options.maximum]])
+    return History(names, path, loop, options.cycles, options.until == "steady")
+
+
+def _with_constant(history: History, options: HistoryOptions, names: tuple[str, ...]) -> History:
+    """Return a history with the constant loads added: applied first, on one leg, then kept."""
+    factors = np.array([options.constant.get(name, 0.0) for name in names])
+    varying = [names.index(name) for name in history.load_names]
+
+    def widened(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        wide = np.tile(factors, (len(rows), 1))
+        wide[:, varying] = rows
+        return wide
+
+    path = widened(history.path)
+    if np.any(factors):
+        path = np.vstack([np.zeros_like(path[:1]), path])
+    return dataclasses.replace(history, load_names=names, path=path, loop=widened(history.loop))
+
+
+def _check_keys(options: HistoryOptions) -> None:
+    """Refuse keys without a meaning for the kind of the history."""
+    default = HistoryOptions()
+    for key, kinds in KEYS_OF_KIND.items():
+        value = getattr(options, key)
+        if options.kind in kinds or (isinstance(value, tuple) and not value):
+            continue
+        if value != getattr(default, key):
+            hint = "name the loads by columns" if key == "load" and options.kind == "table" else ""
+            raise InputError(
+                f"[history] {key}: is for kind = {' or '.join(map(repr_of, kinds))} only, not "
+                f"{repr_of(options.kind)}; {hint or 'remove it'}"
+            )
+
+
+def repr_of(kind: str) -> str:
+    """Return a kind in quotes."""
+    return f'"{kind}"'
+
+
+def _check_cycles(cycles: int) -> None:
+    if cycles < 1:
+        raise InputError(
+            f'[history] cycles: must be at least 1, not {cycles}; or use kind = "monotonic"'
+        )
+    if cycles > MAX_CYCLES:
+        raise InputError(f"[history] cycles: must be at most {MAX_CYCLES}, not {cycles}")

@@ -1,0 +1,149 @@
+"""Load history as a polyline of load factors: legs, cycles, instants along them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.errors import InputError
+
+
+@dataclass(frozen=True)
+class History:
+    """Load history: a path from rest, then a closed loop that each cycle repeats.
+
+    Attributes:
+        load_names: n_loads names, one per column.
+        path: (n + 1, n_loads) load factors of cycle 0, from zero load to the start of the cycles.
+        loop: (m + 1, n_loads) load factors of every further cycle, closed: first and last row are
+            ``path[-1]``; (0, n_loads) when there are no cycles.
+        cycles: largest number of repetitions of the loop.
+        until_steady: whether to stop when the steady state is reached.
+    """
+
+    load_names: tuple[str, ...]
+    path: NDArray[np.float64]
+    loop: NDArray[np.float64]
+    cycles: int = 0
+    until_steady: bool = False
+
+    def polyline(self, cycle: int) -> NDArray[np.float64]:
+        """Return the load factors at the corners of a cycle; cycle 0 is the path from rest.
+
+        Raises:
+            InputError: there is no such cycle.
+        """
+        if not 0 <= cycle <= self.cycles:
+            raise InputError(
+                f"cycle {cycle} does not occur: the history has cycles 0 to {self.cycles}"
+            )
+        return self.path if cycle == 0 else self.loop
+
+
+def check_history(history: History, load_names: tuple[str, ...]) -> None:
+    """Check that a history drives given loads, starts at rest and has a closed loop.
+
+    Raises:
+        InputError: the history has other loads, an array of a wrong shape or with entries that are
+            not finite, a path that does not start at rest, or a loop that is not closed.
+    """
+    if not isinstance(history, History):
+        raise InputError(f"evolve: a Scene or a History is needed, not a {type(history).__name__}")
+    if history.load_names != load_names:
+        raise InputError(
+            f"the history drives loads {list(history.load_names)}, the system has "
+            f"{list(load_names)}: name the same loads in the same order"
+        )
+    path, loop = np.asarray(history.path), np.asarray(history.loop)
+    for name, rows, least in (("path", path, 2), ("loop", loop, 0)):
+        if rows.ndim != 2 or rows.shape[1] != len(load_names) or len(rows) < least:
+            raise InputError(
+                f"the history's {name} has shape {rows.shape}, expected at least {least} rows of "
+                f"{len(load_names)} load factors"
+            )
+        wrong = ~np.isfinite(rows).all(axis=1)
+        if np.any(wrong):
+            raise InputError(
+                f"row {np.argmax(wrong)} of the history's {name}, {rows[np.argmax(wrong)].tolist()}"
+                ", is not finite"
+            )
+    if np.any(path[0]):
+        raise InputError(
+            f"the history's path starts at load factors {path[0].tolist()}: insert a row of zeros "
+            "(the body at rest) before it"
+        )
+    if len(loop) and (np.any(loop[0] != path[-1]) or np.any(loop[-1] != loop[0])):
+        raise InputError(
+            f"the history's loop runs from {loop[0].tolist()} to {loop[-1].tolist()}: start and "
+            f"end it at the end of the path, {path[-1].tolist()}"
+        )
+
+
+def leg_number(history: History, name: str, cycle: int = 1) -> int:
+    """Return the index of a leg in its cycle from its name on the command line.
+
+    Args:
+        history: the history.
+        name: "loading", "unloading", or the index.
+        cycle: cycle of the leg; 0 is the path from rest.
+
+    Returns:
+        Index of the leg, from 0: in a cycle, "unloading" is the first leg and "loading" the last.
+
+    Raises:
+        InputError: the cycle has no such leg.
+    """
+    polyline = history.polyline(cycle)
+    n = len(polyline) - 1
+    size = np.abs(polyline).sum(axis=1)
+    if name in ("loading", "unloading"):
+        rises = size[1:] > size[:-1]
+        legs = [k for k in range(n) if rises[k] == (name == "loading")]
+        if len(legs) != 1:
+            raise InputError(
+                f"cycle {cycle} has {len(legs)} {name} legs; give a leg number, 0 to {n - 1}"
+            )
+        return legs[0]
+    if not name.isdecimal() or int(name) >= n:
+        raise InputError(
+            f"leg '{name}': cycle {cycle} has legs 0 to {n - 1}; give a number, or loading or "
+            "unloading"
+        )
+    return int(name)
+
+
+def evenly_spaced(
+    history: History, cycle: int, n: int
+) -> tuple[NDArray[np.int64], NDArray[np.float64], NDArray[np.float64]]:
+    """Return instants of a cycle, evenly spaced in the path length of the loads.
+
+    Args:
+        history: the history.
+        cycle: cycle, 0 for the path from rest.
+        n: number of instants, at least the number of legs plus one.
+
+    Returns:
+        For each instant the leg, the position s in [0, 1] along it, and the fraction of the cycle's
+        path length up to it. The first instant is the cycle's start; in cycle 0 it is slightly
+        later, as nothing is loaded at the start. The end of every leg is one of the instants.
+
+    Raises:
+        InputError: there is no such cycle, or n is too small.
+    """
+    polyline = history.polyline(cycle)
+    legs = len(polyline) - 1
+    if n < legs + 1:
+        raise InputError(f"{n} frames: a cycle of {legs} legs needs at least {legs + 1}")
+    largest = np.abs(np.vstack([history.path, history.loop])).max(axis=0)
+    way = np.abs(np.diff(polyline, axis=0) / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+    share = np.maximum(1, np.round((n - 1) * way / way.sum())).astype(int)
+    share[np.argmax(share)] += n - 1 - share.sum()
+    before = np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
+    leg, s = [0], [0.0 if cycle else 0.5 / share[0]]
+    for k, count in enumerate(share):
+        leg += [k] * count
+        s += ((np.arange(count) + 1.0) / count).tolist()
+    number, position = np.array(leg), np.array(s)
+    return number, position, before[number] + position * np.diff(before)[number]

@@ -1,0 +1,124 @@
+"""Dataclasses of a scene's options: history, solver and output."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from receding_fenicsx.scene.profiles import Profile
+
+SAMPLES_PER_LEG, SAMPLES_PER_CYCLE = 40, 800
+"""Default numbers of samples: per leg, and at most per cycle where it has many legs."""
+
+
+@dataclass(frozen=True)
+class Harmonic:
+    """Load factor mean + amplitude cos(angle - phase) of a harmonic history.
+
+    Attributes:
+        mean: mean load factor.
+        amplitude: amplitude of the load factor, not negative; 0 for a constant load.
+        phase: angle in degrees at which the load factor is largest.
+    """
+
+    mean: float = 0.0
+    amplitude: float = 0.0
+    phase: float = 0.0
+
+
+@dataclass(frozen=True)
+class HistoryOptions:
+    """Options of the load history; see :mod:`receding_fenicsx.scene.history`.
+
+    Attributes:
+        kind: "cyclic", "monotonic", "table" or "harmonic".
+        load: name of the load that varies; required when there are several.
+        maximum: largest load factor, positive.
+        minimum: smallest load factor of the cycles, below the maximum.
+        cycles: largest number of cycles.
+        until: "steady" to stop when the steady state is reached.
+        columns: name of the load of each column (kind "table").
+        rows: load factors from rest to the start of the cycles (kind "table"); in a scene file also
+            a file. Default: straight to the last of ``cycle_rows``.
+        cycle_rows: load factors at the corners of a cycle, from the last of ``rows`` back to it
+            (kind "table"); in a scene file also a file.
+        constant: load factors that are applied first and then kept, by the names of their loads.
+        harmonic: each load's mean, amplitude and phase, by its name (kind "harmonic").
+        corners: corners of the polygon that stands for the ellipse (kind "harmonic"); default: as
+            many as ``tolerance`` needs.
+        tolerance: largest error estimate of the dissipation per cycle due to the polygon, relative;
+            default 1e-3 (kind "harmonic").
+        initial_slip: tangential displacement from which the slip of the first leg is measured.
+    """
+
+    kind: str = "cyclic"
+    load: str | None = None
+    maximum: float = 1.0
+    minimum: float = 1.0 / 3.0
+    cycles: int = 60
+    until: str | None = None
+    columns: tuple[str, ...] = ()
+    rows: tuple[tuple[float, ...], ...] = ()
+    cycle_rows: tuple[tuple[float, ...], ...] = ()
+    constant: dict[str, float] = field(default_factory=dict)
+    harmonic: dict[str, Harmonic] = field(default_factory=dict)
+    corners: int | None = None
+    tolerance: float | None = None
+    initial_slip: Profile | None = None
+
+
+@dataclass(frozen=True)
+class SolverOptions:
+    """Options of the solver; tolerances are relative to the scales of the scene.
+
+    Attributes:
+        method: "events" (exact) or "gauss-seidel" (load steps).
+        steps_per_leg: load steps per leg (Gauss-Seidel).
+        symmetry: "auto" models half of a mirror-symmetric body; "none" models the whole body.
+        over_relaxation: relaxation factor, between 0 and 2 (Gauss-Seidel).
+        polish: solve directly once the states no longer change (Gauss-Seidel).
+        change_tolerance: largest change in a sweep, over the largest displacement of the step,
+            eq. (16) (Gauss-Seidel).
+        residual_tolerance: residual of the contact law, over the largest nodal force
+            (Gauss-Seidel).
+        max_sweeps: largest number of sweeps of a step; more are an error. A step whose sweeps cycle
+            or converge too slowly (1000 sweeps leave more than a tenth of the residual) is solved
+            on the exact path (Gauss-Seidel).
+        steady_tolerance: change of the nodal forces over a cycle, relative to the largest force,
+            below which the cycle is steady. Changes of slip are compared with 100 times this
+            tolerance, relative to the largest slip in the cycle.
+        on_jump: "stop" or "static", where no quasi-static continuation exists.
+    """
+
+    method: str = "events"
+    steps_per_leg: int = 40
+    symmetry: str = "auto"
+    over_relaxation: float = 1.5
+    polish: bool = True
+    change_tolerance: float = 1e-10
+    residual_tolerance: float = 1e-12
+    max_sweeps: int = 20000
+    steady_tolerance: float = 1e-8
+    on_jump: str = "stop"
+
+
+@dataclass(frozen=True)
+class OutputOptions:
+    """Options of the record and the checkpoints.
+
+    Attributes:
+        samples_per_leg: samples per leg of the sampled cycles; default 40, on a cycle of more than
+            20 legs fewer, about 800 for the cycle.
+        cycles: cycles with samples and events: "all" or a list; default 0, 1, 2, 9 and the last.
+        checkpoint_cycles: cycles between two checkpoints. After 20 times as many cycles, the
+            distance grows to a tenth of the finished cycles.
+    """
+
+    samples_per_leg: int | None = None
+    cycles: tuple[int, ...] | str | None = None
+    checkpoint_cycles: int = 10
+
+    def samples_on(self, legs: int) -> int:
+        """Return the number of samples per leg of a cycle of so many legs."""
+        if self.samples_per_leg is not None:
+            return self.samples_per_leg
+        return max(1, min(SAMPLES_PER_LEG, SAMPLES_PER_CYCLE // max(legs, 1)))

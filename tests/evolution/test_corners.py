@@ -1,0 +1,215 @@
+"""Harmonic histories: corners by doubling, against closed forms and an independent integration."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from small import small_system
+
+from receding_fenicsx import condense, evolve, run, run_table, summarise
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.evolution import corners
+from receding_fenicsx.evolution.corners import CORNERS, with_corners
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.mpi import given
+from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz
+from receding_fenicsx.scene.model import Contact, Harmonic, HistoryOptions, Load, Scene
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.study import RunOptions
+
+comm = MPI.COMM_WORLD
+ROOT = Path(__file__).parents[2]
+HERTZ = Hertz(force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2))
+IN_PHASE = {"P": Harmonic(1.0), "Q": Harmonic(0.0, 0.3)}
+QUADRATURE = {"P": Harmonic(1.0, 0.3), "Q": Harmonic(0.0, 0.3, 90.0)}
+
+
+def harmonic(loads: dict[str, Harmonic], **options: Any) -> HistoryOptions:
+    return replace(HistoryOptions(kind="harmonic", cycles=2, harmonic=loads), **options)
+
+
+@cache
+def cylinders() -> tuple[Scene, ContactSystem]:
+    """Cattaneo and Mindlin's contact, coarse; on every rank by itself."""
+    text = (ROOT / "demos" / "cattaneo_mindlin.toml").read_text()
+    changes = ["mesh.contact_elements=60", "output.samples_per_leg=1"]
+    scene = from_toml(text, changes, ROOT / "demos")
+    return scene, given(condense(scene, MPI.COMM_SELF))
+
+
+def fretting(loads: dict[str, Harmonic], **options: Any) -> Record:
+    scene, system = cylinders()
+    return evolve(system, replace(scene, history=harmonic(loads, **options)))
+
+
+def test_fretting_in_phase_dissipates_what_cattaneo_and_mindlin_say() -> None:
+    record = fretting(IN_PHASE)
+    known = CattaneoMindlin(HERTZ, 0.5, 0.3).dissipation()
+    np.testing.assert_allclose(record.cycles.dissipation, known, rtol=0.005)
+    assert record.doubling is None
+    assert summarise(record)["harmonic"] == {"corners": 2, "error_estimate": 0.0}
+    # further corners on the straight line change nothing
+    scene, system = cylinders()
+    table = HistoryOptions(
+        kind="table",
+        columns=("P", "Q"),
+        rows=((1.0, 0.0), (1.0, 0.3)),
+        cycle_rows=tuple(
+            (1.0, 0.3 * float(np.cos(a))) for a in 2.0 * np.pi * np.arange(1, 13) / 12
+        ),
+        cycles=2,
+    )
+    fine = evolve(system, replace(scene, history=table))
+    np.testing.assert_allclose(fine.cycles.dissipation, record.cycles.dissipation, rtol=1e-10)
+
+
+def test_fretting_out_of_phase_meets_its_tolerance() -> None:
+    """Against a polygon of 600 other corners, made here."""
+    scene, system = cylinders()
+    angle = 2.0 * np.pi * np.arange(1, 601) / 600
+    rows = np.column_stack([1.0 + 0.3 * np.cos(angle), 0.3 * np.sin(angle)])
+    rows[-1] = 1.3, 0.0
+    table = HistoryOptions(
+        kind="table",
+        columns=("P", "Q"),
+        rows=((1.0, 0.0), (1.3, 0.0)),
+        cycle_rows=tuple(map(tuple, rows.tolist())),
+        cycles=2,
+    )
+    fine = evolve(system, replace(scene, history=table)).cycles.dissipation
+    record = fretting(QUADRATURE, tolerance=0.01)
+    assert record.doubling is not None
+    number, error = record.doubling[-1]
+    D = record.cycles.dissipation
+    assert np.abs(D - fine).max() < error * fine.max() <= 0.01 * fine.max()
+    # the coarsest polygon does not: the doubling was needed
+    assert (
+        np.abs(fretting(QUADRATURE, corners=16).cycles.dissipation - fine).max() > 0.01 * fine[-1]
+    )
+    # the work of the loads round the last cycle is what friction takes
+    table_of = record.turning_points
+    last = table_of.cycle == 2
+    ends = np.vstack([table_of.load_displacement[~last][-1], table_of.load_displacement[last]])
+    loads = np.vstack([table_of.load[~last][-1], table_of.load[last]])
+    work = float(np.sum(0.5 * (loads[1:] + loads[:-1]) * np.diff(ends, axis=0)))
+    np.testing.assert_allclose(work, D[-1], rtol=0.03)
+    # what was found is told, and is the scene of the record
+    assert record.scene is not None and record.scene.history.corners == number
+    assert np.count_nonzero(last) == number
+    told = summarise(record)
+    assert told["harmonic"]["corners"] == number
+    assert told["harmonic"]["error_estimate"] == error and told["harmonic"]["tolerance"] == 0.01
+    line = f"polygon of {number:.0f} corners, error of the dissipation per cycle by it: {error:.1e}"
+    assert line in run_table({**told, "friction_margin": None})
+    # extreme loads only, of so many
+    assert len(run_table({**told, "friction_margin": None}).splitlines()) < 30
+
+
+# -- a block on a spring, followed by hand -------------------------------------------------------
+
+STIFFNESS, FRICTION = 2.0, 0.4
+SPRING = {"P": Harmonic(1.0, 0.5), "Q": Harmonic(0.1, 1.2, 70.0)}
+
+
+def spring() -> tuple[Scene, ContactSystem]:
+    """One node: Q = -k v + lambda_Q, P = lambda_P."""
+    scene = Scene(
+        contacts=(Contact(friction=FRICTION),),
+        loads=(Load("P", "top", pressure=1.0), Load("Q", "top", traction=(1.0, 0.0))),
+        history=harmonic(SPRING, cycles=3),
+    )
+    K = np.diag([STIFFNESS, 1.0])
+    system = small_system(K, {"P": [0.0, 1.0], "Q": [-1.0, 0.0]}, FRICTION)
+    return scene, replace(system, scene_toml=to_toml(scene))
+
+
+def stepped(steps: int = 200_000) -> float:
+    """Dissipation of the third cycle in small steps: the spring's force returns to the limit."""
+    angle = 2.0 * np.pi * np.arange(3 * steps + 1) / steps
+    P, Q = (
+        load.mean + load.amplitude * np.cos(angle - np.radians(load.phase))
+        for load in SPRING.values()
+    )
+    v = total = 0.0
+    for k, (limit, pull) in enumerate(zip((FRICTION * P).tolist(), Q.tolist(), strict=True)):
+        force = pull - STIFFNESS * v
+        if abs(force) > limit:
+            slip = (abs(force) - limit) / STIFFNESS * np.sign(force)
+            v += slip
+            total += limit * abs(slip) if k > 2 * steps else 0.0
+    return total
+
+
+def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
+    scene, system = spring()
+    known = stepped()
+    found = []
+    for number in (32, 64, 128, 256):
+        fixed = replace(scene, history=replace(scene.history, corners=number))
+        found.append(evolve(system, fixed).cycles.dissipation[-1])
+    errors = np.abs(np.array(found) - known) / known
+    assert errors[-1] < 2e-4
+    assert errors[0] / errors[-1] > 0.5 * 8.0**2
+    refined, doubling = with_corners(system, scene)
+    assert doubling is not None and doubling[-1, 1] <= 1e-3 < doubling[-2, 1]
+    D = evolve(system, scene).cycles.dissipation[-1]
+    assert abs(D - known) <= doubling[-1, 1] * known
+    assert refined.history.corners == doubling[-1, 0]
+
+
+def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene, system = spring()
+    monkeypatch.setattr(corners, "MOST_CORNERS", 64)
+    with pytest.raises(SolveError, match="with 64 corners the error estimate") as caught:
+        with_corners(system, replace(scene, history=replace(scene.history, tolerance=1e-9)))
+    assert "\n" not in str(caught.value)
+
+
+def test_history_without_equilibrium_fails_as_it_is() -> None:
+    """The normal load vanishes on the way: the polygon that fails is the one that is run."""
+    scene, system = spring()
+    lifting = {**SPRING, "P": Harmonic(1.0, 1.5)}
+    scene = replace(scene, history=harmonic(lifting, cycles=3))
+    refined, doubling = with_corners(system, scene)
+    if refined.history.corners is not None and doubling is not None:
+        assert doubling[-1, 0] == refined.history.corners
+
+
+# -- runs ----------------------------------------------------------------------------------------
+
+
+def test_resumed_run_keeps_its_corners(shared_tmp_path: Path) -> None:
+    scene, _ = cylinders()
+    scene = replace(scene, history=harmonic(QUADRATURE, tolerance=0.05))
+    out = shared_tmp_path / "run"
+    first = run(scene, out, RunOptions(pictures=False))
+    more = replace(scene, history=replace(scene.history, cycles=4))
+    resumed = run(more, out, RunOptions(pictures=False, resume=True))
+    assert (out / CORNERS).is_file()
+    if comm.rank:
+        return
+    assert first is not None and first.doubling is not None
+    assert resumed is not None and resumed.doubling is not None and resumed.scene is not None
+    np.testing.assert_array_equal(first.doubling, resumed.doubling)
+    np.testing.assert_array_equal(
+        resumed.cycles.dissipation[: len(first.cycles.dissipation)], first.cycles.dissipation
+    )
+    _, system = cylinders()
+    whole = evolve(system, resumed.scene)
+    np.testing.assert_allclose(whole.cycles.dissipation, resumed.cycles.dissipation, rtol=1e-12)
+    (out / CORNERS).write_text("16 corners\n")
+    with pytest.raises(InputError, match="is damaged"):
+        run(
+            replace(more, history=replace(more.history, cycles=5)),
+            out,
+            RunOptions(pictures=False, resume=True),
+            MPI.COMM_SELF,
+        )

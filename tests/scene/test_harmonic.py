@@ -1,0 +1,143 @@
+"""Harmonic histories as polygons, and constant loads beside cyclic ones."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.history import History, from_scene
+from receding_fenicsx.scene.model import Harmonic, HistoryOptions
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+
+BODY = """
+[[load]]
+name = "P"
+edge = "top"
+pressure = 1.0
+[[load]]
+name = "Q 1"
+edge = "top"
+traction = [1.0, 0.0]
+"""
+OUT_OF_PHASE = """
+[history]
+kind = "harmonic"
+cycles = 3
+[history.harmonic.P]
+mean = 1.0
+amplitude = 0.5
+phase = 20
+[history.harmonic."Q 1"]
+amplitude = 0.25
+phase = 110
+"""
+
+
+def made(history: str, *changes: str) -> History:
+    scene = from_toml(f"{BODY}{history}", changes)
+    assert from_toml(to_toml(scene)) == scene
+    return from_scene(scene)
+
+
+def test_corners_lie_on_the_ellipse_and_hold_the_extremes_of_each_load() -> None:
+    for corners in (4, 7, 16, 100):
+        history = made(OUT_OF_PHASE, f"history.corners={corners}")
+        assert history.loop.shape == (corners + 1, 2)
+        P, Q = history.loop.T
+        np.testing.assert_allclose(((P - 1.0) / 0.5) ** 2 + (Q / 0.25) ** 2, 1.0, atol=1e-14)
+        assert (P.min(), P.max(), Q.min(), Q.max()) == (0.5, 1.5, -0.25, 0.25)
+        # once around: the angle from corner to corner has one sign and adds up to a turn
+        way = np.diff(np.unwrap(np.arctan2(Q / 0.25, (P - 1.0) / 0.5)))
+        assert np.all(way > 0.0)
+        np.testing.assert_allclose(way.sum(), 2.0 * np.pi, rtol=1e-14)
+        np.testing.assert_array_equal(history.loop[0], history.loop[-1])
+
+
+def test_path_leads_over_the_means_to_the_maximum_of_the_first_load() -> None:
+    assert made(OUT_OF_PHASE).path.tolist() == [[0.0, 0.0], [1.0, 0.0], [1.5, 0.0]]
+    still = made(OUT_OF_PHASE, "history.harmonic.P={mean=1.0}")
+    assert still.path.tolist() == [[0.0, 0.0], [1.0, 0.0], [1.0, 0.25]]
+    preloaded = made(OUT_OF_PHASE, "history.harmonic={P={amplitude=0.5}}", "history.constant.Q 1=2")
+    assert preloaded.path.tolist() == [[0.0, 0.0], [0.0, 2.0], [0.5, 2.0]]
+
+
+@pytest.mark.parametrize(
+    ("phase", "second"), [(20, -0.25), (200, 0.25), (380, -0.25), (-160, 0.25)]
+)
+def test_loads_in_phase_or_opposite_need_two_corners(phase: float, second: float) -> None:
+    history = made(OUT_OF_PHASE, f"history.harmonic.Q 1.phase={phase}", "history.corners=64")
+    np.testing.assert_array_equal(history.loop, [[1.5, -second], [0.5, second], [1.5, -second]])
+
+
+def test_arcs_between_close_extremes_are_divided_evenly() -> None:
+    loop = made(OUT_OF_PHASE, "history.harmonic.Q 1.phase=50", "history.corners=24").loop
+    angles = np.degrees(np.arccos(np.clip((loop[:13, 0] - 1.0) / 0.5, -1.0, 1.0)))
+    np.testing.assert_allclose(angles, 15.0 * np.arange(13), atol=1e-6)
+
+
+@pytest.mark.parametrize(
+    ("history", "path", "loop"),
+    [
+        (
+            'kind = "cyclic"\nminimum = -1\nconstant = {P = 2}',
+            [[0, 0], [2, 0], [2, 1]],
+            [[2, 1], [2, -1], [2, 1]],
+        ),
+        ('kind = "monotonic"\nconstant = {"Q 1" = -1}', [[0, 0], [0, -1], [1, -1]], []),
+        ('kind = "cyclic"\nconstant = {P = 0}', [[0, 0], [0, 1]], [[0, 1], [0, 1 / 3], [0, 1]]),
+    ],
+)
+def test_constant_loads_are_applied_first_and_kept(
+    history: str, path: list[list[float]], loop: list[list[float]]
+) -> None:
+    found = made(f"[history]\n{history}")
+    np.testing.assert_array_equal(found.path, path)
+    np.testing.assert_array_equal(found.loop, np.reshape(loop, (-1, 2)))
+
+
+def test_scene_made_in_python_equals_that_of_the_file() -> None:
+    loads = {"P": Harmonic(1.0, 0.5, 20.0), "Q 1": Harmonic(amplitude=0.25, phase=110.0)}
+    options = HistoryOptions(kind="harmonic", cycles=3, harmonic=loads)
+    assert from_toml(f"{BODY}{OUT_OF_PHASE}").history == options
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (["harmonic.P.amplitude=0", "harmonic.Q 1.amplitude=0"], ["no load has an amplitude"]),
+        (["harmonic={}"], ["harmonic: is missing"]),
+        (["harmonic=1"], ["a table for each load"]),
+        (["harmonic.P=1"], ["harmonic.P: must be a table"]),
+        (["harmonic.P.amplitude=-1"], ["harmonic.P amplitude", "180"]),
+        (["harmonic.P.amplitude=nan"], ["harmonic.P amplitude", "finite"]),
+        (["harmonic.P.mean=true"], ["harmonic.P mean", "number"]),
+        (["harmonic.P.mean=1e60"], ["harmonic.P mean", "beyond"]),
+        (["harmonic.P.fase=1"], ["harmonic.P", "did you mean 'phase'?"]),
+        (["harmonic.R.mean=1"], ["no load is named 'R'"]),
+        (["harmonic={P={amplitude=1}}"], ["load 'Q 1'", "not driven"]),
+        (["constant.P=1"], ["constant", "'P' varies"]),
+        (["constant={R=1}"], ["constant", "no load is named 'R'"]),
+        (["constant={P=1, 'Q 1'=1}"], ["constant", "names every load"]),
+        (["constant=1"], ["constant", "must be a table"]),
+        (["constant.P=inf"], ["constant.P", "finite"]),
+        (["corners=3"], ["corners", "need 4"]),
+        (["corners=0"], ["corners", "positive"]),
+        (["corners=5000"], ["corners", "at most 4096"]),
+        (["corners=8.5"], ["corners", "whole number"]),
+        (["tolerance=0"], ["tolerance", "positive"]),
+        (["tolerance=1"], ["tolerance", "below 1"]),
+        (["cycles=0"], ["cycles", "at least 1"]),
+        (["maximum=2"], ["maximum", '"cyclic" or "monotonic" only']),
+        (["load=P"], ["load", "only"]),
+        (["columns=['P']"], ["columns", '"table" only']),
+        (["kind=cyclic"], ["harmonic", '"harmonic" only']),
+        (["kind=table", "harmonic={}", "corners=8"], ["corners", '"harmonic" only']),
+    ],
+)
+def test_bad_harmonic_history_is_refused_in_one_line(changes: list[str], words: list[str]) -> None:
+    with pytest.raises(InputError) as caught:
+        made(OUT_OF_PHASE, *(f"history.{change}" for change in changes))
+    for word in words:
+        assert word in str(caught.value), str(caught.value)
+    assert "\n" not in str(caught.value)

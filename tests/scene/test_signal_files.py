@@ -1,0 +1,196 @@
+"""Rows of a table history from text files: formats, names of columns, refusals with their line."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import pytest
+
+from receding_fenicsx import cli
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.identity import difference
+from receding_fenicsx.scene.model import HistoryOptions, Scene
+from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
+
+comm = MPI.COMM_WORLD
+BODY = """
+[[load]]
+name = "P"
+edge = "top"
+pressure = 1.0
+[[load]]
+name = "Q"
+edge = "top"
+traction = [1.0, 0.0]
+[history]
+kind = "table"
+cycles = 2
+"""
+ROWS = ((1.0, 0.25), (1.5, -0.5), (1.0, 0.5))
+FILE = 'rows = {file = "signal.csv"}\n'
+
+
+def put(folder: Path, text: str | bytes, name: str = "signal.csv") -> None:
+    """Write a file on rank 0."""
+    data = text if isinstance(text, bytes) else text.encode()
+    comm.barrier()
+    on_root(comm, lambda: (folder / name).write_bytes(data))
+    comm.barrier()
+
+
+def read(folder: Path, history: str = FILE, body: str = BODY) -> Scene:
+    return from_toml(f"{body}{history}", folder=folder)
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "P,Q\n1,0.25\n1.5,-0.5\n1,0.5\n",
+        "P;Q\r\n1;0.25\r\n1.5;-0.5\r\n1;0.5\r\n",
+        "P\tQ\n1\t.25\n15e-1\t-0.5\n1\t+0.5",
+        "P Q\n 1   0.25\n\n1.5  -0.5\n1 0.5 # the end\n",
+        "\ufeffP, Q\n1, 0.25\n1.5, -0.5\n1, 0.5\n",
+        "rig three, by hand\n% 3 Hz\ntime [s], P [kN], Q (kN)\ns, kN, kN\n"
+        "0, 1, 0.25\n1, 1.5, -0.5\n1, 1, 0.5\n",
+        "# T P Q\n0.0 1 0.25\n0.1 1.5 -0.5\n0.2 1 0.5\n",
+        'Q,"P"\n0.25,1\n-0.5,1.5\n0.5,1\n',
+    ],
+)
+def test_every_format_gives_the_same_rows(text: str, shared_tmp_path: Path) -> None:
+    put(shared_tmp_path, text)
+    history = from_scene(read(shared_tmp_path))
+    assert history.load_names == ("P", "Q")
+    assert history.path.tolist() == [[0.0, 0.0], *map(list, ROWS)]
+
+
+def test_columns_name_those_of_a_file_without_header_and_choose_from_a_header(
+    shared_tmp_path: Path,
+) -> None:
+    put(shared_tmp_path, "0 0.25 1\n1 -0.5 1.5\n2 0.5 1\n")
+    assert read(shared_tmp_path, f'columns = ["time", "Q", "P"]\n{FILE}').history.rows == (
+        (0.25, 1.0),
+        (-0.5, 1.5),
+        (0.5, 1.0),
+    )
+    put(shared_tmp_path, "P,room,Q\n1,20,0.25\n1.5,20,-0.5\n1,21,0.5\n")
+    assert read(shared_tmp_path, f'columns = ["P", "Q"]\n{FILE}').history.rows == ROWS
+
+
+def test_load_of_the_name_t_is_no_time(shared_tmp_path: Path) -> None:
+    put(shared_tmp_path, "t,P\n1,0\n0.5,1\n")
+    scene = read(shared_tmp_path, body=BODY.replace('"Q"', '"t"'))
+    assert scene.history.columns == ("t", "P")
+
+
+def test_dwell_of_a_signal_is_one_row(shared_tmp_path: Path) -> None:
+    put(shared_tmp_path, "time,P,Q\n0,0,0\n1,0,0\n2,1,0\n3,1,0\n4,1,0\n5,1,0.5\n6,1,0.5\n")
+    assert from_scene(read(shared_tmp_path)).path.tolist() == [[0, 0], [1, 0], [1, 0.5]]
+
+
+def test_measured_block_is_closed_from_its_end_to_its_beginning(shared_tmp_path: Path) -> None:
+    put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5\n1.25,0.5\n")
+    history = from_scene(read(shared_tmp_path, 'cycle_rows = {file = "signal.csv"}\n'))
+    assert history.path.tolist() == [[0, 0], [1.25, 0.5]]
+    assert history.loop.tolist() == [[1.25, 0.5], [1, 0.25], [1.5, -0.5], [1.25, 0.5]]
+    both = read(shared_tmp_path, FILE + 'cycle_rows = {file = "signal.csv"}\n')
+    assert from_scene(both).path.shape == (4, 2) and both.history.columns == ("P", "Q")
+
+
+def test_constant_load_stands_beside_a_measured_one(shared_tmp_path: Path) -> None:
+    put(shared_tmp_path, "Q\n0\n0.5\n-0.5\n0\n")
+    scene = read(shared_tmp_path, f"constant = {{P = 2}}\n{FILE.replace('rows', 'cycle_rows')}")
+    history = from_scene(scene)
+    assert history.path.tolist() == [[0, 0], [2, 0]]
+    assert history.loop.tolist() == [[2, 0], [2, 0.5], [2, -0.5], [2, 0]]
+
+
+def test_scene_holds_the_rows_and_notices_another_file(shared_tmp_path: Path) -> None:
+    put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5\n1,0.5\n")
+    scene = read(shared_tmp_path)
+    assert from_toml(to_toml(scene), folder=shared_tmp_path / "elsewhere") == scene
+    put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5000001\n1,0.5\n")
+    assert difference(scene, read(shared_tmp_path)) == "[history] rows"
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("P,Q\n1,0.5\n1,abc\n", ["line 3", '"abc"', "not a number"]),
+        ("P,Q\n1,0.5\n1,nan\n", ["line 3", "finite"]),
+        ("P,Q\n1,0.5\n1,inf\n", ["line 3", "finite"]),
+        ("P,Q\n1,0.5\n1,\n", ["line 3", "column 2 is empty"]),
+        ("P,Q\n1,0.5\n\n1,0.5,2\n", ["line 4", "3 column(s), line 2 has 2"]),
+        ("P;Q\n1;0,5\n2;0,5\n", ["line 2", "decimal comma"]),
+        ("P Q\n1 0.5\n2 0,5\n", ["line 3", "decimal comma"]),
+        ("P,Q\n1,1e60\n", ["[history] rows", "beyond"]),
+        ("time,P,Q\n0,1,0\n2,1,1\n1,1,0\n", ["line 4", "time 1 follows 2", "sort"]),
+        ("P,R\n1,2\n", ["the column 'R' is no load"]),
+        ("P,Qq\n1,2\n", ["'Qq'", "did you mean 'Q'?"]),
+        ("P,P\n1,2\n", ["'P' occurs twice"]),
+        ("1,2\n3,4\n", ["no header line"]),
+        ("time,P\n0,1\n1,2\n", ["load 'Q'", "not driven"]),
+        ("", ["no row of numbers"]),
+        ("P,Q\n# nothing\n", ["no row of numbers"]),
+        (b"P,Q\n\xb5,1\n", ["not a text file in UTF-8"]),
+        (None, ["no such file"]),
+        ("P,Q\n0,0\n0,0\n", ["all load factors are zero"]),
+    ],
+)
+def test_bad_file_is_refused_in_one_line_with_code_2_and_nothing_written(
+    text: str | bytes | None,
+    words: list[str],
+    shared_tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    if text is not None:
+        put(shared_tmp_path, text)
+    put(shared_tmp_path, BODY + FILE, "scene.toml")
+    before = sorted(shared_tmp_path.iterdir())
+    code = cli.main(
+        ["run", str(shared_tmp_path / "scene.toml"), "--out", str(shared_tmp_path / "out")]
+    )
+    said = capsys.readouterr().err
+    assert code == 2
+    comm.barrier()
+    assert sorted(shared_tmp_path.iterdir()) == before
+    if comm.rank == 0:
+        assert len(said.strip().splitlines()) == 1
+        for word in (*words, "scene.toml"):
+            assert word in said, said
+
+
+@pytest.mark.parametrize(
+    ("history", "words"),
+    [
+        ("rows = {file = 3}", ["[history] rows file", "path in quotes"]),
+        ('rows = {fil = "signal.csv"}', ["[history] rows", "did you mean 'file'?"]),
+        (FILE + "cycle_rows = [[1, 0]]", ["[history] columns", "missing"]),
+        (FILE + 'columns = ["P", "R"]', ["no column(s) 'R'", "P, Q"]),
+        (FILE + "columns = [1]", ["[history] columns", "string"]),
+        (FILE + "constant = {P = 1}", ["[history] constant", "'P' varies"]),
+        ('kind = "cyclic"\n' + FILE, ["rows", 'kind = "table" only']),
+        (FILE + 'cycle_rows = {file = "other.csv"}', ["other.csv", "no column(s) 'P'"]),
+    ],
+)
+def test_bad_keys_beside_a_file_are_refused(
+    history: str, words: list[str], shared_tmp_path: Path
+) -> None:
+    put(shared_tmp_path, "P,Q\n1,0.5\n1,0.25\n")
+    put(shared_tmp_path, "Q,R\n1,0.5\n1,0.25\n", "other.csv")
+    body = BODY.replace('kind = "table"\n', "") if "kind" in history else BODY
+    with pytest.raises(InputError) as caught:
+        read(shared_tmp_path, history, body)
+    for word in words:
+        assert word in str(caught.value), str(caught.value)
+
+
+def test_scene_file_is_named_with_its_signal(shared_tmp_path: Path) -> None:
+    put(shared_tmp_path, BODY + FILE, "scene.toml")
+    put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5\n1,0.5\n")
+    assert read_scene(shared_tmp_path / "scene.toml").history == HistoryOptions(
+        kind="table", cycles=2, columns=("P", "Q"), rows=ROWS
+    )
