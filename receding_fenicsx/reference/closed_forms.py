@@ -132,6 +132,25 @@ class Hertz:
         """Pressure at x."""
         return self.p0 * arc(x, self.a)
 
+    def stress(self, x: ArrayLike, y: ArrayLike) -> Array:
+        """Return (..., [s_xx, s_yy, s_xy]) in the half-plane y > 0 that the pressure is on.
+
+        With m^2 - n^2 = a^2 - x^2 + y^2, m n = x y, m > 0, and t = (y^2 + n^2) / (m^2 + n^2),
+
+            s_xx = -p0 / a (m (1 + t) - 2 y),    s_yy = -p0 / a m (1 - t),
+            s_xy = -p0 / a n (m^2 - y^2) / (m^2 + n^2).
+
+        Source: E. McEwen, Philosophical Magazine 40 (1949) 454-459; Johnson, eqs. (4.49), where z
+        is the depth y.
+        """
+        x, y = np.broadcast_arrays(np.asarray(x, dtype=float), np.asarray(y, dtype=float))
+        root = np.sqrt((self.a**2 - x**2 + y**2) + 2j * x * y)
+        m, n = root.real, root.imag
+        t = (y**2 + n**2) / (m**2 + n**2)
+        s_xx = m * (1.0 + t) - 2.0 * y
+        s_xy = n * (m**2 - y**2) / (m**2 + n**2)
+        return -self.p0 / self.a * np.stack([s_xx, m * (1.0 - t), s_xy], axis=-1)
+
 
 def arc(x: ArrayLike, end: float) -> Array:
     """Return sqrt(1 - x^2 / end^2) where |x| < end, else 0."""

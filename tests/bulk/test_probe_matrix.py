@@ -70,8 +70,10 @@ def places(bulk: Bulk | Pair) -> list[Array]:
         fields = gather_fields(solve_fields(part, *at_rest(part)))
         chosen = None
         if fields is not None:
-            cells = fields.cells[:: max(1, len(fields.cells) // 9)]
-            corners = fields.points[cells]
+            corners = fields.points[fields.cells]
+            # one of them at the right end, where displacements are prescribed
+            last = np.argmax(corners.mean(axis=1) @ [1.0, 0.1])
+            corners = np.vstack([corners[:: max(1, len(corners) // 9)], corners[last, None]])
             chosen = np.vstack([corners[:, 0], corners.mean(axis=1)])
             if part.scene.axisymmetric:
                 chosen[:, 0] = np.abs(chosen[:, 0])  # the picture shows both sides

@@ -84,9 +84,12 @@ def test_values_at_samples_and_events_are_those_of_the_replayed_field(
     method: str, friction: float
 ) -> None:
     """Without friction the tangential displacements are eliminated, and come by the slip map."""
-    changes = [f"contact.friction={friction}", f"solver.method={method}", "history.cycles=2"]
+    changes = [f"contact.friction={friction}", f"solver.method={method}"]
     if method == "gauss-seidel":
         changes.append("solver.steps_per_leg=6")
+    elif friction:
+        # in cycle 2 the exact path then leaves out the nodes that keep their states
+        changes += ["mesh.contact_elements=60", "history.cycles=2"]
     # the corners of the bottom edge are vertices: the fields hold means over cells there too
     scene = small(*changes, "solver.symmetry=none")
     system = rf.condense(scene)
@@ -97,10 +100,10 @@ def test_values_at_samples_and_events_are_those_of_the_replayed_field(
         probe = record.probe("edge")
         kinds = ("sample", "turning point", *(("event",) if method == "events" else ()))
         for kind in kinds:
-            rows = np.flatnonzero((probe.kind == kind) & (probe.cycle == 1))
+            rows = np.flatnonzero((probe.kind == kind) & (probe.cycle == probe.cycle[-1]))
             for i in rows[:: max(1, len(rows) // 3)]:
                 leg, s = str(probe.leg[i]), float(probe.s[i])
-                at = rf.instant_of(scene, system, record, 1, leg, s)
+                at = rf.instant_of(scene, system, record, int(probe.cycle[i]), leg, s)
                 wanted.append((at.load, np.concatenate([at.v, at.state.w])))
                 values.append((probe.displacement[i], probe.stress[i]))
     wanted = comm.bcast(wanted)

@@ -117,3 +117,43 @@ def test_stick_of_the_punch_grows_with_friction_and_lies_below_the_uncoupled_val
         # lateral tendency falls with nu: at (0, 0.5) friction is highest over it
         assert ratios[0.0, 0.5] > ratios[0.2, 0.3] > ratios[0.3, 0.2] > 0.0
     assert closed_forms.PUNCH_STICK["plane strain"][0.0, 0.5] < np.sqrt(0.5)
+
+
+def test_hertzian_stress_is_in_equilibrium_and_compatible_below_the_pressure() -> None:
+    """Those two, the values on the edge and decay determine the stress."""
+    hertz = Hertz(force=1.0, radius=100.0, modulus=50.0)
+    x, y = np.meshgrid(hertz.a * np.linspace(-2.1, 2.1, 15), hertz.a * np.linspace(0.2, 3.0, 8))
+    h = 1e-4 * hertz.a
+
+    def slope(axis: int) -> Array:
+        dx, dy = (h, 0.0) if axis == 0 else (0.0, h)
+        return (hertz.stress(x + dx, y + dy) - hertz.stress(x - dx, y - dy)) / (2.0 * h)
+
+    along, down = slope(0), slope(1)
+    scale = hertz.p0 / hertz.a
+    assert np.abs(along[..., 0] + down[..., 2]).max() < 1e-6 * scale
+    assert np.abs(along[..., 2] + down[..., 1]).max() < 1e-6 * scale
+
+    def trace(dx: float, dy: float) -> Array:
+        return np.asarray(hertz.stress(x + dx, y + dy)[..., :2].sum(axis=-1))
+
+    h *= 20.0
+    laplacian = trace(h, 0) + trace(-h, 0) + trace(0, h) + trace(0, -h) - 4.0 * trace(0, 0)
+    assert np.abs(laplacian).max() < 1e-3 * hertz.p0 * (h / hertz.a) ** 2
+    edge = hertz.a * np.array([-3.0, -1.5, -0.9, 0.0, 0.3, 0.99, 1.2])
+    at = hertz.stress(edge, 0.0)
+    assert np.abs(at[:, 1] + hertz.pressure(edge)).max() < 1e-14
+    assert np.abs(at[:, 2]).max() < 1e-14
+    # far away the pressure is a line load: s_rr = -2 P / (pi r) on the axis
+    far = 1e3 * hertz.a
+    assert hertz.stress(0.0, far)[1] == pytest.approx(-2.0 / (np.pi * far), rel=1e-5)
+
+
+def test_largest_shear_below_hertzian_pressure_is_where_it_is_known_to_be() -> None:
+    """0.300 p0 at the depth 0.786 a (Johnson, section 4.2)."""
+    hertz = Hertz(force=1.0, radius=100.0, modulus=50.0)
+    depth = np.linspace(0.0, 2.0, 20001)
+    stress = hertz.stress(0.0, hertz.a * depth)
+    shear = 0.5 * np.abs(stress[:, 0] - stress[:, 1]) / hertz.p0
+    assert depth[np.argmax(shear)] == pytest.approx(0.786, abs=1e-3)
+    assert shear.max() == pytest.approx(0.300, abs=5e-4)
