@@ -36,7 +36,7 @@ def write_pages(package: Path, out: Path) -> list[str]:
     out.mkdir(parents=True)
     folders = [package, *(path.parent for path in package.rglob("*/__init__.py"))]
     rooms = {".".join(path.relative_to(package).parts): path for path in folders}
-    order = sorted(rooms, key=lambda room: (ORDER.index(room.split(".")[0]), room))
+    order = sorted(rooms, key=_place)
     documented = []
     for room in order:
         modules = [path for path in sorted(rooms[room].glob("*.py")) if path.stem != "__main__"]
@@ -57,6 +57,12 @@ def write_pages(package: Path, out: Path) -> list[str]:
     ]
     (out / "index.md").write_text("\n\n".join(index), encoding="utf-8")
     return documented
+
+
+def _place(room: str) -> tuple[int, str]:
+    """Return the key by which the rooms are sorted; those that ``ORDER`` lacks come last."""
+    folder = room.split(".")[0]
+    return (ORDER.index(folder) if folder in ORDER else len(ORDER)), room
 
 
 def _module_name(package: Path, path: Path) -> str:

@@ -14,6 +14,7 @@ html_css_files = ["site.css"]
 html_show_sphinx = False
 html_copy_source = False
 highlight_language = "none"
+smartquotes = False
 add_module_names = False
 python_use_unqualified_type_names = True
 toc_object_entries_show_parents = "hide"

@@ -7,28 +7,33 @@ from pathlib import Path
 from api_pages import markdown
 
 PICTURES = {
-    "block": (
-        "cycle.gif",
-        "zones_unloading.png",
-        "tractions.png",
-        "slip.png",
-        "zones_steady.png",
-        "fringes_steady.png",
-        "hysteresis.png",
-        "trajectories.png",
-        "dissipation_density.png",
-    ),
-    "problem_figure": ("problem.png",),
+    "block": {
+        "cycle.gif": "One cycle: fringes of the largest shear, states and tractions",
+        "zones_unloading.png": "Zones on complete unloading (Fig. 5)",
+        "tractions.png": "Tractions in the friction cone at a third of the load (Fig. 6)",
+        "slip.png": "Slip gained per cycle and its power law (Fig. 8)",
+        "zones_steady.png": "Zones in the steady cycle (Fig. 9)",
+        "fringes_steady.png": "Fringes of the largest shear in the steady cycle",
+        "hysteresis.png": "Hysteresis loops of the load",
+        "trajectories.png": "Paths of four nodes: tractions in the friction cone, displacements",
+        "dissipation_density.png": "Dissipation along the contact, per cycle",
+    },
+    "problem_figure": {"problem.png": "The problem"},
 }
-"""Pictures of the demos whose pictures do not begin with their name."""
+"""Pictures of the demos whose pictures do not begin with their name, with captions."""
 
 
-def pictures_of(demos: Path, name: str) -> list[str]:
-    """Return the names of a demo's pictures in ``demos/pictures``."""
+def pictures_of(demos: Path, name: str) -> dict[str, str]:
+    """Return a demo's pictures in ``demos/pictures``: file names, each with its caption or ""."""
     if name in PICTURES:
-        return list(PICTURES[name])
-    found = (demos / "pictures").glob(f"{name}*.*")
-    return sorted((path.name for path in found), key=lambda file: (Path(file).stem, file))
+        return PICTURES[name]
+    found = (path.name for path in (demos / "pictures").glob("*.*") if _is_of(path.stem, name))
+    return dict.fromkeys(sorted(found, key=lambda file: (len(file), file)), "")
+
+
+def _is_of(picture: str, name: str) -> bool:
+    """Whether a picture is called like a demo, or begins with its name and an underscore."""
+    return picture == name or picture.startswith(f"{name}_")
 
 
 def demo_names(demos: Path) -> list[str]:
@@ -55,10 +60,11 @@ def write_pages(demos: Path, source: Path) -> None:
         title, rest = _docstring(demos / f"{name}.py")
         pictures = pictures_of(demos, name)
         parts += [f"## [{title}](gallery/{name}.md)"]
-        parts += [f"![{title}](pictures/{pictures[0]})"] if pictures else []
+        parts += [f"![{title}](pictures/{picture})" for picture in list(pictures)[:1]]
         parts += [_problem(rest)]
         page = [f"# {title}", f"`bash demos/run.sh {name}`", rest]
-        page += [f"![{Path(picture).stem}](../pictures/{picture})" for picture in pictures]
+        for picture, caption in pictures.items():
+            page += [f"![{caption or title}](../pictures/{picture})", caption]
         scenes = sorted(path.name for path in demos.glob("*.toml") if _uses(demos, name, path.name))
         for file, language in [*((scene, "toml") for scene in scenes), (f"{name}.py", "python")]:
             page += [

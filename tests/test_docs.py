@@ -4,14 +4,17 @@ import dataclasses
 import inspect
 import json
 import re
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
 import api_pages
 import gallery_pages
+import picture_of_output
 import pytest
 import site_links
 import site_source
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import receding_fenicsx
 from receding_fenicsx.scene.model import (
@@ -176,3 +179,16 @@ def test_broken_links_of_a_site_are_found(tmp_path: Path) -> None:
         (tmp_path / name).write_text(text, encoding="utf-8")
     found = site_links.broken_links(tmp_path)
     assert sorted(found) == ["sub/a.html: ../index.html#bottom", "sub/a.html: no.png"]
+
+
+def test_picture_of_output_holds_all_its_letters() -> None:
+    lines = picture_of_output.shortened([f"{i} {'x' * i}" for i in range(200)])
+    assert len(lines) == picture_of_output.LONGEST and lines[28][:2] == "28"
+    assert lines[-1].startswith("199 x") and lines[-1].endswith("x ...")
+    figure = picture_of_output.draw(lines)
+    canvas = FigureCanvasAgg(figure)
+    width, height = canvas.get_width_height()
+    boxes = [text.get_window_extent(canvas.get_renderer()) for text in figure.texts]
+    assert min(box.x0 for box in boxes) > 0 and max(box.x1 for box in boxes) < width
+    assert min(box.y0 for box in boxes) > 0 and max(box.y1 for box in boxes) < height
+    assert all(a.y0 > b.y0 for a, b in pairwise(boxes))
