@@ -378,6 +378,15 @@ def test_colours_of_zones_are_those_of_the_legend(half: bool) -> None:
     assert len(seen) == 4
 
 
+def test_legend_says_where_closed_nodes_do_not_stick_for_want_of_friction() -> None:
+    def label(*friction: bool) -> str:
+        return str(style.state_patches([State.STICK], np.array(friction))[0].get_label())
+
+    assert label(True, True) == "1  stick"
+    assert label(False, False) == "1  contact"
+    assert label(True, False) == "1  stick, or contact without friction"
+
+
 def test_colours_and_numbers_of_the_band_are_those_of_the_legend() -> None:
     found = record()
     figure = figures.tractions(found, found.at(1, "minimum"))

@@ -19,6 +19,7 @@ from matplotlib.figure import Figure
 from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
+from numpy.typing import ArrayLike
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import STATE_NAMES, State
@@ -162,10 +163,18 @@ def focus(p: Array, others: Array) -> tuple[float, float]:
     return low - room, top + room
 
 
-def state_patches(states: Iterable[int], friction: bool = True) -> list[Patch]:
-    """Return legend entries of states, in order; without friction stick is called contact."""
-    frictionless = STATE_LABELS | {State.STICK: f"1  {FRICTIONLESS_CONTACT}"}
-    labels = STATE_LABELS if friction else frictionless
+def state_patches(states: Iterable[int], friction: ArrayLike = True) -> list[Patch]:
+    """Return legend entries of states, in order.
+
+    Args:
+        states: the states, in any order.
+        friction: where there is friction. Closed nodes without friction have the state of stick;
+            it is called contact if there is no friction anywhere, and both if there is somewhere.
+    """
+    labels = dict(STATE_LABELS)
+    if not np.all(friction):
+        both = f"{labels[State.STICK]}, or {FRICTIONLESS_CONTACT} without friction"
+        labels[State.STICK] = both if np.any(friction) else f"1  {FRICTIONLESS_CONTACT}"
     return [
         Patch(fc=STATE_COLOURS[State(s)], ec="black", lw=0.4, label=labels[State(s)])
         for s in sorted({int(s) for s in states})

@@ -86,7 +86,7 @@ def tractions(
             ncols = 3 if len(cone) < MAX_LABEL_LENGTH else 2
             figure.legend(handles=curves, loc="outside upper center", ncols=ncols)
         states = np.unique([moment.state for moment in shown])
-        patches = style.state_patches(states, friction)
+        patches = style.state_patches(states, record.friction.present)
         figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
     return figure
 

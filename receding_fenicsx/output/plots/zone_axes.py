@@ -41,7 +41,7 @@ def add_legends(
         handles = [Line2D([], [], label=_limit_label(dashed), **DASHED)]
         figure.legend(handles=handles, loc="outside upper center")
     figure.legend(
-        handles=style.state_patches(shown, bool(np.any(record.friction.present))),
+        handles=style.state_patches(shown, record.friction.present),
         loc="outside lower center",
         ncols=4 if wide else 2,
         columnspacing=1.4,

@@ -179,8 +179,9 @@ def _write_captions(figure: Figure, view: View, layout: Layout, note: str) -> No
     moved = f"displacements × {view.factor:g}"
     moved = f"{note}, {moved}" if note else moved
     figure.text(end, top, moved, ha="right", va="top", color=style.INK_OF_GUIDES)
+    present = view.f.present if len(view.strips) == 1 else view.friction
     figure.legend(
-        handles=style.state_patches([1, 2, 3, 4] if view.friction else [1, 2], view.friction),
+        handles=style.state_patches([1, 2, 3, 4] if view.friction else [1, 2], present),
         loc="lower center",
         bbox_to_anchor=(0.5 * (begin + end), 0.0),
         ncols=4,
