@@ -145,7 +145,9 @@ def oblique(p: Problem) -> Problem:
     basis = left[:, size > 1e-8]
     rest = np.eye(2 * n) - basis @ basis.T
     K = rest @ (system.K + 0.1 * np.eye(2 * n)) @ rest
-    r_star = system.r_star @ rest if rng.random() < 0.2 else system.r_star
+    balanced_loads, r_star = system.r_star @ rest, system.r_star
+    if rng.random() < 0.2 and np.abs(balanced_loads).max(axis=1).min() > 1e-9:
+        r_star = balanced_loads
     free = np.zeros(2 * n, dtype=bool)
     system = replace(system, K=0.5 * (K + K.T), r_star=r_star, held=free, rigid=basis)
     solver = replace(p.solver, method="events") if n == 1 else p.solver

@@ -78,7 +78,7 @@ class Totals:
         hidden: changes that the round-off of former displacements may hide: jumps or none.
         unsure: energy lost in those.
         condition: largest condition of the states' equations.
-        known: False where a jump could not be followed.
+        known: False where a jump or a drift could not be followed.
         largest: largest displacement.
         misfit: work of the contact forces on what replayed legs end off the record's.
         divided: energies of load steps that changed states: they may have been divided.

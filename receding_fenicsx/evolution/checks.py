@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.residual import is_carried_by_round_off
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.scene.history import History
 
@@ -70,4 +72,18 @@ def check_landing(model: ContactSystem, end: ContactState) -> None:
             f"{model.g0[i]:.3g}, and lands on the first leg, which an initial slip makes one "
             "static problem: where its slip begins is not defined; leave out the initial slip, "
             "or the gap"
+        )
+
+
+def check_holds(model: ContactSystem, leg: Leg, load: Array) -> None:
+    """Check that something holds the body at the end of a leg.
+
+    Raises:
+        NoEquilibrium: the displacements are so large that only round-off of K balances the loads.
+    """
+    if is_carried_by_round_off(model, leg.end.u, leg.force_scale):
+        raise NoEquilibrium(
+            f"nothing holds the body at load factors {load.tolist()}: it has moved by "
+            f"{np.abs(leg.end.u).max():.3g}, where round-off alone balances the loads; add a "
+            "[[support]], or check the signs of the loads"
         )

@@ -11,7 +11,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.checks import check_landing, energy_error
+from receding_fenicsx.evolution.checks import check_holds, check_landing, energy_error
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
 from receding_fenicsx.evolution.instants import Event, Instant, instant, rest_state
 from receding_fenicsx.evolution.probing import known_places, probed_at
@@ -162,6 +162,7 @@ class RunState:
         else:
             count = self.problem.samples_on(number) if samples is not None else 0
             leg = self.solver.trace_leg(state, ends, scale, count)
+        check_holds(self.model, leg, ends[1])
         if samples is not None:
             a, b = ends
             samples.instants += [

@@ -49,6 +49,19 @@ def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
     return min(ROUND_OFFS * round_off(system, u, force_scale), REACHABLE_AT_MOST)
 
 
+TOO_FAR = 1e10
+"""Displacement, as a force over the largest nodal force, beyond which the round-off of a stiffness
+that vanishes carries the loads, and nothing else does."""
+
+
+def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float) -> bool:
+    """Return whether displacements are so large that round-off of K may balance the loads."""
+    stiffness = float(np.diagonal(system.K).max(initial=0.0))
+    room = stiffness * float(np.abs(system.g0).max(initial=0.0))
+    moved = stiffness * float(np.abs(u).max(initial=0.0))
+    return moved > TOO_FAR * max(force_scale, room)
+
+
 def law_residual(
     system: ContactSystem, r: Array, u: Array, slip: Array, stiffness: tuple[Array, Array]
 ) -> Array:

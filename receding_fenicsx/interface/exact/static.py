@@ -14,6 +14,7 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, s
 from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK, natural_states
 from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
 from receding_fenicsx.interface.residual import (
+    is_carried_by_round_off,
     largest_force,
     local_stiffness,
     reachable,
@@ -50,7 +51,10 @@ def solve_static(segments: Segments, start: ContactState, load: Array) -> Contac
     """
     for attempt in (_guess_states, _few_sweeps, _pivot, _many_sweeps):
         end = attempt(segments, start, load)
-        if end is not None:
+        if end is None:
+            continue
+        scale = largest_force(segments.system, load, end.r, 0.0)
+        if not is_carried_by_round_off(segments.system, end.u, scale):
             return end
     return None
 

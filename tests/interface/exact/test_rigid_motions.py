@@ -7,7 +7,7 @@ import pytest
 from replay import objections
 from small import small_system, table
 
-from receding_fenicsx.errors import NoQuasiStaticContinuation
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
@@ -162,3 +162,11 @@ def test_a_body_bent_by_loads_without_a_resultant_drifts_out_of_its_ground(gap: 
     assert np.all(ends.w >= [0.0, -gap, 0.0] - np.array(1e-14))
     if gap:  # by as little as the feet need
         assert ends.w[0] == pytest.approx([0.0, 0.3, 0.0], abs=1e-14)
+
+
+def test_a_body_that_slides_is_not_held_by_round_off_of_its_stiffness() -> None:
+    # to the coupling c = 1.3e-16 of v and P, v = 4e16 would be a pressure that friction needs
+    K = [[8e-33, 1.3e-16], [1.3e-16, 2.1]]
+    system = small_system(K, {"push": [-1.0, 1.0]}, 0.1656920328, 0.0, [[-1.0, 0.0]])
+    with pytest.raises(NoEquilibrium, match="no equilibrium was found"):
+        evolve(system, table(system, [[0.0], [1.0]]))
