@@ -12,7 +12,11 @@ from receding_fenicsx.scene.checks import check_size
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.model import TABLE_OF, Harmonic, Load, Scene
 from receding_fenicsx.scene.validate_bodies import check_bodies, check_mesh
-from receding_fenicsx.scene.validate_contacts import check_contacts, check_initial_slip
+from receding_fenicsx.scene.validate_contacts import (
+    check_contacts,
+    check_initial_slip,
+    gap_warnings,
+)
 from receding_fenicsx.scene.validate_loads import check_loads, check_supports
 from receding_fenicsx.scene.validate_options import check_output, check_probes, check_solver
 
@@ -64,7 +68,7 @@ def warnings(scene: Scene) -> list[str]:
             f"[mesh] degree: elements of order 1 lock near incompressibility (Poisson's ratio "
             f"{largest:g}), which the residual does not show; use degree = 2"
         )
-    return lines
+    return lines + gap_warnings(scene)
 
 
 def _check_finite(value: object, where: str) -> None:

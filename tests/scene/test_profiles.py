@@ -10,6 +10,7 @@ import pytest
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
+from receding_fenicsx.scene.validate import warnings
 
 BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
 
@@ -111,3 +112,19 @@ def test_table_is_linear_inside_and_constant_outside() -> None:
         evaluate(table, [-5.0, 0.5, 2.0, 9.0]), [1.0, 1.5, 1.0, 0.0], rtol=1e-15
     )
     np.testing.assert_array_equal(evaluate(0.25, np.zeros((2, 3))), np.full((2, 3), 0.25))
+
+
+def test_a_curved_gap_of_fewer_points_than_nodes_is_warned_of() -> None:
+    def found(points: int, gap: str = "x**2 / 10") -> list[str]:
+        x = np.linspace(-2.0, 2.0, points)
+        value = np.broadcast_to(evaluate(gap, x), x.shape)
+        table = f"{{x = {x.tolist()}, value = {value.tolist()}}}"
+        changes = ["mesh.contact_elements=80", f"contact.initial_gap={table}"]
+        return warnings(from_toml(BLOCK, changes))
+
+    # 161 nodes, 0.025 apart
+    (line,) = found(51)
+    assert "points 0.08 apart, nodes are 0.025 apart" in line and "\n" not in line
+    assert not found(161) and not found(201)
+    # a wedge and a polygon of few corners are meant so
+    assert not found(51, "0.1 * abs(x)") and not found(5)
