@@ -81,8 +81,12 @@ class Sums:
         if len(self._stops) > STOPS_AT_ONCE:
             self.add_up()
 
-    def add_up(self) -> None:
-        """Add up the stops since the last time, and check their residuals."""
+    def add_up(self, at_end: bool = False) -> None:
+        """Add up the stops since the last time, and check their residuals.
+
+        Args:
+            at_end: the last stop is the leg's end, which is checked once its round-off is removed.
+        """
         if len(self._stops) == 1:  # nothing new
             return
         n, system, (a, b) = self.system.n, self.system, self.problem.ends
@@ -101,8 +105,10 @@ class Sums:
         if self.watch is not None:
             reported = self.watch(u[1:], load[1:], self.force_scale)
             self.watched = np.union1d(self.watched, reported)
-        if self.check_all or self._suspected_error(y, load) > EVENT_RESIDUAL:
-            states = np.array([stop[2] for stop in self._stops[1:]])
+        if at_end:
+            y, u, load, slip = y[:-1], u[:-1], load[:-1], slip[:-1]
+        if len(slip) and (self.check_all or self._suspected_error(y, load) > EVENT_RESIDUAL):
+            states = np.array([stop[2] for stop in self._stops[1 : len(u)]])
             self._check(u[1:], load[1:], slip, states)
         self._stops = self._stops[-1:]
 

@@ -239,7 +239,7 @@ class Walk:
             SolveError: the residual is above its tolerance.
         """
         sums = self.sums
-        sums.add_up()
+        sums.add_up(at_end=True)
         end = self._refined_end()
         last = self._residual(end)
         residual = max(sums.residual, last)
