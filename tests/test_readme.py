@@ -257,6 +257,15 @@ def test_extras_that_the_documents_name_keep_the_numpy_of_the_stack() -> None:
         assert f"to_{re.split('[<>=]', requirement)[0]}()" in text_of("docs/install.md")
 
 
+def test_checks_of_the_readme_are_those_of_the_page_of_checks() -> None:
+    tables = [
+        re.search(r"\| contact \| reference .*?\n\n", text_of(name), re.S)
+        for name in ("README.md", "docs/accuracy.md")
+    ]
+    assert tables[0] is not None and tables[1] is not None
+    assert tables[0][0] == tables[1][0]
+
+
 def test_links_and_pictures_of_the_documents_exist() -> None:
     for name in DOCUMENTS:
         prose = re.sub(r"```.*?```", "", text_of(name), flags=re.S)
