@@ -206,7 +206,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "export": ("output.storage.fclib", "Write a load step in the layout of FCLIB"),
     },
     "Known solutions": {
-        "reference": ("reference:", "closed_forms, layer and ahn_barber (modules)"),
+        "reference": ("reference:", "closed_forms, fretting, layer, ahn_barber (modules)"),
     },
     "Errors": {
         "RecedingError": ("errors", "Base class of all errors raised on purpose"),

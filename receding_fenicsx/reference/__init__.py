@@ -3,9 +3,11 @@
 * :mod:`closed_forms`: Hertz, Cattaneo and Mindlin, bilateral layers; computed values of pressed
   blocks, layers and punches.
 * :mod:`layer`: contact half width of a layer on a half-plane, by a singular integral equation.
+* :mod:`fretting`: dissipation of sheared cylinders under any history of both forces.
 * :mod:`ahn_barber`: the paper's statements beside those of a record.
 """
 
 from receding_fenicsx.reference import ahn_barber as ahn_barber
 from receding_fenicsx.reference import closed_forms as closed_forms
+from receding_fenicsx.reference import fretting as fretting
 from receding_fenicsx.reference import layer as layer

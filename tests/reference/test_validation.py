@@ -126,6 +126,14 @@ def test_layer_on_a_half_plane_touches_over_a_width_that_alpha_decides(
         assert layer["half_width"](record) == pytest.approx(known, rel=2e-3)
 
 
+def test_fretting_in_and_out_of_phase_dissipates_what_the_memory_of_the_contact_says() -> None:
+    fretting = demo("fretting")
+    rows = fretting["rows"]((0, 90), "mesh.contact_elements=60", "history.tolerance=0.01")
+    for phase, corners, error, D, known in rows:
+        assert D == pytest.approx(known, rel=0.01), phase
+        assert (corners, error) == (2, 0.0) if phase == 0 else corners >= 32 and error <= 0.01
+
+
 def test_sheared_cylinders_stick_and_slip_as_cattaneo_and_mindlin_say() -> None:
     mindlin = demo("cattaneo_mindlin")
     record = mindlin["solve"](30.0, 120)
