@@ -103,8 +103,8 @@ def _check_reaches_contact(system: ContactSystem) -> None:
     for name, reactions in zip(system.load_names, system.r_star, strict=True):
         if not reactions.any():
             raise InputError(
-                f"load '{name}': acts on nothing but nodes that supports hold, so nothing of it "
-                "reaches the contact; load or hold another edge"
+                f"load '{name}': is zero or acts on nothing but nodes that supports hold, so "
+                "nothing of it reaches the contact; give it a value, or load or hold another edge"
             )
 
 

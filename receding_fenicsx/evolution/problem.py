@@ -14,7 +14,7 @@ from receding_fenicsx.interface.system_checks import check_range, check_system
 from receding_fenicsx.scene.history import History, check_history, from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
-from receding_fenicsx.scene.profiles import evaluate
+from receding_fenicsx.scene.profiles import evaluate_checked
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
 
@@ -84,7 +84,9 @@ def problem_of_scene(system: ContactSystem, scene: Scene) -> Problem:
             "scene, or change its [[probe]] tables"
         )
     system, slip = system_for(scene, system), scene.history.initial_slip
-    initial_slip = None if slip is None else evaluate(slip, system.x)
+    initial_slip = None
+    if slip is not None:
+        initial_slip = evaluate_checked(slip, system.x, None, "[history] initial_slip")
     return _checked(system, from_scene(scene), scene.solver, scene.output, initial_slip)
 
 
