@@ -109,6 +109,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.toml_file import from_toml as from_toml
     from receding_fenicsx.scene.toml_file import read_scene as read_scene
     from receding_fenicsx.scene.toml_file import to_toml as to_toml
+    from receding_fenicsx.scene.units import Units as Units
     from receding_fenicsx.scene.validate import validate as validate
     from receding_fenicsx.scene.validate import warnings as scene_warnings
     from receding_fenicsx.study import RunOptions as RunOptions
@@ -129,6 +130,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "Load": ("scene.model", "Pressure, traction, displacement or platen, times a load factor"),
         "Support": ("scene.model", "Edge or point that is fixed"),
         "Probe": ("scene.model", "Points at which displacement and stress are recorded"),
+        "Units": ("scene.units", "Names of the units that a scene's numbers are in, for labels"),
         "HistoryOptions": ("scene.model", "History of the load factors, as a scene gives it"),
         "Harmonic": ("scene.model", "Mean, amplitude and phase of a load of a harmonic history"),
         "SolverOptions": ("scene.model", "Method, load steps, tolerances, symmetry"),
@@ -260,6 +262,7 @@ __all__ = [
     "Support",
     "SweepOptions",
     "SweepTable",
+    "Units",
     "animate",
     "child_environment",
     "condense",

@@ -29,6 +29,7 @@ from receding_fenicsx.scene.model import (
     SolverOptions,
     Support,
 )
+from receding_fenicsx.scene.units import Units
 
 ROOT = Path(__file__).parent.parent
 
@@ -41,6 +42,7 @@ SECTIONS = {
     "[[load]]": Load,
     "[[support]]": Support,
     "[[probe]]": Probe,
+    "[units]": Units,
     "[history]": HistoryOptions,
     "[solver]": SolverOptions,
     "[output]": OutputOptions,

@@ -28,7 +28,7 @@ from receding_fenicsx.cli import main
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.output.plots.units import load_symbol, peak, shown_name
+from receding_fenicsx.output.plots.load_names import load_symbol, peak, shown_name
 from receding_fenicsx.output.report.html import write_report
 from receding_fenicsx.output.storage.hdf5 import read_record
 from receding_fenicsx.scene.model import Contact, Load, Support

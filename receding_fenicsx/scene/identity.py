@@ -15,7 +15,17 @@ from receding_fenicsx.scene.options import SAMPLES_PER_LEG, OutputOptions
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.scene.toml_file import to_toml
 
-FREE_WHEN_RESUMED = frozenset({"title", "history.cycles", "history.until", "output.cycles"})
+FREE_WHEN_RESUMED = frozenset(
+    {
+        "title",
+        "units.length",
+        "units.stress",
+        "units.force",
+        "history.cycles",
+        "history.until",
+        "output.cycles",
+    }
+)
 """Keys that may differ when a run is resumed: none changes the finished cycles."""
 FREE_WHEN_FINISHED = frozenset({"history.cycles", "history.until"})
 """Keys that may differ when a finished run is already long enough: nothing is left to compute."""

@@ -14,6 +14,7 @@ from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
 from receding_fenicsx.scene.options import OutputOptions as OutputOptions
 from receding_fenicsx.scene.options import SolverOptions as SolverOptions
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
+from receding_fenicsx.scene.units import Units
 
 RECTANGLE_KEYS = ("shape", "width", "height", "position")
 """Keys of a body that a mesh file replaces."""
@@ -224,6 +225,7 @@ class Scene:
     solver: SolverOptions = field(default_factory=SolverOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
     probes: tuple[Probe, ...] = ()
+    units: Units = field(default_factory=Units)
 
     @property
     def axisymmetric(self) -> bool:

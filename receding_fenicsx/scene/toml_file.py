@@ -17,6 +17,7 @@ from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, Scene
 from receding_fenicsx.scene.profiles import inline_files
 from receding_fenicsx.scene.toml_overrides import apply_override
 from receding_fenicsx.scene.toml_tables import ARRAYS, ATTRIBUTE, scene_of
+from receding_fenicsx.scene.units import Units
 from receding_fenicsx.scene.validate import validate
 
 
@@ -105,6 +106,8 @@ def to_toml(scene: Scene) -> str:
             lines += ["", f"[[{name}]]", *_lines(item)]
     for name in ("history", "solver", "output"):
         lines += ["", f"[{name}]", *_lines(getattr(scene, name))]
+    if scene.units != Units():
+        lines += ["", "[units]", *_lines(scene.units)]
     return "\n".join(lines) + "\n"
 
 

@@ -24,6 +24,7 @@ from receding_fenicsx.scene.model import (
     Support,
 )
 from receding_fenicsx.scene.toml_values import BY_TYPE, read_string
+from receding_fenicsx.scene.units import Units
 
 TABLES: dict[str, type] = {
     "material": Material,
@@ -31,6 +32,7 @@ TABLES: dict[str, type] = {
     "history": HistoryOptions,
     "solver": SolverOptions,
     "output": OutputOptions,
+    "units": Units,
 }
 """Tables that occur once, with the dataclass of each."""
 ARRAYS: dict[str, type] = {"contact": Contact, "load": Load, "support": Support, "probe": Probe}

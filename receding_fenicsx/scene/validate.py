@@ -11,6 +11,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_size
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.model import TABLE_OF, Harmonic, Load, Scene
+from receding_fenicsx.scene.units import check_units
 from receding_fenicsx.scene.validate_bodies import check_bodies, check_mesh
 from receding_fenicsx.scene.validate_contacts import (
     check_contacts,
@@ -47,6 +48,7 @@ def validate(scene: Scene) -> None:
     check_supports(scene)
     check_probes(scene)
     check_solver(scene.solver)
+    check_units(scene.units)
     history = from_scene(scene)
     check_initial_slip(scene)
     check_output(scene, history)

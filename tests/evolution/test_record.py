@@ -22,9 +22,9 @@ from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.output.plots.descriptions import describe_factors
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.plots.touching import Still
-from receding_fenicsx.output.plots.units import describe_factors
 from receding_fenicsx.output.report import summary as summary_module
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import summarise

@@ -24,10 +24,12 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import figures, series, style
+from receding_fenicsx.output.plots.descriptions import describe_factors
+from receding_fenicsx.output.plots.load_names import load_symbol
 from receding_fenicsx.output.plots.series import first_unloading, slip_lines
 from receding_fenicsx.output.plots.timelines import Timeline, timeline, without_flicker
 from receding_fenicsx.output.plots.touching import limit_without_slip
-from receding_fenicsx.output.plots.units import describe_factors, load_symbol, scales_of
+from receding_fenicsx.output.plots.units import scales_of
 from receding_fenicsx.output.plots.zone_labels import MAX_NUMBERS
 from receding_fenicsx.output.plots.zone_map import FLICKER, fill_strip, stacked_map, zone_map
 from receding_fenicsx.output.plots.zone_plots import load_axis
@@ -36,6 +38,7 @@ from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.scene.history import History, from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.scene.units import Units
 
 PAPER = Scene(loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
 LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
@@ -429,6 +432,19 @@ def test_no_text_lies_on_another_or_beyond_the_page(paper: bool) -> None:
     unloading = record("unloading", paper=paper)
     for name, figure in figures.draw_all(record(paper=paper), unloading):
         check_texts(figure, name)
+
+
+def test_no_text_of_figures_in_units_lies_on_another() -> None:
+    scene = replace(PAPER, units=Units("mm", "N/mm²"))
+    found = replace(record(), scene_toml=to_toml(scene))
+    for figure in (
+        figures.tractions(found, found.at(1)),
+        figures.zone_maps(found, 1),
+        figures.slip_per_cycle(found),
+        figures.hysteresis(found),
+        figures.trajectories(found, [45, 60, 75]),
+    ):
+        check_texts(figure, "in units")
 
 
 @pytest.mark.parametrize("legs", [3, 24])

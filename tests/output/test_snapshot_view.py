@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,7 @@ from receding_fenicsx.scene.model import (
     Scene,
     SolverOptions,
 )
+from receding_fenicsx.scene.units import Units
 
 COMM = MPI.COMM_WORLD
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
@@ -110,6 +112,21 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     )
     # forward is where the record slips forward
     assert np.array_equal(view.state, table.state[1])
+
+
+def test_pictures_are_in_the_units_of_the_scene() -> None:
+    made = seen(replace(BLOCK, units=Units("mm", "MPa")))
+    if made is None:
+        return
+    view, fields, record = made
+    assert view.x == pytest.approx(record.x, rel=1e-14)
+    assert view.p == pytest.approx(record.turning_points.p[1], rel=1e-9)
+    assert view.stress["von_mises"].max() == pytest.approx(fields.stress["von_mises"].max())
+    _, tractions, bar = page_of(view).axes
+    assert (tractions.get_xlabel(), tractions.get_ylabel()) == ("$x$ (mm)", "$p$,  $q$ (MPa)")
+    assert bar.get_ylabel() == r"$2\tau_\mathrm{max}$ (MPa)"
+    notes = [text.get_text() for text in page_of(view).texts]
+    assert any(re.search(r"one fringe [\d.]+ MPa, displacements", note) for note in notes)
 
 
 def drawn_states(figure: Figure, n: int, at: np.ndarray) -> list[int]:

@@ -22,9 +22,14 @@ from receding_fenicsx import study
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import figures
+from receding_fenicsx.output.plots.load_kinds import kind_of
 from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.output.plots.units import length_of, scales_of
+from receding_fenicsx.output.report.summary import summarise
+from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.scene.model import (
     Body,
+    Contact,
     HistoryOptions,
     Load,
     Material,
@@ -32,6 +37,8 @@ from receding_fenicsx.scene.model import (
     OutputOptions,
     Scene,
 )
+from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.scene.units import Units
 
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
 CYCLES = 10
@@ -154,7 +161,7 @@ def test_slip_and_dissipation_are_in_the_units_that_the_labels_say(kinematics: s
     label = axes.get_ylabel().removeprefix("slip gained in a cycle, ")
     slip = np.abs(record.cycles.slip_increment) * factor(label, r"|\Delta v_i|")
     names = [str(line.get_label()) for line in axes.lines]
-    told = [re.match(rf"\$({position}/h)\$ \$= (\d\.\d\d)\$", name) for name in names]
+    told = [re.match(rf"\$({position}/h) = (\d\.\d\d)\$", name) for name in names]
     lines = [(n, found) for n, found in enumerate(told) if found]
     assert lines
     for n, found in lines:
@@ -255,7 +262,8 @@ def test_what_cannot_be_made_free_of_units_is_in_those_of_the_scene() -> None:
         assert left.get_xlabel() == rf"$\delta_{{{name}}}$"
         largest = np.abs(record.turning_points.load[:, n]).max()
         assert left.get_ylabel() == rf"${name}/{name}^{{\,\mathrm{{max}}}}$"
-        assert close(curve(left, 0)[:, 0], path.displacement[:, n])
+        # the work per load factor over the pressure, and over the traction
+        assert close(curve(left, 0)[:, 0], path.displacement[:, n] / (PRESSURE, 0.1)[n])
         assert close(curve(left, 0)[:, 1], path.load[:, n] / largest)
     node = telling(path.w, path.p)
     forces, places = figures.trajectories(record, node, CYCLES).axes
@@ -263,3 +271,117 @@ def test_what_cannot_be_made_free_of_units_is_in_those_of_the_scene() -> None:
     assert (places.get_xlabel(), places.get_ylabel()) == ("$v$", "$w$")
     assert close(curve(forces, 0)[:, 1], path.p[:, node])
     assert close(curve(places, 0)[:, 1], path.w[:, node])
+
+
+UNITS = Units("mm", "MPa", "N")
+
+
+@pytest.mark.parametrize("kinematics", KINEMATICS)
+def test_axes_are_in_the_units_of_the_scene_and_nothing_is_converted(kinematics: str) -> None:
+    record = odd(kinematics)
+    given = given_units(record, UNITS)
+    symbol = {"plane strain": "x", "axisymmetric": "r"}[kinematics]
+    moment = given.at(1, "minimum")
+    figure = figures.tractions(given, moment)
+    axes = figure.axes[1]
+    assert (axes.get_xlabel(), axes.get_ylabel()) == (f"${symbol}$ (mm)", "$p$,  $q$ (MPa)")
+    assert np.array_equal(curve(axes, -2), np.stack([record.x, moment.p], axis=1))
+    least = f"${PRESSURE * LARGEST / 3.0:.3g}$ MPa"
+    assert figure.axes[0].get_title() == f"first unloading, $p_{{0}}$ {least}"
+    zones = figures.zone_maps(given, [(1, 0)]).axes[0]
+    assert (zones.get_xlabel(), zones.get_ylabel()) == (f"${symbol}$ (mm)", "$p_{0}$ (MPa)")
+    ends = PRESSURE * LARGEST / 3.0, PRESSURE * LARGEST
+    assert zones.get_ylim() == pytest.approx(ends, rel=1e-14)
+    assert zones.get_xlim() == pytest.approx((0.0, record.x[-1]), rel=1e-14)
+    slip = figures.slip_per_cycle(given).axes[0]
+    assert slip.get_ylabel().endswith(r"$|\Delta v_i|$ (mm)")
+    density = figures.dissipation_density(given).axes[0]
+    assert density.get_ylabel() == "dissipation density\n$d$ (MPa mm)"
+    assert np.array_equal(curve(density, 0)[:, 1], record.cycles.dissipation_density[0])
+    node = telling(loop_of(record, CYCLES).w, loop_of(record, CYCLES).p)
+    forces, places = figures.trajectories(given, node, CYCLES).axes
+    assert (forces.get_xlabel(), forces.get_ylabel()) == ("$q$ (MPa)", "$p$ (MPa)")
+    assert (places.get_xlabel(), places.get_ylabel()) == ("$v$ (mm)", "$w$ (mm)")
+    assert re.fullmatch(rf"\${symbol} = [\d.]+\$ mm", forces.get_title())
+    assert summarise(given)["units"] == {"length": "mm", "stress": "MPa", "force": "N"}
+    assert "contact half width (mm)" in run_table(summarise(given))
+    assert "units" not in summarise(record)
+
+
+def given_units(record: Record, units: Units) -> Record:
+    """The same record of a scene with units."""
+    assert record.scene is not None
+    return replace(record, scene_toml=to_toml(replace(record.scene, units=units)))
+
+
+@pytest.mark.parametrize("kinematics", KINEMATICS)
+def test_loops_in_units_enclose_the_dissipation(kinematics: str) -> None:
+    record = given_units(odd(kinematics), UNITS)
+    axes = figures.hysteresis(record, CYCLES).axes[0]
+    area, unit = {
+        "plane strain": ("displaced area", "mm²"),
+        "axisymmetric": ("displaced volume", "mm³"),
+    }[kinematics]
+    assert axes.get_title(loc="left") == f"(a) {area}"
+    assert axes.get_xlabel() == rf"$\delta_{{p_{{0}}}}$ ({unit})"
+    assert axes.get_ylabel() == "$p_{0}$ (MPa)"
+    x, y = curve(axes, 0).T
+    work = float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))
+    # the area of the loop in the units of its axes; the last cycle is nearly closed
+    assert work == pytest.approx(record.cycles.dissipation[-1], rel=0.05)
+
+
+@pytest.mark.parametrize(
+    ("load", "size", "unit", "conjugate"),
+    [
+        (Load("a", "top", pressure=3.0), 3.0, "MPa", "mm²"),
+        (Load("a", "top", traction=(3.0, -4.0)), 5.0, "MPa", "mm²"),
+        (Load("a", "top", displacement=("free", -2.0)), 2.0, "mm", "N/mm"),
+        (Load("a", "top", platen=True, force=(0.0, -7.0)), 7.0, "N/mm", "mm"),
+        (Load("a", "top", pressure="1 + x"), 1.0, "", "MPa mm²"),
+        (Load("a", "top", traction=("x", 1.0)), 1.0, "", "MPa mm²"),
+    ],
+)
+def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
+    load: Load, size: float, unit: str, conjugate: str
+) -> None:
+    scene = Scene(loads=(load,), units=UNITS)
+    kind = kind_of(scene, "a", axisymmetric=False)
+    assert kind.size == size
+    # work for unit thickness: stress times area
+    assert np.add(kind.unit, kind.conjugate_unit).tolist() == [1, 2]
+    scales = replace(scales_of(odd("plane strain")), kinds=(kind,), units=UNITS, length_symbol="")
+    assert scales.load_unit(0) == unit
+    assert scales.conjugate(0, prescribed=False)[2] == f" ({conjugate})"
+
+
+@pytest.mark.parametrize("unit", ["$", "$$", r"\$x", "%_^{}", "µm", "$\\frac", "a$b"])
+def test_no_unit_is_taken_for_mathematics(unit: str) -> None:
+    record = given_units(odd("plane strain"), Units(unit, unit, unit))
+    for figure in (
+        figures.tractions(record, record.at(1, "minimum")),
+        figures.hysteresis(record, CYCLES),
+    ):
+        figure.canvas.draw()
+        shown = [text.get_text() for text in figure.findobj(Text) if unit[-1] in text.get_text()]
+        assert shown
+
+
+def test_the_height_is_the_unit_of_length_only_where_it_means_something() -> None:
+    block = Scene(body=Body("a", height=2.0), loads=(Load("p", "top", pressure=1.0),))
+    assert length_of(block) == 2.0
+    assert length_of(replace(block, units=Units(length="mm"))) == 0.0
+    assert length_of(replace(block, units=Units(stress="MPa"))) == 2.0
+    assert length_of(replace(block, contacts=(Contact("left"),))) == 0.0
+    assert length_of(replace(block, others=(Body("b", height=2.0),))) == 2.0
+    assert length_of(replace(block, others=(Body("b", height=3.0),))) == 0.0
+    assert length_of(replace(block, body=Body(mesh="body.geo"))) == 0.0
+
+
+def test_the_first_cycle_is_seen_where_the_last_one_lies_on_it() -> None:
+    record = odd("plane strain")
+    for figure in (figures.hysteresis(record, [1, CYCLES]), figures.dissipation_density(record)):
+        first, last = [line for line in figure.axes[0].lines if np.size(line.get_xdata()) > 4]
+        assert first.get_linewidth() > 2.0 * last.get_linewidth()
+        assert first.get_zorder() <= last.get_zorder()
+        assert first.get_color() != last.get_color()

@@ -30,6 +30,7 @@ from receding_fenicsx.scene.model import (
     SolverOptions,
     Support,
 )
+from receding_fenicsx.scene.units import Units
 
 pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.rank > 0, reason="one process is enough")
 
@@ -63,10 +64,12 @@ FULL = Scene(
         Probe("one", points=((0.5, 1.5), (0.0, 1.5)), body="a"),
         Probe("row", segment=((0.0, 0.5), (1.0, 0.5)), count=3, body="b"),
     ),
+    units=Units("mm", "MPa", "N"),
 )
 """A scene of two bodies that sets all keys that go with each other."""
 
-FREE = {"title", "history.cycles", "history.until", "output.cycles"}
+UNITS = {"units.length", "units.stress", "units.force"}
+FREE = {"title", "history.cycles", "history.until", "output.cycles", *UNITS}
 """What a run may be gone on with: README, "Long runs"."""
 NAMED = {"others": "body", "materials": "material", "contacts": "contact", "loads": "load"}
 

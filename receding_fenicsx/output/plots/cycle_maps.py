@@ -12,9 +12,10 @@ from matplotlib.ticker import MaxNLocator
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import selection, style
+from receding_fenicsx.output.plots.load_names import load_text
 from receding_fenicsx.output.plots.series import leg_ends, legs_of
 from receding_fenicsx.output.plots.touching import Still, stills_of
-from receding_fenicsx.output.plots.units import Scales, load_text, scales_of
+from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zone_axes import add_legends, draw_limit, draw_map
 from receding_fenicsx.output.plots.zone_map import FLICKER, stacked_map
 

@@ -38,7 +38,7 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
         figure = style.new_figure(style.COLUMN, 3.6)
         axes = figure.subplots()
         for line, colour in zip(lines, style.SERIES_COLOURS, strict=False):
-            label = f"{scales.x_label} $= {line.x:z.2f}$:  $N^{{{line.fit.exponent:.2f}}}$"
+            label = f"{scales.position(line.x, '.2f')}:  $N^{{{line.fit.exponent:.2f}}}$"
             axes.loglog(line.N, line.slip, "o", color=colour, ms=2.4, label=label)
             axes.loglog(fitted, line.at(fitted), color=colour, lw=0.8)
         if scales.paper:
@@ -54,7 +54,8 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
         axes.set_xlabel("cycle $N$")
         # a word for the pressure needs its own line
         between = "\n" if scales.pressure_symbol.startswith(r"\mathrm") else " "
-        axes.set_ylabel(rf"slip gained in a cycle,{between}$|\Delta v_i|{behind}$")
+        symbol = scales.with_unit(rf"$|\Delta v_i|{behind}$", behind, length=1)
+        axes.set_ylabel(f"slip gained in a cycle,{between}{symbol}")
         figure.legend(
             loc="outside lower center",
             ncols=2,
@@ -134,12 +135,15 @@ def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
         figure = style.new_figure(style.COLUMN, 2.4)
         axes = figure.subplots()
         rows = sorted({0, len(density) - 1})
-        for row, colour in zip(rows, style.SERIES_COLOURS, strict=False):
-            axes.plot(x, density[row][used], color=colour, label=f"cycle {row + 1}")
+        # the first cycle is wider, to be seen where the last one lies on it
+        widths = (2.4, 0.9)[-len(rows) :]
+        for row, colour, width in zip(rows, style.SERIES_COLOURS, widths, strict=False):
+            axes.plot(x, density[row][used], color=colour, lw=width, label=f"cycle {row + 1}")
         axes.set_xlim(*scales.ends(record.x))
         axes.set_ylim(0.0, None)
         axes.ticklabel_format(axis="y", scilimits=(-2, 3), useMathText=True)
         axes.set_xlabel(scales.x_label)
-        axes.set_ylabel(f"dissipation density\n$d{behind}$")
+        symbol = scales.with_unit(f"$d{behind}$", behind, stress=1, length=1)
+        axes.set_ylabel(f"dissipation density\n{symbol}")
         figure.legend(loc="outside upper center", ncols=len(rows))
     return figure

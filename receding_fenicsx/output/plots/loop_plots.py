@@ -17,11 +17,15 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.output.plots import selection, style
+from receding_fenicsx.output.plots.load_names import is_word, load_symbol
 from receding_fenicsx.output.plots.loops import Loop, loop_of, representative_nodes, shown_cycles
-from receding_fenicsx.output.plots.units import Scales, is_word, load_symbol, scales_of
+from receding_fenicsx.output.plots.units import Scales, scales_of
 
-FIRST_LOADING = {"color": style.GUIDE_COLOUR, "lw": 0.9}
-
+FIRST_LOADING = {"color": style.GUIDE_COLOUR, "lw": 1.4}
+LAST_WIDTH, WIDER, WIDEST = 0.8, 1.4, 4.2
+"""Width of the last cycle's line in points, what each earlier one has more, and the most of it."""
+DOTS = 2.4
+"""Size of the last cycle's turning points."""
 ROUND_OFF = 1e-9
 """Part of the largest position, displacement or traction below which a value is round-off."""
 
@@ -54,35 +58,43 @@ def hysteresis(
         figure = style.new_figure(style.PAGE, 0.75 + 1.95 * len(moves))
         panels = figure.subplots(len(moves), 2, squeeze=False)
         for n, (k, row) in enumerate(zip(moves, panels, strict=True)):
-            name = record.load_names[k]
-            prescribed = bool(record.load_sign[k] > 0.0)
-            letter = "F" if prescribed else r"\delta"
-            delta = letter if is_word(name) else rf"{letter}_{{{load_symbol(name)}}}"
-            unit, behind = (1.0, "") if prescribed else scales.load_displacement()
-            straight = _chord(paths[-1], k)
-            most = max(float(np.abs(path.displacement[:, k]).max()) for path in paths) / unit
-            for path in paths:
-                load = path.load[:, k] / scales.load_max[k]
-                size = path.displacement[:, k] / unit
-                bend = (path.displacement[:, k] - straight * path.load[:, k]) / unit
-                bend = _without_round_off(bend - _offset(paths[-1], k, straight) / unit, most)
-                # first loading is not a loop and lies far from the chord
-                shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
-                for axes, conjugate in zip(row, shown, strict=False):
-                    x, y = (load, conjugate) if prescribed else (conjugate, load)
-                    _draw_path(axes, x, y, path, paths)
-            labels = (rf"${delta}{behind}$", rf"$({delta} - \mathrm{{chord}}){behind}$")
-            for m, (axes, label) in enumerate(zip(row, labels, strict=True)):
-                ends = (label, scales.load_label(name))
-                axes.set(xlabel=ends[prescribed], ylabel=ends[not prescribed])
-                along = "y" if prescribed else "x"
-                axes.ticklabel_format(axis=along, scilimits=(-2, 3), useMathText=True)
-                style.ticks(axes.xaxis, 5)
-                panel = style.panel_title(2 * n + m, 2 * len(moves), "")
-                note = ("", "less the chord of the last loop")[m]
-                axes.set_title(f"{panel}{note}", loc="left", pad=4.0)
+            what = _draw_loops(row, record, paths, k, scales)
+            for m, note in enumerate((what, "less the chord of the last loop")):
+                panel = style.panel_title(2 * n + m, 2 * len(moves), note)
+                row[m].set_title(panel, loc="left", pad=4.0)
         figure.legend(handles=_cycle_handles(paths), loc="outside lower center", ncols=len(paths))
     return figure
+
+
+def _draw_loops(
+    row: Sequence[Axes], record: Record, paths: Sequence[Loop], k: int, scales: Scales
+) -> str:
+    """Draw a load against its work-conjugate quantity, and that less the chord; name it."""
+    name = record.load_names[k]
+    prescribed = bool(record.load_sign[k] > 0.0)
+    letter = "F" if prescribed else r"\delta"
+    delta = letter if is_word(name) else rf"{letter}_{{{load_symbol(name)}}}"
+    unit, behind, bracket, what = scales.conjugate(k, prescribed)
+    largest, load_label = scales.load_axis(k, name)
+    straight = _chord(paths[-1], k)
+    most = max(float(np.abs(path.displacement[:, k]).max()) for path in paths) / unit
+    for path in paths:
+        load = path.load[:, k] / largest
+        size = path.displacement[:, k] / unit
+        bend = (path.displacement[:, k] - straight * path.load[:, k]) / unit
+        bend = _without_round_off(bend - _offset(paths[-1], k, straight) / unit, most)
+        # first loading is not a loop and lies far from the chord
+        shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
+        for axes, conjugate in zip(row, shown, strict=False):
+            x, y = (load, conjugate) if prescribed else (conjugate, load)
+            _draw_path(axes, x, y, path, paths)
+    labels = (delta, rf"({delta} - \mathrm{{chord}})")
+    for axes, symbol in zip(row, labels, strict=True):
+        ends = (f"${symbol}{behind}${bracket}", load_label)
+        axes.set(xlabel=ends[prescribed], ylabel=ends[not prescribed])
+        axes.ticklabel_format(axis="y" if prescribed else "x", scilimits=(-2, 3), useMathText=True)
+        style.ticks(axes.xaxis, 5)
+    return what
 
 
 def trajectories(
@@ -123,14 +135,15 @@ def trajectories(
             below.set_ylim(*_normal_range(paths, chosen, scales))
             below.tick_params(labelleft=n == 0)
             x = float(record.x[i]) if abs(record.x[i]) > ROUND_OFF * reach else 0.0
-            where = f"{scales.x_label[:-1]} = {x / scales.length:z.3g}$"
+            where = scales.position(x / scales.length, ".3g")
             above.set_title(style.panel_title(n, columns, where))
             for axes in (above, below):
                 style.ticks(axes.xaxis, 3)
                 style.ticks(axes.yaxis, 5)
                 axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
-        panels[0, 0].set_ylabel(f"$p{scales.peak_traction()[1]}$")
-        panels[1, 0].set_ylabel(f"$w{scales.slip()[1]}$")
+        traction, slip = scales.peak_traction()[1], scales.slip()[1]
+        panels[0, 0].set_ylabel(scales.with_unit(f"$p{traction}$", traction, stress=1))
+        panels[1, 0].set_ylabel(scales.with_unit(f"$w{slip}$", slip, length=1))
         handles: list[Any] = _cycle_handles(paths)
         if np.any(record.friction.present[chosen]):
             handles.append(Patch(label=_cone_label(record), **style.CONE))
@@ -148,7 +161,7 @@ def _draw_traction_path(
         q = _without_round_off(path.q[:, node], largest)
         _draw_path(axes, q / unit, path.p[:, node] / unit, path, paths)
     _draw_cone(axes, record.friction[node])
-    axes.set_xlabel(f"$q{divided}$")
+    axes.set_xlabel(scales.with_unit(f"$q{divided}$", divided, stress=1))
 
 
 def _draw_displacement_path(
@@ -165,7 +178,7 @@ def _draw_displacement_path(
     if right - left < ROUND_OFF * largest:
         # the node does not move
         axes.set_xlim(-0.5 * largest, 0.5 * largest)
-    axes.set_xlabel(f"$v{divided}$")
+    axes.set_xlabel(scales.with_unit(f"$v{divided}$", divided, length=1))
 
 
 def _normal_range(
@@ -221,7 +234,8 @@ def _cone_label(record: Record) -> str:
 def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]) -> None:
     look = _look(path, paths)
     axes.plot(x, y, **look)
-    axes.plot(x[path.turning], y[path.turning], "o", color=look["color"], ms=2.6)
+    dots = DOTS + look["lw"] - LAST_WIDTH
+    axes.plot(x[path.turning], y[path.turning], "o", color=look["color"], ms=dots)
 
 
 def _draw_cone(axes: Axes, friction: Friction) -> None:
@@ -249,8 +263,11 @@ def _cycle_handles(paths: Sequence[Loop]) -> list[Line2D]:
 
 
 def _look(path: Loop, paths: Sequence[Loop]) -> dict[str, Any]:
+    """Return colour and width of a cycle: earlier ones are wider, to be seen below later ones."""
+    later = len(paths) - 1 - [other.cycle for other in paths].index(path.cycle)
+    width = LAST_WIDTH + min(later * WIDER, WIDEST)
     if path.cycle == 0:
         return FIRST_LOADING
     numbers = [other.cycle for other in paths if other.cycle]
     colours = style.SERIES_COLOURS
-    return {"color": colours[numbers.index(path.cycle) % len(colours)]}
+    return {"color": colours[numbers.index(path.cycle) % len(colours)], "lw": width}

@@ -76,7 +76,7 @@ def _along_path(probe: ProbeHistory, scales: Scales) -> Figure:
         for leg in range(1, legs):
             panel.axvline(leg, **style.GUIDE)
         style.ticks(panel.xaxis)
-    axes[0].set_ylabel(f"$\\sigma{suffix}$")
+    axes[0].set_ylabel(scales.with_unit(f"$\\sigma{suffix}$", suffix, stress=1))
     _add_legend(figure, axes[0])
     return figure
 
@@ -95,10 +95,11 @@ def _along_points(probe: ProbeHistory, scales: Scales) -> Figure:
         _draw(panel, distance, values[row], scales, "o" if len(distance) <= 12 else "")
         text = f"end of leg {probe.leg[row]}, cycle {probe.cycle[row]}"
         panel.set_title(style.panel_title(n, len(chosen), text))
-        panel.set_ylabel(f"$\\sigma{suffix}$")
+        panel.set_ylabel(scales.with_unit(f"$\\sigma{suffix}$", suffix, stress=1))
         panel.set_xlim(0.0, distance[-1])
-    over = f"/{scales.length_symbol}" if scales.length_symbol else ""
-    axes[-1].set_xlabel(f"distance from the first point${over}$")
+    over = f"$/{scales.length_symbol}$" if scales.length_symbol else ""
+    label = scales.with_unit(f"distance from the first point{over}", over, length=1)
+    axes[-1].set_xlabel(label)
     _add_legend(figure, axes[0])
     return figure
 

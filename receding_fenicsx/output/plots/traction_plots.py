@@ -19,8 +19,9 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import STATE_NAMES
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.descriptions import describe_load
 from receding_fenicsx.output.plots.touching import shown_states
-from receding_fenicsx.output.plots.units import Scales, describe_load, scales_of
+from receding_fenicsx.output.plots.units import Scales, scales_of
 
 STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
 MAX_LABEL_LENGTH = 28
@@ -132,4 +133,4 @@ def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> 
     axes.set_xlim(*scales.ends(record.x))
     axes.set_ylim(*style.focus(p, np.concatenate([q, high, low])))
     style.ticks(axes.yaxis, 7)
-    axes.set_ylabel(",  ".join(labels))
+    axes.set_ylabel(scales.with_unit(",  ".join(labels), scales.pressure_symbol, stress=1))

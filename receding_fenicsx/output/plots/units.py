@@ -1,8 +1,7 @@
-"""Nondimensional units and axis labels of figures and pictures."""
+"""Units and axis labels of figures and pictures: those of the scene, or nondimensional ones."""
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,24 +11,19 @@ from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.interface.measures.axis import begins_on_axis
-from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends
+from receding_fenicsx.output.plots.load_kinds import LoadKind, kind_of
+from receding_fenicsx.output.plots.load_names import (
+    is_word,
+    load_symbol,
+    load_text,
+    peak,
+    shown_name,
+)
 from receding_fenicsx.reference.ahn_barber import is_papers_block
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.units import Units, in_unit
 
-MAX_NAME_LENGTH = 10
-"""Largest number of letters of a load's name in a label."""
-LETTER_WIDTH = 0.065
-"""Mean width in inches of a letter of a title."""
-IN_MATHEMATICS = {
-    **{letter: f"\\{letter}" for letter in "_%${} "},
-    "\\": r"\backslash ",
-    "^": r"\wedge ",
-    "~": r"\sim ",
-    "#": r"\sharp ",
-    '"': "''",
-    "`": "'",
-}
-"""Replacements of letters of a name that are commands in Matplotlib's mathematics."""
+NO_UNITS = Units()
 SYMMETRY_TOLERANCE = 1e-9
 """Distance of a node from its mirror image, over the contact's length."""
 
@@ -47,6 +41,9 @@ class Scales:
         paper: whether block and history are those of the paper.
         symmetric: whether all states are mirror-symmetric about x = 0.
         axisymmetric: whether positions are radii.
+        units: units of the scene; with a unit of length (or stress) no length (or stress) is
+            nondimensional.
+        kinds: kind of each load.
     """
 
     length: float
@@ -58,11 +55,23 @@ class Scales:
     paper: bool
     symmetric: bool
     axisymmetric: bool = False
+    units: Units = NO_UNITS
+    kinds: tuple[LoadKind, ...] = ()
 
     @property
     def x_label(self) -> str:
         """Label of the axis along the contact edge."""
-        return position_label(self.length_symbol, self.axisymmetric)
+        return position_label(self.length_symbol, self.axisymmetric, self.units)
+
+    def position(self, x: float, digits: str) -> str:
+        """Return "x/h = 0.5", or "x = 5 mm", of a position over the length scale."""
+        symbol = position_label(self.length_symbol, self.axisymmetric)
+        unit = shown_unit(self.units.length)
+        return f"{symbol[:-1]} = {x:z{digits}}$" + (f" {unit}" if unit else "")
+
+    def with_unit(self, label: str, divided: str, stress: int = 0, length: int = 0) -> str:
+        """Return a label with the unit stress^a length^b, if it is divided by nothing."""
+        return label if divided else in_unit(label, shown_unit(self.units.product(stress, length)))
 
     def ends(self, x: Array) -> tuple[float, float]:
         """Range of positions x that figures show, over the length scale."""
@@ -86,10 +95,42 @@ class Scales:
         divided = f"/{self.pressure_symbol}" if self.pressure_symbol else ""
         return f"$p{divided}$", f"$q{divided}$", rf"$\pm f p{divided}$"
 
-    def load_label(self, name: str) -> str:
-        """Return the label of a load over its largest value."""
+    def load_axis(self, k: int, name: str) -> tuple[float, str]:
+        """Return what a load factor is divided by on an axis, and the label of this axis.
+
+        It is the load in the scene's units, or the load over its largest value.
+        """
+        unit = self.load_unit(k)
+        if unit:
+            return 1.0 / self.kinds[k].size, in_unit(load_text(name), unit)
         symbol = load_symbol(name)
-        return f"{shown_name(name)} / largest" if is_word(name) else f"${symbol}/{peak(symbol)}$"
+        label = f"{shown_name(name)} / largest" if is_word(name) else f"${symbol}/{peak(symbol)}$"
+        return float(self.load_max[k]), label
+
+    def load_unit(self, k: int) -> str:
+        """Return the unit of a load; "" if it is not known or the load is a factor."""
+        return self._unit_of(self.kinds[k].unit) if self.kinds else ""
+
+    def conjugate(self, k: int, prescribed: bool) -> tuple[float, str, str, str]:
+        """Return the unit of a load's work-conjugate quantity, and its label.
+
+        Returns:
+            What U is divided by, the suffix of the symbol, the unit in brackets, and its name.
+        """
+        name = "force" if prescribed else "work-conjugate displacement"
+        if not self.kinds:
+            return 1.0, "", "", name
+        kind = self.kinds[k]
+        if not prescribed and self.normalised():
+            return *self.load_displacement(), "", kind.conjugate
+        return kind.size, "", in_unit("", self._unit_of(kind.conjugate_unit)), kind.conjugate
+
+    def _unit_of(self, powers: tuple[int, int]) -> str:
+        force = (1, 2 if self.axisymmetric else 1)
+        if powers == force and self.units.force:
+            alone = self.units.force if self.axisymmetric else self.units.force_per_thickness()
+            return shown_unit(alone)
+        return shown_unit(self.units.product(*powers))
 
     def normalised(self) -> bool:
         """Return whether displacements and energies can be nondimensional."""
@@ -143,25 +184,43 @@ def scales_of(record: Record) -> Scales:
         paper=scene is not None and is_papers_block(scene),
         symmetric=_is_symmetric(record),
         axisymmetric=record.axisymmetric,
+        units=scene.units if scene is not None else Units(),
+        kinds=tuple(kind_of(scene, name, record.axisymmetric) for name in record.load_names),
     )
 
 
-def position_label(length_symbol: str, axisymmetric: bool) -> str:
+def position_label(length_symbol: str, axisymmetric: bool, units: Units = NO_UNITS) -> str:
     """Return the label of positions along the contact edge."""
     symbol = "r" if axisymmetric else "x"
-    return f"${symbol}/{length_symbol}$" if length_symbol else f"${symbol}$"
+    if length_symbol:
+        return f"${symbol}/{length_symbol}$"
+    return in_unit(f"${symbol}$", shown_unit(units.length))
+
+
+def shown_unit(unit: str | None) -> str:
+    """Return a unit as text that Matplotlib does not take for mathematics."""
+    return (unit or "").replace("$", r"\$")
 
 
 def length_of(scene: Scene | None) -> float:
-    """Return the height of a rectangular body; 0 for other bodies."""
-    if scene is None or scene.body.mesh is not None or scene.body.shape != "rectangle":
+    """Return the height of a rectangular body if it is the natural length; else 0.
+
+    It is not where the scene has a unit of length, where the contact edge is upright, or where two
+    rectangles have different heights.
+    """
+    if scene is None or scene.units.length or scene.body.mesh is not None:
         return 0.0
-    return scene.body.height
+    upright = any(contact.edge.endswith(("left", "right")) for contact in scene.contacts)
+    heights = {body.height for body in scene.bodies if body.mesh is None}
+    return 0.0 if upright or len(heights) > 1 else scene.body.height
 
 
 def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float, str]:
-    """Return the pressure of the only load at factor 1 and its symbol; 1 and "" without one."""
-    if scene is None or len(load_names) != 1:
+    """Return the pressure of the only load at factor 1 and its symbol.
+
+    Without such a pressure, and in a scene with a unit of stress, they are 1 and "".
+    """
+    if scene is None or len(load_names) != 1 or scene.units.stress:
         return 1.0, ""
     value = scene.loads[0].pressure
     # a load may have parts on two bodies
@@ -170,131 +229,6 @@ def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float
     if not isinstance(value, float | int) or value <= 0.0:
         return 1.0, ""
     return float(value), load_symbol(load_names[0])
-
-
-def is_word(name: str) -> bool:
-    """Return whether a load's name is a word, not a symbol."""
-    return load_symbol(name).startswith(r"\mathrm")
-
-
-def shown_name(name: str) -> str:
-    """Return a load's name as text; the middle of a long name is left out."""
-    return _shortened(name).replace("$", r"\$")
-
-
-def _shortened(name: str) -> str:
-    return name if len(name) <= MAX_NAME_LENGTH else f"{name[:5]}…{name[-4:]}"
-
-
-def load_symbol(name: str) -> str:
-    """Write a load's name as mathematics: "p0" as a letter with an index, a word as a word."""
-    found = re.fullmatch(r"([A-Za-z])_?([A-Za-z0-9]*)", name)
-    if found and (len(found[2]) == 0 or found[2].isdigit()):
-        return found[1] + (f"_{{{found[2]}}}" if found[2] else "")
-    word = "".join(IN_MATHEMATICS.get(letter, letter) for letter in _shortened(name))
-    return rf"\mathrm{{{word}}}"
-
-
-def peak(symbol: str) -> str:
-    """Return the symbol of the largest value of a load."""
-    return rf"{symbol}^{{\,\mathrm{{max}}}}"
-
-
-def describe_load(record: Record, moment: Moment, scales: Scales) -> str:
-    """Describe an instant: its leg and its load factors."""
-    way = _way(record, moment.cycle, moment.leg)
-    factors = describe_factors(
-        record.load_names, np.array(list(moment.load.values())) / scales.load_max
-    )
-    return f"{way}, {factors}" if len(record.load_names) == 1 else f"{way}\n{factors}"
-
-
-def describe_factors(names: tuple[str, ...], parts: Array) -> str:
-    """Describe load factors as parts of their largest values."""
-    symbols = [load_symbol(name) for name in names]
-    return ", ".join(
-        f"{shown_name(name)} at ${part:z.3g}$ of its largest"
-        if is_word(name)
-        else f"${symbol} = {number(float(part))}{peak(symbol) if part else ''}$"
-        for name, symbol, part in zip(names, symbols, parts, strict=True)
-    )
-
-
-def describe_leg(
-    record: Record, cycle: int, leg: int, scales: Scales, inches: float = np.inf
-) -> str:
-    """Describe a leg; with several loads also the range of each load.
-
-    Args:
-        record: the record.
-        cycle: cycle of the leg.
-        leg: leg within the cycle.
-        scales: units.
-        inches: width; a longer text is broken between the loads.
-    """
-    text = _way(record, cycle, leg)
-    if len(record.load_names) == 1:
-        return text
-    begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
-    moves = [
-        f"{load_text(name)} ${a:z.3g}$ to ${b:z.3g}$"
-        for name, a, b in zip(record.load_names, begin, end, strict=True)
-        if a != b
-    ]
-    lines = [f"{text}: " if moves else text]
-    for n, move in enumerate(moves):
-        piece = move + (", " if n + 1 < len(moves) else "")
-        longer = len(_plain(lines[-1] + piece)) * LETTER_WIDTH > inches
-        lines = [*lines, piece] if longer else [*lines[:-1], lines[-1] + piece]
-    return "\n".join(line.rstrip() for line in lines)
-
-
-def _plain(text: str) -> str:
-    """Return a text without the marks of mathematics."""
-    return re.sub(r"\\mathrm|[${}_]", "", text)
-
-
-def load_text(name: str) -> str:
-    """Return a load's name as a text: a symbol as mathematics, a word as it is."""
-    return shown_name(name) if is_word(name) else f"${load_symbol(name)}$"
-
-
-def _way(record: Record, cycle: int, leg: int) -> str:
-    table = record.turning_points
-    legs = len(np.unique(table.leg[table.cycle == cycle]))
-    plain = legs <= 2 and len(record.load_names) == 1
-    falls = is_unloading(record, cycle, leg)
-    first = falls and (cycle, leg) == first_unloading(record)
-    return name_leg(cycle, leg, falls, first, plain)
-
-
-def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str:
-    """Name a leg: "first loading", "unloading, cycle 9", "cycle 9, leg 3".
-
-    Args:
-        cycle: cycle, 0 for the first loading.
-        leg: leg within the cycle, from 0.
-        falls: whether the sum of the loads falls along the leg.
-        first: whether it is the first unloading.
-        plain: whether the cycle is unloading and reloading of one load.
-    """
-    if first:
-        return "first unloading"
-    if cycle == 0:
-        return f"first loading, leg {leg}" if leg else "first loading"
-    if not plain:
-        return f"cycle {cycle}, leg {leg}"
-    return f"{'unloading' if falls else 'reloading'}, cycle {cycle}"
-
-
-def number(value: float) -> str:
-    """Format a factor of a symbol: "" for 1, a fraction for thirds, else three digits."""
-    if abs(value + 1.0) < SYMMETRY_TOLERANCE:
-        return "-"
-    for text, known in (("", 1.0), (r"\frac{1}{3}\,", 1.0 / 3.0), (r"\frac{2}{3}\,", 2.0 / 3.0)):
-        if abs(value - known) < SYMMETRY_TOLERANCE:
-            return text
-    return rf"{value:.3g}\," if value else "0"
 
 
 def _is_symmetric(record: Record) -> bool:

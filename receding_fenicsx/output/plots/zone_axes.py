@@ -82,13 +82,15 @@ def draw_map(
     height = inches[1] / legs
     width = min(BOUNDARY, BOUNDARY_OF_LEG * height)
     colours = [style.STATE_COLOURS[state] for state, _ in drawn.pieces]
-    # a hairline of the same colour closes the gaps that antialiasing leaves
+    # a hairline of the same colour closes the gaps between polygons that PDF viewers leave, no
+    # antialiasing those in PNG files
     axes.add_collection(
         PolyCollection(
             [place(polygon) for _, polygon in drawn.pieces],
             facecolors=colours,
             edgecolors=colours,
             linewidths=0.4,
+            antialiaseds=False,
         )
     )
     axes.add_collection(

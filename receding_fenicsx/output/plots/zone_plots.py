@@ -11,9 +11,10 @@ from matplotlib.figure import Figure
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import selection, style
 from receding_fenicsx.output.plots.cycle_maps import cycle_maps
+from receding_fenicsx.output.plots.descriptions import describe_leg
 from receding_fenicsx.output.plots.series import leg_ends
 from receding_fenicsx.output.plots.touching import Still, stills_of
-from receding_fenicsx.output.plots.units import Scales, describe_leg, scales_of
+from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zone_axes import add_legends, draw_limit, draw_map
 from receding_fenicsx.output.plots.zone_map import FLICKER, zone_map
 
@@ -110,11 +111,13 @@ def _places(legs: list[tuple[int, int]], columns: int) -> list[tuple[int, int]]:
 def load_axis(record: Record, cycle: int, leg: int, scales: Scales) -> tuple[float, float, str]:
     """Return the vertical axis of a zone map: values at both ends of the leg, and its label.
 
-    If one load alone changes, it is the load factor over its largest value, else s.
+    If one load alone changes, it is this load in the scene's units or over its largest value,
+    else s.
     """
-    begin, end = (load / scales.load_max for load in leg_ends(record, cycle, leg))
+    begin, end = leg_ends(record, cycle, leg)
     changing = np.flatnonzero(begin != end)
     if len(changing) != 1:
         return 0.0, 1.0, "position $s$ on the leg"
     k = int(changing[0])
-    return float(begin[k]), float(end[k]), scales.load_label(record.load_names[k])
+    unit, label = scales.load_axis(k, record.load_names[k])
+    return float(begin[k]) / unit, float(end[k]) / unit, label

@@ -15,6 +15,7 @@ from receding_fenicsx.output.report.text import (
     extremes_of,
     fitted,
     headline_points,
+    heads,
     length_format,
     limit_ranges,
     polygon_line,
@@ -148,7 +149,8 @@ def _turning_points(summary: Mapping[str, Any]) -> str:
         rows.append([*edge, p["cycle"], load, *widths, *extremes_of(p), zones_shown(p, summary)])
     head = ["cycle", "load", "contact half width", "fitted", "stick half width", "fitted"]
     head = ["edge", *head] if any("edge" in p for p in points) else head
-    return html.table([*head, "p max", "q min", "q max", zones_header(summary)], rows)
+    head = heads([*head, "p max", "q min", "q max"], summary)
+    return html.table([*head, zones_header(summary)], rows)
 
 
 def _cycles(summary: Mapping[str, Any]) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import asdict
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from receding_fenicsx.output.report.half_widths import (
 from receding_fenicsx.reference.ahn_barber import paper_table
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.history.harmonic import DEFAULT_TOLERANCE, is_straight
+from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import warnings
 
 FITTED_LEGS = 32
@@ -74,8 +76,16 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "sweeps": int(record.sweeps),
         "paper": paper_table(record),
         "warnings": warnings(scene) if scene else [],
+        **_units(scene),
         **(extra or {}),
     }
+
+
+def _units(scene: Scene | None) -> dict[str, Any]:
+    """Return the names of the scene's units, as far as it has some."""
+    given = asdict(scene.units) if scene else {}
+    found = {key: name for key, name in given.items() if name is not None}
+    return {"units": found} if found else {}
 
 
 def _turning_points(record: Record) -> list[dict[str, Any]]:

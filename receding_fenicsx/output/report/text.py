@@ -6,6 +6,8 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from receding_fenicsx.scene.units import in_unit
+
 EXTREMES = ("p_max", "q_min", "q_max")
 """Extreme tractions of a turning point."""
 MANY_LEGS = 12
@@ -23,6 +25,11 @@ COLUMNS = (
     "|q|_max",
 )
 """Columns of the table of turning points; "fitted" half widths are those between nodes."""
+UNIT_OF_COLUMN = {
+    **dict.fromkeys(("contact half width", "stick half width"), "length"),
+    **dict.fromkeys(("p_max", "|q|_max", "p max", "q min", "q max"), "stress"),
+}
+"""Unit of a column; other columns have none."""
 FRICTION_MARGIN = (
     "largest f |K_tn| / K_tt of single nodes (below 1: unique answer of each node with the others "
     "held; no proof for all nodes together)"
@@ -75,7 +82,13 @@ def _turning_points(summary: Mapping[str, Any]) -> list[str]:
         ]
         for p in points
     ]
-    return _columns([[*edge, *COLUMNS, zones_header(summary)], *rows])
+    return _columns([[*edge, *heads(COLUMNS, summary), zones_header(summary)], *rows])
+
+
+def heads(names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:
+    """Return the heads of columns, with the scene's units where it has some."""
+    units = summary.get("units") or {}
+    return [in_unit(name, units.get(UNIT_OF_COLUMN.get(name))) for name in names]
 
 
 def headline_points(summary: Mapping[str, Any]) -> list[Mapping[str, Any]]:

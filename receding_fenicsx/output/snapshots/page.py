@@ -23,6 +23,7 @@ from receding_fenicsx.output.snapshots.colours import Colours
 from receding_fenicsx.output.snapshots.layout import RIGHT, Layout
 from receding_fenicsx.output.snapshots.render import Pixels
 from receding_fenicsx.output.snapshots.view import View
+from receding_fenicsx.scene.units import in_unit
 
 Box = tuple[float, float, float, float]
 """Left, bottom, width and height in inches."""
@@ -118,7 +119,8 @@ def compose(
         box = (left + width + 0.22, bottom, RIGHT - 0.45, height)
         _draw_clock(_axes_at(figure, box), clock)
     _draw_colour_bar(figure, view, layout, colours)
-    _write_captions(figure, view, layout, colours.note)
+    note = f"{colours.note} {view.stress_unit}" if colours.note else ""
+    _write_captions(figure, view, layout, note.rstrip())
     return figure
 
 
@@ -159,7 +161,7 @@ def _draw_colour_bar(figure: Figure, view: View, layout: Layout, colours: Colour
     bar = figure.colorbar(
         ScalarMappable(Normalize(*colours.limits), ListedColormap(colours.table.tolist())),
         cax=_axes_at(figure, (left + width + 0.1, base, 0.13, tall)),
-        label=colours.label,
+        label=in_unit(colours.label, view.stress_unit),
         extend=colours.extend,
         extendfrac=0.03,
     )
@@ -243,8 +245,9 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     # one place in all pictures of a film
     place = "best" if clock is None else clock.legend
     axes.legend(loc=place, borderaxespad=0.2, handlelength=1.2)  # type: ignore[call-overload]
-    label = position_label(view.length_symbol, view.axisymmetric)
+    label = position_label(view.length_symbol, view.axisymmetric, view.own_units)
     which = f" on {view.strips[0].name}" if len(view.strips) > 1 else ""
     axes.set_xlabel(label + which, labelpad=1.0)
-    axes.set_ylabel(",  ".join(f"${name}{divided}$" for *_, name in curves))
+    symbols = ",  ".join(f"${name}{divided}$" for *_, name in curves)
+    axes.set_ylabel(in_unit(symbols, view.stress_unit))
     style.ticks(axes.yaxis, 5)

@@ -12,13 +12,15 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction
-from receding_fenicsx.output.plots.units import describe_factors, length_of, name_leg, pressure_of
+from receding_fenicsx.output.plots.descriptions import describe_factors, name_leg
+from receding_fenicsx.output.plots.units import NO_UNITS, length_of, pressure_of, shown_unit
 from receding_fenicsx.output.snapshots.load_arrows import Arrows, largest_factors, load_arrows
 from receding_fenicsx.output.snapshots.vertices import edge_displacement, merge_axis, outline
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.profiles import directions, evaluate
+from receding_fenicsx.scene.units import Units as SceneUnits
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
@@ -93,6 +95,7 @@ class View:
         length_symbol, pressure_symbol: symbols of the units; "" for the scene's own units.
         caption: description of the instant.
         axisymmetric: whether positions along the contact edge are radii.
+        own_units: units of the scene.
     """
 
     points: Array
@@ -113,6 +116,12 @@ class View:
     pressure_symbol: str
     caption: str
     axisymmetric: bool
+    own_units: SceneUnits = NO_UNITS
+
+    @property
+    def stress_unit(self) -> str:
+        """Unit of the stresses as text; "" if it is not known or they are nondimensional."""
+        return "" if self.pressure_symbol else shown_unit(self.own_units.stress)
 
     @property
     def x(self) -> Array:
@@ -172,6 +181,7 @@ def view_of(
         pressure_symbol=units.symbol,
         caption=_caption(scene, names, instant),
         axisymmetric=scene.material_of(scene.body).kinematics == "axisymmetric",
+        own_units=scene.units,
     )
 
 

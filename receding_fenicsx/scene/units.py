@@ -1,0 +1,58 @@
+"""Units of a scene, as text for axes and tables."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+from receding_fenicsx.errors import InputError
+
+MAX_UNIT = 12
+"""Largest number of characters of a unit."""
+POWERS = {1: "", 2: "²", 3: "³"}
+
+
+@dataclass(frozen=True)
+class Units:
+    """Names of the units that the numbers of a scene are in; labels only, nothing is converted.
+
+    Attributes:
+        length: unit of lengths, such as "mm".
+        stress: unit of stresses, such as "MPa".
+        force: unit of forces, such as "N"; default: products of the units of stress and length.
+    """
+
+    length: str | None = None
+    stress: str | None = None
+    force: str | None = None
+
+    def product(self, stress: int, length: int) -> str:
+        """Return the unit stress^a length^b as text; "" if one of the units is not known."""
+        parts = [(self.stress, stress), (self.length, length)]
+        needed = [(unit, power) for unit, power in parts if power]
+        if any(unit is None for unit, _ in needed):
+            return ""
+        return " ".join(f"{unit}{POWERS[power]}" for unit, power in needed)
+
+    def force_per_thickness(self) -> str:
+        """Return the unit of forces in the plane, which are for unit thickness."""
+        if self.force and self.length:
+            return f"{self.force}/{self.length}"
+        return self.product(1, 1)
+
+
+def check_units(units: Units) -> None:
+    """Check the table [units]."""
+    for field in fields(units):
+        text = getattr(units, field.name)
+        if text is None:
+            continue
+        where = f"[units] {field.name}"
+        if not isinstance(text, str) or not text.isprintable() or not text.strip():
+            raise InputError(f'{where}: must be the name of a unit, such as "mm", not {text!r}')
+        if len(text) > MAX_UNIT:
+            raise InputError(f"{where}: must have at most {MAX_UNIT} characters, not {len(text)}")
+
+
+def in_unit(name: str, unit: str | None) -> str:
+    """Return a name with its unit in brackets; the name alone without a unit."""
+    return f"{name} ({unit})" if unit else name
