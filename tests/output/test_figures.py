@@ -27,12 +27,12 @@ from receding_fenicsx.output.plots import figures, series, style
 from receding_fenicsx.output.plots.descriptions import describe_factors
 from receding_fenicsx.output.plots.load_names import load_symbol
 from receding_fenicsx.output.plots.series import first_unloading, slip_lines
-from receding_fenicsx.output.plots.timelines import Timeline, timeline, without_flicker
 from receding_fenicsx.output.plots.touching import limit_without_slip
 from receding_fenicsx.output.plots.units import scales_of
-from receding_fenicsx.output.plots.zone_labels import MAX_NUMBERS
-from receding_fenicsx.output.plots.zone_map import FLICKER, fill_strip, stacked_map, zone_map
-from receding_fenicsx.output.plots.zone_plots import load_axis
+from receding_fenicsx.output.plots.zones.timelines import Timeline, timeline, without_flicker
+from receding_fenicsx.output.plots.zones.zone_labels import MAX_NUMBERS
+from receding_fenicsx.output.plots.zones.zone_map import FLICKER, fill_strip, stacked_map, zone_map
+from receding_fenicsx.output.plots.zones.zone_plots import load_axis
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.scene.history import History, from_scene

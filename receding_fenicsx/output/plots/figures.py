@@ -23,7 +23,6 @@ from receding_fenicsx.evolution.probe_history import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.cycle_maps import cycle_maps
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
@@ -40,7 +39,8 @@ from receding_fenicsx.output.plots.probe_plots import probe_stresses
 from receding_fenicsx.output.plots.series import first_unloading, legs_of, slip_lines
 from receding_fenicsx.output.plots.traction_plots import tractions
 from receding_fenicsx.output.plots.units import Scales, scales_of
-from receding_fenicsx.output.plots.zone_plots import MAX_PANELS, zone_maps
+from receding_fenicsx.output.plots.zones.cycle_maps import cycle_maps
+from receding_fenicsx.output.plots.zones.zone_plots import MAX_PANELS, zone_maps
 from receding_fenicsx.timing import Tell
 
 __all__ = [

@@ -17,7 +17,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.plots.series import legs_of
-from receding_fenicsx.output.plots.timelines import (
+from receding_fenicsx.output.plots.zones.timelines import (
     Timeline,
     timeline,
     timelines_of,

@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.output.plots.zone_map import ZoneMap
+from receding_fenicsx.output.plots.zones.zone_map import ZoneMap
 
 MIN_DEPTH = 0.075
 """Smallest distance in inches of a number's centre from the boundary of its zone."""

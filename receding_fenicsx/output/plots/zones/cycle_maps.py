@@ -16,8 +16,8 @@ from receding_fenicsx.output.plots.load_names import load_text
 from receding_fenicsx.output.plots.series import leg_ends, legs_of
 from receding_fenicsx.output.plots.touching import Still, stills_of
 from receding_fenicsx.output.plots.units import Scales, scales_of
-from receding_fenicsx.output.plots.zone_axes import add_legends, draw_limit, draw_map
-from receding_fenicsx.output.plots.zone_map import FLICKER, stacked_map
+from receding_fenicsx.output.plots.zones.zone_axes import add_legends, draw_limit, draw_map
+from receding_fenicsx.output.plots.zones.zone_map import FLICKER, stacked_map
 
 LEAST_HEIGHT, MOST_HEIGHT = 3.0, 5.6
 """Heights of the axes in inches, for few and many legs."""

@@ -16,8 +16,8 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.touching import NEGLIGIBLE_SLIP, Still
 from receding_fenicsx.output.plots.units import Scales
-from receding_fenicsx.output.plots.zone_labels import place_labels
-from receding_fenicsx.output.plots.zone_map import ZoneMap
+from receding_fenicsx.output.plots.zones.zone_labels import place_labels
+from receding_fenicsx.output.plots.zones.zone_map import ZoneMap
 
 MAX_LINE_STEP = 0.25
 """Largest part of a leg between the instants of two neighbouring nodes on one dashed line."""

@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import selection, style
-from receding_fenicsx.output.plots.cycle_maps import cycle_maps
 from receding_fenicsx.output.plots.descriptions import describe_leg
 from receding_fenicsx.output.plots.series import leg_ends
 from receding_fenicsx.output.plots.touching import Still, stills_of
 from receding_fenicsx.output.plots.units import Scales, scales_of
-from receding_fenicsx.output.plots.zone_axes import add_legends, draw_limit, draw_map
-from receding_fenicsx.output.plots.zone_map import FLICKER, zone_map
+from receding_fenicsx.output.plots.zones.cycle_maps import cycle_maps
+from receding_fenicsx.output.plots.zones.zone_axes import add_legends, draw_limit, draw_map
+from receding_fenicsx.output.plots.zones.zone_map import FLICKER, zone_map
 
 PANEL_HEIGHT = 1.85
 """Approximate height of a panel's axes in inches."""
@@ -40,7 +40,7 @@ def zone_maps(
     Args:
         record: the record; it must hold samples of the legs.
         legs: list of (cycle, leg), or a cycle for all its legs. A cycle of more than ``MAX_PANELS``
-            legs is one map, see :func:`~receding_fenicsx.output.plots.cycle_maps.cycle_maps`.
+            legs is one map, see :func:`~receding_fenicsx.output.plots.zones.cycle_maps.cycle_maps`.
         scales: units; by default those of the record.
         columns: largest number of panels in a row; if greater than 1, the figure is as wide as a
             page, and each cycle begins a row.
