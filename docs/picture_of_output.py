@@ -16,7 +16,7 @@ FONT_SIZE = 8.0
 """Size of the letters in points."""
 LETTER = (0.63, 1.35)
 """Width of a letter and height of a line, over the size."""
-LONGEST, WIDEST = 40, 120
+LONGEST, WIDEST = 50, 120
 """Lines and columns that are shown; of more lines the first ones and the last ten."""
 
 
