@@ -1,6 +1,12 @@
-"""Array types of the package."""
+"""Array types of the package, and short descriptions of arrays and dataclasses."""
 
 from __future__ import annotations
+
+import dataclasses
+import reprlib
+import textwrap
+from collections.abc import Iterable
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,3 +15,53 @@ Array = NDArray[np.float64]
 """Real numbers."""
 Ints = NDArray[np.int64]
 """Whole numbers: nodes, cells, cycles."""
+
+LINE = 100
+"""Longest line of a description."""
+MAX_LINES = 30
+"""Most lines of a description."""
+SHORT = reprlib.Repr()
+"""Texts of values, long ones cut in their middle."""
+SHORT.maxstring = SHORT.maxother = 60
+
+
+def brief(value: Any) -> str:
+    """Return a value in a few words: an array by its shape and range.
+
+    >>> brief(np.linspace(0.0, 2.0, 161))
+    '(161,) from 0 to 2'
+    >>> brief(np.full(4, 0.35))
+    '(4,) of 0.35'
+    """
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    if not isinstance(value, np.ndarray):
+        return SHORT.repr(value)
+    if not value.size or value.ndim > 1:
+        return str(value.shape)
+    if value.dtype == bool:
+        return f"{np.count_nonzero(value)} of {value.size}"
+    low, high = value.min(), value.max()
+    ends = f"of {low:.6g}" if low == high else f"from {low:.6g} to {high:.6g}"
+    return f"{value.shape} {ends}"
+
+
+def described(title: str, rows: Iterable[tuple[str, str]]) -> str:
+    """Return a title and rows of names and texts, of at most ``MAX_LINES`` lines."""
+    named = list(rows)
+    width = max((len(name) for name, _ in named), default=0)
+    lines = [title if len(title) <= LINE else f"{title[: LINE - 3]}..."]
+    for name, text in named:
+        first, *more = textwrap.wrap(text, LINE - width - 4) or [""]
+        lines += [f"  {name:{width}}  {first}", *(f"  {'':{width}}  {line}" for line in more)]
+    if len(lines) > MAX_LINES:
+        lines = [*lines[: MAX_LINES - 1], f"  ... {len(lines) - MAX_LINES + 1} more lines"]
+    return "\n".join(lines)
+
+
+def call_of(item: Any, without: Iterable[str] = ()) -> str:
+    """Return a dataclass as a call with its values in a few words; empty ones are left out."""
+    names = [field.name for field in dataclasses.fields(item) if field.name not in without]
+    values = ((name, getattr(item, name)) for name in names)
+    given = (f"{name}={brief(value)}" for name, value in values if value not in (None, "", (), {}))
+    return f"{type(item).__name__}({', '.join(given)})"

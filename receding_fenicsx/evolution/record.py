@@ -19,7 +19,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Ints
-from receding_fenicsx.evolution import moment, tables
+from receding_fenicsx.evolution import description, moment, tables
 from receding_fenicsx.evolution.probe_history import ProbeHistory, history_of
 from receding_fenicsx.evolution.record_data import Events, RecordData, States
 from receding_fenicsx.scene.model import Scene
@@ -30,12 +30,21 @@ if TYPE_CHECKING:
     import xarray
 
 
-@dataclass
+@dataclass(repr=False)
 class Record(RecordData):
     """Result of one evolved history: its arrays, and ways to select from them.
 
     The arrays are those of :class:`~receding_fenicsx.evolution.record_data.RecordData`.
     """
+
+    def __repr__(self) -> str:
+        """Return what the record is of and its headline numbers, at most 30 lines."""
+        title = "a History" if self.scene is None else self.scene.title
+        return description.text_of(self, title, self.by_edge())
+
+    def _repr_html_(self) -> str:
+        """Return the description for a notebook, with the zones of the last cycle."""
+        return description.html_of(repr(self), self.by_edge())
 
     @cached_property
     def scene(self) -> Scene | None:
@@ -101,9 +110,11 @@ class Record(RecordData):
     def to_xarray(self, which: str = "turning_points") -> xarray.Dataset:
         """Return "turning_points", "samples" or "cycles" as a Dataset over named dimensions.
 
-        Dimensions are "instant" (or "cycle"), "node" and "load"; needs xarray. Loads are included
-        twice: as "load_factor" and "load_displacement" along "load", and as the columns of
-        :meth:`to_table`.
+        Dimensions are "instant" (or "cycle"), "node" and "load"; needs xarray. Instants are
+        selected by the coordinates "cycle", "leg", "s" and "load.NAME", nodes by "x", one after the
+        other: ``.sel(cycle=3).sel(leg=0).sel(x=0.5, method="nearest")``. Loads are included twice:
+        as "load_factor" and "load_displacement" along "load", and as the columns of
+        :meth:`to_table`. With several contact edges, select one by "edge" first.
         """
         return tables.dataset(self, which)
 

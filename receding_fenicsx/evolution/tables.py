@@ -47,8 +47,11 @@ def dataset(record: RecordData, which: str) -> xarray.Dataset:
         raise InputError("events: are a plain table; use to_table or to_pandas")
     per_row, per_node, per_load = _parts(record, which)
     row = "cycle" if which == "cycles" else "instant"
-    singles = per_row | _by_name(record, per_load)
-    variables: dict[str, Any] = {name: (row, a) for name, a in singles.items() if name != row}
+    by_name = _by_name(record, per_load)
+    selected_by = {name: a for name, a in by_name.items() if name.startswith("load.")}
+    selected_by |= {name: per_row[name] for name in ("cycle", "leg", "s") if name in per_row}
+    singles = {k: a for k, a in (per_row | by_name).items() if k not in selected_by}
+    variables: dict[str, Any] = {name: (row, a) for name, a in singles.items()}
     variables |= {name: ((row, "node"), a) for name, a in per_node.items()}
     # "load" names the dimension, so the factors need another name
     renamed = {"load": "load_factor"}
@@ -61,9 +64,14 @@ def dataset(record: RecordData, which: str) -> xarray.Dataset:
     }
     if record.f_backward is not None:
         coordinates["f_backward"] = ("node", record.f_backward)
-    if row == "cycle":
-        coordinates["cycle"] = per_row["cycle"]
-    return optional("xarray").Dataset(variables, coordinates)
+    if len(record.edge_names) > 1:
+        coordinates["edge"] = ("node", np.array(record.edge_names)[record.edge])
+    coordinates |= {name: (row, a) for name, a in selected_by.items()}
+    found = optional("xarray").Dataset(variables, coordinates)
+    for name in ("x", *(["edge"] if "edge" in coordinates else []), *selected_by):
+        if name not in found.indexes:
+            found = found.set_xindex(name)
+    return found
 
 
 def _by_name(record: RecordData, per_load: Columns) -> Columns:

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, brief, described
 from receding_fenicsx.interface.law import Friction, friction_of
 
 
@@ -34,7 +34,7 @@ class ProbeMatrix:
     rows: Array
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class ContactSystem:
     """An elastic body (or half of a mirror-symmetric one) condensed to its N contact nodes.
 
@@ -96,6 +96,23 @@ class ContactSystem:
     def friction(self) -> Friction:
         """Coefficients of friction for both directions of slip."""
         return friction_of(self.f, self.f_backward)
+
+    def __repr__(self) -> str:
+        """Return what the system is of, and its arrays by shape and range."""
+        half = "half of a mirror-symmetric contact" if self.half else "the whole contact"
+        arrays = ("x", "weight", "K", "r_star", "f", "f_backward", "g0", "held")
+        found = [(name, getattr(self, name)) for name in arrays]
+        return described(
+            f"ContactSystem: {self.n} contact nodes of {half}, {self.kind}",
+            [
+                *((name, brief(value)) for name, value in found if value is not None),
+                ("rigid", f"{self.rigid.shape[1]} motions"),
+                ("loads", ", ".join(self.load_names)),
+                ("edges", ", ".join(self.edge_names) or "-"),
+                ("axisymmetric", str(self.axisymmetric)),
+                ("scene", self.scene_toml.partition("\n")[0] or "made by hand"),
+            ],
+        )
 
     @property
     def n(self) -> int:

@@ -5,14 +5,17 @@ Any consistent set of units can be used. ``docs/scene.md`` lists every key with 
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
+from typing import Any
 
+from receding_fenicsx.arrays import call_of, described
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest, unknown_name
 from receding_fenicsx.scene.options import Harmonic as Harmonic
 from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
 from receding_fenicsx.scene.options import OutputOptions as OutputOptions
 from receding_fenicsx.scene.options import SolverOptions as SolverOptions
+from receding_fenicsx.scene.options import Table
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
 from receding_fenicsx.scene.units import Units
 
@@ -31,8 +34,8 @@ TABLE_OF = {
 """Table of the scene file for each attribute of a scene that has another name."""
 
 
-@dataclass(frozen=True)
-class Body:
+@dataclass(frozen=True, repr=False)
+class Body(Table):
     """Shape of an elastic body: a rectangle, or a mesh file with named physical groups.
 
     Attributes:
@@ -59,6 +62,10 @@ class Body:
     surface: str | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     material: str | None = None
+
+    def __repr__(self) -> str:
+        """Return the values; those of a rectangle only where it is one."""
+        return call_of(self, () if self.mesh is None else RECTANGLE_KEYS)
 
 
 @dataclass(frozen=True)
@@ -100,8 +107,8 @@ class MeshOptions:
     growth: float = 1.25
 
 
-@dataclass(frozen=True)
-class Contact:
+@dataclass(frozen=True, repr=False)
+class Contact(Table):
     """Contact edge.
 
     Attributes:
@@ -124,8 +131,8 @@ class Contact:
     against: str | None = None
 
 
-@dataclass(frozen=True)
-class Load:
+@dataclass(frozen=True, repr=False)
+class Load(Table):
     """Named load: exactly one of pressure, traction, displacement and force.
 
     The history multiplies it by its load factor.
@@ -204,7 +211,7 @@ class Probe:
         )
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scene:
     """Input of a run: bodies, materials, contacts, loads, history and options.
 
@@ -226,6 +233,19 @@ class Scene:
     output: OutputOptions = field(default_factory=OutputOptions)
     probes: tuple[Probe, ...] = ()
     units: Units = field(default_factory=Units)
+
+    def __repr__(self) -> str:
+        """Return the parts of the scene, long tables cut."""
+        rows = [
+            (
+                TABLE_OF.get(field.name, field.name),
+                repr(item) if isinstance(item, Table) else call_of(item),
+            )
+            for field in fields(self)
+            if field.name != "title"
+            for item in _parts(getattr(self, field.name))
+        ]
+        return described(f"Scene {self.title!r}", rows)
 
     @property
     def axisymmetric(self) -> bool:
@@ -275,3 +295,8 @@ class Scene:
                 f'"{nearest(edge.partition(".")[0], names) or names[0]}.{edge.rpartition(".")[2]}"'
             )
         return self.body, edge
+
+
+def _parts(value: Any) -> tuple[Any, ...]:
+    """Return the tables of an attribute of a scene."""
+    return value if isinstance(value, tuple) else (value,)

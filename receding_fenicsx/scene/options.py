@@ -4,10 +4,19 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
+from receding_fenicsx.arrays import call_of
 from receding_fenicsx.scene.profiles import Profile
 
 SAMPLES_PER_LEG, SAMPLES_PER_CYCLE = 40, 800
 """Default numbers of samples: per leg, and at most per cycle where it has many legs."""
+
+
+class Table:
+    """Table of a scene whose values may be long."""
+
+    def __repr__(self) -> str:
+        """Return the values, long ones cut; empty ones are left out."""
+        return call_of(self)
 
 
 @dataclass(frozen=True)
@@ -25,8 +34,8 @@ class Harmonic:
     phase: float = 0.0
 
 
-@dataclass(frozen=True)
-class HistoryOptions:
+@dataclass(frozen=True, repr=False)
+class HistoryOptions(Table):
     """Options of the load history; see :mod:`receding_fenicsx.scene.history`.
 
     Attributes:

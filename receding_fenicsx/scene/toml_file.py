@@ -112,15 +112,17 @@ def to_toml(scene: Scene) -> str:
 
 
 def _lines(table: Any) -> list[str]:
-    """Return one line per field; None, empty names, sequences and tables are omitted."""
-    named = [f.name for f in dataclasses.fields(table)]
+    """Return one line per field; None, empty names, empty defaults are omitted."""
+    fields = [(f.name, getattr(table, f.name), f.default) for f in dataclasses.fields(table)]
     if isinstance(table, Body) and table.mesh is not None:
-        named = [name for name in named if name not in RECTANGLE_KEYS]
-    fields = ((name, getattr(table, name)) for name in named)
+        fields = [field for field in fields if field[0] not in RECTANGLE_KEYS]
     return [
         f"{name} = {_text(value)}"
-        for name, value in fields
-        if value is not None and value not in ((), {}) and (name, value) != ("name", "")
+        for name, value, default in fields
+        if value is not None
+        and value != {}
+        and (value != () or default is None)
+        and (name, value) != ("name", "")
     ]
 
 

@@ -130,7 +130,6 @@ def test_no_load_hides_a_column_of_its_name_or_is_hidden(which: str) -> None:
 
 
 def test_no_load_hides_a_variable_of_a_data_set() -> None:
-    pytest.importorskip("xarray")
     found = loaded_by(CLASHING)
     data = found.to_xarray()
     assert np.array_equal(data.P.values, found.turning_points.P)
@@ -176,7 +175,6 @@ def test_missing_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 def test_frame_answers_as_the_record_does() -> None:
-    pytest.importorskip("pandas")
     found = record()
     frame = found.to_pandas()
     low = frame[(frame.cycle == 2) & (frame["load.p0"] == 0.25)].sort_values("x")
@@ -184,7 +182,6 @@ def test_frame_answers_as_the_record_does() -> None:
 
 
 def test_dataset_answers_as_the_record_does() -> None:
-    pytest.importorskip("xarray")
     found = record()
     data = found.to_xarray()
     low = data.isel(instant=int(np.flatnonzero((data.cycle == 2) & (data.leg == 0))[0]))
@@ -192,3 +189,35 @@ def test_dataset_answers_as_the_record_does() -> None:
     assert float(low.load_factor.sel(load="p0")) == 0.25
     assert found.to_xarray("cycles").dissipation.sel(cycle=3) == found.cycles.dissipation[2]
     assert dict(data.sizes) == {"instant": 7, "node": len(found.x), "load": 1}
+
+
+def test_instants_and_nodes_of_a_dataset_are_selected_by_coordinates() -> None:
+    found = record()
+    data = found.to_xarray()
+    third = data.sel(cycle=3)
+    assert third.sizes["instant"] == 2
+    low = third.sel({"load.p0": 0.3}, method="nearest")
+    assert np.array_equal(low.p.values, found.at(3, "minimum").p)
+    assert np.array_equal(third.sel(leg=1).q.values, found.at(3, leg=1).q)
+    node = int(np.argmin(np.abs(found.x - 0.52)))
+    assert float(data.sel(x=0.52, method="nearest").x) == found.x[node]
+    assert np.array_equal(data.sel(x=found.x[node]).v.values, found.turning_points.v[:, node])
+    samples = found.to_xarray("samples").sel(cycle=2).sel(leg=0)
+    half = samples.sel(s=0.5, method="nearest")
+    assert np.array_equal(half.P.values, found.at(2, leg=0, s=float(half.s)).P)
+    density = found.to_xarray("cycles").sel(cycle=2).sel(x=0.0, method="nearest")
+    centre = int(np.argmin(np.abs(found.x)))
+    assert density.dissipation_density == found.cycles.dissipation_density[1, centre]
+
+
+def test_contact_edges_of_a_dataset_are_selected_by_name() -> None:
+    found = record()
+    n = len(found.x)
+    # two edges with the same x, as those of a dovetail
+    edge = np.repeat([0, 1], [n // 2, n - n // 2])
+    x = np.concatenate([found.x[: n // 2], found.x[: n - n // 2]])
+    two = replace(found, x=x, edge=edge, edge_names=("left", "right"))
+    part = two.to_xarray().sel(edge="right")
+    assert np.array_equal(part.P.values, found.turning_points.P[:, n // 2 :])
+    nearest = part.sel(x=x[2] + 1e-3, method="nearest")
+    assert np.array_equal(nearest.P.values, found.turning_points.P[:, n // 2 + 2])

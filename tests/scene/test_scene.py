@@ -62,6 +62,9 @@ def test_written_scene_reads_back_equal() -> None:
     assert from_toml(text) == scene
     assert to_toml(from_toml(text)) == text
     assert scene.supports[1] == Support(fix="xy", point=(0.0, 1.0))
+    # no cycle, not the default ones
+    no_samples = block("output.cycles=[]")
+    assert from_toml(to_toml(no_samples)).output.cycles == () != scene.output.cycles
 
 
 def test_written_scene_holds_every_value() -> None:

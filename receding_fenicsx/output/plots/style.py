@@ -22,15 +22,11 @@ from matplotlib.ticker import MaxNLocator
 from numpy.typing import ArrayLike
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.evolution import description
 from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
 
-STATE_COLOURS = {
-    State.STICK: "#c3cad3",
-    State.SEPARATION: "#f6f6f6",
-    State.FORWARD_SLIP: "#e69f00",
-    State.BACKWARD_SLIP: "#0072b2",
-}
+STATE_COLOURS = description.STATE_COLOURS
 """Fill colour of each state."""
 
 STATE_INKS = {

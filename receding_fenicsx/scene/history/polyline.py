@@ -7,10 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import described
 from receding_fenicsx.errors import InputError
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class History:
     """Load history: a path from rest, then a closed loop that each cycle repeats.
 
@@ -28,6 +29,18 @@ class History:
     loop: NDArray[np.float64]
     cycles: int = 0
     until_steady: bool = False
+
+    def __repr__(self) -> str:
+        """Return the loads with their ranges, and the numbers of corners and cycles."""
+        loop = np.reshape(self.loop, (-1, len(self.load_names)))
+        corners = np.vstack([self.path, loop])
+        loads = zip(self.load_names, corners.min(axis=0), corners.max(axis=0), strict=True)
+        rows = [(f"load {name}", f"{low:.6g} to {high:.6g}") for name, low, high in loads]
+        return described(
+            f"History: {len(self.path)} corners from rest, {self.cycles} cycles of "
+            f"{max(len(loop) - 1, 0)} legs{', until steady' if self.until_steady else ''}",
+            rows,
+        )
 
     def polyline(self, cycle: int) -> NDArray[np.float64]:
         """Return the load factors at the corners of a cycle; cycle 0 is the path from rest.

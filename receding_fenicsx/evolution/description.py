@@ -1,0 +1,142 @@
+"""Descriptions of a record for the screen: text, and HTML with zones for notebooks."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from html import escape
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array, brief, described
+from receding_fenicsx.evolution.moment import Moment, moment_of
+from receding_fenicsx.evolution.record_data import RecordData
+from receding_fenicsx.interface.law import STATE_NAMES, State
+
+STATE_COLOURS = {
+    State.STICK: "#c3cad3",
+    State.SEPARATION: "#f6f6f6",
+    State.FORWARD_SLIP: "#e69f00",
+    State.BACKWARD_SLIP: "#0072b2",
+}
+"""Fill colour of each state."""
+SHOWN_CYCLES, SHOWN_ZONES, SHOWN_EDGES = 12, 8, 4
+"""Numbers of items that a line names."""
+WIDTH, HEIGHT, LEFT = 560, 18, 200
+"""Width and height of a strip of zones in pixels, and room for its label."""
+
+
+def text_of(record: RecordData, title: str, edges: Mapping[str, RecordData]) -> str:
+    """Return what a record is of and its headline numbers, at most 30 lines.
+
+    Args:
+        record: the record.
+        title: what was evolved.
+        edges: the record of each contact edge by itself, by the edge's name.
+    """
+    which = "half of the contact" if record.half else "the whole contact"
+    points, samples, steady = record.turning_points, record.samples, record.steady
+    rows = [
+        ("contact", f"{len(record.x)} nodes, x {brief(record.x)}; modelled: {which}"),
+        ("edges", ", ".join(record.edge_names) or "-"),
+        ("friction", brief(record.f)),
+        *_loads(record),
+        ("cycles", f"{len(record.cycles.dissipation)}, {_steady(record)}"),
+        ("dissipation", _dissipation(record)),
+        ("turning points", f"{len(points.s)}"),
+        ("samples", f"{len(samples.s)}{_in_cycles(samples.cycle)}"),
+        ("events", f"{record.n_events}, kept {len(record.events.s)}"),
+        ("residual", f"{record.residual_max:.1e}, energy error {record.energy_error_max:.1e}"),
+    ]
+    if steady.change.size:
+        rows.append(("last change", f"{steady.change[-1]:.1e} of the largest force"))
+    if record.jumps:
+        rows.append(("jumps", f"{record.jumps}, energy released {record.released:.3g}"))
+    for name, at in _last_turning_points(edges):
+        zones = [f"{zone} {a:.4g} to {b:.4g}" for zone, a, b in at.zones[:SHOWN_ZONES]]
+        rest = len(at.zones) - SHOWN_ZONES
+        rows.append((name, " | ".join(zones) + (f" | {rest} more" if rest > 0 else "")))
+    return described(f"Record of {title or 'an untitled scene'}, method {record.method}", rows)
+
+
+def html_of(text: str, edges: Mapping[str, RecordData]) -> str:
+    """Return a description with a strip of zones for each of the last turning points.
+
+    Args:
+        text: the description of a record.
+        edges: the record of each contact edge by itself, by the edge's name.
+    """
+    strips = _last_turning_points(edges)
+    states = sorted({int(s) for _, at in strips for s in np.unique(at.state)})
+    legend = " ".join(
+        f'<span style="background:{STATE_COLOURS[State(s)]};border:1px solid #000">&emsp;</span> '
+        f"{STATE_NAMES[State(s)]}"
+        for s in states
+    )
+    picture = "".join(_strip(k, name, at) for k, (name, at) in enumerate(strips))
+    height = len(strips) * (HEIGHT + 6)
+    svg = (
+        f'<svg xmlns="http://www.w3.org/2000/svg" width="{LEFT + WIDTH + 2}" height="{height}" '
+        f'font-family="sans-serif" font-size="12">{picture}</svg>'
+    )
+    return f"<div><pre>{escape(text)}</pre>{svg}<div>{legend}</div></div>"
+
+
+def _strip(number: int, name: str, at: Moment) -> str:
+    """Return the SVG of the zones at one instant."""
+    top = number * (HEIGHT + 6) + 1
+    colours = {name: STATE_COLOURS[state] for state, name in STATE_NAMES.items()}
+    first, last = at.zones[0][1], at.zones[-1][2]
+    scale = WIDTH / (last - first) if last > first else 0.0
+    boxes = "".join(
+        f'<rect x="{LEFT + scale * (a - first):.2f}" y="{top}" width="{scale * (b - a):.2f}" '
+        f'height="{HEIGHT}" fill="{colours.get(zone, STATE_COLOURS[State.STICK])}" stroke="#000" '
+        f'stroke-width="0.5"><title>{escape(zone)}: {a:.4g} to {b:.4g}</title></rect>'
+        for zone, a, b in at.zones
+    )
+    return f'<text x="0" y="{top + 13}">{escape(name)}</text>{boxes}'
+
+
+def _last_turning_points(edges: Mapping[str, RecordData]) -> list[tuple[str, Moment]]:
+    """Return the turning points of the last cycle on the first contact edges, with their names."""
+    found = []
+    for edge, part in list(edges.items())[:SHOWN_EDGES]:
+        points = part.turning_points
+        last = points.cycle.max(initial=0)
+        for row in np.flatnonzero(points.cycle == last)[:SHOWN_EDGES]:
+            at = moment_of(part, points, int(row))
+            where = f"cycle {last}, leg {at.leg}"
+            found.append((f"{where}, {edge}" if len(edges) > 1 else where, at))
+    return found
+
+
+def _loads(record: RecordData) -> list[tuple[str, str]]:
+    """Return the range of each load factor at the turning points."""
+    load = record.turning_points.load
+    if not len(load):
+        return []
+    return [
+        (f"load {name}", f"{load[:, k].min():.6g} to {load[:, k].max():.6g}")
+        for k, name in enumerate(record.load_names[:SHOWN_EDGES])
+    ]
+
+
+def _steady(record: RecordData) -> str:
+    steady = record.steady
+    if not steady.reached:
+        return "steady state not reached"
+    return f"steady state: {steady.kind} from cycle {steady.cycle}, period {steady.period}"
+
+
+def _dissipation(record: RecordData) -> str:
+    D: Array = record.cycles.dissipation
+    text = f"first loading {record.dissipation_first_loading:.6g}"
+    return f"{text}, cycle 1 {D[0]:.6g}, cycle {len(D)} {D[-1]:.6g}" if len(D) else text
+
+
+def _in_cycles(cycles: np.ndarray) -> str:
+    """Return the numbers of the sampled cycles."""
+    found = np.unique(cycles).tolist()
+    if not found:
+        return ""
+    rest = ", ..." if len(found) > SHOWN_CYCLES else ""
+    return f" in cycles {', '.join(map(str, found[:SHOWN_CYCLES]))}{rest}"

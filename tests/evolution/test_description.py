@@ -1,0 +1,107 @@
+"""Descriptions for the screen: short whatever they describe, and true."""
+
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import models
+import numpy as np
+import pytest
+
+import receding_fenicsx as rf
+from receding_fenicsx.evolution.description import LEFT, STATE_COLOURS, WIDTH
+
+DEMOS = Path(__file__).parents[2] / "demos"
+TABLE: dict[str, list[float]] = {"x": np.arange(1e3).tolist(), "value": np.ones(1000).tolist()}
+
+
+@cache
+def system() -> rf.ContactSystem:
+    return models.block_system(40, 20, half=True)
+
+
+@cache
+def record() -> rf.Record:
+    loop = np.array([[1.0], [0.25], [1.0]])
+    return rf.evolve(system(), rf.History(("p0",), np.array([[0.0], [1.0]]), loop, 9))
+
+
+def long_scene() -> rf.Scene:
+    scene = rf.read_scene(DEMOS / "dovetail.toml")
+    contacts = tuple(replace(scene.contacts[0], friction=TABLE) for _ in range(50))
+    rows = tuple((float(k), -float(k)) for k in range(1000))
+    history = replace(scene.history, kind="table", columns=("F", "G"), rows=rows)
+    return replace(scene, title="long " * 50, contacts=contacts, history=history)
+
+
+def many_zones() -> rf.Record:
+    found = record()
+    states = np.tile(np.arange(len(found.x)) % 4 + 1, (len(found.turning_points.s), 1))
+    points = replace(found.turning_points, state=states.astype(np.int8))
+    return replace(found, turning_points=points, edge_names=("an edge with a long name " * 9,))
+
+
+@pytest.mark.parametrize(
+    "item",
+    [
+        lambda: record(),
+        many_zones,
+        system,
+        lambda: replace(system(), scene_toml='title = "' + "long " * 99),
+        long_scene,
+        lambda: long_scene().contacts[0],
+        lambda: long_scene().history,
+        lambda: rf.History(("a", "b"), np.ones((900, 2)), np.zeros((0, 2))),
+        lambda: rf.read_scene(DEMOS / "punch_axisymmetric.toml"),
+    ],
+)
+def test_descriptions_are_short(item: object) -> None:
+    lines = repr(item()).splitlines()  # type: ignore[operator]
+    assert 1 <= len(lines) <= 30
+    if len(lines) > 1:
+        assert max(map(len, lines)) <= 100
+    assert len(repr(item())) < 3000  # type: ignore[operator]
+
+
+def test_a_record_says_its_headline_numbers() -> None:
+    found, text = record(), repr(record())
+    D = found.cycles.dissipation
+    assert f"cycle 1 {D[0]:.6g}, cycle 9 {D[8]:.6g}" in text
+    assert f"{len(found.x)} nodes" in text and "modelled: half" in text
+    assert "load p0" in text and "0.25 to 1" in text
+    assert f"events          {found.n_events}," in text
+    steady = found.steady
+    words = f"{steady.kind} from cycle {steady.cycle}" if steady.reached else "not reached"
+    assert words in text
+    first, *_ = found.at(9, leg=0).zones
+    assert f"cycle 9, leg 0  {first[0]} {first[1]:.4g} to {first[2]:.4g}" in text
+
+
+def test_a_scene_says_its_values() -> None:
+    text = repr(
+        rf.read_scene(DEMOS / "block.toml", ["contact.friction=0.45", "load.p0.pressure=3.0"])
+    )
+    for words in ("friction=0.45", "pressure=3,", "width=4", "poisson=0.3", "minimum=0.333333"):
+        assert words in text
+    mesh = repr(rf.read_scene(DEMOS / "dovetail.toml").body)
+    assert "dovetail.geo" in mesh and "width" not in mesh
+
+
+def test_a_notebook_shows_the_zones_of_the_last_cycle_to_scale() -> None:
+    found = record()
+    page = ET.fromstring(found._repr_html_().replace("&emsp;", ""))
+    name = "{http://www.w3.org/2000/svg}rect"
+    boxes = list(page.iter(name))
+    zones = [zone for leg in (0, 1) for zone in found.at(9, leg=leg).zones]
+    assert len(boxes) == len(zones)
+    length = found.x[-1] - found.x[0]
+    colours = {rf.STATE_NAMES[state]: colour for state, colour in STATE_COLOURS.items()}
+    for box, (state, a, b) in zip(boxes, zones, strict=True):
+        assert box.get("fill") == colours[state]
+        left, width = (float(box.get(key, "")) for key in ("x", "width"))
+        assert (left - LEFT) / WIDTH == pytest.approx((a - found.x[0]) / length, abs=1e-4)
+        assert width / WIDTH == pytest.approx((b - a) / length, abs=1e-4)
+    # texts are escaped
+    named = replace(found, edge_names=("<b>&",))
+    ET.fromstring(named._repr_html_().replace("&emsp;", ""))
