@@ -48,6 +48,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.errors import RecedingError as RecedingError
     from receding_fenicsx.errors import SolveError as SolveError
     from receding_fenicsx.evolution.evolve import evolve as evolve
+    from receding_fenicsx.evolution.moment import recovered_tractions as recovered_tractions
     from receding_fenicsx.evolution.probe_history import ProbeHistory as ProbeHistory
     from receding_fenicsx.evolution.record import Record as Record
     from receding_fenicsx.evolution.replay import instant_of as instant_of
@@ -189,6 +190,10 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
             "Half widths fitted below node spacing, with intervals",
         ),
         "dundurs_beta": ("interface.measures.zone_ends", "Dundurs' constant beta of two materials"),
+        "recovered_tractions": (
+            "evolution.moment",
+            "Tractions p, q without the zigzag of elements of order 2",
+        ),
         "traction_at": ("interface.measures.tractions", "Traction between the nodes"),
         "loop_of": ("output.plots.loops", "Hysteresis loop of each load in a cycle, and its area"),
         "headline": ("output.report.space_errors", "Headline numbers of a record"),
@@ -288,6 +293,7 @@ __all__ = [
     "read_scene",
     "read_summary",
     "read_system",
+    "recovered_tractions",
     "reference",
     "run",
     "run_table",

@@ -13,6 +13,8 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record_data import RecordData, States
 from receding_fenicsx.interface.law import friction_of
+from receding_fenicsx.interface.measures.recovered import recover
+from receding_fenicsx.interface.measures.zone_ends import Tractions
 from receding_fenicsx.interface.measures.zones import Zone, contact_zones
 
 SAME_LOAD = 1e-9
@@ -77,6 +79,42 @@ def moment_of(record: RecordData, table: States, row: int) -> Moment:
         f_backward=record.f_backward,
         axisymmetric=record.axisymmetric,
         **{key: getattr(table, key)[row] for key in ("state", "P", "Q", "p", "q", "v", "w")},
+    )
+
+
+def recovered_tractions(record: RecordData, moment: Moment) -> tuple[Array, Array]:
+    """Return tractions p and q without the zigzag of elements of order 2.
+
+    See :mod:`receding_fenicsx.interface.measures.recovered`. Resultants, p >= 0, |q| <= f p, and
+    |q| = f p at slipping nodes hold as for ``moment.p`` and ``moment.q``, which are returned on
+    elements of order 1 and beside ends of contact.
+
+    Args:
+        record: the record, of one contact edge (see :meth:`Record.by_edge`).
+        moment: one of its instants, such as ``record.at(9, "minimum")``.
+
+    Returns:
+        p and q, (N,) each.
+
+    Raises:
+        InputError: the instant is not one of the record, or the record has several contact edges.
+    """
+    if len(np.unique(record.edge)) > 1 or not np.array_equal(moment.x, record.x):
+        raise InputError(
+            "recovered_tractions: give an instant and the record of its contact edge; of several "
+            "edges record.by_edge() has the record of each"
+        )
+    return recover(
+        Tractions(
+            x=record.x,
+            weight=record.weight,
+            P=moment.P,
+            Q=moment.Q,
+            state=moment.state,
+            f=record.f,
+            axisymmetric=record.axisymmetric,
+            f_backward=record.f_backward,
+        )
     )
 
 

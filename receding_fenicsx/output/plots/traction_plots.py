@@ -14,7 +14,7 @@ from matplotlib.patches import Patch
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.moment import Moment
+from receding_fenicsx.evolution.moment import Moment, recovered_tractions
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import STATE_NAMES
 from receding_fenicsx.interface.measures.zones import zones
@@ -115,11 +115,11 @@ def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scal
 
 
 def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> None:
-    """Draw p, q and the friction cone at the nodes with weight."""
+    """Draw recovered p and q, and the friction cone, at the nodes with weight."""
     used = record.weight > 0.0
     x = record.x[used] / scales.length
     unit = scales.traction_unit(moment)
-    p, q = moment.p[used] / unit, moment.q[used] / unit
+    p, q = (part[used] / unit for part in recovered_tractions(record, moment))
     low, high = record.friction[used].limits(p)
     axes.axhline(0.0, color="black", lw=0.4)
     for _, begin, _ in zones(record.x / scales.length, moment.state, record.axisymmetric)[1:]:

@@ -1,0 +1,180 @@
+"""Recovered tractions: smooth ones, the law and the resultants, closed forms."""
+
+from __future__ import annotations
+
+import runpy
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from numpy.polynomial.legendre import leggauss
+
+import receding_fenicsx as rf
+from receding_fenicsx.evolution.moment import moment_of
+from receding_fenicsx.interface.measures.recovered import recover
+from receding_fenicsx.interface.measures.tractions import midside_nodes
+from receding_fenicsx.interface.measures.zone_ends import Tractions
+
+Array = np.ndarray
+
+STICK, OPEN, FORWARD, BACKWARD = 1, 2, 3, 4
+
+
+def nodal(corners: Array, traction: Any, axisymmetric: bool = False) -> tuple[Array, Array, Array]:
+    """Nodes, weights and nodal forces of a traction on elements of order 2, by quadrature."""
+    x = np.sort(np.concatenate([corners, 0.5 * (corners[1:] + corners[:-1])]))
+    weight, force = np.zeros(len(x)), np.zeros(len(x))
+    points, weights = leggauss(8)
+    for e, (a, b) in enumerate(pairwise(corners)):
+        t = 0.5 * (points + 1.0)
+        at, dx = a + (b - a) * t, 0.5 * (b - a) * weights
+        if axisymmetric:
+            dx = dx * at
+        for k, shape in enumerate(
+            ((1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0))
+        ):
+            weight[2 * e + k] += dx @ shape
+            force[2 * e + k] += dx @ (shape * traction(at))
+    return x, weight, force
+
+
+def sliding(f: Array, x: Array, weight: Array, P: Array, **parts: Any) -> Tractions:
+    return Tractions(x, weight, P, -f * P, np.full(len(x), FORWARD), f, **parts)
+
+
+@pytest.mark.parametrize("axisymmetric", [False, True])
+def test_parabola_is_recovered_on_unequal_elements(axisymmetric: bool) -> None:
+    corners = np.array([0.3, 0.4, 0.52, 0.6, 0.71, 0.8, 0.88, 1.0, 1.1])
+    x, weight, P = nodal(corners, lambda at: 3.0 - 2.0 * (at - 0.4) ** 2, axisymmetric)
+    known = 3.0 - 2.0 * (x - 0.4) ** 2
+    at = sliding(np.full(len(x), 0.3), x, weight, P, axisymmetric=axisymmetric)
+    p, q = recover(at)
+    # the first element and the last one, and the corners next to them, keep their forces
+    middle = midside_nodes(x, weight, axisymmetric)[1:-1]
+    before = np.abs(P / weight - known)[middle].max()
+    assert np.abs(p - known)[middle].max() < 0.2 * before
+    assert np.abs(p - known)[6:-6].max() < 0.2 * np.abs(P / weight - known)[6:-6].max()
+    assert np.array_equal(p[:2], (P / weight)[:2])
+    assert np.allclose(q, -0.3 * p, rtol=1e-14)
+
+
+@pytest.mark.parametrize("axisymmetric", [False, True])
+def test_middle_of_an_element_gets_the_parabola_in_one_pass(
+    axisymmetric: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("receding_fenicsx.interface.measures.recovered.PASSES", 1)
+    x, weight, P = nodal(np.linspace(0.2, 1.0, 9), lambda at: 2.0 - at**2, axisymmetric)
+    p, _ = recover(sliding(np.full(len(x), 0.3), x, weight, P, axisymmetric=axisymmetric))
+    inner = slice(3, -3, 2)
+    # in a circle the share of a corner on each side is that of its length, to second order
+    assert np.abs(p - (2.0 - x**2))[inner].max() < (1e-4 if axisymmetric else 1e-14)
+
+
+def test_friction_that_varies_keeps_both_resultants_of_a_sliding_contact() -> None:
+    x, weight, P = nodal(np.linspace(-1.0, 1.0, 17), lambda at: np.sqrt(1.2 - at**2))
+    f = 0.3 + 0.2 * np.sin(2.0 * x)
+    p, q = recover(sliding(f, x, weight, P))
+    assert not np.allclose(p, P / weight, rtol=1e-6)
+    assert np.abs(np.abs(q) - f * p).max() < 1e-15
+    assert weight @ p == pytest.approx(P.sum(), rel=1e-14)
+    assert weight @ q == pytest.approx(-(f * P).sum(), rel=1e-14)
+
+
+def test_order_one_and_beside_ends_the_nodal_values_remain() -> None:
+    x = np.linspace(0.0, 1.0, 9)
+    weight = np.full(9, 0.125)
+    weight[[0, -1]] /= 2.0
+    at = sliding(np.full(9, 0.3), x, weight, weight * (2.0 - x**2))
+    assert np.array_equal(recover(at)[0], at.P / weight)
+    # a step of the pressure that the states do not show is no zigzag: nothing moves across it
+    x, weight, P = nodal(np.linspace(-1.0, 1.0, 17), lambda at: np.where(at < 0.0, 2.0, 1.0))
+    p, _ = recover(sliding(np.full(len(x), 0.3), x, weight, P))
+    assert np.abs(p - P / weight).max() < 1e-14
+
+
+# -- Cattaneo and Mindlin ------------------------------------------------------------------------
+
+
+@cache
+def mindlin() -> tuple[dict[str, Any], rf.Record | None]:
+    demo = runpy.run_path(str(Path(__file__).parents[3] / "demos" / "cattaneo_mindlin.py"))
+    return demo, demo["solve"](30.0, 120)
+
+
+def zigzag(error: Array) -> Array:
+    """Part of an error that alternates from node to node."""
+    return 0.25 * (error[:-2] - 2.0 * error[1:-1] + error[2:])
+
+
+def test_sheared_cylinders_have_less_error_and_a_fifth_of_the_zigzag() -> None:
+    demo, record = mindlin()
+    if record is None:
+        return
+    known, hertz = demo["KNOWN"], demo["HERTZ"]
+    x, s = record.x, record.samples
+    spacing = float(np.diff(x).max())
+    size = {"p": np.zeros(2), "q": np.zeros(2)}
+    for i in range(len(s.s)):
+        leg = demo["LEGS"].get((int(s.cycle[i]), int(s.leg[i])))
+        if leg is None:
+            continue
+        moment = moment_of(record, s, i)
+        Q = moment.load["Q"]
+        found = dict(zip("pq", rf.recovered_tractions(record, moment), strict=True))
+        exact = {"p": hertz.pressure(x), "q": -known.traction(x, Q, leg)}
+        ends = hertz.a, known.stick_half_width(Q, leg), known.stick_half_width(0.3, "loading")
+        inside = np.abs(x) < hertz.a
+        away = inside & np.all([np.abs(np.abs(x) - end) > 8.5 * spacing for end in ends], axis=0)
+        for name in "pq":
+            errors = [getattr(moment, name) - exact[name], found[name] - exact[name]]
+            before, after = (np.abs(error).mean() for error in errors)
+            assert after < before, (name, leg, Q)
+            size[name] += [np.square(zigzag(error)[away[1:-1]]).sum() for error in errors]
+    for before, after in size.values():
+        # measured: 9.6 and 14
+        assert np.sqrt(before / after) > 5.0
+
+
+def test_resultants_and_the_law_of_friction_are_kept_at_every_instant() -> None:
+    _, record = mindlin()
+    if record is None:
+        return
+    for table in (record.samples, record.turning_points):
+        for i in range(len(table.s)):
+            moment = moment_of(record, table, i)
+            p, q = rf.recovered_tractions(record, moment)
+            force = moment.P.sum()
+            assert abs(record.weight @ p - force) <= 1e-12 * force
+            assert abs(record.weight @ q - moment.Q.sum()) <= 1e-12 * force
+            assert (
+                abs((record.weight * x_of(record)) @ p - x_of(record) @ moment.P) <= 1e-12 * force
+            )
+            assert p.min() >= 0.0
+            room = record.f * p - np.abs(q)
+            assert room.min() >= -1e-13 * p.max()
+            assert np.abs(room[moment.state >= FORWARD]).max(initial=0.0) <= 1e-13 * p.max()
+            assert not p[moment.state == OPEN].any()
+
+
+def x_of(record: rf.Record) -> Array:
+    return record.x / np.abs(record.x).max()
+
+
+def test_instant_of_another_record_is_refused() -> None:
+    _, record = mindlin()
+    if record is None:
+        return
+    moment = record.at()
+    other = rf.evolve(*_spring())
+    with pytest.raises(rf.InputError, match="record of its contact edge"):
+        rf.recovered_tractions(other, moment)
+
+
+def _spring() -> tuple[rf.ContactSystem, rf.History]:
+    import models
+
+    history = rf.History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)))
+    return models.block_system(8, 4), history
