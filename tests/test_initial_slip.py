@@ -10,18 +10,19 @@ def test_a_map_that_was_stopped_goes_on_where_it_ended(mpirun: Run, tmp_path: Pa
     small = ["--nodes", "41", "--map", "2", "2", "--samples", "6", "--seeds", "2"]
     first = mpirun(2, DEMO, "--out", tmp_path, *small)
     assert first.returncode == 0, first.stderr
-    kept = tmp_path / "cells_41.csv"
-    lines = kept.read_text().splitlines()
-    # what scene, 7 samples and 2 x 2 cells of 2
-    assert len(lines) == 16
-    # killed in the middle of the twelfth cell
-    kept.write_text("\n".join(lines[:12]) + "\n" + lines[12][:40])
+    journal, table = tmp_path / "map" / "cases.jsonl", tmp_path / "map" / "sweep.csv"
+    lines, whole = journal.read_bytes().splitlines(keepends=True), table.read_bytes()
+    assert len(lines) == 2 * 2 * 2
+    # killed in the middle of the sixth case
+    journal.write_bytes(b"".join(lines[:5]) + lines[5][:40])
+    table.unlink()
     again = mpirun(1, DEMO, "--out", tmp_path, *small)
     assert again.returncode == 0, again.stderr
-    assert "11 of 15 are finished already" in again.stdout
-    finished = kept.read_text().splitlines()
-    assert [line for line in finished if line in lines] == lines
-    # cells of another scene are not mixed in
-    kept.write_text("\n".join(["# scene 00000000", *lines[1:]]))
-    other = mpirun(1, DEMO, "--out", tmp_path, *small)
-    assert other.returncode != 0 and "is of another scene" in other.stderr
+    assert again.stdout == first.stdout
+    assert table.read_bytes() == whole
+    assert journal.read_bytes().startswith(b"".join(lines[:5]))
+    # cases of another mesh are not mixed in
+    other = mpirun(1, DEMO, "--out", tmp_path, "--nodes", "21", *small[2:])
+    assert (
+        other.returncode != 0 and "is a sweep with another [mesh] contact_elements" in other.stderr
+    )
