@@ -177,14 +177,13 @@ def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: P
     assert found.contacts[0].initial_gap == {"x": [-2.0, 2.0], "value": [0.5, 0.25]}
 
 
-def test_rows_of_a_history_cannot_be_read_from_a_file(
+def test_the_number_of_cycles_cannot_be_read_from_a_file(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    table = 'kind = "table"\ncolumns = ["p"]\nrows = {file = "rows.csv"}\n'
-    path = write(shared_tmp_path / "scene.toml", SCENE.replace("[history]", f"[history]\n{table}"))
+    path = write(shared_tmp_path / "scene.toml", SCENE)
     write(shared_tmp_path / "rows.csv", "0\n1\n")
-    text = refused(capsys, "check", path)
-    assert "history rows: cannot be read from a file, only friction, initial_gap" in text
+    text = refused(capsys, "check", path, "--set", 'history.cycles={file = "rows.csv"}')
+    assert "history cycles: cannot be read from a file, only friction, initial_gap" in text
 
 
 def test_run_cannot_take_the_place_of_a_root(

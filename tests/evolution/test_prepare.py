@@ -16,11 +16,12 @@ import numpy as np
 import pytest
 from models import block_system
 
-from receding_fenicsx import cli, environment, study
+from receding_fenicsx import cli, environment
 from receding_fenicsx.bulk.mesh import meshing
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.output.storage.hdf5 import read_record, read_system, write_system
 from receding_fenicsx.output.storage.summary_file import read_summary
+from receding_fenicsx.pictures import Drawing
 from receding_fenicsx.scene.toml_file import read_scene
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
@@ -87,8 +88,12 @@ def test_another_friction_gap_or_history_is_played_without_touching_the_body(
 def test_the_body_is_drawn_from_a_saved_system_only_when_asked_for(
     system: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawn: list[object] = []
-    monkeypatch.setattr(study, "draw", lambda *arguments: drawn.append(arguments[-1]))
+    drawn: list[bool] = []
+
+    def draw(self: Drawing, *_: object) -> None:
+        drawn.extend([self.wanted.body] * self.wanted.figures)
+
+    monkeypatch.setattr(Drawing, "draw", draw)
     saved, all_, figures = (
         ["--system", str(system)],
         ["--pictures", "all"],
