@@ -23,7 +23,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.plots import figures, series, style
+from receding_fenicsx.output.plots import figures, saving, series, style
 from receding_fenicsx.output.plots.descriptions import describe_factors
 from receding_fenicsx.output.plots.load_names import load_symbol
 from receding_fenicsx.output.plots.series import first_unloading, slip_lines
@@ -469,6 +469,7 @@ def check_texts(figure: Figure, name: str) -> None:
 
 def text_boxes(figure: Figure) -> list:
     """Return every text that is drawn with its box in dots."""
+    saving.lay_out(figure)
     figure.canvas.draw()
     hidden = {id(label) for axes in figure.axes for label in labels_beyond(axes)}
     found = []
@@ -736,3 +737,10 @@ def test_legs_are_counted_from_0_as_in_the_record() -> None:
     found = evolve(system, history, output=OutputOptions(cycles="all"))
     titles = [axes.get_title() for axes in figures.zone_maps(found, 2).axes[:3]]
     assert [re.findall(r"cycle 2, leg (\d): ", title) for title in titles] == [["0"], ["1"], ["2"]]
+
+
+def test_png_holds_every_pixel_and_the_size_on_paper() -> None:
+    pixels = np.random.default_rng(1).integers(0, 256, (37, 23, 3), dtype=np.uint8)
+    with Image.open(io.BytesIO(saving.png_of(pixels, style.DPI))) as image:
+        assert image.info["dpi"] == pytest.approx((style.DPI, style.DPI), rel=1e-4)
+        assert np.array_equal(np.asarray(image), pixels)

@@ -5,24 +5,19 @@ A figure without data is omitted: a monotonic history has no slip per cycle.
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Iterable, Iterator
 from pathlib import Path
-from typing import Any
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
-from PIL import Image
 
-from receding_fenicsx.atomic import make_folder, new_file
+from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import moment_of
 from receding_fenicsx.evolution.probe_history import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
-from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
@@ -36,6 +31,7 @@ from receding_fenicsx.output.plots.loops import (
     shown_cycles,
 )
 from receding_fenicsx.output.plots.probe_plots import probe_stresses
+from receding_fenicsx.output.plots.saving import drawing, lay_out, save
 from receding_fenicsx.output.plots.series import first_unloading, legs_of, slip_lines
 from receding_fenicsx.output.plots.traction_plots import tractions
 from receding_fenicsx.output.plots.units import Scales, scales_of
@@ -58,8 +54,6 @@ __all__ = [
 ]
 
 FORMATS = ("png", "pdf")
-PNG_LEVEL = 1
-"""Compression of PNG files: level 6 needs twice the time for a tenth fewer bytes."""
 FIG7_CYCLE = 9
 """Cycle of the paper's Fig. 7."""
 FIG6_LOAD = 1.0 / 3.0
@@ -117,59 +111,23 @@ def plot_all(
             raise InputError(f"format '{ending}': is unknown; use some of {', '.join(known)}")
     made: list[Path] = []
     edges = record.by_edge()
-    for edge, part in edges.items():
-        alone = len(edges) == 1
-        for name, figure in draw_all(part, unloading, stepped):
-            whole = alone or name.endswith(ALL_EDGES) or name.startswith(PROBE)
-            place = folder if whole else folder / edge.replace("/", "_")
-            make_folder(place)
-            files = [place / f"{name}.{ending}" for ending in formats]
-            if set(files) <= set(made):
-                continue
-            if tell is not None:
-                tell(name, len(made) // len(formats))
-            lay_out(figure)
-            for path in files:
-                save(figure, path)
-            made += files
+    with drawing():
+        for edge, part in edges.items():
+            alone = len(edges) == 1
+            for name, figure in draw_all(part, unloading, stepped):
+                whole = alone or name.endswith(ALL_EDGES) or name.startswith(PROBE)
+                place = folder if whole else folder / edge.replace("/", "_")
+                make_folder(place)
+                files = [place / f"{name}.{ending}" for ending in formats]
+                if set(files) <= set(made):
+                    continue
+                if tell is not None:
+                    tell(name, len(made) // len(formats))
+                lay_out(figure)
+                for path in files:
+                    save(figure, path)
+                made += files
     return made
-
-
-def lay_out(figure: Figure) -> None:
-    """Compute the positions of a figure's parts, which then stay as they are."""
-    engine = figure.get_layout_engine()
-    if engine is not None:
-        with mpl.rc_context(style.RC):
-            figure.dpi = style.DPI
-            style.agg_canvas(figure)
-            engine.execute(figure)
-        figure.set_layout_engine("none")
-
-
-def save(figure: Figure, path: Path) -> None:
-    """Save a figure in the format of the path's ending, without the date."""
-    ending = path.suffix[1:]
-    options: dict[str, dict[str, Any]] = {
-        "pdf": {"metadata": {"CreationDate": None}},
-        "svg": {"metadata": {"Date": None}},
-    }
-    # the PDF writer warns about the dates inside some systems' fonts
-    logging.getLogger("fontTools").setLevel(logging.ERROR)
-    with mpl.rc_context(style.RC), new_file(path, overwrite=True) as beside:
-        if ending == "png":
-            _save_png(figure, beside)
-        else:
-            figure.savefig(beside, format=ending, **options.get(ending, {}))
-
-
-def _save_png(figure: Figure, path: Path) -> None:
-    """Save a figure as PNG without opacity, a fifth faster than Matplotlib and smaller."""
-    lay_out(figure)
-    figure.dpi = style.DPI
-    canvas = style.agg_canvas(figure)
-    canvas.draw()
-    pixels = Image.fromarray(np.asarray(canvas.buffer_rgba())).convert("RGB")
-    pixels.save(path, "PNG", compress_level=PNG_LEVEL, dpi=(style.DPI, style.DPI))
 
 
 def draw_all(

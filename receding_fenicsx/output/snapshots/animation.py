@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-import matplotlib as mpl
 import numpy as np
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
@@ -26,6 +25,7 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.load_names import load_symbol, peak
+from receding_fenicsx.output.plots.saving import drawing
 from receding_fenicsx.output.plots.units import pressure_of
 from receding_fenicsx.output.snapshots.colours import Quantity
 from receding_fenicsx.output.snapshots.draw import draw_sheets, sheets_of
@@ -129,7 +129,7 @@ def draw_frames(
         for now, part in zip(film.time, load, strict=True)
     ]
     frames = []
-    with mpl.rc_context(style.RC):
+    with drawing():
         layout = layout_of(*views, dpi=FILM_DPI)
         for page in draw_sheets(sheets_of(views, quantity, layout, clocks)):
             canvas = style.agg_canvas(page)
