@@ -14,6 +14,7 @@ from mpi4py import MPI
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 
 import receding_fenicsx as rf
 
@@ -116,6 +117,10 @@ def draw_space(space: list[Row], folder: Path) -> None:
             )
         panel.axhline(max(floor[name], SMALLEST), color=rf.style.GUIDE_COLOUR, lw=0.8, ls=":")
         panel.set_title(TITLES[name])
+        # the seconds may span less than a decade
+        panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        panel.xaxis.set_major_formatter("{x:g}")
+        panel.xaxis.set_minor_formatter(NullFormatter())
     for panel in axes[:, 0]:
         panel.set_ylabel("relative error")
     for panel in (*axes[1, :2], axes[0, 2]):
