@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 PICTURE_GROWTH = (1.0, 1.1)
 """Largest size ratio between neighbouring layers of the mesh for pictures: up to
 ``PICTURE_CELLS`` cells of the contact elements' size fill the body, and above."""
+MAX_INSTANTS = 6
+"""Largest number of turning points of a cycle that a run draws."""
 PICTURE_CELLS = 30_000
 """Number of cells from which the mesh for pictures is graded."""
 
@@ -255,13 +257,16 @@ def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
 
 
 def default_instants(scene: Scene, system: ContactSystem, record: Record) -> list[Instant]:
-    """Return the loaded turning points of the first loading and of the first and last cycles."""
+    """Return up to ``MAX_INSTANTS`` loaded turning points of each of cycles 0, 1 and the last."""
     table = record.turning_points
-    chosen = sorted({0, 1, int(table.cycle.max(initial=0))})
-    loaded = np.any(table.load != 0.0, axis=1)
+    chosen = []
+    for cycle in sorted({0, 1, int(table.cycle.max(initial=0))}):
+        rows = np.flatnonzero((table.cycle == cycle) & np.any(table.load != 0.0, axis=1))
+        spread = np.linspace(0, len(rows) - 1, min(len(rows), MAX_INSTANTS))
+        chosen += rows[spread.round().astype(int)].tolist()
     return [
         shown_instant(scene, system, record, (int(table.cycle[i]), str(int(table.leg[i])), 1.0))
-        for i in np.flatnonzero(np.isin(table.cycle, chosen) & loaded)
+        for i in chosen
     ]
 
 

@@ -184,6 +184,20 @@ def test_only_loaded_turning_points_are_drawn() -> None:
     assert [instant.load.tolist() for instant in default_instants(scene, system, record)] == [[1.0]]
 
 
+def test_of_a_cycle_of_many_legs_few_turning_points_are_drawn() -> None:
+    scene = small()
+    system = study.condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    name = scene.loads[0].name
+    corners = tuple((1.0 - 0.3 * (k % 2),) for k in range(1, 31))
+    table = HistoryOptions("table", columns=(name,), rows=((1.0,),), cycle_rows=corners, cycles=2)
+    scene = dataclasses.replace(scene, history=table)
+    record = evolve(system, scene)
+    chosen = [(found.cycle, found.leg) for found in default_instants(scene, system, record)]
+    legs = [0, 6, 12, 17, 23, 29]
+    assert chosen == [(0, 0), *((1, leg) for leg in legs), *((2, leg) for leg in legs)]
+
+
 def test_a_missing_drawing_library_refers_to_the_doctor() -> None:
     with pytest.raises(RecedingError, match=r"no_such_library.*doctor"), drawing_modules():
         importlib.import_module("no_such_library")

@@ -712,6 +712,8 @@ def test_a_measured_signal_of_500_points_is_one_map_of_few_polygons() -> None:
     largest = np.abs(points.load).max()
     assert np.array_equal(path[1:, 0], points.load[points.cycle == 2][:, 0] / largest)
     assert 0 < len(zones.texts) <= MAX_NUMBERS
+    # no dots at 500 turning points
+    assert {line.get_marker() for line in figures.hysteresis(found).axes[0].lines} == {"None"}
     check_texts(figure, "measured signal")
 
 

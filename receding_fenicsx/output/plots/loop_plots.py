@@ -24,6 +24,8 @@ from receding_fenicsx.output.plots.units import Scales, scales_of
 FIRST_LOADING = {"color": style.GUIDE_COLOUR, "lw": 1.4}
 LAST_WIDTH, WIDER, WIDEST = 0.8, 1.4, 4.2
 """Width of the last cycle's line in points, what each earlier one has more, and the most of it."""
+MAX_DOTS = 40
+"""Largest number of turning points of a cycle that have dots."""
 DOTS = 2.4
 """Size of the last cycle's turning points."""
 ROUND_OFF = 1e-9
@@ -234,6 +236,8 @@ def _cone_label(record: Record) -> str:
 def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]) -> None:
     look = _look(path, paths)
     axes.plot(x, y, **look)
+    if np.count_nonzero(path.turning) > MAX_DOTS:
+        return
     dots = DOTS + look["lw"] - LAST_WIDTH
     axes.plot(x[path.turning], y[path.turning], "o", color=look["color"], ms=dots)
 
