@@ -10,6 +10,10 @@ def half(record: rf.Record) -> dict[str, Any]:
     return {"half": 0.5 * record.turning_points.P[-1].max(), "name": "half"}
 
 
+def syy(record: rf.Record) -> dict[str, Any]:
+    return {"syy": record.probe("a").stress[-1].ravel()[1]}
+
+
 def dies_at_three_tenths(record: rf.Record) -> dict[str, Any]:
     if record.f.max() == 0.3:
         os._exit(7)

@@ -35,7 +35,7 @@ class Case:
         labels: the value of each key, as the table shows it.
         identity: digest of the scene and its mesh files, "" where there is no scene.
         scene: the scene; None where this combination cannot be modelled.
-        body: digest of what determines the condensed system.
+        body: digest of what determines the condensed system, and of the probes.
         error: why it cannot be modelled.
     """
 
@@ -144,7 +144,8 @@ def _case(raw: dict[str, Any], chosen: dict[str, tuple[Label, Any]], folder: Pat
         for key, (_, value) in chosen.items():
             set_value(changed, key, copy.deepcopy(value), "the scene")
         scene = from_raw(changed, folder)
-        body = digest(scene)
+        # a condensed system holds the matrices of its probes
+        body = hashlib.sha256(f"{digest(scene)}\n{scene.probes!r}".encode()).hexdigest()
     except InputError as error:
         return Case(labels, "", None, error=str(error).replace("\n", " "))
     identity = hashlib.sha256(f"{body}\n{to_toml(scene)}".encode()).hexdigest()

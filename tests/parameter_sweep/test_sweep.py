@@ -230,6 +230,18 @@ def test_the_table_may_hold_numbers_of_the_users_own(shared_tmp_path: Path) -> N
         table["halb"]
 
 
+def test_probes_may_move_from_case_to_case() -> None:
+    text = Path(BLOCK).read_text(encoding="utf-8") + '[[probe]]\nname = "a"\npoint = [0, 0.5]\n'
+    places = [[0.0, 0.5], [0.25, 0.5]]
+    over = {"contact.friction": [0.2, 0.4], "probe.a.point": places}
+    table = rf.sweep(rf.from_toml(text, SMALL), over, measure=sweep_measures.syy)
+    for k, (f, (x, y)) in enumerate((f, place) for f in (0.2, 0.4) for place in places):
+        changes = [*SMALL, f"contact.friction={f}", f"probe.a.point=[{x}, {y}]"]
+        record = rf.run(rf.from_toml(text, changes))
+        if table is not None and record is not None:
+            assert table["syy"][k] == sweep_measures.syy(record)["syy"]
+
+
 @one_rank
 def test_a_case_whose_process_dies_is_a_row_and_is_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
