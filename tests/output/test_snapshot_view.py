@@ -391,6 +391,20 @@ def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> No
             assert shown == pytest.approx([grey] * 3, abs=0.01), (order, part)
 
 
+@pytest.mark.parametrize("height", [1.0, 0.02])
+def test_colour_bar_ends_with_the_body_and_has_room_for_its_label(height: float) -> None:
+    view = made_up()
+    flat = np.array([1.0, height])
+    view = replace(view, points=flat * view.points, moved=flat * view.moved)
+    layout, (body, tractions, bar) = layout_of(view, dpi=50.0), page_of(view).axes
+    box = bar.get_position()
+    assert box.height * layout.height >= 0.7 - 1e-9
+    assert box.x0 > tractions.get_position().x1 and box.y0 > tractions.get_position().y0
+    place = body.transData.transform((0.0, float(view.moved[:, 1].max())))
+    ends = body.figure.transFigure.inverted().transform(place)
+    assert box.y1 == pytest.approx(ends[1], abs=1e-9)
+
+
 def test_small_contact_is_shown_from_near_by() -> None:
     demo = Path(__file__).parents[2] / "demos" / "punch.toml"
     punch = read_scene(demo, ["mesh.contact_elements=16"])

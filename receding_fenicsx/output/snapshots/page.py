@@ -31,6 +31,9 @@ TICK_SPACING = 0.18
 """Smallest distance in inches of the labels of a colour bar."""
 MAX_TICKS = 6
 """Largest number of labels of a colour bar."""
+MIN_BAR_HEIGHT = 0.7
+"""Smallest height of a colour bar in inches: room for its label. Beside a flat body it reaches down
+beside the tractions."""
 CONTOUR_PIXELS = 1.0
 """Width of a contour line in pixels."""
 CLOCK_MARGIN = 0.12
@@ -152,12 +155,13 @@ def _axes_at(figure: Figure, box: Box) -> Axes:
 
 
 def _draw_colour_bar(figure: Figure, view: View, layout: Layout, colours: Colours) -> None:
-    """Draw the colour bar beside the body, as high as the body."""
+    """Draw the colour bar beside the body, as high as the body, from its top downwards."""
     left, foot, width, height = layout.body
     *_, bottom, top = layout.window
     scale = height / (top - bottom)
     ends = np.clip([view.moved[:, 1].min(), view.moved[:, 1].max()], bottom, top)
-    base, tall = foot + scale * float(ends[0] - bottom), scale * float(ends[1] - ends[0])
+    tall = max(scale * float(ends[1] - ends[0]), MIN_BAR_HEIGHT)
+    base = foot + scale * float(ends[1] - bottom) - tall
     bar = figure.colorbar(
         ScalarMappable(Normalize(*colours.limits), ListedColormap(colours.table.tolist())),
         cax=_axes_at(figure, (left + width + 0.1, base, 0.13, tall)),
