@@ -648,6 +648,13 @@ def test_each_of_few_legs_has_a_panel(legs: int) -> None:
     assert places == expected
 
 
+def test_any_number_of_panels_has_letters() -> None:
+    titles = [style.panel_title(n, 60, "") for n in (0, 25, 26, 27, 52)]
+    assert titles == ["(a) ", "(z) ", "(aa) ", "(ab) ", "(ba) "]
+    legs = [(1, leg) for leg in range(30)]
+    assert len(figures.zone_maps(around(30), legs, columns=3).axes) == 30
+
+
 @pytest.mark.parametrize("legs", [7, 30])
 def test_a_cycle_of_many_legs_is_one_map_with_the_loads_beside_it(legs: int) -> None:
     found = around(legs)

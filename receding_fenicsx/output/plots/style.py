@@ -178,5 +178,7 @@ def state_patches(states: Iterable[int], friction: ArrayLike = True) -> list[Pat
 
 
 def panel_title(n: int, panels: int, text: str) -> str:
-    """Return a panel's title, lettered when there are several."""
-    return f"({ascii_lowercase[n]}) {text}" if panels > 1 else text
+    """Return a panel's title, lettered when there are several: a to z, aa, ab and so on."""
+    first, last = divmod(n, len(ascii_lowercase))
+    letters = (ascii_lowercase[first - 1] if first else "") + ascii_lowercase[last]
+    return f"({letters}) {text}" if panels > 1 else text
