@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NoReturn
@@ -37,19 +38,6 @@ class Columns:
     values: Array
     lines: tuple[int, ...]
 
-    def index(self, name: str) -> int:
-        """Return the position of a named column.
-
-        Raises:
-            InputError: the file has no header, or not just one such column.
-        """
-        if self.names.count(name) == 1:
-            return self.names.index(name)
-        if not self.names:
-            self.refuse(f"has no header line; write the names of the columns above them: {name}")
-        count = "no" if name not in self.names else str(self.names.count(name))
-        self.refuse(f'has {count} column(s) "{name}"; its header names {", ".join(self.names)}')
-
     def refuse(self, reason: str, row: int | None = None) -> NoReturn:
         """Raise InputError with the file, the line of a row if given, and a reason."""
         line = "" if row is None else f" line {self.lines[row]}:"
@@ -60,8 +48,8 @@ def read_columns(name: object, folder: Path, where: str) -> Columns:
     """Read a text file with columns of numbers.
 
     Text after ``#``, lines that begin with ``%`` and empty lines are ignored. Lines without any
-    number above the first row are header lines; the first of them with as many cells as the rows
-    names the columns. Cells are separated by semicolons, commas, tabs or blanks, all as in the
+    number above the first row are header lines; the first of them with as many filled cells as the
+    rows names the columns. Cells are separated by semicolons, commas, tabs or blanks, all as in the
     first row. Numbers have a decimal point.
 
     Args:
@@ -99,7 +87,7 @@ def read_columns(name: object, folder: Path, where: str) -> Columns:
                 f"{len(rows[0])}; all rows need the same"
             )
     heads = (_cells(line, separator) for _, line in filled[:first])
-    names = next((tuple(head) for head in heads if len(head) == len(rows[0])), ())
+    names = next((tuple(head) for head in heads if len(head) == len(rows[0]) and all(head)), ())
     if first and not names:
         raise InputError(
             f"{label}: line {filled[first - 1][0]}: the header does not name the {len(rows[0])} "
@@ -114,6 +102,11 @@ def read_columns(name: object, folder: Path, where: str) -> Columns:
 def _content(line: str) -> str:
     """Return a line without its comment."""
     return "" if line.lstrip()[:1] == "%" else line.partition("#")[0].strip()
+
+
+def without_unit(name: str) -> str:
+    """Return a column's name without a unit in brackets."""
+    return re.sub(r"\s*[\[(][^\])]*[\])]$", "", name)
 
 
 def _separator(line: str) -> str | None:

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_size
-from receding_fenicsx.scene.column_file import Columns, read_columns
+from receding_fenicsx.scene.column_file import Columns, read_columns, without_unit
 from receding_fenicsx.scene.expressions import evaluate_expression
 
 Profile = float | str | dict[str, list[float]]
@@ -156,16 +156,7 @@ def inline_files(raw: Any, folder: Path, where: str = "") -> Any:
 def _read_table(name: object, folder: Path, where: str) -> dict[str, list[float]]:
     """Read a table of x and value: the columns of these names, else the only two columns."""
     columns = read_columns(name, folder, where.strip())
-    if "x" in columns.names:
-        order = columns.index("x"), _index_of_value(columns)
-    elif columns.values.shape[1] == 2 and "value" not in columns.names:
-        order = 0, 1
-    else:
-        columns.refuse(
-            f"has {columns.values.shape[1]} column(s); give x and value on each line, or a header "
-            "line with the names x and value"
-        )
-    x, value = columns.values[:, order].T
+    x, value = columns.values[:, _order(columns)].T
     falls = np.flatnonzero(np.diff(x) <= 0.0)
     if len(falls):
         row = int(falls[0]) + 1
@@ -175,8 +166,26 @@ def _read_table(name: object, folder: Path, where: str) -> dict[str, list[float]
     return {"x": x.tolist(), "value": value.tolist()}
 
 
-def _index_of_value(columns: Columns) -> int:
-    """Return the column of the values beside a named column x: "value", or the only other one."""
-    if len(columns.names) == 2 and "value" not in columns.names:
-        return 1 - columns.index("x")
-    return columns.index("value")
+def _order(columns: Columns) -> list[int]:
+    """Return the columns of x and value; units and capitals in their names do not matter.
+
+    Raises:
+        InputError: the header names only one of the two, or one of them twice, or has neither in
+            a file of other than two columns.
+    """
+    for header in (columns.names, columns.remark):
+        names = [without_unit(name).lower() for name in header]
+        if names.count("x") == 1 and len(names) == 2:
+            return [names.index("x"), 1 - names.index("x")]
+        if names.count("x") == names.count("value") == 1:
+            return [names.index("x"), names.index("value")]
+        if header == columns.names and {"x", "value"} & {*names}:
+            columns.refuse(
+                f"the header names {', '.join(columns.names)}; it needs one x and one value"
+            )
+    if columns.values.shape[1] != 2:
+        columns.refuse(
+            f"has {columns.values.shape[1]} column(s); give x and value on each line, or a header "
+            "line with the names x and value"
+        )
+    return [0, 1]

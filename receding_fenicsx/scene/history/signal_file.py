@@ -7,7 +7,6 @@ that dwells changes nothing.
 
 from __future__ import annotations
 
-import re
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import suggestion, unknown_name
-from receding_fenicsx.scene.column_file import Columns, read_columns
+from receding_fenicsx.scene.column_file import Columns, read_columns, without_unit
 from receding_fenicsx.scene.toml_tables import as_list
 from receding_fenicsx.scene.toml_values import read_names
 
@@ -71,15 +70,10 @@ def with_signals(raw: dict[str, Any], folder: Path) -> dict[str, Any]:
     return {**raw, "history": history}
 
 
-def _bare(name: str) -> str:
-    """Return a column's name without a unit in brackets."""
-    return re.sub(r"\s*[\[(][^\])]*[\])]$", "", name)
-
-
 def _names(columns: Columns, known: list[str]) -> list[str]:
     """Return the names in the header: of a load, else without the unit."""
     names = columns.names or columns.remark
-    return [name if name in known else _bare(name) for name in names]
+    return [name if name in known else without_unit(name) for name in names]
 
 
 def _is_time(name: str, known: list[str]) -> bool:
