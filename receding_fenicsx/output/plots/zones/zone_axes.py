@@ -16,7 +16,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.touching import NEGLIGIBLE_SLIP, Still
 from receding_fenicsx.output.plots.units import Scales
-from receding_fenicsx.output.plots.zones.zone_labels import place_labels
+from receding_fenicsx.output.plots.zones.zone_labels import Label, place_labels
 from receding_fenicsx.output.plots.zones.zone_map import ZoneMap
 
 MAX_LINE_STEP = 0.25
@@ -106,23 +106,25 @@ def draw_map(
     axes.set_ylim(min(ends), max(ends))
     style.ticks(axes.xaxis, 5)
     axes.set_axisbelow(False)
-    for label in place_labels(drawn, (low, high), inches, height >= MIN_LEG_WITH_ARROWS):
-        at = _pair(place(np.array(label.at)))
-        ink = style.STATE_INKS[label.on]
-        text = str(int(label.state))
-        if label.tip is None:
-            axes.text(*at, text, ha="center", va="center", color=ink)
-            continue
-        arrow = {"arrowstyle": "-|>,head_length=0.3,head_width=0.12", "lw": 0.6, "color": ink}
-        axes.annotate(
-            text,
-            _pair(place(np.array(label.tip))),
-            xytext=at,
-            ha="center",
-            va="center",
-            color=ink,
-            arrowprops={**arrow, "shrinkA": 1.0, "shrinkB": 0.0},
-        )
+    numbers = place_labels(drawn, (low, high), inches, height >= MIN_LEG_WITH_ARROWS)
+    for label in numbers:
+        tip = None if label.tip is None else _pair(place(np.array(label.tip)))
+        _write_number(axes, label, _pair(place(np.array(label.at))), tip)
+
+
+def _write_number(
+    axes: Axes, label: Label, at: tuple[float, float], tip: tuple[float, float] | None
+) -> None:
+    """Write the number of a state, with an arrow to its zone if it stands beside it."""
+    ink = style.STATE_INKS[label.on]
+    text = str(int(label.state))
+    look: dict[str, Any] = {"ha": "center", "va": "center", "color": ink}
+    if tip is None:
+        axes.text(*at, text, **look)
+        return
+    arrow: dict[str, Any] = {"arrowstyle": "-|>,head_length=0.3,head_width=0.12", "lw": 0.6}
+    arrow |= {"color": ink, "shrinkA": 1.0, "shrinkB": 0.0}
+    axes.annotate(text, tip, xytext=at, arrowprops=arrow, **look)
 
 
 def draw_limit(
