@@ -195,6 +195,19 @@ def test_table_and_file_have_a_row_for_each_instant_and_point(tmp_path: Path) ->
     assert float(row["von_mises"]) == pytest.approx(np.sqrt(1.5 * (deviator**2).sum()))
 
 
+def test_history_is_a_data_frame_where_pandas_is_installed() -> None:
+    pytest.importorskip("pandas")
+    found = solved()
+    if found is None:
+        return
+    probe = found[1].probe("edge")
+    frame = probe.to_pandas()
+    ends = frame[(frame.kind == "turning point") & (frame.point == 2)]
+    rows = probe.kind == "turning point"
+    assert np.array_equal(ends["syy"], probe.stress[rows, 2, 1])
+    assert np.array_equal(ends["load.p0"], probe.load[rows, 0])
+
+
 def differing(a: Path, b: Path) -> list[str]:
     """Return the probes' arrays that differ between two records."""
     with h5py.File(a / "record.h5") as one, h5py.File(b / "record.h5") as other:
