@@ -24,6 +24,11 @@ A :class:`Record` returns values by name, tables and figures::
     rf.figures.zone_maps(record, 9)
     rf.figures.hysteresis(record)
 
+One scene over a grid of values, a row of a table for each case::
+
+    table = rf.sweep(scene, {"contact.friction": [0.2, 0.4], "history.minimum": [0.0, 0.5]})
+    table["dissipation_last_cycle"], table.grid("steady"), table.to_pandas()
+
 Signs and symbols are those of Ahn & Barber (2008): ``v, w`` tangential and normal displacement,
 ``Q, P`` tangential and normal reaction on the body, ``P > 0`` compression; "load" is a load factor.
 """
