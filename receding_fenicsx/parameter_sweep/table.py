@@ -29,6 +29,7 @@ HEADLINES = (
     "steady_cycle",
     "dissipation_last_cycle",
     "stick_half_width_at_minimum",
+    "p_max_at_maximum",
     "residual_max",
 )
 """Measured columns that the printed table shows, where there are such."""
@@ -105,7 +106,8 @@ class SweepTable:
 
     def __repr__(self) -> str:
         """Return the number of cases, and the first rows with the most important columns."""
-        measured = [name for name in self.columns[len(self.keys) :] if name != ERROR]
+        filled = {name for row in self.rows for name, cell in row.items() if cell is not None}
+        measured = [name for name in self.columns[len(self.keys) : -1] if name in filled]
         names = [name for name in HEADLINES if name in measured] or measured[:SHOWN_MEASURED]
         names = [*self.keys, *names, *([ERROR] if self.failed else [])]
         rows = [names, *([_shown(r.get(name)) for name in names] for r in self.rows[:SHOWN_ROWS])]
