@@ -123,7 +123,7 @@ def animate(
     try:
         with timer("pictures"):
             file = folder / "animations" / f"cycle{cycle:04d}_{stress}"
-            return animation.animate(bulk, scenario, quantity, file)
+            return animation.animate(bulk, scenario, quantity, file, timer.say)
     finally:
         bulk.destroy()
 

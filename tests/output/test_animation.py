@@ -37,11 +37,11 @@ COMM = MPI.COMM_WORLD
 FRAMES = 5
 
 
-def film(folder: Path) -> list[Path] | None:
+def film(folder: Path, heard: list[str]) -> list[Path] | None:
     """Run the block on a coarse mesh for one cycle and make a film of it."""
     scene = read_scene(BLOCK, ["mesh.contact_elements=16", "history.cycles=1"])
     study.run(scene, folder, study.RunOptions(pictures=False), COMM)
-    return animate(folder, 1, frames=FRAMES, comm=COMM)
+    return animate(folder, 1, frames=FRAMES, comm=COMM, progress=heard.append)
 
 
 def test_film_shows_all_frames_with_the_states_and_the_loads(
@@ -54,11 +54,15 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
         return compose(view, layout, pixels, colours, clock)
 
     monkeypatch.setattr(draw, "compose", note)
-    made = film(shared_tmp_path / "run")
+    heard: list[str] = []
+    made = film(shared_tmp_path / "run", heard)
     if COMM.rank != 0:
-        assert made is None
+        assert made is None and heard == []
         return
     assert made is not None
+    for what in ("fields", "frames"):
+        told = [text.split(",")[0] for text in heard if text.startswith(what)]
+        assert told == [f"{what}: {n + 1} of {FRAMES}" for n in range(FRAMES)]
     # the page stays as it is, with room for the tractions of all frames
     assert len(drawn) == FRAMES and len({layout for _, layout, _ in drawn}) == 1
     assert len({clock.tractions for *_, clock in drawn}) == 1
@@ -143,7 +147,7 @@ def test_film_of_two_bodies_merges_no_vertices_of_both(
     state = ContactState(np.zeros(2 * len(free)), np.zeros(2 * len(free)), free.astype(np.int8) + 1)
     rest = Instant(0, 0, 0.0, np.zeros(len(bulk.load_names)), free, state)
     drawn: list[Fields] = []
-    monkeypatch.setattr(animation, "draw_frames", lambda b, film, fields, q: drawn.extend(fields))
+    monkeypatch.setattr(animation, "draw_frames", lambda b, film, fields, *_: drawn.extend(fields))
     monkeypatch.setattr(animation, "write_mp4", lambda *_: None)
     monkeypatch.setattr(animation, "write_gif", lambda *_: None)
     scenario = animation.Scenario([rest], np.array([0.0]))

@@ -1,6 +1,6 @@
 """Pictures of stresses on the deformed body, films of a cycle, fields for ParaView.
 
-1. ``draw.snapshot`` solves for the fields of an instant, and ``paraview`` writes them.
+1. ``draw.snapshots`` solves for the fields of instants, and ``paraview`` writes them.
 2. ``view.view_of`` collects mesh, contact and loads in the picture's units (``vertices``,
    ``load_arrows``).
 3. ``layout.layout_of`` arranges the page, ``colours.colours_of`` chooses the colours.

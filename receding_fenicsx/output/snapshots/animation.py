@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import subprocess
 import tempfile
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -34,6 +35,7 @@ from receding_fenicsx.output.snapshots.load_arrows import largest_factors
 from receding_fenicsx.output.snapshots.page import Clock
 from receding_fenicsx.output.snapshots.render import find_renderer
 from receding_fenicsx.output.snapshots.view import View, units_of, view_of
+from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.body import Bulk
@@ -67,7 +69,11 @@ class Scenario:
 
 
 def animate(
-    bulk: Bulk | Pair, scenario: Scenario | None, quantity: Quantity, path: Path
+    bulk: Bulk | Pair,
+    scenario: Scenario | None,
+    quantity: Quantity,
+    path: Path,
+    say: Say | None = None,
 ) -> list[Path] | None:
     """Make a film; collective.
 
@@ -76,6 +82,7 @@ def animate(
         scenario: the instants, on rank 0.
         quantity: the stress.
         path: path of the files without the endings ``.mp4`` and ``.gif``.
+        say: called on rank 0 with the progress.
 
     Returns:
         The files written, on rank 0; None elsewhere.
@@ -85,28 +92,38 @@ def animate(
     """
     on_root(bulk.comm, find_renderer)
     film: Scenario = bulk.comm.bcast(scenario)
-    fields = []
+    fields: list[Fields] = []
+    tell = Countdown(say, "fields", len(film.instants))
     for now in film.instants:
+        tell(f"cycle {now.cycle}, leg {now.leg}, s = {now.s:.3f}", len(fields))
         found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
         if found is not None:
             # keep one stress only: all stresses of all frames would take much memory
             fields.append(replace(found, stress={quantity.name: found.stress[quantity.name]}))
 
     def write() -> list[Path]:
-        frames = draw_frames(bulk, film, fields, quantity)
+        frames = draw_frames(bulk, film, fields, quantity, say)
         make_folder(path.parent)
         made = [path.with_name(f"{path.name}{ending}") for ending in (".mp4", ".gif")]
-        write_mp4(made[0], frames)
-        write_gif(made[1], frames)
+        if say is not None:
+            say("coding the film")
+        with ThreadPoolExecutor(1) as beside:
+            coded = beside.submit(write_mp4, made[0], frames)
+            write_gif(made[1], frames)
+            coded.result()
         return made
 
     return on_root(bulk.comm, write)
 
 
 def draw_frames(
-    bulk: Bulk | Pair, film: Scenario, fields: list[Fields], quantity: Quantity
+    bulk: Bulk | Pair,
+    film: Scenario,
+    fields: list[Fields],
+    quantity: Quantity,
+    say: Say | None = None,
 ) -> list[Frame]:
-    """Draw the frames of a film, on rank 0."""
+    """Draw the frames of a film, on rank 0; tell the progress."""
     largest = largest_factors(bulk.scene)
     symbol = pressure_of(bulk.scene, bulk.load_names)[1]
     units = units_of(bulk, fields, largest, peak(symbol) if symbol else "")
@@ -128,10 +145,12 @@ def draw_frames(
         replace(first, now=float(now), now_load=part)
         for now, part in zip(film.time, load, strict=True)
     ]
-    frames = []
+    frames: list[Frame] = []
+    tell = Countdown(say, "frames", len(views))
     with drawing():
         layout = layout_of(*views, dpi=FILM_DPI)
         for page in draw_sheets(sheets_of(views, quantity, layout, clocks)):
+            tell(f"time {clocks[len(frames)].now:.2f} of 1", len(frames))
             canvas = style.agg_canvas(page)
             canvas.draw()
             frames.append(np.array(canvas.buffer_rgba())[:, :, :3])
