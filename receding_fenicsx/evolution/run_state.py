@@ -49,7 +49,7 @@ class RunState:
     def __init__(self, problem: Problem, cycles: list[FinishedCycle]) -> None:
         """Stand at the end of the last finished cycle, or at rest, with a new solver."""
         self.problem, self.cycles = problem, cycles
-        self.model = frictional_form(problem.system)
+        self.model = replace(frictional_form(problem.system), probes=None)
         self.steady = steady_watch(problem.system, problem.solver, cycles)
         self.solver = make_solver(self.model, problem.solver)
         self.position = self._end_of(len(cycles) - 1)

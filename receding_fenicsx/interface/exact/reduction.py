@@ -200,7 +200,6 @@ def reduce(full: Segments, start: ContactState, active: NDArray[np.bool_]) -> Re
         rigid=system.rigid[S] if len(fixed) == 0 else np.zeros((m, 0)),
         load_compliance=np.zeros((0, 0)),
         load_sign=np.zeros(0),
-        probes=None,
     )
     swing = r_star[:, loose] @ moved[:, m : m + loads]
     watched, watched_node = _watch(full, start, ~active, reaction, back)
