@@ -29,6 +29,9 @@ if TYPE_CHECKING:
     import pandas as pd
     import xarray
 
+DISSIPATION_ROUND_OFF = 1e-13
+"""Dissipation over contact force times slip below which it is round-off."""
+
 
 @dataclass(repr=False)
 class Record(RecordData):
@@ -50,6 +53,16 @@ class Record(RecordData):
     def scene(self) -> Scene | None:
         """The scene that was evolved, parsed once from ``scene_toml``; None where there is none."""
         return from_toml(self.scene_toml) if self.scene_toml else None
+
+    @property
+    def dissipates(self) -> bool:
+        """Whether cycle 1 dissipates more than the round-off of contact forces times slip."""
+        D, table = self.cycles.dissipation, self.turning_points
+        if not len(D):
+            return False
+        rows = table.cycle <= 1
+        work = table.P[rows].sum(axis=1).max() * np.ptp(table.v[rows], axis=0).max()
+        return bool(D[0] > DISSIPATION_ROUND_OFF * work)
 
     def by_edge(self) -> dict[str, Record]:
         """Return the record of each contact edge by itself, by the edge's name.

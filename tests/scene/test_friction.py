@@ -128,3 +128,17 @@ def test_friction_with_one_direction_adds_no_array_to_the_record(tmp_path: Path)
 
     with h5py.File(tmp_path / "run" / "record.h5") as file:
         assert "f_backward" not in file["nodes"]
+
+
+def test_no_ratio_is_told_of_a_dissipation_that_is_round_off() -> None:
+    # without friction in one direction nothing resists a free body: Q = 0 at all nodes
+    for backward, dissipates in ((0.3, True), (0.0, False)):
+        scene = block(f"{{forward = 0.3, backward = {backward}}}", "history.cycles=3")
+        system = rf.condense(scene, MPI.COMM_SELF)
+        assert system is not None
+        record = rf.evolve(system, scene)
+        summary = rf.summarise(record)
+        assert record.dissipates == summary["dissipates"] == dissipates
+        assert ("of cycle 3 over cycle 1" in rf.run_table(summary)) == dissipates
+        assert ("dissipation_ratio" in rf.headline(record)) == dissipates
+        assert (record.cycles.dissipation[0] > 1e-3) == dissipates

@@ -156,8 +156,7 @@ def _every_figure(
     if legs_of(record, last) and last > 1:
         yield "zones_last_cycle", zone_maps(record, last, scales)
     yield from _sampled_zones(record, scales)
-    dissipation = record.cycles.dissipation
-    if len(dissipation) > 1 and dissipation[0] > 0.0:
+    if len(record.cycles.dissipation) > 1 and record.dissipates:
         yield "dissipation_per_cycle", dissipation_per_cycle(record, scales, stepped)
     if np.any(record.cycles.dissipation_density > 0.0):
         yield "dissipation_density", dissipation_density(record, scales)

@@ -109,7 +109,7 @@ def _cards(summary: Mapping[str, Any]) -> str:
     if D:
         when = f", from cycle {steady['cycle']}" if steady["reached"] else ""
         cards.append(("steady state", f"{steady['kind']}{when}"))
-    if D and D[0]:
+    if D and D[0] and summary.get("dissipates", True):
         cards.append((f"dissipation of cycle {len(D)} over cycle 1", f"{D[-1] / D[0]:.5f}"))
     cards.append(("largest residual of the contact conditions", f"{summary['residual_max']:.1e}"))
     counted = "events" if summary["method"] == "events" else "sweeps"
@@ -159,7 +159,8 @@ def _cycles(summary: Mapping[str, Any]) -> str:
     if not D:
         return ""
     shown = sorted({*range(min(FIRST_CYCLES, len(D))), len(D) - 1})
-    rows = [[k + 1, D[k], D[k] / D[0] if D[0] else None, slip[k]] for k in shown]
+    first_cycle = D[0] if summary.get("dissipates", True) else 0.0
+    rows = [[k + 1, D[k], D[k] / first_cycle if first_cycle else None, slip[k]] for k in shown]
     first = (
         f"<p>Dissipation of the first loading: {html.value(summary['dissipation_first_loading'])}. "
         "All cycles are in summary.json.</p>"

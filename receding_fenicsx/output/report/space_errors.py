@@ -93,7 +93,7 @@ def headline(record: Record) -> dict[str, Number]:
             low, high = width["interval"]
             found[name] = Number(width["value"], 0.5 * (high - low))
     D = record.cycles.dissipation
-    if len(D) and D[0] > 0.0:
+    if record.dissipates:
         found["dissipation_first_cycle"] = Number(float(D[0]))
         found["dissipation_ratio"] = Number(float(D[-1] / D[0]))
     return found

@@ -59,6 +59,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "turning_points": _turning_points(record),
         "dissipation_first_loading": float(record.dissipation_first_loading),
         "dissipation_per_cycle": record.cycles.dissipation.tolist(),
+        "dissipates": record.dissipates,
         "slip_per_cycle_max": slip_per_cycle_max(record),
         "steady": {
             "reached": bool(steady.reached),
@@ -128,7 +129,7 @@ def _symmetry(record: Record) -> str:
 def _trend(record: Record) -> dict[str, Any]:
     """Return trend and extrapolated limit of the dissipation if no steady state was reached."""
     D = record.cycles.dissipation
-    if record.steady.reached or len(D) < TREND_CYCLES:
+    if record.steady.reached or len(D) < TREND_CYCLES or not record.dissipates:
         return {}
     law, value, limit = limit_of_decay(D)
     return {"trend": law, "trend_value": value, "dissipation_limit": limit}

@@ -117,7 +117,9 @@ def _cycles(summary: Mapping[str, Any]) -> list[str]:
     D, steady = summary["dissipation_per_cycle"], summary["steady"]
     if not D:
         return []
-    lines = [f"dissipation of cycle {len(D)} over cycle 1: {D[-1] / D[0]:.5f}"] if D[0] else []
+    lines = []
+    if D[0] and summary.get("dissipates", True):
+        lines.append(f"dissipation of cycle {len(D)} over cycle 1: {D[-1] / D[0]:.5f}")
     start = f", from cycle {steady['cycle']}, period {steady['period']}"
     lines.append(f"steady state: {steady['kind']}{start if steady['reached'] else ''}")
     if steady.get("dissipation_limit"):
