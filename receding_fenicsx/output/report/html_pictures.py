@@ -10,7 +10,7 @@ from pathlib import Path
 from receding_fenicsx.output.report import html_elements as html
 
 PICTURE_WIDTH = 1200
-"""Width in pixels of an embedded picture of the body."""
+"""Approximate width in pixels of an embedded picture of the body: whole pixels are averaged."""
 WIDE_FIGURE = 1600
 """Width in pixels above which a figure takes the width of the page."""
 JPEG_QUALITY = 90
@@ -83,8 +83,7 @@ def snapshots(paths: Sequence[Path]) -> str:
         from PIL import Image
 
         with Image.open(path) as image:
-            size = PICTURE_WIDTH, round(image.height * PICTURE_WIDTH / image.width)
-            small = image.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+            small = image.convert("RGB").reduce(max(1, round(image.width / PICTURE_WIDTH)))
         data = io.BytesIO()
         small.save(data, "JPEG", quality=JPEG_QUALITY, subsampling=0)
         found = re.match(r"cycle(\d+)_leg(\d+)_s([\d.]+)", path.stem)
