@@ -14,9 +14,11 @@ import pytest
 from small import small_system
 
 from receding_fenicsx import condense, evolve, run, run_table, summarise
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution import corners
 from receding_fenicsx.evolution.corners import CORNERS, with_corners
+from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given
@@ -173,14 +175,20 @@ def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
     assert "\n" not in str(caught.value)
 
 
-def test_history_without_equilibrium_fails_as_it_is() -> None:
-    """The normal load vanishes on the way: the polygon that fails is the one that is run."""
+def test_polygon_that_fails_is_the_one_that_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, system = spring()
-    lifting = {**SPRING, "P": Harmonic(1.0, 1.5)}
-    scene = replace(scene, history=harmonic(lifting, cycles=3))
+    found = corners._dissipation
+
+    def failing(problem: Problem, refined: Scene) -> tuple[Array, float]:
+        if refined.history.corners == 32:
+            raise SolveError("lift-off")
+        return found(problem, refined)
+
+    monkeypatch.setattr(corners, "_dissipation", failing)
     refined, doubling = with_corners(system, scene)
-    if refined.history.corners is not None and doubling is not None:
-        assert doubling[-1, 0] == refined.history.corners
+    assert refined.history.corners == 32
+    assert doubling is not None and doubling[:, 0].tolist() == [8, 16, 32]
+    assert np.isnan(doubling[-1, 1])
 
 
 # -- runs ----------------------------------------------------------------------------------------
