@@ -133,7 +133,7 @@ def spring() -> tuple[Scene, ContactSystem]:
     return scene, replace(system, scene_toml=to_toml(scene))
 
 
-def stepped(steps: int = 200_000) -> float:
+def stepped(steps: int = 40_000) -> float:
     """Dissipation of the third cycle in small steps: the spring's force returns to the limit."""
     angle = 2.0 * np.pi * np.arange(3 * steps + 1) / steps
     P, Q = (

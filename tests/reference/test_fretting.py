@@ -12,7 +12,7 @@ from receding_fenicsx.reference.fretting import cycle_dissipation
 
 HERTZ = Hertz(force=2.0, radius=30.0, modulus=70.0)
 F = 0.4
-ANGLE = 2.0 * np.pi * np.arange(2001) / 2000
+ANGLE = 2.0 * np.pi * np.arange(801) / 800
 
 
 @pytest.mark.parametrize("part", [0.1, 0.5, 0.9, 0.999])
@@ -21,7 +21,7 @@ def test_constant_normal_force_gives_the_loop_of_cattaneo_and_mindlin(part: floa
     known = CattaneoMindlin(HERTZ, F, largest).dissipation()
     P = np.full_like(ANGLE, HERTZ.force)
     found = cycle_dissipation(HERTZ, F, P, largest * np.cos(ANGLE))
-    assert found == pytest.approx(known, rel=1e-5 / part)
+    assert found == pytest.approx(known, rel=1e-4 / part)
     # to lowest order the loop grows with the third power of the force
     if part == 0.1:
         half = CattaneoMindlin(HERTZ, F, 0.5 * largest).dissipation()
