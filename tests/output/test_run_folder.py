@@ -160,6 +160,8 @@ def test_run_of_another_scene_is_not_resumed(
         replace(BLOCK, title="another"),
         replace(BLOCK, history=replace(BLOCK.history, cycles=3, until=None)),
         replace(BLOCK, output=replace(BLOCK.output, cycles="all")),
+        # as written by runs before the default depended on the number of legs
+        replace(BLOCK, output=replace(BLOCK.output, samples_per_leg=40)),
     ):
         interrupt(tmp_path / "run", free, resume=True)
 

@@ -11,6 +11,7 @@ import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from pathlib import Path
 
 from receding_fenicsx.atomic import check_folder, new_file, sync, unwritable
@@ -23,6 +24,7 @@ from receding_fenicsx.output.storage.hdf5 import read_record, read_system
 from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.scene.identity import FREE_WHEN_FINISHED, FREE_WHEN_RESUMED, difference
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.options import SAMPLES_PER_LEG
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
 SYSTEM, SCENE = "system.h5", "scene.toml"
@@ -187,7 +189,12 @@ def _scene_of(folder: Path) -> Scene:
 
 def _check_same(folder: Path, scene: Scene) -> None:
     """Raise InputError if a folder holds the run of another scene."""
-    other = difference(_scene_of(folder), scene, FREE_WHEN_RESUMED)
+    stored = _scene_of(folder)
+    counts = {stored.output.samples_per_leg, scene.output.samples_per_leg}
+    if counts == {None, SAMPLES_PER_LEG}:  # the default, written out or not
+        stored = replace(stored, output=replace(stored.output, samples_per_leg=None))
+        scene = replace(scene, output=replace(scene.output, samples_per_leg=None))
+    other = difference(stored, scene, FREE_WHEN_RESUMED)
     if other is not None:
         raise InputError(
             f"{folder}: is a run with another {other}; resume it with the same scene, or choose "
