@@ -44,9 +44,9 @@ def test_package_data_exist() -> None:
 
 BROUGHT_BY_DOLFINX = {"basix", "dolfinx", "dolfinx_solver", "mpi4py", "petsc4py", "ufl"}
 """Modules of Debian's python3-dolfinx-real, and of PyPI's dolfinx-solver-real."""
-DISTRIBUTIONS = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg", "vtkmodules": "vtk"}
+DISTRIBUTIONS = {"PIL": "pillow", "imageio_ffmpeg": "imageio-ffmpeg"}
 """Distribution of each module that has another name."""
-NOT_IMPORTED = {"pyvista": "the doctor's picture", "dolfinx-solver-real": "brings DOLFINx"}
+NOT_IMPORTED = {"vtk": "release for pyvista", "dolfinx-solver-real": "brings DOLFINx"}
 """Dependencies that the package does not import itself, and their purpose."""
 
 

@@ -1,6 +1,6 @@
 """Pictures of a stress on the deformed body, with states and tractions of the contact.
 
-VTK renders the field, Matplotlib draws the page around it: one picture for each instant and
+pyvista renders the field, Matplotlib draws the page around it: one picture for each instant and
 stress, as wide as a journal page. The next field is rendered while a page is drawn.
 """
 

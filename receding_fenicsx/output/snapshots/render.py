@@ -1,4 +1,4 @@
-"""Off-screen rendering of fields on plane meshes by VTK, in a separate process.
+"""Off-screen rendering of fields on plane meshes by pyvista, in a separate process.
 
 VTK ends the whole process if a graphics library is missing or conflicts with another library. It
 therefore never runs in the process, or the MPI job, of the study, which starts one process for all
@@ -118,77 +118,58 @@ def find_renderer() -> str:
 
 def stage() -> Work:
     """Return the function that draws pictures in this process, all in one window."""
-    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401 - the classes that draw
-    from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
+    import pyvista as pv
 
-    window, scene = vtkRenderWindow(), vtkRenderer()
-    window.SetOffScreenRendering(True)
-    window.SetMultiSamples(0)
-    window.AddRenderer(scene)
-    scene.SetBackground(1.0, 1.0, 1.0)
-    scene.GetActiveCamera().SetParallelProjection(True)
-    # VTK opens its window at the first picture
-    window.SetSize(SAMPLES, SAMPLES)
-    window.Render()
+    plotter = pv.Plotter(off_screen=True, window_size=[SAMPLES, SAMPLES], border=False)
+    plotter.set_background("white")
+    plotter.disable_anti_aliasing()
+    # VTK creates its window at the first picture
+    plotter.screenshot(None, return_img=True)
 
     def draw(picture: Picture, send: Callable[[Pixels], None]) -> None:
         from PIL import Image
 
-        scene.RemoveAllViewProps()
-        scene.AddActor(_actor(picture))
-        left, right, bottom, top = picture.window
-        camera = scene.GetActiveCamera()
-        middle = (0.5 * (left + right), 0.5 * (bottom + top))
-        camera.SetPosition(*middle, 1.0)
-        camera.SetFocalPoint(*middle, 0.0)
-        camera.SetParallelScale(0.5 * (top - bottom))
-        camera.SetClippingRange(0.5, 1.5)
-        window.SetSize(*(SAMPLES * length for length in picture.size))
-        window.Render()
-        send(np.asarray(Image.fromarray(_pixels_of(window)).reduce(SAMPLES)))
+        _show(plotter, picture)
+        plotter.render()
+        fine = plotter.screenshot(None, return_img=True)
+        send(np.asarray(Image.fromarray(np.ascontiguousarray(fine)).reduce(SAMPLES)))
 
     return draw
 
 
-def _actor(picture: Picture) -> Any:
-    """Return the field of a picture as VTK draws it: colours of interpolated values."""
-    from vtkmodules.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
-    from vtkmodules.vtkCommonCore import vtkLookupTable, vtkPoints
-    from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
-    from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
+def _show(plotter: Any, picture: Picture) -> None:
+    """Put a field into an empty window and point the camera at it."""
+    from matplotlib.colors import ListedColormap
 
-    if len(picture.values) != len(picture.points):
-        raise ValueError(f"{len(picture.values)} values at {len(picture.points)} vertices")
-    mesh, points, cells, table = vtkPolyData(), vtkPoints(), vtkCellArray(), vtkLookupTable()
-    flat = np.column_stack([picture.points, np.zeros(len(picture.points))])
-    points.SetData(numpy_to_vtk(flat, deep=True))
-    count, width = picture.cells.shape
-    begin = np.arange(0, count * width + 1, width, dtype=np.int64)
-    corners = np.ascontiguousarray(picture.cells, dtype=np.int64).ravel()
-    cells.SetData(numpy_to_vtkIdTypeArray(begin, deep=True), numpy_to_vtkIdTypeArray(corners, True))
-    mesh.SetPoints(points)
-    mesh.SetPolys(cells)
-    mesh.GetPointData().SetScalars(numpy_to_vtk(np.asarray(picture.values, float), deep=True))
-    opaque = np.column_stack([picture.colours[:, :3], np.ones(len(picture.colours))])
-    table.SetNumberOfTableValues(len(opaque))
-    table.SetTable(numpy_to_vtk(np.round(255.0 * opaque).astype(np.uint8), deep=True))
-    table.SetRange(*picture.limits)
-    mapper, actor = vtkPolyDataMapper(), vtkActor()
-    mapper.SetInputData(mesh)
-    mapper.SetLookupTable(table)
-    mapper.SetUseLookupTableScalarRange(True)
-    mapper.SetInterpolateScalarsBeforeMapping(True)
-    actor.SetMapper(mapper)
-    actor.GetProperty().SetLighting(False)
-    return actor
+    plotter.clear_actors()
+    plotter.window_size = [SAMPLES * length for length in picture.size]
+    plotter.add_mesh(
+        _mesh(picture),
+        scalars="field",
+        cmap=ListedColormap(picture.colours.tolist()),
+        n_colors=len(picture.colours),
+        clim=picture.limits,
+        lighting=False,
+        show_scalar_bar=False,
+        interpolate_before_map=True,
+        reset_camera=False,
+        render=False,
+    )
+    left, right, bottom, top = picture.window
+    middle = (0.5 * (left + right), 0.5 * (bottom + top))
+    plotter.camera_position = [(*middle, 1.0), (*middle, 0.0), (0.0, 1.0, 0.0)]
+    plotter.enable_parallel_projection()
+    plotter.camera.parallel_scale = 0.5 * (top - bottom)
+    plotter.camera.clipping_range = (0.5, 1.5)
 
 
-def _pixels_of(window: Any) -> Pixels:
-    """Return what a window shows."""
-    from vtkmodules.util.numpy_support import vtk_to_numpy
-    from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
+def _mesh(picture: Picture) -> Any:
+    """Return the mesh with its field as VTK data."""
+    import pyvista as pv
 
-    width, height = window.GetSize()
-    pixels = vtkUnsignedCharArray()
-    window.GetPixelData(0, 0, width - 1, height - 1, 0, pixels, 0)
-    return np.ascontiguousarray(vtk_to_numpy(pixels).reshape(height, width, 3)[::-1])
+    width = picture.cells.shape[1]
+    faces = np.hstack([np.full((len(picture.cells), 1), width), picture.cells]).ravel()
+    points = np.column_stack([picture.points, np.zeros(len(picture.points))])
+    mesh = pv.PolyData(points, faces=faces)
+    mesh.point_data["field"] = picture.values
+    return mesh
