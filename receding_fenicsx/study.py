@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import long_run, mpi
 from receding_fenicsx.bulk.from_scene import condensed, probes_of
+from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
@@ -95,15 +96,10 @@ def run(
         Drawing(comm, _wanted(out, options), timer.say) as drawing,
     ):
         system, extra = _system(scene, comm, timer, folder, options.system_file)
-        with timer("evolve"):
-            evolved = mpi.on_root(
-                comm, lambda: long_run.run_history(scene, mpi.given(system), folder, timer.say)
-            )
-        record, failure = evolved or (None, None)
+        record, failure = _evolved(scene, comm, timer, folder, system)
         if scene.history.kind == "harmonic":
             # with the number of corners that was found
             scene = comm.bcast(None if record is None else record.scene)
-        failure = comm.bcast(failure)
         if failure is not None:
             extra["failure"] = str(failure)
         extra["friction_margin"] = mpi.on_root(comm, lambda: friction_margin(mpi.given(system)))
@@ -125,6 +121,22 @@ def run(
     if failure is not None:
         raise failure
     return record
+
+
+def _evolved(
+    scene: Scene,
+    comm: MPI.Comm,
+    timer: Timer,
+    folder: Path | None,
+    system: ContactSystem | None,
+) -> tuple[Record | None, SolveError | None]:
+    """Return the record, on rank 0, and why the evolution failed, on all ranks; collective."""
+    with timer("evolve"):
+        evolved = mpi.on_root(
+            comm, lambda: long_run.run_history(scene, mpi.given(system), folder, timer.say)
+        )
+    record, failure = evolved or (None, None)
+    return record, comm.bcast(failure)
 
 
 def _wanted(out: str | Path | None, options: RunOptions) -> Wanted:

@@ -6,7 +6,6 @@ Any consistent set of units can be used. ``docs/scene.md`` lists every key with 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
-from typing import Any
 
 from receding_fenicsx.arrays import call_of, described
 from receding_fenicsx.errors import InputError
@@ -236,15 +235,12 @@ class Scene:
 
     def __repr__(self) -> str:
         """Return the parts of the scene, long tables cut."""
-        rows = [
-            (
-                TABLE_OF.get(field.name, field.name),
-                repr(item) if isinstance(item, Table) else call_of(item),
-            )
-            for field in fields(self)
-            if field.name != "title"
-            for item in _parts(getattr(self, field.name))
-        ]
+        rows = []
+        for name in (part.name for part in fields(self) if part.name != "title"):
+            value = getattr(self, name)
+            for item in value if isinstance(value, tuple) else (value,):
+                text = repr(item) if isinstance(item, Table) else call_of(item)
+                rows.append((TABLE_OF.get(name, name), text))
         return described(f"Scene {self.title!r}", rows)
 
     @property
@@ -295,8 +291,3 @@ class Scene:
                 f'"{nearest(edge.partition(".")[0], names) or names[0]}.{edge.rpartition(".")[2]}"'
             )
         return self.body, edge
-
-
-def _parts(value: Any) -> tuple[Any, ...]:
-    """Return the tables of an attribute of a scene."""
-    return value if isinstance(value, tuple) else (value,)

@@ -24,11 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.pivot_matrix import (
-    PivotData,
-    PivotMatrix,
-    block_pivot,
-)
+from receding_fenicsx.interface.exact.pivot_matrix import PivotData, PivotMatrix, block_pivot
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
 from receding_fenicsx.interface.system import ContactSystem
 
@@ -137,11 +133,7 @@ class Tableau:
         F, S, Z = nodes[self.frictional], nodes[self.smooth], nodes[self.free_v]
         wide = np.hstack([system.K / self._unit, system.r_star.T])
         force = np.vstack(
-            [
-                *system.friction[F, None].margins(wide[F], wide[n + F]),
-                wide[n + S],
-                wide[Z],
-            ]
+            [*system.friction[F, None].margins(wide[F], wide[n + F]), wide[n + S], wide[Z]]
         )
         dofs = np.concatenate([F, n + F, n + S, Z])
         return PivotData(

@@ -18,6 +18,7 @@ from scipy.linalg.blas import daxpy
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
+from receding_fenicsx.interface.gauss_seidel.gain import Gain
 from receding_fenicsx.interface.gauss_seidel.node_problem import node_problems
 from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.residual import (
@@ -40,17 +41,6 @@ but carry the body far away, from where sweeps take for ever."""
 CHECK_SWEEPS = 10
 """Sweeps between two evaluations of the residual when eq. (16) alone is not yet met, and between
 two polishes of the same states."""
-
-STALLED_GAIN = 0.1
-"""Part of the residual that is left after ``stalled_sweeps`` where sweeps lead to an end."""
-
-GROWN = 10.0
-"""Growth of the residual, over its smallest value, above which sweeps go on without
-over-relaxation."""
-
-SWEEPS_PER_NODE = 10
-"""Sweeps for each node of a large contact that count as one gain: plain ones carry a change on by
-about one node."""
 
 FORCE_ROUND_OFFS = 8.0
 """Round-offs of the history's largest nodal force below which a force that changes in a sweep does
@@ -136,7 +126,7 @@ def solve_step(
     largest = largest_force(system, load, start.r, force_scale)
     noise = FORCE_ROUND_OFFS * EPSILON * largest
     still = noise / max(float(np.max(sweeper.stiffness)), float(np.finfo(float).tiny))
-    gain = _Gain(max(options.stalled_sweeps, SWEEPS_PER_NODE * system.n))
+    gain = Gain(options.stalled_sweeps, system.n)
     settled = since_check = 0
     residual, worst = np.inf, 0
     for sweep in range(1, options.max_sweeps + 1):
@@ -166,28 +156,6 @@ def solve_step(
         f"residual {residual:.1e} at node {node} (x = {system.x[node]:.6g}), tolerance "
         f"{options.residual_tolerance:.1e}; take more steps per leg, more sweeps, or method events"
     )
-
-
-class _Gain:
-    """Smallest residual so far and the sweep of its last reduction to ``STALLED_GAIN``."""
-
-    def __init__(self, patience: int) -> None:
-        """Wait for ``patience`` sweeps without a reduction."""
-        self.patience, self.best = patience, np.inf
-        self.gained, self.gained_at = np.inf, 0
-
-    def has_grown(self, residual: float) -> bool:
-        """Return whether the residual is well above the smallest one before."""
-        grown = residual > GROWN * self.best
-        self.best = min(self.best, residual)
-        return grown
-
-    def has_stalled(self, residual: float, sweep: int) -> bool:
-        """Return whether the last reduction is too many sweeps ago."""
-        if residual < STALLED_GAIN * self.gained:
-            self.gained, self.gained_at = residual, sweep
-            return False
-        return sweep - self.gained_at >= self.patience
 
 
 class _Sweeper:
@@ -304,10 +272,8 @@ class _Sweeper:
     def reached(self, residual: float, scale: float) -> bool:
         """Return whether the residual is under its tolerance, or as small as round-off allows."""
         tolerance = self.options.residual_tolerance
-        if residual <= tolerance:
-            return True
-        if residual > ROUND_OFF_REACH * tolerance:
-            return False
+        if residual <= tolerance or residual > ROUND_OFF_REACH * tolerance:
+            return residual <= tolerance
         return residual <= round_off(self.system, self.u, scale)
 
     def residual(self, force_scale: float) -> tuple[float, int, float]:

@@ -109,8 +109,8 @@ def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> 
     Raises:
         InputError: the file exists already or cannot be written.
     """
+    values = _values_of(system)
     with _create(path, SYSTEM, overwrite) as file:
-        values = _values_of(system)
         for name, value in values.items():
             _write(file, name, value)
         file.attrs["checksum"] = _checksum(values)
@@ -172,8 +172,8 @@ def _read_probes(file: h5py.File) -> ProbeMatrix | None:
     """Read the probes of a system, None where it has none."""
     if "probes" not in file:
         return None
-    names = tuple(_read(file, "probes/names"))
-    return ProbeMatrix(names, _read(file, "probes/points"), _read(file, "probes/rows"))
+    names, points, rows = (_read(file, f"probes/{name}") for name in ("names", "points", "rows"))
+    return ProbeMatrix(tuple(names), points, rows)
 
 
 def _checksum(values: dict[str, Any]) -> int:
