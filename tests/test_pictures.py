@@ -62,7 +62,6 @@ def test_errors_of_the_process_that_draws_arrive_in_one_line(shared_tmp_path: Pa
         with pytest.raises(InputError, match="figures") as refused:
             process.finish(None)
         assert "\n" not in str(refused.value)
-        assert process.child is not None
         process.child.process.kill()
         process.child.process.wait()
         with pytest.raises(RecedingError, match=r"drawing failed .*status -9"):

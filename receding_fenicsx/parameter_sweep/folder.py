@@ -74,7 +74,6 @@ class SweepFolder:
             os.fsync(self._file.fileno())
         except OSError as error:
             raise unwritable(self.path / CASES, error) from None
-        self.finished[case.identity] = outcome
 
     def publish(self, table: SweepTable) -> None:
         """Write the table; the condensed systems are removed."""

@@ -183,7 +183,7 @@ def _swept(
             for number, case, scene in ((k, cases[k], cases[k].scene) for k in order)
             if scene is not None and case.identity not in finished
         }
-        _play(player, tasks, (cases, folder, finished), options.progress)
+        _play(player(tasks), len(tasks), cases, folder, finished, options.progress)
         rows = (_row(kind.grid.keys, case, finished) for case in cases)
         table = SweepTable(kind.grid.keys, kind.grid.labels, tuple(rows))
         if folder is not None:
@@ -192,33 +192,35 @@ def _swept(
 
 
 def _play(
-    player: Player,
-    tasks: Mapping[int, Task],
-    kept: tuple[tuple[Case, ...], SweepFolder | None, dict[str, Outcome]],
+    played: processes.Played,
+    total: int,
+    cases: tuple[Case, ...],
+    folder: SweepFolder | None,
+    finished: dict[str, Outcome],
     progress: Callable[[str], None] | None,
 ) -> None:
-    """Play cases; keep each of them as it finishes."""
-    cases, folder, finished = kept
-    done, begin = len(cases) - len(tasks), time.monotonic()
-    failed = 0
+    """Keep each of the cases that are played, ``total`` of all ``cases``, as it finishes."""
+    done, begin, failed = len(cases) - total, time.monotonic(), 0
     try:
-        with closing(player(tasks)) as played:
+        with closing(played):
             for count, (number, outcome) in enumerate(played, 1):
                 finished[cases[number].identity] = outcome
                 if folder is not None:
                     folder.add(cases[number], outcome)
                 failed += bool(outcome.error)
                 if progress is not None:
-                    left = duration((time.monotonic() - begin) / count * (len(tasks) - count))
+                    left = duration((time.monotonic() - begin) / count * (total - count))
                     bad = f", {failed} failed" if failed else ""
                     progress(f"sweep: case {done + count} of {len(cases)}{bad}, {left} left")
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None:
             raise
         code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
-        text = f"interrupted after {len(folder.finished)} of {len(cases)} cases"
-        text = f"{text}; {folder.path} holds them; continue by --resume"
-        raise Interrupted(text, int(code or 1)) from None
+        raise Interrupted(
+            f"interrupted after {len(finished)} of {len(cases)} cases; {folder.path} holds them; "
+            "continue by --resume",
+            int(code or 1),
+        ) from None
 
 
 def _row(keys: tuple[str, ...], case: Case, finished: Mapping[str, Outcome]) -> dict[str, Any]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -74,12 +73,8 @@ class SweepTable:
         values = [row.get(name) for row in self.rows]
         given = [value for value in values if value is not None]
         if given and all(isinstance(v, int | float) and not isinstance(v, bool) for v in given):
-            if len(given) == len(values):
-                return np.array(values)
             return np.array([math.nan if value is None else value for value in values])
-        column = np.empty(len(values), dtype=object)
-        column[:] = values
-        return column
+        return np.array(values, dtype=object)
 
     def grid(self, name: str) -> NDArray[Any]:
         """Return a column with one axis for each key, in the order of ``keys``."""
@@ -118,13 +113,8 @@ class SweepTable:
         ]
         if len(self.rows) > SHOWN_ROWS:
             lines.append(f"... {len(self.rows) - SHOWN_ROWS} more rows")
-        return "\n".join([*lines, _counts(self.rows, self.failed)])
-
-
-def _counts(rows: Sequence[dict[str, Any]], failed: Sequence[dict[str, Any]]) -> str:
-    """Return how many cases there are, and how many failed."""
-    text = f"{len(rows)} cases"
-    return f"{text}, {len(failed)} failed" if failed else text
+        failed = f", {len(self.failed)} failed" if self.failed else ""
+        return "\n".join([*lines, f"{len(self.rows)} cases{failed}"])
 
 
 def _shown(value: Any) -> str:

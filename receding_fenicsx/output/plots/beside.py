@@ -19,11 +19,10 @@ class FigureProcess:
 
     def __init__(self) -> None:
         """Start the process; it loads its libraries while others compute."""
-        self.child: ChildProcess | None = ChildProcess(f"{__name__}:painter")
+        self.child = ChildProcess(f"{__name__}:painter")
 
     def begin(self, request: Request) -> None:
         """Begin to draw."""
-        assert self.child is not None
         try:
             self.child.ask(request)
         except OSError:
@@ -38,7 +37,6 @@ class FigureProcess:
         Raises:
             RecedingError: the process failed, for the reason told.
         """
-        assert self.child is not None
         while True:
             try:
                 answer = self.child.answer()
@@ -53,14 +51,10 @@ class FigureProcess:
 
     def close(self) -> None:
         """End the process at once."""
-        child, self.child = self.child, None
-        if child is not None:
-            child.close(0.0)
+        self.child.close(0.0)
 
     def _failed(self) -> RecedingError:
-        assert self.child is not None
-        child, self.child = self.child, None
-        return RecedingError(f"figures: drawing failed ({child.last_words()})")
+        return RecedingError(f"figures: drawing failed ({self.child.last_words()})")
 
 
 def painter() -> Work:
@@ -71,9 +65,6 @@ def painter() -> Work:
     def draw(request: Request, send: Callable[[Any], None]) -> None:
         file, folder, formats = request
         record = hdf5.read_record(file)
-        made = figures.plot_all(
-            record, folder, formats=formats, tell=lambda name, done: send((name, done))
-        )
-        send(made)
+        send(figures.plot_all(record, folder, formats=formats, tell=lambda *told: send(told)))
 
     return draw
