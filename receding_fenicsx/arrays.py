@@ -46,11 +46,21 @@ def brief(value: Any) -> str:
     return f"{value.shape} {ends}"
 
 
+def shortened(text: str, most: int = 60) -> str:
+    """Return a text, cut to a number of characters if it is longer."""
+    return text if len(text) <= most else f"{text[: most - 3]}..."
+
+
+def spread(rows: Ints, most: int) -> Ints:
+    """Return at most a number of rows, evenly spread from the first to the last."""
+    return rows[np.linspace(0, len(rows) - 1, min(len(rows), most)).round().astype(int)]
+
+
 def described(title: str, rows: Iterable[tuple[str, str]]) -> str:
     """Return a title and rows of names and texts, of at most ``MAX_LINES`` lines."""
     named = list(rows)
     width = max((len(name) for name, _ in named), default=0)
-    lines = [title if len(title) <= LINE else f"{title[: LINE - 3]}..."]
+    lines = [shortened(title, LINE)]
     for name, text in named:
         first, *more = textwrap.wrap(text, LINE - width - 4) or [""]
         lines += [f"  {name:{width}}  {first}", *(f"  {'':{width}}  {line}" for line in more)]

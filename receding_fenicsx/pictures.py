@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receding_fenicsx import mpi
+from receding_fenicsx.arrays import spread
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.evolution.instants import Instant
@@ -262,8 +263,7 @@ def default_instants(scene: Scene, system: ContactSystem, record: Record) -> lis
     chosen = []
     for cycle in sorted({0, 1, int(table.cycle.max(initial=0))}):
         rows = np.flatnonzero((table.cycle == cycle) & np.any(table.load != 0.0, axis=1))
-        spread = np.linspace(0, len(rows) - 1, min(len(rows), MAX_INSTANTS))
-        chosen += rows[spread.round().astype(int)].tolist()
+        chosen += spread(rows, MAX_INSTANTS).tolist()
     return [
         shown_instant(scene, system, record, (int(table.cycle[i]), str(int(table.leg[i])), 1.0))
         for i in chosen

@@ -77,7 +77,7 @@ def test_process_that_draws_ends_with_its_parent() -> None:
     code = (
         "import time\n"
         "from receding_fenicsx.output.plots.child_process import ChildProcess\n"
-        "child = ChildProcess('receding_fenicsx.output.plots.beside:painter')\n"
+        "child = ChildProcess('receding_fenicsx.output.plots.beside:prepare')\n"
         "print(child.process.pid, flush=True)\n"
         "time.sleep(60.0)\n"
     )
@@ -123,10 +123,10 @@ def test_run_without_pictures_loads_no_drawing_library(tmp_path: Path) -> None:
 
 def test_libraries_missing_in_the_process_are_said() -> None:
     def check() -> None:
-        child = ChildProcess("receding_fenicsx.no_such_module:painter")
+        child = ChildProcess("receding_fenicsx.no_such_module:prepare")
         with pytest.raises(EOFError):
             child.answer()
-        assert "No module named" in child.last_words()
+        assert "No module named" in child.kill()
 
     on_root(COMM, check)
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from receding_fenicsx.arrays import shortened
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.identity import digest
 from receding_fenicsx.scene.model import Scene
@@ -91,7 +92,7 @@ def grid_of(scene: Scene, over: Mapping[str, Any], folder: Path | None = None) -
         for label in set(of_key) - good:
             alone = _case(raw, {key: (label, of_key[label])}, folder)
             if alone.scene is None:
-                raise InputError(f"sweep over {key} = {_shown(label)}: {alone.error}")
+                raise InputError(f"sweep over {key} = {shortened(str(label))}: {alone.error}")
     if all(case.scene is None for case in cases):
         raise InputError(f"sweep over {', '.join(values)}: {cases[0].error}")
     return Grid(tuple(values), tuple(tuple(v) for v in values.values()), cases)
@@ -150,8 +151,3 @@ def _case(raw: dict[str, Any], chosen: dict[str, tuple[Label, Any]], folder: Pat
         return Case(labels, "", None, error=str(error).replace("\n", " "))
     identity = hashlib.sha256(f"{body}\n{to_toml(scene)}".encode()).hexdigest()
     return Case(labels, identity, scene, body)
-
-
-def _shown(label: Label) -> str:
-    text = str(label)
-    return text if len(text) <= 60 else text[:57] + "..."

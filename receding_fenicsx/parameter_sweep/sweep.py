@@ -116,7 +116,7 @@ def _on_ranks(
     table: SweepTable | None = None
     error: BaseException | None = None
     executors = MPICommExecutor(comm, root=0)  # type: ignore[arg-type]
-    with _deaf_unless_root(comm), executors as executor:
+    with _signals_on_root_only(comm), executors as executor:
         if executor is not None:
             try:
                 player = _player(None, executor)
@@ -133,7 +133,7 @@ def _on_ranks(
 
 
 @contextmanager
-def _deaf_unless_root(comm: MPI.Comm) -> Iterator[None]:
+def _signals_on_root_only(comm: MPI.Comm) -> Iterator[None]:
     """Let rank 0 alone answer signals that ask to end: it withdraws the cases not begun."""
     kept = {}
     if comm.rank > 0:

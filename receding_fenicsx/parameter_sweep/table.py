@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import shortened
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.tables import optional
@@ -121,5 +122,4 @@ def _shown(value: Any) -> str:
     """Return a cell as text, at most 40 characters."""
     if value is None:
         return "-"
-    text = f"{value:.6g}" if isinstance(value, float) else str(value)
-    return text if len(text) <= 40 else text[:37] + "..."
+    return shortened(f"{value:.6g}" if isinstance(value, float) else str(value), 40)

@@ -8,6 +8,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
+from receding_fenicsx.arrays import shortened
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import unknown_name
 from receding_fenicsx.scene.model import Harmonic
@@ -17,7 +18,7 @@ from receding_fenicsx.scene.profiles import DIRECTIONS, FrictionProfile, Profile
 def _shown(value: object) -> str:
     """Return a value as written in the file, at most 60 characters."""
     text = json.dumps(value) if isinstance(value, bool | str) else str(value)
-    return text if len(text) <= 60 else text[:57] + "..."
+    return shortened(text)
 
 
 def read_string(value: object, where: str) -> str:

@@ -19,7 +19,7 @@ class FigureProcess:
 
     def __init__(self) -> None:
         """Start the process; it loads its libraries while others compute."""
-        self.child = ChildProcess(f"{__name__}:painter")
+        self.child = ChildProcess(f"{__name__}:prepare")
 
     def begin(self, request: Request) -> None:
         """Begin to draw."""
@@ -54,10 +54,10 @@ class FigureProcess:
         self.child.close(0.0)
 
     def _failed(self) -> RecedingError:
-        return RecedingError(f"figures: drawing failed ({self.child.last_words()})")
+        return RecedingError(f"figures: drawing failed ({self.child.kill()})")
 
 
-def painter() -> Work:
+def prepare() -> Work:
     """Return the function that draws the figures of a record in this process."""
     from receding_fenicsx.output.plots import figures
     from receding_fenicsx.output.storage import hdf5

@@ -39,7 +39,7 @@ class ChildProcess:
 
     Attributes:
         process: the process.
-        line: connection to its input and output.
+        connection: to its input and output.
         log: what its libraries print.
     """
 
@@ -58,7 +58,7 @@ class ChildProcess:
             f"from {module} import {name}; from {__name__} import serve; serve({name})"
         )
         self.log: IO[bytes] = tempfile.TemporaryFile()
-        self.line, other = socket.socketpair()
+        self.connection, other = socket.socketpair()
         with other:
             self.process = subprocess.Popen(
                 [sys.executable, "-c", program],
@@ -67,7 +67,7 @@ class ChildProcess:
                 stderr=self.log,
                 env={**(variables or {}), **child_environment()},
             )
-        self.answers = self.line.makefile("rb")
+        self.answers = self.connection.makefile("rb")
 
     def ask(self, request: object) -> None:
         """Send a request.
@@ -75,7 +75,7 @@ class ChildProcess:
         Raises:
             OSError: the process has ended.
         """
-        self.line.sendall(pickle.dumps(request), NO_SIGNAL)
+        self.connection.sendall(pickle.dumps(request), NO_SIGNAL)
 
     def answer(self, seconds: float | None = None) -> Any:
         """Wait for the next answer; end the process if there is none after some seconds.
@@ -95,7 +95,7 @@ class ChildProcess:
 
     def close(self, seconds: float = CLOSE_SECONDS) -> None:
         """End the process; after some seconds by force."""
-        self._hang_up()
+        self._disconnect()
         try:
             self.process.wait(seconds)
         except subprocess.TimeoutExpired:
@@ -103,9 +103,9 @@ class ChildProcess:
             self.process.wait()
         self.log.close()
 
-    def last_words(self) -> str:
+    def kill(self) -> str:
         """End the process by force; return the last line that it wrote, or its exit status."""
-        self._hang_up()
+        self._disconnect()
         self.process.kill()
         status = self.process.wait()
         self.log.seek(0)
@@ -113,9 +113,9 @@ class ChildProcess:
         self.log.close()
         return lines[-1] if lines else f"the process ended with status {status}"
 
-    def _hang_up(self) -> None:
+    def _disconnect(self) -> None:
         self.answers.close()
-        self.line.close()
+        self.connection.close()
 
 
 Work = Callable[[Any, Callable[[Any], None]], None]

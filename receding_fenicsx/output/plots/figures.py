@@ -12,6 +12,7 @@ import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
 from matplotlib.figure import Figure
 
+from receding_fenicsx.arrays import spread
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import moment_of
@@ -170,7 +171,7 @@ def _every_figure(
         table = record.turning_points
         rows = np.flatnonzero((table.cycle == last) & np.any(table.P > 0.0, axis=1))
         if len(rows):
-            chosen = [moment_of(record, table, int(row)) for row in _spread(rows, MAX_PANELS)]
+            chosen = [moment_of(record, table, int(row)) for row in spread(rows, MAX_PANELS)]
             yield "tractions_last_cycle", tractions(record, chosen, scales)
     for name in probe_names(record) if len(record.turning_points.s) else ():
         yield f"{PROBE}{name}", probe_stresses(record, name, scales)
@@ -186,24 +187,11 @@ def _sampled_zones(record: Record, scales: Scales) -> Iterator[tuple[str, Figure
         several = sorted({sampled[0], sampled[len(sampled) // 2], sampled[-1]})
         yield "zones_by_cycle", cycle_maps(record, several, scales)
         return
-    columns = _columns(legs)
+    columns = 2 if legs == 4 else min(legs, 3)
     most = MAX_ROWS // -(-legs // columns)
     several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
     shown = [leg for cycle in several for leg in legs_of(record, cycle)]
     yield "zones_by_cycle", zone_maps(record, shown, scales, columns=columns)
-
-
-def _columns(legs: int) -> int:
-    """Return the number of panels in a row for a cycle with a number of legs."""
-    return 2 if legs == 4 else min(legs, 3)
-
-
-def _spread(items: Iterable[int], most: int) -> list[int]:
-    """Return at most a number of items, evenly spread from the first to the last."""
-    every = [int(item) for item in items]
-    if len(every) <= most:
-        return every
-    return [every[round(k * (len(every) - 1) / (most - 1))] for k in range(most)]
 
 
 def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure]]:

@@ -71,7 +71,7 @@ class Renderer:
         if self.child is None:
             # without the window's name VTK looks for a display first, and complains
             window = {"VTK_DEFAULT_OPENGL_WINDOW": find_renderer()}
-            self.child = ChildProcess(f"{__name__}:stage", window)
+            self.child = ChildProcess(f"{__name__}:prepare", window)
 
     def draw(self, picture: Picture) -> Pixels:
         """Draw a picture.
@@ -86,8 +86,8 @@ class Renderer:
             answer = self.child.answer(TIMEOUT)
         except (OSError, EOFError):
             child, self.child = self.child, None
-            words = child.last_words()
-            raise RecedingError(f"off-screen rendering failed ({words}); {ADVICE}") from None
+            reason = child.kill()
+            raise RecedingError(f"off-screen rendering failed ({reason}); {ADVICE}") from None
         if isinstance(answer, Exception):
             raise RecedingError(f"off-screen rendering failed ({answer}); {ADVICE}")
         return np.asarray(answer, dtype=np.uint8)
@@ -116,7 +116,7 @@ def find_renderer() -> str:
     raise RecedingError(f"no off-screen renderer: neither EGL nor OSMesa was found; {ADVICE}")
 
 
-def stage() -> Work:
+def prepare() -> Work:
     """Return the function that draws pictures in this process, all in one window."""
     import pyvista as pv
 

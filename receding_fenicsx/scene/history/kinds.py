@@ -134,15 +134,11 @@ def _check_keys(options: HistoryOptions) -> None:
             continue
         if value != getattr(default, key):
             hint = "name the loads by columns" if key == "load" and options.kind == "table" else ""
+            allowed = " or ".join(f'"{kind}"' for kind in kinds)
             raise InputError(
-                f"[history] {key}: is for kind = {' or '.join(map(repr_of, kinds))} only, not "
-                f"{repr_of(options.kind)}; {hint or 'remove it'}"
+                f"[history] {key}: is for kind = {allowed} only, not "
+                f'"{options.kind}"; {hint or "remove it"}'
             )
-
-
-def repr_of(kind: str) -> str:
-    """Return a kind in quotes."""
-    return f'"{kind}"'
 
 
 def _check_cycles(cycles: int) -> None:

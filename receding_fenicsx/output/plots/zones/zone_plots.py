@@ -69,15 +69,15 @@ def zone_maps(
             grid[place].set_axis_off()
         shown: set[int] = set()
         dashed: list[Still] = []
-        labels = [load_axis(record, *where, scales)[2] for where in shown_legs]
+        sides = [load_axis(record, *where, scales) for where in shown_legs]
         for n, ((row, column), (cycle, leg)) in enumerate(zip(places, shown_legs, strict=True)):
             axes, still = grid[row, column], stills.get(cycle)
             drawn = zone_map(record, cycle, leg, still.stuck if still else None, FLICKER)
             shown |= {int(state) for state, _ in drawn.pieces}
             axes.set_title(titles[n])
-            begin, end, label = load_axis(record, cycle, leg, scales)
+            begin, end, label = sides[n]
             draw_map(axes, drawn, (begin, end), scales, inches)
-            if column == 0 or label != labels[n - 1]:
+            if column == 0 or label != sides[n - 1][2]:
                 axes.set_ylabel(label)
             if still and draw_limit(axes, record, still, [leg], (begin, end), scales):
                 dashed.append(still)
