@@ -65,7 +65,8 @@ def follow(run: Replay, leg: Leg, totals: Totals) -> None:
             _look_for_hidden_jump(run, leg, (s_a, u), here, u_a - u, totals)
         u_b = u_a + here.rates(leg.load(s_b) - leg.load(s_a))
         drifts = _drifts(here, now, (s_a, s_b), (u_a, u_b), (kept, s_apex))
-        if np.all(now == OPEN) and len(here.free):
+        lifts = np.any(np.abs(here.free[:, n:][:, now == OPEN]) > LAW)
+        if lifts and (drifts is None or np.all(now == OPEN)):
             # how a body drifts that touches nowhere is not determined, between two events neither
             totals.known = False
             return
