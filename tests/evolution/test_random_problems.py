@@ -57,7 +57,26 @@ def test_accepted_answers_keep_the_laws_and_refusals_are_true(
 
 @pytest.mark.parametrize(
     "number",
-    [181, 298, 340, 422, 437, 549, 595, 600, 2153, 2402, 2522, 2563, 2578, 2592, 3813, 4013],
+    [
+        181,
+        298,
+        340,
+        422,
+        437,
+        549,
+        595,
+        600,
+        2153,
+        2402,
+        2522,
+        2563,
+        2578,
+        2592,
+        3813,
+        4013,
+        560562,
+        562071,
+    ],
 )
 def test_guided_bodies_that_come_off_an_edge_or_float_break_no_law(number: int) -> None:
     """Unloaded, they may be open on one of two edges; loads without a resultant leave them free."""

@@ -29,6 +29,9 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 MAX_PARTS = 300
 """Parts in which one load step is tried at most."""
 
+GROWTH = 10.0
+"""Factor by which a part of a load step may exceed the one before."""
+
 
 class GaussSeidelPath:
     """Follows legs in equal load steps."""
@@ -115,11 +118,13 @@ class GaussSeidelPath:
     def _advance(self, now: LegInSteps, s: float, s_end: float) -> None:
         """Advance by one load step from s to ``s_end``, in parts where it may contain a jump."""
         now.check_equilibrium(s_end)
-        targets = [s_end]
+        targets, part = [s_end], 0.0
         for _ in range(MAX_PARTS):
             trial = self._trials.attempt(now, s, targets[-1])
             if trial.found is None:
-                targets.append(trial.s)
+                last = s + part  # as long a part as the one before
+                targets.append(max(trial.s, last) if last < targets[-1] else trial.s)
+                part = 0.0
                 continue
             reached = trial.s
             if isinstance(trial.found, SolveError):
@@ -130,9 +135,12 @@ class GaussSeidelPath:
                 now.add_jump(segments, (s, reached), self.on_jump, trial.found)
             else:
                 now.add(trial.found, (s, reached))
+            part = reached - s
             s, targets = reached, [target for target in targets if target > reached]
             if not targets:
                 return
+            if targets[-1] - s > GROWTH * part:
+                targets.append(s + GROWTH * part)
         raise SolveError(
             f"the load step before load factors {now.load(s_end).tolist()} was taken in "
             f"{MAX_PARTS} parts without finding whether the contact jumps in it; use method events"
