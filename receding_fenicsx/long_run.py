@@ -5,7 +5,8 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -95,6 +96,23 @@ def run_history(
     finally:
         journal.write()
         journal.close()
+
+
+@contextmanager
+def resumable(folder: Path | None) -> Iterator[None]:
+    """Say how to continue where drawing the pictures of a run is interrupted.
+
+    Raises:
+        Interrupted: a signal asked to end. The folder holds the whole record.
+    """
+    try:
+        yield
+    except (KeyboardInterrupt, SystemExit) as signalled:
+        if folder is None:
+            raise
+        code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
+        text = f"interrupted while drawing; {folder} holds the whole record; continue by --resume"
+        raise Interrupted(text, int(code or 1)) from None
 
 
 def _with_corners(

@@ -113,7 +113,7 @@ def run(
             mpi.on_root(comm, lambda: _write_record(folder, record))
             text = mpi.on_root(comm, lambda: summary.summarise(mpi.given(record), extra))
             _write_summary(comm, folder, text, timer)
-            with timer("pictures"):
+            with long_run.resumable(folder), timer("pictures"):
                 if failure is None:
                     drawing.draw(scene, system, record, folder)
             _write_summary(comm, folder, text, timer)

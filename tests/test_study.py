@@ -10,7 +10,13 @@ import pytest
 
 from receding_fenicsx import study
 from receding_fenicsx.bulk.from_scene import is_small
-from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged, RecedingError
+from receding_fenicsx.errors import (
+    InputError,
+    Interrupted,
+    NoEquilibrium,
+    NotConverged,
+    RecedingError,
+)
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.long_run import duration
@@ -221,6 +227,25 @@ def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() ->
     comm.Barrier()
     assert is_small(small("mesh.contact_elements=1280"))
     assert not is_small(small("mesh.contact_elements=640", "mesh.growth=1"))
+
+
+def test_interrupt_while_drawing_says_how_to_continue(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    out = shared_tmp_path / "out"
+    with monkeypatch.context() as patch:
+        patch.setattr("receding_fenicsx.study.Drawing.draw", interrupt)
+        with pytest.raises(KeyboardInterrupt) as caught:
+            study.run(small(), out, study.RunOptions(pictures=False))
+    if MPI.COMM_WORLD.rank == 0:
+        assert isinstance(caught.value, Interrupted) and caught.value.exit_code == 130
+        assert str(caught.value).endswith("out.part holds the whole record; continue by --resume")
+    assert not out.exists()
+    study.run(small(), out, study.RunOptions(pictures=False, resume=True))
+    assert (out / "summary.json").is_file()
 
 
 def test_run_that_fails_on_the_way_keeps_what_it_found_and_says_why(shared_tmp_path: Path) -> None:

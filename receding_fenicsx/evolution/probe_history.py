@@ -52,6 +52,19 @@ class ProbeHistory:
     displacement: Array
     stress: Array
 
+    def __repr__(self) -> str:
+        """Return the points, the instants and the largest von Mises stress in three lines."""
+        first, last = (tuple(self.points[k].tolist()) for k in (0, -1))
+        where = f"point {first}" if len(self.points) == 1 else f"{first} to {last}"
+        n, m = np.unravel_index(np.argmax(self.von_mises), self.von_mises.shape)
+        counts = ", ".join(f"{np.count_nonzero(self.kind == kind)} {kind}s" for kind in KINDS)
+        instant = f"cycle {self.cycle[n]}, leg {self.leg[n]}, s = {self.s[n]:.6g}"
+        return (
+            f"Probe {self.name}: {len(self.points)} point(s), {where}\n"
+            f"  instants   {counts}, cycles {self.cycle[0]} to {self.cycle[-1]}\n"
+            f"  von Mises  largest {self.von_mises[n, m]:.6g}, point {m}, {instant}"
+        )
+
     @property
     def von_mises(self) -> Array:
         """(n, m) von Mises equivalent stress."""

@@ -17,6 +17,7 @@ import pytest
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
+from receding_fenicsx.evolution.probe_history import probe_names
 from receding_fenicsx.output.storage.probe_files import write_probes
 from receding_fenicsx.timing import Timer
 
@@ -206,6 +207,14 @@ def test_history_is_a_data_frame_where_pandas_is_installed() -> None:
     rows = probe.kind == "turning point"
     assert np.array_equal(ends["syy"], probe.stress[rows, 2, 1])
     assert np.array_equal(ends["load.p0"], probe.load[rows, 0])
+
+
+def test_history_is_described_in_three_lines() -> None:
+    if (made := solved()) is not None:
+        for name in probe_names(made[1]):
+            lines = repr(made[1].probe(name)).splitlines()
+            assert len(lines) == 3 and lines[0].startswith(f"Probe {name}: ")
+            assert f"largest {made[1].probe(name).von_mises.max():.6g}" in lines[2]
 
 
 def differing(a: Path, b: Path) -> list[str]:

@@ -53,7 +53,7 @@ def test_probes_are_in_the_units_of_the_scene() -> None:
     scene = rf.Scene(loads=(rf.Load("p0", "top", pressure=1.0),), units=rf.Units("mm", "MPa"))
     found = replace(record(), scene_toml=rf.to_toml(scene))
     axes = rf.figures.probe_stresses(found, "row").axes[-1]
-    assert axes.get_xlabel() == "distance from the first point (mm)"
+    assert axes.get_xlabel() == "distance along the points (mm)"
     assert axes.get_ylabel() == r"$\sigma$ (MPa)"
     assert rf.figures.probe_stresses(found, "one").axes[0].get_ylabel() == r"$\sigma$ (MPa)"
 

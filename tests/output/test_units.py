@@ -24,7 +24,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import figures
 from receding_fenicsx.output.plots.load_kinds import kind_of
 from receding_fenicsx.output.plots.loops import loop_of
-from receding_fenicsx.output.plots.units import length_of, scales_of
+from receding_fenicsx.output.plots.units import length_of, scales_of, three_digits
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.scene.model import (
@@ -385,3 +385,10 @@ def test_the_first_cycle_is_seen_where_the_last_one_lies_on_it() -> None:
         assert first.get_linewidth() > 2.0 * last.get_linewidth()
         assert first.get_zorder() <= last.get_zorder()
         assert first.get_color() != last.get_color()
+
+
+def test_numbers_in_titles_have_three_digits_and_no_letter_e() -> None:
+    shown = {1040.0: "1040", -123456.0: "-123000", 0.0123456: "0.0123", -0.0: "0", 29.74: "29.7"}
+    assert {value: three_digits(value) for value in shown} == shown
+    assert three_digits(2.5e7) == r"2.5 \times 10^{7}"
+    assert three_digits(-3e-6) == r"-3 \times 10^{-6}"

@@ -17,7 +17,7 @@ from receding_fenicsx.output.plots.load_names import (
     shown_name,
 )
 from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends
-from receding_fenicsx.output.plots.units import Scales
+from receding_fenicsx.output.plots.units import Scales, three_digits
 
 LETTER_WIDTH = 0.065
 """Mean width in inches of a letter of a title."""
@@ -32,7 +32,7 @@ def describe_load(record: Record, moment: Moment, scales: Scales) -> str:
     for k, (name, value) in enumerate(moment.load.items()):
         unit, (one, _) = scales.load_unit(k), scales.load_axis(k, name)
         part = np.array([value / scales.load_max[k]])
-        own = f"{load_text(name)} ${value / one:z.3g}$ {unit}"
+        own = f"{load_text(name)} ${three_digits(value / one)}$ {unit}"
         found.append(own if unit else describe_factors((name,), part))
     factors = ", ".join(found)
     return f"{way}, {factors}" if len(record.load_names) == 1 else f"{way}\n{factors}"
@@ -42,7 +42,7 @@ def describe_factors(names: tuple[str, ...], parts: Array) -> str:
     """Describe load factors as parts of their largest values."""
     symbols = [load_symbol(name) for name in names]
     return ", ".join(
-        f"{shown_name(name)} at ${part:z.3g}$ of its largest"
+        f"{shown_name(name)} at ${three_digits(part)}$ of its largest"
         if is_word(name)
         else f"${symbol} = {number(float(part))}{peak(symbol) if part else ''}$"
         for name, symbol, part in zip(names, symbols, parts, strict=True)
@@ -70,7 +70,8 @@ def describe_leg(
         unit = scales.load_unit(k)
         one = scales.load_axis(k, name)[0] if unit else scales.load_max[k]
         if begin[k] != end[k]:
-            move = f"{load_text(name)} ${begin[k] / one:z.3g}$ to ${end[k] / one:z.3g}$ {unit}"
+            first, last = (three_digits(factor[k] / one) for factor in (begin, end))
+            move = f"{load_text(name)} ${first}$ to ${last}$ {unit}"
             moves.append(move.rstrip())
     lines = [f"{text}: " if moves else text]
     for n, move in enumerate(moves):
@@ -120,4 +121,4 @@ def number(value: float) -> str:
     for text, known in (("", 1.0), (r"\frac{1}{3}\,", 1.0 / 3.0), (r"\frac{2}{3}\,", 2.0 / 3.0)):
         if abs(value - known) < SAME_PART:
             return text
-    return rf"{value:.3g}\," if value else "0"
+    return rf"{three_digits(value)}\," if value else "0"

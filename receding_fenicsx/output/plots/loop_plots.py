@@ -229,8 +229,8 @@ def _offset(path: Loop, k: int, straight: float) -> float:
 
 def _cone_label(record: Record) -> str:
     if record.f_backward is None:
-        return r"friction cone, $|Q| \leq f P$"
-    return r"friction cone, $-f_\mathrm{forward} P \leq Q \leq f_\mathrm{backward} P$"
+        return r"friction cone, $|q| \leq f p$"
+    return r"friction cone, $-f_\mathrm{forward} p \leq q \leq f_\mathrm{backward} p$"
 
 
 def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]) -> None:

@@ -29,7 +29,7 @@ def probe_stresses(record: Record, name: str, scales: Scales | None = None) -> F
     """Draw the stresses at a probe.
 
     Of one point: along the load path of the first loading, of cycle 1 and of the last cycle. Of
-    several: against the distance from the first point, at turning points of the last cycle.
+    several: against the distance along them, at turning points of the last cycle.
 
     Args:
         record: the record.
@@ -98,7 +98,7 @@ def _along_points(probe: ProbeHistory, scales: Scales) -> Figure:
         panel.set_ylabel(scales.with_unit(f"$\\sigma{suffix}$", suffix, stress=1))
         panel.set_xlim(0.0, distance[-1])
     over = f"$/{scales.length_symbol}$" if scales.length_symbol else ""
-    label = scales.with_unit(f"distance from the first point{over}", over, length=1)
+    label = scales.with_unit(f"distance along the points{over}", over, length=1)
     axes[-1].set_xlabel(label)
     _add_legend(figure, axes[0])
     return figure

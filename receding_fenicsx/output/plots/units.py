@@ -26,6 +26,8 @@ from receding_fenicsx.scene.units import Units, in_unit
 NO_UNITS = Units()
 SYMMETRY_TOLERANCE = 1e-9
 """Distance of a node from its mirror image, over the contact's length."""
+LARGEST_PLAIN_POWER = 5
+"""Largest power of ten of a number that is written without it."""
 
 
 @dataclass(frozen=True)
@@ -166,6 +168,17 @@ class Scales:
 
     def _peak(self) -> str:
         return peak(self.pressure_symbol)
+
+
+def three_digits(value: float) -> str:
+    """Write a number in mathematics, with three significant digits."""
+    text = f"{value:z.3g}"
+    mantissa, _, power = text.partition("e")
+    if not power:
+        return text
+    if 0 < int(power) <= LARGEST_PLAIN_POWER:
+        return f"{float(text):.0f}"
+    return rf"{mantissa} \times 10^{{{int(power)}}}"
 
 
 def scales_of(record: Record) -> Scales:

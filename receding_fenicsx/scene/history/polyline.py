@@ -135,28 +135,32 @@ def evenly_spaced(
     Args:
         history: the history.
         cycle: cycle, 0 for the path from rest.
-        n: number of instants, at least the number of legs plus one.
+        n: number of instants, at least two.
 
     Returns:
         For each instant the leg, the position s in [0, 1] along it, and the fraction of the cycle's
         path length up to it. The first instant is the cycle's start; in cycle 0 it is slightly
-        later, as nothing is loaded at the start. The end of every leg is one of the instants.
+        later, as nothing is loaded at the start. Where n is larger than the number of legs, the end
+        of every leg is one of the instants.
 
     Raises:
         InputError: there is no such cycle, or n is too small.
     """
     polyline = history.polyline(cycle)
     legs = len(polyline) - 1
-    if n < legs + 1:
-        raise InputError(f"{n} frames: a cycle of {legs} legs needs at least {legs + 1}")
+    if n < 2:
+        raise InputError(f"{n} frames: a film needs at least 2")
     largest = np.abs(np.vstack([history.path, history.loop])).max(axis=0)
     way = np.abs(np.diff(polyline, axis=0) / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
-    share = np.maximum(1, np.round((n - 1) * way / way.sum())).astype(int)
-    share[np.argmax(share)] += n - 1 - share.sum()
     before = np.concatenate([[0.0], np.cumsum(way)]) / way.sum()
-    leg, s = [0], [0.0 if cycle else 0.5 / share[0]]
-    for k, count in enumerate(share):
-        leg += [k] * count
-        s += ((np.arange(count) + 1.0) / count).tolist()
-    number, position = np.array(leg), np.array(s)
+    if n > legs:
+        share = 1 + np.diff(np.round((n - 1 - legs) * before).astype(int))
+        number = np.repeat(np.arange(legs), share)
+        position = np.concatenate([(np.arange(count) + 1.0) / count for count in share])
+    else:
+        time = np.arange(1, n) / (n - 1)
+        number = np.minimum(np.searchsorted(before[1:], time), legs - 1)
+        position = np.minimum((time - before[number]) / np.diff(before)[number], 1.0)
+    number = np.concatenate([[0], number])
+    position = np.concatenate([[0.0 if cycle else 0.5 * position[0]], position])
     return number, position, before[number] + position * np.diff(before)[number]
