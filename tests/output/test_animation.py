@@ -27,7 +27,7 @@ from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots import animation, draw
 from receding_fenicsx.output.snapshots.colours import quantity_of
 from receding_fenicsx.output.snapshots.layout import RIGHT, Layout
-from receding_fenicsx.output.snapshots.page import Clock, _draw_clock, compose
+from receding_fenicsx.output.snapshots.page import CLOCK_BOX, Clock, _draw_clock, compose
 from receding_fenicsx.output.snapshots.view import View
 from receding_fenicsx.pictures import animate
 from receding_fenicsx.timing import Timer
@@ -170,7 +170,7 @@ def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
         # the size that the dial has on the page
         figure = Figure(figsize=(4.0, 3.0), dpi=200)
         canvas = FigureCanvasAgg(figure)
-        axes = figure.add_axes((0.5, 0.5, (RIGHT - 0.45) / 4.0, 0.2))
+        axes = figure.add_axes((0.5, 0.5, CLOCK_BOX[1] / 4.0, 0.2))
         _draw_clock(axes, clock)
         canvas.draw()
     dots = [line for line in axes.lines if line.get_marker() == "o"]
@@ -182,6 +182,21 @@ def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
             box = label.get_window_extent()
             off = np.hypot(max(box.x0 - x, x - box.x1, 0.0), max(box.y0 - y, y - box.y1, 0.0))
             assert off > radius, label.get_text()
+
+
+@pytest.mark.parametrize("lowest", [-0.9714, -1.0 / 3.0, 0.0])
+def test_numbers_at_the_loads_of_a_film_are_not_cut_at_the_edge(lowest: float) -> None:
+    load = np.array([[1.0, 0.3], [0.5, lowest], [1.0, 0.3]])
+    clock = Clock(np.linspace(0.0, 1.0, 3), load, ("P", "Q"), 0.5, load[1], (0.0, 1.0))
+    with mpl.rc_context(style.RC):
+        figure = Figure(figsize=(4.0, 3.0), dpi=200)
+        canvas = FigureCanvasAgg(figure)
+        axes = figure.add_axes((0.5, 0.5, CLOCK_BOX[1] / 4.0, 0.2))
+        _draw_clock(axes, clock)
+        canvas.draw()
+        end = axes.get_position().x1 * 4.0 + RIGHT - sum(CLOCK_BOX)
+        for label in axes.get_yticklabels():
+            assert label.get_window_extent().x1 / figure.dpi < end, label.get_text()
 
 
 def test_legend_of_a_film_is_where_the_pressure_is_low_in_all_pictures() -> None:

@@ -36,6 +36,8 @@ MIN_BAR_HEIGHT = 0.7
 beside the tractions."""
 CONTOUR_PIXELS = 1.0
 """Width of a contour line in pixels."""
+CLOCK_BOX = (0.22, RIGHT - 0.5)
+"""Distance of the curves of the loads from the tractions, and their width, in inches."""
 CLOCK_MARGIN = 0.12
 """Room left and right of the curves of the loads in a film, over their length."""
 
@@ -119,7 +121,8 @@ def compose(
     _draw_tractions(_axes_at(figure, layout.tractions), view, layout, clock)
     if clock is not None:
         left, bottom, width, height = layout.tractions
-        box = (left + width + 0.22, bottom, RIGHT - 0.45, height)
+        gap, wide = CLOCK_BOX
+        box = (left + width + gap, bottom, wide, height)
         _draw_clock(_axes_at(figure, box), clock)
     _draw_colour_bar(figure, view, layout, colours)
     note = f"{colours.note} {view.stress_unit}" if colours.note else ""
@@ -208,8 +211,10 @@ def _draw_clock(axes: Axes, clock: Clock) -> None:
     room = 0.06 * (high - low)
     axes.set_ylim(low - room, high + room)
     axes.yaxis.tick_right()
-    axes.set_yticks(sorted({low, high}))
-    axes.tick_params(left=False, pad=2.0)
+    ticks = sorted({low, high})
+    axes.set_yticks(ticks, [f"${value:z.2g}$" for value in ticks])
+    # "-0.33" has to fit between the axes and the edge of the page
+    axes.tick_params(left=False, pad=2.0, labelsize=6.5)
     if len(clock.names) == 1:
         # a word is wider than these axes
         between = "\n" if r"\mathrm" in clock.names[0] else " "
