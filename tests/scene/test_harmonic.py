@@ -76,6 +76,18 @@ def test_arcs_between_close_extremes_are_divided_evenly() -> None:
     np.testing.assert_allclose(angles, 15.0 * np.arange(13), atol=1e-6)
 
 
+@pytest.mark.parametrize("phase", [22, 50, 110, 199])
+def test_doubled_corners_divide_every_piece(phase: float) -> None:
+    # else the dissipation does not change where an arc between close extremes keeps its piece,
+    # and the error estimate is too small
+    change = f"history.harmonic.Q 1.phase={phase}"
+    for corners in (8, 9, 24, 32):
+        coarse, fine = (
+            made(OUT_OF_PHASE, change, f"history.corners={n}").loop for n in (corners, 2 * corners)
+        )
+        np.testing.assert_allclose(fine[::2], coarse, atol=1e-14)
+
+
 @pytest.mark.parametrize(
     ("history", "path", "loop"),
     [

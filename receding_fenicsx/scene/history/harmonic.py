@@ -124,7 +124,12 @@ def _angles(options: HistoryOptions, loads: list[Harmonic]) -> NDArray[np.float6
 
 
 def _shares(parts: NDArray[np.float64], total: int) -> NDArray[np.int64]:
-    """Divide a number in proportion to parts of 1, at least 1 to each."""
+    """Divide a number in proportion to parts of 1, at least 1 to each.
+
+    Twice a number gives twice the shares, so that no arc stays as it is when corners are doubled.
+    """
+    if total % 2 == 0 and total // 2 >= max(FEWEST_CORNERS, len(parts)):
+        return 2 * _shares(parts, total // 2)
     found = np.ones(len(parts), dtype=np.int64)
     while found.sum() < total:
         # to the part whose pieces are the longest
