@@ -230,6 +230,11 @@ def test_first_unloading_is_the_first_leg_along_which_the_load_falls() -> None:
     assert first_unloading(record("monotonic")) is None
     assert first_unloading(record("unloading")) == (0, 1)
     assert first_unloading(record()) == (1, 0)
+    # a leg of a polygon of many corners is no unloading
+    table = record().turning_points
+    cycle, leg, load = (np.repeat(a, 13, axis=0) for a in (table.cycle, table.leg, table.load))
+    many = replace(table, cycle=cycle.astype(int), leg=leg.astype(int), load=load.astype(float))
+    assert first_unloading(replace(record(), turning_points=many)) is None
 
 
 def test_colours_of_the_states_differ_for_every_colour_vision() -> None:

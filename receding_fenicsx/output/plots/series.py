@@ -17,6 +17,8 @@ MIN_CYCLES = 5
 """Smallest number of cycles for the fit of a power law."""
 MAX_LINES = 4
 """Largest number of nodes in the figure of slip per cycle."""
+CURVED_LEGS = 12
+"""Number of legs above which a cycle is a curve rather than loading and unloading."""
 
 
 @dataclass(frozen=True)
@@ -70,11 +72,15 @@ def is_unloading(record: Record, cycle: int, leg: int) -> bool:
 
 
 def first_unloading(record: Record) -> tuple[int, int] | None:
-    """Return cycle and leg of the first unloading; None without one."""
+    """Return cycle and leg of the first unloading; None without one.
+
+    One leg of a cycle of more than ``CURVED_LEGS`` legs is a short piece of a curve, and not shown.
+    """
     table = record.turning_points
     for where in zip(table.cycle.tolist(), table.leg.tolist(), strict=True):
         if is_unloading(record, *where):
-            return where
+            legs = np.count_nonzero(table.cycle == where[0])
+            return where if legs <= CURVED_LEGS else None
     return None
 
 
