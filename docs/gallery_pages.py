@@ -38,10 +38,12 @@ def _is_of(picture: str, name: str) -> bool:
 
 
 def demo_names(demos: Path) -> list[str]:
-    """Return the demos: the paper's study first, then by name."""
-    return sorted(
-        (path.stem for path in demos.glob("*.py")), key=lambda name: (name != "block", name)
-    )
+    """Return the demos: the paper's study, others with a scene of their own, then the rest."""
+
+    def rank(name: str) -> tuple[bool, bool, str]:
+        return name != "block", not (demos / f"{name}.toml").is_file(), name
+
+    return sorted((path.stem for path in demos.glob("*.py")), key=rank)
 
 
 def write_pages(demos: Path, source: Path) -> None:
