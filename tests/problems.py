@@ -140,7 +140,7 @@ def oblique(p: Problem) -> Problem:
     ways = [np.broadcast_to(one, (n, 2)) for one in np.eye(2)]
     motions = [ways[:1], ways, [turn], [*ways, turn]][rng.choice(4, p=[0.4, 0.2, 0.3, 0.1])]
     local = [np.concatenate([(m * along).sum(1), (m * across).sum(1)]) for m in motions]
-    rigid = np.array(local).T[:, : 2 * n - 1]
+    rigid = np.array(local).T[:, : max(1, 2 * n - 2)]
     left, size, _ = np.linalg.svd(rigid, full_matrices=False)
     basis = left[:, size > 1e-8]
     rest = np.eye(2 * n) - basis @ basis.T
