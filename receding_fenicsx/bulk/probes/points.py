@@ -126,7 +126,8 @@ def _reference(corners: Array, point: Array) -> Array:
         if np.linalg.det(jacobian) == 0.0:
             return np.full(2, np.nan)
         at = at + np.linalg.solve(jacobian, point - place)
-    return at
+    off = np.abs(_map(corners, at)[0] - point).max()
+    return at if off <= CELL_TOLERANCE * np.ptp(corners, axis=0).max() else np.full(2, np.nan)
 
 
 def _touches(at: Array, corners: int) -> bool:

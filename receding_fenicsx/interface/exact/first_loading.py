@@ -11,7 +11,7 @@ from dataclasses import replace
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.errors import NoEquilibrium
+from receding_fenicsx.errors import NoEquilibrium, SolveError
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.legs import LegProblem, changes
 from receding_fenicsx.interface.exact.segments import Segments, States
@@ -39,6 +39,7 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
 
     Raises:
         NoEquilibrium: no contact forces balance the loads, or no solution was found.
+        SolveError: the residual is above its tolerance.
     """
     system, start, load = segments.system, problem.start, problem.ends[1]
     if limit is not None and limit.kind == "lift-off":
@@ -59,8 +60,13 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
     scale = largest_force(system, load, end.r, problem.force_scale)
     slip = np.where(system.held[:n] | (end.state == SEPARATION), 0.0, change[:n])
     residual = relative_residual(system, end, change[:n], local_stiffness(system), scale)
-    force = max(ACCEPTED_RESIDUAL, reachable(system, end.u, scale)) * scale
-    end = replace(end, state=_without_moved_sticks(segments, end, slip, force))
+    accepted = max(ACCEPTED_RESIDUAL, reachable(system, end.u, scale))
+    if residual > accepted:
+        raise SolveError(
+            f"the first loading to load factors {load.tolist()} lost accuracy: residual "
+            f"{residual:.1e} over {accepted:.0e}; try the other solver method"
+        )
+    end = replace(end, state=_without_moved_sticks(segments, end, slip, accepted * scale))
     return Leg(
         end=end,
         dissipation=-0.5 * end.Q * slip,
