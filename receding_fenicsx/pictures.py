@@ -163,7 +163,7 @@ class Drawing:
         self.beside: FigureProcess | None = None
 
     def __enter__(self) -> Drawing:
-        """Start the processes on rank 0; one that cannot start is replaced or missed later."""
+        """Start the processes on rank 0; without one that draws figures they are drawn here."""
         wanted = self.wanted
         if self.comm.rank == 0 and wanted.figures and wanted.body and cores() > 1:
             # a missing renderer is an error when it is needed, on all ranks

@@ -160,7 +160,7 @@ def _system(
         return hdf5.read_system(mpi.given(place), scene) if known else None
 
     system = mpi.on_root(comm, resumed)
-    if system is None and system_file is not None:
+    if system_file is not None and comm.bcast(system is None):
         system = _saved_system(scene, comm, timer, place, Path(system_file))
     if comm.bcast(system is not None):
         return system, {}
