@@ -76,6 +76,7 @@ def test_accepted_answers_keep_the_laws_and_refusals_are_true(
         4013,
         560562,
         562071,
+        605252,
     ],
 )
 def test_guided_bodies_that_come_off_an_edge_or_float_break_no_law(number: int) -> None:

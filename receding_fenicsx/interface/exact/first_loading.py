@@ -16,7 +16,7 @@ from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.legs import LegProblem, changes
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.exact.static import ACCEPTED_RESIDUAL, solve_static
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
 from receding_fenicsx.interface.residual import (
     largest_force,
     local_stiffness,
@@ -66,7 +66,7 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
             f"the first loading to load factors {load.tolist()} lost accuracy: residual "
             f"{residual:.1e} over {accepted:.0e}; try the other solver method"
         )
-    end = replace(end, state=_without_moved_sticks(segments, end, slip, accepted * scale))
+    end = replace(end, state=_by_motion(segments, end, slip, accepted * scale))
     return Leg(
         end=end,
         dissipation=-0.5 * end.Q * slip,
@@ -81,10 +81,11 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
     )
 
 
-def _without_moved_sticks(
-    segments: Segments, end: ContactState, slip: Array, force: float
-) -> States:
-    """Return the states of the end; nodes that were called stuck but have moved slip or are open.
+def _by_motion(segments: Segments, end: ContactState, slip: Array, force: float) -> States:
+    """Return the states of the end, corrected where the motion of a node contradicts its own.
+
+    Such a node, called stuck though it has moved or called slipping the other way, slips as it has
+    moved; one that carries nothing is open.
 
     Args:
         segments: of the condensed body.
@@ -92,9 +93,10 @@ def _without_moved_sticks(
         slip: (N,) change of v.
         force: nodal force that counts as none.
     """
-    moved = np.abs(slip) * segments.weight[: len(slip)] > force
-    slides = np.where(slip > 0.0, FORWARD, BACKWARD)
+    moved = slip * segments.weight[: len(slip)]
+    stuck = (end.state == STICK) & (np.abs(moved) > force)
+    contrary = segments.frictional & (stuck | (SLIP_SIGN[end.state] * moved < -force))
+    slides = np.where(moved > 0.0, FORWARD, BACKWARD)
     new = np.where(end.P > force, slides, SEPARATION)
-    sticks = segments.frictional & (end.state == STICK)
-    states: States = np.where(sticks & moved, new, end.state).astype(np.int8)
+    states: States = np.where(contrary, new, end.state).astype(np.int8)
     return states
