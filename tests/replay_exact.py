@@ -391,6 +391,10 @@ def _jump(
     totals.work += work
     # it is solved for just beyond its place
     totals.unsure += JUMP_STEP * abs(float((leg.ends[1] - leg.ends[0]) @ body.r_star @ change))
+    if not np.any(body.k * np.abs(change) > LAW * leg.force):
+        # a node may reach its limit and stick where another one lands
+        totals.hidden += 1
+        return after
     totals.jumps += 1
     run.jumps.append(Jump(leg, s_held, u.astype(float), old))
     return after

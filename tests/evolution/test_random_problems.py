@@ -134,8 +134,9 @@ def test_jumps_that_are_hardly_told_from_round_off_are_no_objection(number: int)
     assert objected(p.system, p.history, many, "jumps, there are")
 
 
-def test_nodes_that_slip_and_stick_in_jumps_between_two_samples_are_no_objection() -> None:
-    assert judge(problem(464364)) == Outcome(ACCEPTED, "with jumps")
+@pytest.mark.parametrize("number", [464364, 621228])
+def test_nodes_that_slip_and_stick_at_one_place_are_no_objection(number: int) -> None:
+    assert judge(problem(number)) == Outcome(ACCEPTED, "with jumps")
 
 
 @pytest.mark.parametrize("number", [1036, 1527])
