@@ -5,4 +5,6 @@
 2. ``lemke.solve`` tries Lemke's method with several covering vectors.
 3. Where that fails and few nodes are undecided, ``enumerate_states.exhaust`` tries all sets of
    states; failure then proves that there is no solution.
+4. ``all_solutions.all_solutions(system, r0, undecided, open_dofs)`` finds all solutions instead of
+   one: ``.states`` (k, N), a row for each, and ``.complete`` where there are no others.
 """

@@ -12,6 +12,7 @@ displacements of the static problem of a first load.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -77,19 +78,29 @@ def solve_states(
     Returns:
         (N,) states of the undecided nodes, 0 elsewhere; None when no solution was found.
     """
-    n = system.n
+    S, s = condensed(system, r0, undecided, open_dofs)
     problem = _Pairs(undecided, system.friction)
-    rows = np.concatenate([problem.v_nodes, n + problem.v_nodes, n + undecided.smooth])
-    S, s = _eliminate(system, r0, rows, open_dofs)
-    s[np.abs(s) <= NO_REACTION * float(np.abs(r0).max(initial=0.0))] = 0.0
     M, q = problem.outputs(problem.columns(S)), problem.outputs(s)
     z = lemke.solve(M, q, problem.covers())
     if z is None:
         return _exhaust(system, undecided, S, s)
-    stiffness = float(np.abs(np.diagonal(system.K)).max())
-    state = np.zeros(n, dtype=np.int8)
-    problem.write_states(state, z, M @ z + q, stiffness)
-    return state
+    return problem.states_of(system, z, M @ z + q)
+
+
+def states_by_covers(
+    system: ContactSystem, r0: Array, undecided: Undecided, open_dofs: Indices
+) -> Iterator[NDArray[np.int8]]:
+    """Yield the answer of Lemke's method for each covering vector that leads to one.
+
+    Arguments and answers as for :func:`solve_states`; answers may be alike.
+    """
+    S, s = condensed(system, r0, undecided, open_dofs)
+    problem = _Pairs(undecided, system.friction)
+    M, q = problem.outputs(problem.columns(S)), problem.outputs(s)
+    for cover in problem.covers():
+        z = lemke.solve(M, q, [cover])
+        if z is not None:
+            yield problem.states_of(system, z, M @ z + q)
 
 
 class _Pairs:
@@ -157,16 +168,16 @@ class _Pairs:
             found.append(self.outputs(pressing))
         return found
 
-    def write_states(self, state: NDArray[np.int8], z: Array, y: Array, stiffness: float) -> None:
-        """Write the states of the nodes that a solution stands for.
+    def states_of(self, system: ContactSystem, z: Array, y: Array) -> NDArray[np.int8]:
+        """Return the (N,) states that a solution stands for, 0 at nodes that are not undecided.
 
         Args:
-            state: (N,) states to be written into.
+            system: the condensed body in 2N form.
             z: variables of the solution.
             y: what is complementary to them.
-            stiffness: largest stiffness of a freedom.
         """
-        nodes = self.undecided
+        nodes, state = self.undecided, np.zeros(system.n, dtype=np.int8)
+        stiffness = float(np.abs(np.diagonal(system.K)).max())
         tiny = float(np.finfo(float).tiny)
         small = DECIDE_TOLERANCE * max(float(np.abs(z).max(initial=0.0)), tiny)
         force = max(DECIDE_TOLERANCE * float(np.abs(y).max(initial=0.0)), stiffness * small)
@@ -179,6 +190,34 @@ class _Pairs:
         state[nodes.touching] = np.where((gap > small) | (P <= force), SEPARATION, slip)
         open_ = (smooth_gap > small) | (smooth_P <= force)
         state[nodes.smooth] = np.where(open_, SEPARATION, STICK)
+        return state
+
+
+def condensed(
+    system: ContactSystem, r0: Array, undecided: Undecided, open_dofs: Indices
+) -> tuple[Array, Array]:
+    """Return stiffness and reactions of the undecided nodes, ``open_dofs`` having no reaction.
+
+    Rows: v of the forward, backward and touching nodes, w of the same, w of the smooth ones.
+    """
+    n = system.n
+    rubbing = np.concatenate([undecided.forward, undecided.backward, undecided.touching])
+    rows = np.concatenate([rubbing, n + rubbing, n + undecided.smooth])
+    S, s = _eliminate(system, r0, rows, open_dofs)
+    s[np.abs(s) <= NO_REACTION * float(np.abs(r0).max(initial=0.0))] = 0.0
+    return S, s
+
+
+def with_smooth_freedoms(S: Array, s: Array, smooth: int) -> tuple[Array, Array]:
+    """Return :func:`condensed` with a tangential freedom, kept still, for each smooth node.
+
+    All m nodes then have both freedoms, order [v; w].
+    """
+    m = (len(s) + smooth) // 2
+    where = np.concatenate([np.arange(m - smooth), m + np.arange(m)])
+    full, held = np.eye(2 * m), np.zeros(2 * m)
+    full[np.ix_(where, where)], held[where] = S, s
+    return full, held
 
 
 def choices(undecided: Undecided) -> dict[int, tuple[int, ...]]:
@@ -212,12 +251,8 @@ def _exhaust(
         return None
     may = choices(undecided)
     nodes = np.array(list(may))
-    m, d = len(nodes), len(undecided.smooth)
-    # smooth nodes get a tangential freedom of their own that is kept still
-    where = np.concatenate([np.arange(m - d), m + np.arange(m)])
-    full, held = np.eye(2 * m), np.zeros(2 * m)
-    full[np.ix_(where, where)], held[where] = S, s
-    smooth = np.arange(m) >= m - d
+    full, held = with_smooth_freedoms(S, s, len(undecided.smooth))
+    smooth = np.arange(len(nodes)) >= len(nodes) - len(undecided.smooth)
     found = enumerate_states.exhaust(full, held, system.friction[nodes], list(may.values()), smooth)
     if found is None:
         return None

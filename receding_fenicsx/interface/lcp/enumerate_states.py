@@ -21,6 +21,9 @@ EXHAUSTED = 2**16
 ACCEPTED = 1e-9
 """Violation of an inequality, over the largest term of its kind, up to which a set is accepted."""
 
+UNCOUNTED = 2**62
+"""Number of sets of states beyond which they are not counted."""
+
 BATCH = 4096
 """Sets of states solved at once."""
 
@@ -28,8 +31,10 @@ Choices = list[tuple[int, ...]]
 
 
 def count(choices: Choices) -> int:
-    """Return the number of sets of states."""
-    return int(np.prod([float(len(c)) for c in choices])) if choices else 0
+    """Return the number of sets of states, ``UNCOUNTED`` where there are as many or more."""
+    if not choices:
+        return 0
+    return int(min(np.prod([float(len(c)) for c in choices]), float(UNCOUNTED)))
 
 
 def exhaust(
@@ -47,28 +52,32 @@ def exhaust(
         smooth: (m,) nodes that know only contact (stick) and separation, at whatever v does not
             concern.
     """
-    for states in _batches(choices):
-        found = _first(S, s, friction, states, choices, smooth)
-        if found is not None:
-            return found
+    for states in batches(choices):
+        found, _ = solutions(S, s, friction, states, choices, smooth)
+        if len(found):
+            return found[0]
     return None
 
 
-def _batches(choices: Choices) -> Iterator[NDArray[np.int8]]:
+def batches(choices: Choices) -> Iterator[NDArray[np.int8]]:
+    """Yield all sets of states, (k, m) with k up to ``BATCH`` at once."""
     every = product(*choices)
     while batch := list(islice(every, BATCH)):
         yield np.array(batch, dtype=np.int8)
 
 
-def _first(
+def solutions(
     S: Array,
     s: Array,
     friction: Friction,
     states: NDArray[np.int8],
     choices: Choices,
     smooth: NDArray[np.bool_],
-) -> NDArray[np.int8] | None:
-    """Return the first of (k, m) sets of states that is a solution."""
+) -> tuple[NDArray[np.int8], Array]:
+    """Return those of (k, m) sets of states that are solutions, and their (j, 2m) changes u.
+
+    Arguments as for :func:`exhaust`.
+    """
     m = len(friction.forward)
     S_t, S_n, s_t, s_n = S[:m], S[m:], s[:m], s[m:]
     A, B = friction[:, None].margins(S_t, S_n)
@@ -112,4 +121,4 @@ def _first(
     good &= ~backward | (v <= way)
     good &= ~open_ | (w >= -way)
     solved = np.flatnonzero(good.all(axis=1) & (balance <= force[:, 0]))
-    return states[solved[0]] if len(solved) else None
+    return states[solved], u[solved]
