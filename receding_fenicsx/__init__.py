@@ -52,6 +52,9 @@ if TYPE_CHECKING:
     from receding_fenicsx.errors import NotConverged as NotConverged
     from receding_fenicsx.errors import RecedingError as RecedingError
     from receding_fenicsx.errors import SolveError as SolveError
+    from receding_fenicsx.evolution.branching.tree import Branch as Branch
+    from receding_fenicsx.evolution.branching.tree import BranchTree as BranchTree
+    from receding_fenicsx.evolution.branching.tree import branches as branches
     from receding_fenicsx.evolution.evolve import evolve as evolve
     from receding_fenicsx.evolution.moment import recovered_tractions as recovered_tractions
     from receding_fenicsx.evolution.probe_history import ProbeHistory as ProbeHistory
@@ -180,6 +183,11 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "instant_of": ("evolution.replay", "Replay the state at an instant named by cycle and leg"),
         "state_at": ("evolution.replay", "Replay the state at cycle, leg number and position s"),
     },
+    "Several continuations": {
+        "branches": ("evolution.branching.tree", "Follow all branches of a history"),
+        "BranchTree": ("evolution.branching.tree", "Branches of a history, each with its record"),
+        "Branch": ("evolution.branching.tree", "One path through all choices"),
+    },
     "Sweep": {
         "sweep": ("parameter_sweep.sweep", "Run a scene for every combination of values"),
         "SweepOptions": ("parameter_sweep.sweep", "Options of a sweep: resume, overwrite, ..."),
@@ -243,6 +251,8 @@ __all__ = [
     "SOLVERS",
     "STATE_NAMES",
     "Body",
+    "Branch",
+    "BranchTree",
     "Contact",
     "ContactState",
     "ContactSystem",
@@ -274,6 +284,7 @@ __all__ = [
     "SweepTable",
     "Units",
     "animate",
+    "branches",
     "child_environment",
     "condense",
     "contact_half_width",

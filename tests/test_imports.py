@@ -44,7 +44,7 @@ INTERFACE = (
     ),
     ("gauss_seidel",),
     ("exact",),
-    ("load_steps",),
+    ("load_steps", "branches"),
 )
 """Rooms of the interface: modules of its own folder, then its folders."""
 

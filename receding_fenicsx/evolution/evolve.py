@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import replace
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.errors import InputError, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.checks import check_force_range
 from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.corners import with_corners
@@ -14,6 +16,7 @@ from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState
+from receding_fenicsx.interface.branches.choice import Choice, Chooser
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
@@ -111,8 +114,30 @@ def continue_history(
     except SolveError as error:
         unfinished = run.corners, run.position.totals
         error.record = record_of(problem.system, problem.solver, cycles, unfinished)
+        error.record.choices = _choices(problem)
+        if isinstance(error, NoQuasiStaticContinuation) and problem.solver.method == "events":
+            error.args = (f"{error}; {_choices_before(problem)}",)
         raise
-    return record_of(problem.system, problem.solver, cycles, last=run.sample_last())
+    record = record_of(problem.system, problem.solver, cycles, last=run.sample_last())
+    record.choices = _choices(problem)
+    return record
+
+
+def _choices(problem: Problem) -> tuple[Choice, ...]:
+    return () if problem.chooser is None else problem.chooser.choices
+
+
+def _choices_before(problem: Problem) -> str:
+    """Return in words which choices between continuations a path that ends has made.
+
+    Where they have not been looked for on the way, the path is followed once more.
+    """
+    if problem.chooser is None:
+        output = OutputOptions(samples_per_leg=1, cycles=())
+        problem = replace(problem, chooser=Chooser(), output=output)
+        with suppress(SolveError):
+            continue_history(problem, Journal())
+    return "" if problem.chooser is None else problem.chooser.text()
 
 
 def _message(run: RunState, number: int) -> str:

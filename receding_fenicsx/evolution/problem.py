@@ -9,6 +9,7 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import has_probes_of, system_for
+from receding_fenicsx.interface.branches.choice import FIRST, Chooser
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import check_range, check_system
 from receding_fenicsx.scene.history import History, check_history, from_scene
@@ -17,6 +18,7 @@ from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene.profiles import evaluate_checked
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.scene.validate_options import check_branch
 
 DEFAULT_SAMPLED_CYCLES = (0, 1, 2, 9)
 """Cycles that get samples and events by default, beside the last one."""
@@ -32,6 +34,7 @@ class Problem:
         solver: method and tolerances.
         output: which cycles get samples and events.
         initial_slip: (N,) tangential displacement at rest; 0 at held nodes.
+        chooser: chooses among several continuations of the exact path; None takes the first.
     """
 
     system: ContactSystem
@@ -39,6 +42,7 @@ class Problem:
     solver: SolverOptions
     output: OutputOptions
     initial_slip: Array
+    chooser: Chooser | None = None
 
     @property
     def has_initial_slip(self) -> bool:
@@ -129,4 +133,10 @@ def _checked(
     if not np.all(np.isfinite(v)):
         raise InputError(f"initial_slip of node {np.argmin(np.isfinite(v))} is not finite")
     v[system.held[:n]] = 0.0
-    return Problem(system, history, solver, output, v)
+    return Problem(system, history, solver, output, v, _chooser(solver))
+
+
+def _chooser(solver: SolverOptions) -> Chooser | None:
+    """Return the chooser for ``solver.branch``, None for the first continuation found."""
+    check_branch(solver)
+    return None if solver.branch == FIRST else Chooser(solver.branch)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.interface.branches.choice import Choice
 from receding_fenicsx.interface.law import Friction, friction_of
 
 
@@ -157,6 +158,8 @@ class RecordData:
         doubling: (k, 2) of a harmonic history whose corners were doubled: number of corners of each
             polygon, and error estimate of its dissipation per cycle, relative (NaN for the first
             two).
+        choices: instants with several continuations on the exact path, and the one taken; they are
+            looked for where ``solver.branch`` asks for another one than the first.
     """
 
     x: Array
@@ -189,6 +192,7 @@ class RecordData:
     f_backward: Array | None = None
     probes: Probes | None = None
     doubling: Array | None = None
+    choices: tuple[Choice, ...] = ()
 
     @property
     def friction(self) -> Friction:

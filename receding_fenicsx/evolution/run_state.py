@@ -51,7 +51,7 @@ class RunState:
         self.problem, self.cycles = problem, cycles
         self.model = replace(frictional_form(problem.system), probes=None)
         self.steady = steady_watch(problem.system, problem.solver, cycles)
-        self.solver = make_solver(self.model, problem.solver)
+        self.solver = make_solver(self.model, problem.solver, problem.chooser)
         self.position = self._end_of(len(cycles) - 1)
         self.corners: list[Instant] = []
         self._images = np.bincount(mirror_of(problem.system).index)
@@ -123,7 +123,7 @@ class RunState:
         return self._sample(number)
 
     def _restart_after(self, number: int) -> None:
-        self.solver = make_solver(self.model, self.problem.solver)
+        self.solver = make_solver(self.model, self.problem.solver, self.problem.chooser)
         self.position = self._end_of(number)
 
     def _end_of(self, number: int) -> Position:
@@ -156,6 +156,8 @@ class RunState:
     ) -> Leg:
         """Trace one leg; add its samples and events where they are wanted."""
         state, scale = self.position.state, self.position.totals.force_scale
+        if self.problem.chooser is not None:
+            self.problem.chooser.enter(number, k)
         if self._is_static(number, k):
             leg = self.solver.static_leg(state, ends, scale)
             check_landing(self.model, leg.end)

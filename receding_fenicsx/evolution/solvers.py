@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.exact.legs import Chooser
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions
 from receding_fenicsx.interface.load_steps.path import GaussSeidelPath
@@ -35,16 +36,21 @@ SOLVERS: dict[str, Callable[[ContactSystem, SolverOptions], Solver]] = {
 """Makers of solvers, by method."""
 
 
-def make_solver(system: ContactSystem, options: SolverOptions) -> Solver:
+def make_solver(
+    system: ContactSystem, options: SolverOptions, chooser: Chooser | None = None
+) -> Solver:
     """Return a new solver of the method asked for.
 
     Args:
         system: the condensed body, ``kind = "frictional"``.
         options: method and tolerances.
+        chooser: chooses among several continuations of the exact path; None takes the first.
 
     Raises:
         InputError: there is no such method.
     """
     if options.method not in SOLVERS:
         raise InputError(f'method "{options.method}": is unknown; use one of {", ".join(SOLVERS)}')
+    if chooser is not None:
+        return EventPath(system, on_jump=options.on_jump, chooser=chooser)
     return SOLVERS[options.method](system, options)

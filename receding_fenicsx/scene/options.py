@@ -96,6 +96,9 @@ class SolverOptions:
             below which the cycle is steady. Changes of slip are compared with 100 times this
             tolerance, relative to the largest slip in the cycle.
         on_jump: "stop" or "static", where no quasi-static continuation exists.
+        branch: where several continuations exist, "first" takes the one found first, "least
+            dissipation" or "most dissipation" the one that dissipates at the least or highest rate,
+            and a number n the n-th, or the last where there are fewer (method "events").
     """
 
     method: str = "events"
@@ -108,6 +111,7 @@ class SolverOptions:
     max_sweeps: int = 20000
     steady_tolerance: float = 1e-8
     on_jump: str = "stop"
+    branch: str | int = "first"
 
 
 @dataclass(frozen=True)

@@ -84,6 +84,10 @@ def read_names(value: object, where: str) -> tuple[str, ...]:
     return tuple(read_string(item, where) for item in _list(value, where))
 
 
+def _name_or_integer(value: object, where: str) -> str | int:
+    return value if isinstance(value, str) else _integer(value, where)
+
+
 def _profile(value: object, where: str) -> Profile:
     if isinstance(value, str):
         return value
@@ -159,6 +163,7 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "float | None": _number,
     "int": _integer,
     "int | None": _integer,
+    "str | int": _name_or_integer,
     "bool": _boolean,
     "Profile": _profile,
     "FrictionProfile": _friction,

@@ -10,6 +10,8 @@ from receding_fenicsx.scene.validate_loads import body_of_point, check_inside
 
 MAX_STEPS = 1_000_000
 """Largest number of load steps or samples of a leg."""
+MAX_BRANCH = 1_000
+"""Largest number of a continuation."""
 MAX_RECORD_BYTES = 1e12
 """Size of the largest record."""
 BYTES_PER_NODE = 50
@@ -30,6 +32,7 @@ def check_solver(solver: SolverOptions) -> None:
     check_choice(solver.method, ("gauss-seidel", "events"), "[solver] method")
     check_choice(solver.symmetry, ("auto", "none"), "[solver] symmetry")
     check_choice(solver.on_jump, ("stop", "static"), "[solver] on_jump")
+    check_branch(solver)
     check_count(solver.steps_per_leg, MAX_STEPS, "[solver] steps_per_leg")
     check_positive(solver.max_sweeps, "[solver] max_sweeps")
     for key in ("change_tolerance", "residual_tolerance", "steady_tolerance"):
@@ -40,6 +43,19 @@ def check_solver(solver: SolverOptions) -> None:
         raise InputError(
             f"[solver] over_relaxation: must be between 0 and 2, not {solver.over_relaxation:g}; "
             "1 is none, 1.5 often fastest"
+        )
+
+
+def check_branch(solver: SolverOptions) -> None:
+    """Check which of several continuations is taken, and that the method can."""
+    rule, where = solver.branch, "[solver] branch"
+    if isinstance(rule, bool) or not isinstance(rule, int):
+        check_choice(rule, ("first", "least dissipation", "most dissipation"), where)
+    else:
+        check_count(rule, MAX_BRANCH, where)
+    if rule != "first" and solver.method != "events":
+        raise InputError(
+            f'{where}: load steps find one continuation only; use method "events" with it'
         )
 
 

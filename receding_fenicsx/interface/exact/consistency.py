@@ -28,7 +28,7 @@ from receding_fenicsx.interface.exact.rolling import middle
 from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
-from receding_fenicsx.interface.lcp.contact import is_exhaustible, solve_states
+from receding_fenicsx.interface.lcp.contact import Undecided, is_exhaustible, solve_states
 from receding_fenicsx.interface.residual import ROUND_OFFS
 
 SIMULTANEOUS_ROUNDS = 3
@@ -60,7 +60,7 @@ class ConsistentStates:
         self.equilibrium_ends = equilibrium_ends
         a, b = point.problem.ends
         self.direction = b - a
-        self._on_limit = segments.limit * point.problem.force_scale
+        self.on_limit = segments.limit * point.problem.force_scale
 
     def find(self, hit: int | None = None) -> Segment:
         """Change states until no node on a limit is driven across it; return the rates.
@@ -71,8 +71,12 @@ class ConsistentStates:
         Raises:
             SolveError: there are no such states.
         """
+        before, chooser = self.point.state, self.point.problem.chooser
+        segment = self._find(before, hit)
+        return segment if chooser is None else chooser.choose(self, before, segment)
+
+    def _find(self, before: States, hit: int | None) -> Segment:
         segments, point = self.segments, self.point
-        before = point.state
         point.state = state = before.copy()
         seen = {state.tobytes()}
         rounds = 0
@@ -100,14 +104,14 @@ class ConsistentStates:
     def violations(self, segment: Segment) -> NDArray[np.intp]:
         """Return labels of quantities on their limit that are driven across it."""
         fall = segment.falling
-        on_limit = fall[self.point.y[fall] <= self._on_limit[fall]]
+        on_limit = fall[self.point.y[fall] <= self.on_limit[fall]]
         if not len(segment.reversed_nodes):
             return on_limit
         return np.concatenate([segment.reversed_nodes, on_limit])
 
     def change(self, labels: list[int]) -> None:
         """Change the present states of the nodes whose labelled quantities are violated."""
-        state, y, on_limit = self.point.state, self.point.y, self._on_limit
+        state, y, on_limit = self.point.state, self.point.y, self.on_limit
         n = len(state)
         kinds_of: dict[int, int] = {}
         for label in labels:
@@ -146,7 +150,7 @@ class ConsistentStates:
         """
         scale = self.sums.force_scale
         if nodes is None:
-            nodes = self.segments.undecided(self.point.y, states, self._on_limit).nodes
+            nodes = self.segments.undecided(self.point.y, states, self.on_limit).nodes
         return explain(self.segments, self.point, states, scale, nodes, exhausted)
 
     def _decide(self, before: States) -> Segment:
@@ -182,8 +186,8 @@ class ConsistentStates:
         friction, gap = segments.friction, P / segments.weight[n : 2 * n]
         A = np.where(segments.frictional, Q + friction.forward * P, P)
         wide = np.concatenate([np.zeros(n), gap, A, Q + friction.backward * P])
-        more = (point.y > self._on_limit) & (point.y <= wide)
-        self._on_limit = np.maximum(self._on_limit, wide)
+        more = (point.y > self.on_limit) & (point.y <= wide)
+        self.on_limit = np.maximum(self.on_limit, wide)
         return bool(np.any(more[n:]))
 
     def _pivoted(self, before: States) -> tuple[Segment | None, bool]:
@@ -193,12 +197,7 @@ class ConsistentStates:
             The rates, None without a solution; and whether all sets of states were tried.
         """
         segments, system, n = self.segments, self.segments.system, self.segments.system.n
-        undecided = segments.undecided(self.point.y, before, self._on_limit)
-        free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
-        decided_open = (before == SEPARATION) & ~np.isin(np.arange(n), undecided.nodes)
-        open_n = np.flatnonzero(decided_open & ~system.held[n:])
-        open_t = np.flatnonzero(decided_open & segments.frictional)
-        free = np.concatenate([open_t, free_v, n + open_n])
+        undecided, free = self.rate_problem(before)
         try:
             found = solve_states(system, self.direction @ system.r_star, undecided, free)
         except np.linalg.LinAlgError:
@@ -212,10 +211,20 @@ class ConsistentStates:
             return None, False
         if len(self.violations(segment)):
             state = self.point.state
-            gap, wide = self.point.y[n : 2 * n], self._on_limit[n : 2 * n]
+            gap, wide = self.point.y[n : 2 * n], self.on_limit[n : 2 * n]
             touching = np.flatnonzero((state == SEPARATION) & ~system.held[n:] & (gap <= wide))
             segment = drifting(segments, segment, state, self.direction, touching)
         return (None if len(self.violations(segment)) else segment), False
+
+    def rate_problem(self, before: States) -> tuple[Undecided, NDArray[np.intp]]:
+        """Return the nodes on limits, and the degrees of freedom that move freely."""
+        segments, system, n = self.segments, self.segments.system, self.segments.system.n
+        undecided = segments.undecided(self.point.y, before, self.on_limit)
+        free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
+        decided_open = (before == SEPARATION) & ~np.isin(np.arange(n), undecided.nodes)
+        open_n = np.flatnonzero(decided_open & ~system.held[n:])
+        open_t = np.flatnonzero(decided_open & segments.frictional)
+        return undecided, np.concatenate([open_t, free_v, n + open_n])
 
     def _balance(self, before: States) -> bool:
         """Turn a body that balances on one node until nodes on both sides are equally far.

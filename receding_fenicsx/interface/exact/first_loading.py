@@ -56,6 +56,8 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
             "tip or slide the body (check their signs, or add a [[support]]), or friction and "
             "Poisson's ratio may be so high that none exists"
         )
+    if problem.chooser is not None:
+        end = problem.chooser.choose_static(segments, problem, end)
     change, n = end.u - start.u, system.n
     scale = largest_force(system, load, end.r, problem.force_scale)
     slip = np.where(system.held[:n] | (end.state == SEPARATION), 0.0, change[:n])

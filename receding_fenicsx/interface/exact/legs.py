@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +13,24 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, 
 
 Event = tuple[float, int, int, int]
 """Place s on the leg, node, old state, new state."""
+
+
+class Chooser(Protocol):
+    """Chooses among several continuations, see :mod:`receding_fenicsx.interface.branches`."""
+
+    def choose(self, found: Any, before: NDArray[np.int8], segment: Any) -> Any:
+        """Return the rates to go on with, and bring the path's states to theirs.
+
+        Args:
+            found: the ``ConsistentStates`` at the present point.
+            before: (N,) states before.
+            segment: rates in the states that were found.
+        """
+        ...
+
+    def choose_static(self, segments: Any, problem: LegProblem, end: ContactState) -> ContactState:
+        """Return the end of a leg from rest to take, ``end`` being the one that was found."""
+        ...
 
 
 @dataclass(frozen=True)
@@ -26,6 +45,7 @@ class LegProblem:
         s_start: place at which ``start`` is.
         part: where s = 0 and s = 1 lie on the leg of the history, for messages.
         jumps: jumps on the leg of the history before this piece.
+        chooser: chooses among several continuations; None takes the first one found.
     """
 
     start: ContactState
@@ -35,6 +55,7 @@ class LegProblem:
     s_start: float = 0.0
     part: tuple[float, float] = (0.0, 1.0)
     jumps: int = 0
+    chooser: Chooser | None = None
 
     def load(self, s: float) -> Array:
         """Return the (n_loads,) load factors at s."""
@@ -63,7 +84,15 @@ class LegProblem:
         """
         part = self.place(s[0]), self.place(s[1])
         total = self.jumps + jumps
-        return LegProblem(start, ends, force_scale, self.samples, part=part, jumps=total)
+        return replace(
+            self,
+            start=start,
+            ends=ends,
+            force_scale=force_scale,
+            s_start=0.0,
+            part=part,
+            jumps=total,
+        )
 
 
 @dataclass

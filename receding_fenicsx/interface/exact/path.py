@@ -19,6 +19,7 @@ from receding_fenicsx.interface.exact.jumps import (
     no_state_beyond,
 )
 from receding_fenicsx.interface.exact.legs import (
+    Chooser,
     LegProblem,
     changes,
     evenly_spaced,
@@ -66,7 +67,11 @@ class EventPath:
     """
 
     def __init__(
-        self, system: ContactSystem, check_all: bool = False, on_jump: str = "stop"
+        self,
+        system: ContactSystem,
+        check_all: bool = False,
+        on_jump: str = "stop",
+        chooser: Chooser | None = None,
     ) -> None:
         """Prepare for ``system`` in 2N form.
 
@@ -75,8 +80,10 @@ class EventPath:
             check_all: evaluate the residual afresh after every event.
             on_jump: "stop" where no quasi-static path continues, or pass the jump by one "static"
                 problem.
+            chooser: chooses among several continuations; None takes the first one found.
         """
         self.system, self.check_all, self.on_jump = system, check_all, on_jump
+        self.chooser = chooser
         self.segments = Segments(system)
         self.reduction: Reduction | None = None
         self._low_friction_node = _low_friction_node(self.segments)
@@ -102,11 +109,12 @@ class EventPath:
             NoQuasiStaticContinuation: the rate problem has no solution.
             SolveError: the residual of the contact law is above its tolerance.
         """
-        return self._trace(LegProblem(start, ends, force_scale, evenly_spaced(samples)))
+        places = evenly_spaced(samples)
+        return self._trace(LegProblem(start, ends, force_scale, places, chooser=self.chooser))
 
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
         """Jump to the end of a leg: a static problem with slip counted from ``start``."""
-        return self._from_rest(LegProblem(start, ends, force_scale))
+        return self._from_rest(LegProblem(start, ends, force_scale, chooser=self.chooser))
 
     def _trace(self, problem: LegProblem) -> Leg:
         """Follow a leg, or a piece of one, which may start or end unloaded."""
@@ -236,6 +244,8 @@ class EventPath:
             The leg; None where there is nothing to leave out, or where that has failed.
         """
         (a, b), start = problem.ends, problem.start
+        if problem.chooser is not None:
+            return None
         if is_at_rest(self.system, b) or (b - a).tobytes() not in self.changed:
             return None
         for _ in range(MAX_REDUCTIONS):

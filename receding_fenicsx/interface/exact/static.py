@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NotConverged
 from receding_fenicsx.interface.exact.drift import drifted
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK, natural_states
@@ -20,7 +21,7 @@ from receding_fenicsx.interface.residual import (
     reachable,
     relative_residual,
 )
-from receding_fenicsx.interface.system import ContactState, reactions
+from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 
 MAX_STATE_SETS = 30
 """Sets of states tried by Newton's method."""
@@ -120,22 +121,49 @@ def _sweep(
         return None
 
 
-def _pivot(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
-    """Solve by linear complementarity, every node being undecided."""
-    system, n = segments.system, segments.system.n
-    nothing = np.zeros(0, dtype=np.intp)
-    u0 = np.concatenate([start.v, np.where(system.held[n:], start.w, -system.g0)])
+def touching_start(segments: Segments, start: ContactState) -> Array:
+    """Return the (2N,) displacements of a start with all gaps closed."""
+    system = segments.system
+    return np.concatenate([start.v, np.where(system.held[system.n :], start.w, -system.g0)])
+
+
+def static_problem(
+    segments: Segments, start: ContactState, load: Array
+) -> tuple[ContactSystem, Array, Undecided, NDArray[np.intp]]:
+    """Return a static problem for linear complementarity, every node being undecided."""
+    system, nothing = segments.system, np.zeros(0, dtype=np.intp)
     nodes = Undecided(
         nothing, nothing, np.flatnonzero(segments.frictional), np.flatnonzero(segments.smooth)
     )
-    free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
+    free_v = np.flatnonzero(~system.held[: system.n] & ~segments.frictional)
+    return system, reactions(system, load, touching_start(segments, start)), nodes, free_v
+
+
+def _pivot(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    """Solve by linear complementarity, every node being undecided."""
     try:
-        state = solve_states(system, reactions(system, load, u0), nodes, free_v)
+        state = solve_states(*static_problem(segments, start, load))
     except np.linalg.LinAlgError:  # a motion that nothing resists
         return None
     if state is None:
         return None
-    state[state == 0] = STICK
+    return end_in_states(segments, start, load, state)
+
+
+def end_in_states(
+    segments: Segments, start: ContactState, load: Array, state: States
+) -> ContactState | None:
+    """Return the answer of a static problem in given states; None where it breaks the law.
+
+    Args:
+        segments: of the condensed body.
+        start: displacements that slip is counted from; open nodes are taken as touching.
+        load: (n_loads,) load factors.
+        state: (N,) states; 0 where they do not matter.
+    """
+    system, n = segments.system, segments.system.n
+    state = np.where(state == 0, STICK, state).astype(np.int8)
+    u0 = touching_start(segments, start)
     try:
         tableau = segments.tableau(state)
     except SingularExchange:

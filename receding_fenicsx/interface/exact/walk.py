@@ -168,6 +168,10 @@ class Walk:
         """
         point, states = self.point, self.states
         point.y[label] = 0.0
+        if self.problem.chooser is not None:
+            following = self._consistent(label)
+            self.round_off.count_event()
+            return following, True
         known = segment.next.get(label)
         if known is not None:
             point.state, following, change = known

@@ -34,7 +34,7 @@ def count(choices: Choices) -> int:
     """Return the number of sets of states, ``UNCOUNTED`` where there are as many or more."""
     if not choices:
         return 0
-    return int(min(np.prod([float(len(c)) for c in choices]), float(UNCOUNTED)))
+    return int(min(float(np.prod([float(len(c)) for c in choices])), float(UNCOUNTED)))
 
 
 def exhaust(

@@ -1,0 +1,162 @@
+"""Follow all branches of a history, each as a record."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.evolution.evolve import continue_history
+from receding_fenicsx.evolution.journal import Journal
+from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.branches.choice import Choice, Chooser, Key
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
+
+MOST_BRANCHES = 64
+"""Branches that are followed by default."""
+
+
+@dataclass(frozen=True)
+class Branch:
+    """One path through all choices.
+
+    Attributes:
+        record: of the whole path, or up to the leg on which it ends.
+        choices: the choices made on it; ``taken`` of each is the continuation's number, from 1.
+        failure: why it ends before the end of the history, "" where it does not.
+    """
+
+    record: Record
+    choices: tuple[Choice, ...]
+    failure: str
+
+    @property
+    def taken(self) -> tuple[int, ...]:
+        """Number of the continuation taken at each choice, from 1."""
+        return tuple(choice.taken for choice in self.choices)
+
+
+@dataclass(frozen=True)
+class BranchTree:
+    """All branches that were followed; the first one takes the first continuation everywhere.
+
+    Attributes:
+        branches: the branches.
+        complete: no other branch exists: neither was the number of branches limited, nor were there
+            instants at which not all continuations could be searched.
+    """
+
+    branches: tuple[Branch, ...]
+    complete: bool
+
+    def __len__(self) -> int:
+        """Return the number of branches."""
+        return len(self.branches)
+
+    def __iter__(self) -> Iterator[Branch]:
+        """Iterate over the branches."""
+        return iter(self.branches)
+
+    def __getitem__(self, number: int) -> Branch:
+        """Return a branch by its number, from 0."""
+        return self.branches[number]
+
+    def __str__(self) -> str:
+        """Return a line for each branch: choices taken, how far it goes, dissipation."""
+        whole = "all" if self.complete else "there may be more"
+        lines = [f"{len(self)} branches ({whole})"]
+        for k, branch in enumerate(self.branches):
+            record = branch.record
+            total = record.dissipation_first_loading + float(record.cycles.dissipation.sum())
+            end = f"ends: {branch.failure}" if branch.failure else "goes all the way"
+            taken = ", ".join(f"{c.taken} of {c.solutions}" for c in branch.choices) or "no choice"
+            lines.append(f"branch {k}: {taken}; dissipation {total:.6g}; {end}")
+        return "\n".join(lines)
+
+
+def branches(
+    system: ContactSystem,
+    history: Scene | History,
+    most: int = MOST_BRANCHES,
+    solver: SolverOptions | None = None,
+    output: OutputOptions | None = None,
+) -> BranchTree:
+    """Follow all branches of a history on the exact path.
+
+    Where a load has no ``load_compliance`` (a system made by hand), its displacement in the records
+    is that of the contact alone, the displacement with the contact held being left out.
+
+    Args:
+        system: the condensed body.
+        history: a scene, or a path of load factors.
+        most: number of branches that are followed at most.
+        solver: its ``on_jump``; not with a scene.
+        output: samples of each record; by default all cycles are sampled. Not with a scene.
+
+    Returns:
+        The tree.
+
+    Raises:
+        InputError: as :func:`~receding_fenicsx.evolution.evolve.evolve`; the method is not
+            "events", or ``solver.branch`` is given.
+    """
+    problem = _problem(system, history, solver, output)
+    if problem.solver.method != "events" or problem.solver.branch != "first":
+        raise InputError(
+            'branches: follows all branches by method "events"; leave out solver.method and '
+            "solver.branch"
+        )
+    if most < 1:
+        raise InputError(f"branches: most must be at least 1, not {most}")
+    waiting: deque[dict[Key, int]] = deque([{}])
+    found: list[Branch] = []
+    complete = True
+    while waiting and len(found) < most:
+        taken = waiting.popleft()
+        chooser = Chooser(taken=taken)
+        found.append(_follow(replace(problem, chooser=chooser)))
+        complete = complete and not chooser.unsure
+        before: dict[Key, int] = {}
+        for key in sorted(chooser.log):
+            choice = chooser.log[key]
+            if key not in taken:
+                waiting += [before | {key: k + 1} for k in range(1, choice.solutions)]
+            before[key] = choice.taken
+    return BranchTree(tuple(found), complete and not waiting)
+
+
+def _problem(
+    system: ContactSystem,
+    history: Scene | History,
+    solver: SolverOptions | None,
+    output: OutputOptions | None,
+) -> Problem:
+    if system.load_compliance.size == 0:
+        loads = len(system.load_names)
+        system = replace(
+            system, load_compliance=np.zeros((loads, loads)), load_sign=-np.ones(loads)
+        )
+    if not isinstance(history, Scene):
+        output = output or OutputOptions(cycles="all")
+        return problem_of_history(system, history, solver, output)
+    if solver is not None or output is not None:
+        raise InputError("branches: a scene brings its own solver and output")
+    return problem_of_scene(system, history)
+
+
+def _follow(problem: Problem) -> Branch:
+    """Play the history with given choices."""
+    failure = ""
+    try:
+        record = continue_history(problem, Journal())
+    except SolveError as error:
+        if not isinstance(error.record, Record):
+            raise
+        record, failure = error.record, str(error)
+    return Branch(record, record.choices, failure)

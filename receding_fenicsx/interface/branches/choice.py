@@ -1,0 +1,258 @@
+"""Choice among several continuations of a contact: found, made by a rule, and noted."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.exact.consistency import ConsistentStates
+from receding_fenicsx.interface.exact.legs import LegProblem
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.segments import Segment, Segments, States
+from receding_fenicsx.interface.exact.static import end_in_states, static_problem
+from receding_fenicsx.interface.exact.tableau import A, B
+from receding_fenicsx.interface.lcp.all_solutions import SAME_RATES, all_solutions
+from receding_fenicsx.interface.system import ContactState
+
+FIRST, LEAST, MOST = "first", "least dissipation", "most dissipation"
+RULES = (FIRST, LEAST, MOST)
+"""Rules by name; a number n takes the n-th continuation, or the last where there are fewer."""
+
+SAME_DISSIPATION = 1e-9
+"""Difference of dissipation rates, over the largest, below which the next term decides."""
+
+SAME_PLACE = 1e-9
+"""Part of a leg within which the same continuations are one choice."""
+
+LISTED = 3
+"""Choices that a message names at most."""
+
+Key = tuple[int, int, int]
+"""Cycle, leg, and number of a choice on the leg."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """An instant with several continuations.
+
+    Attributes:
+        cycle, leg, s: place on the load path.
+        load: load factors.
+        nodes: modelled nodes whose states differ between the continuations.
+        solutions: number of continuations.
+        taken: the one that was taken, from 1; 1 is the one that is found first.
+        states: states of these nodes in each continuation.
+    """
+
+    cycle: int
+    leg: int
+    s: float
+    load: tuple[float, ...]
+    nodes: tuple[int, ...]
+    solutions: int
+    taken: int
+    states: tuple[tuple[int, ...], ...]
+
+
+@dataclass
+class _Option:
+    """A continuation: states, change of [v, w] as forces, first and second rate of dissipation."""
+
+    state: States
+    change: Array
+    dissipation: tuple[float, float]
+
+    def equals(self, other: _Option) -> bool:
+        scale = max(np.abs(self.change).max(), np.abs(other.change).max())
+        return bool(np.abs(self.change - other.change).max() <= SAME_RATES * scale)
+
+
+class Chooser:
+    """Finds all continuations at each event and turning point, takes one, notes the choice.
+
+    Attributes:
+        rule: one of ``RULES``, or a number from 1.
+        log: the choices made, in their order.
+        unsure: places at which not all continuations could be searched.
+    """
+
+    def __init__(self, rule: str | int = FIRST, taken: Mapping[Key, int] | None = None) -> None:
+        """Prepare.
+
+        Args:
+            rule: rule of all choices but the given ones.
+            taken: number of the continuation to take, from 1, of given choices.
+        """
+        self.rule, self.taken = rule, taken or {}
+        self.log: dict[Key, Choice] = {}
+        self.unsure: set[tuple[int, int, float]] = set()
+        self._leg, self._number = (0, 0), 0
+        self._last: tuple[float, list[_Option]] | None = None
+
+    def enter(self, cycle: int, leg: int) -> None:
+        """Begin a leg; what is noted of it is forgotten."""
+        self._leg, self._number, self._last = (cycle, leg), 0, None
+        self.log = {key: choice for key, choice in self.log.items() if key[:2] != self._leg}
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """The choices made, in their order."""
+        return tuple(self.log[key] for key in sorted(self.log))
+
+    def choose(self, found: ConsistentStates, before: States, segment: Segment) -> Segment:
+        """Return the rates to go on with, and bring the path's states to theirs.
+
+        Args:
+            found: the search for consistent states, at the present point.
+            before: (N,) states before.
+            segment: rates in the states that it has found.
+        """
+        segments, point = found.segments, found.point
+        undecided, free = found.rate_problem(before)
+        place = (*self._leg, point.problem.place(point.s))
+        if not len(undecided.nodes):
+            return segment
+        try:
+            held = found.direction @ segments.system.r_star
+            solutions = all_solutions(segments.system, held, undecided, free)
+        except np.linalg.LinAlgError:
+            self.unsure.add(place)
+            return segment
+        if not solutions.complete:
+            self.unsure.add(place)
+        first = point.state
+        ways = [(segment, _option_of(segments, point.y, first, segment))]
+        for row in solutions.states:
+            point.state = np.where(row > 0, row, before).astype(np.int8)
+            try:
+                other = segments.at(point.state, found.direction)
+            except SingularExchange:
+                self.unsure.add(place)
+                continue
+            option = _option_of(segments, point.y, point.state, other)
+            known = any(np.array_equal(option.state, o.state) or option.equals(o) for _, o in ways)
+            if not known and not len(found.violations(other)):
+                ways.append((other, option))
+        point.state = first
+        number = self._take(place, point.load, [option for _, option in ways])
+        if number > 0:
+            point.state = ways[number][1].state
+            _set_limits(segments, point.y, found.on_limit, undecided.nodes)
+        return ways[number][0]
+
+    def choose_static(
+        self, segments: Segments, problem: LegProblem, end: ContactState
+    ) -> ContactState:
+        """Return the end of a leg from rest to take, ``end`` being the one that was found."""
+        start, load = problem.start, problem.ends[1]
+        place = (*self._leg, problem.place(0.0))
+        try:
+            solutions = all_solutions(*static_problem(segments, start, load))
+        except np.linalg.LinAlgError:
+            self.unsure.add(place)
+            return end
+        if not solutions.complete:
+            self.unsure.add(place)
+        ways = [(end, _static_option(segments, start, end))]
+        for row in solutions.states:
+            other = end_in_states(segments, start, load, row)
+            if other is None:
+                self.unsure.add(place)
+                continue
+            option = _static_option(segments, start, other)
+            if not any(option.equals(known) for _, known in ways):
+                ways.append((other, option))
+        return ways[self._take(place, problem.ends[0], [option for _, option in ways])][0]
+
+    def _take(self, place: tuple[int, int, float], load: Array, options: list[_Option]) -> int:
+        """Return the index of the continuation to take; note the choice where there are several."""
+        if len(options) == 1:
+            return 0
+        s = place[2]
+        if self._last is not None and s - self._last[0] <= SAME_PLACE:
+            same = len(options) == len(self._last[1]) and all(
+                any(option.equals(other) for other in self._last[1]) for option in options
+            )
+            if same:  # chosen already
+                return 0
+        self._last = s, options
+        key = (*self._leg, self._number)
+        self._number += 1
+        taken = min(self.taken.get(key, 0) or self._by_rule(options), len(options))
+        states = np.array([option.state for option in options])
+        nodes = np.flatnonzero(np.any(states != states[0], axis=0))
+        self.log[key] = Choice(
+            *place,
+            load=tuple(load.tolist()),
+            nodes=tuple(nodes.tolist()),
+            solutions=len(options),
+            taken=taken,
+            states=tuple(tuple(row) for row in states[:, nodes].tolist()),
+        )
+        return taken - 1
+
+    def _by_rule(self, options: list[_Option]) -> int:
+        """Return the number, from 1, of the continuation that the rule takes."""
+        if not isinstance(self.rule, str):
+            return self.rule
+        if self.rule == FIRST:
+            return 1
+        left = list(range(len(options)))
+        sign = 1.0 if self.rule == LEAST else -1.0
+        for order in (0, 1):
+            rates = sign * np.array([option.dissipation[order] for option in options])
+            close = rates[left].min() + SAME_DISSIPATION * np.abs(rates).max()
+            left = [k for k in left if rates[k] <= close]
+        return left[0] + 1
+
+    def text(self) -> str:
+        """Return in words which choices were made."""
+        if not self.log and self.unsure:
+            cycle, leg, s = min(self.unsure)
+            return (
+                "no choice between continuations was found on the way, but not all were searched "
+                f"(first in cycle {cycle}, leg {leg}, at s = {s:.6g})"
+            )
+        if not self.log:
+            return "no choice between several continuations was made on the way"
+        parts = [
+            f"cycle {c.cycle}, leg {c.leg}, s = {c.s:.6g} (nodes {list(c.nodes)[:LISTED]}, "
+            f"{c.taken} of {c.solutions})"
+            for c in self.choices[:LISTED]
+        ]
+        more = f" and {len(self.log) - LISTED} more" if len(self.log) > LISTED else ""
+        return (
+            f"choices between several continuations were made before, in {'; '.join(parts)}{more}: "
+            "another one may go on (solver.branch, or rf.branches for all)"
+        )
+
+
+def _option_of(segments: Segments, y: Array, state: States, segment: Segment) -> _Option:
+    """Return a continuation along a leg with its dissipation -Q dv, -dQ dv / 2."""
+    n = segments.system.n
+    a, b = segments.shares
+    touches = segments.frictional & (state >= 3)
+    rate = np.where(touches, segment.q[:n], 0.0)
+    Q, dQ = (a * z[A * n : B * n] - b * z[B * n :] for z in (y, segment.q))
+    change = segment.q[: 2 * n] * segments.weight[: 2 * n]
+    return _Option(state, change, (-float(Q @ rate), -0.5 * float(dQ @ rate)))
+
+
+def _static_option(segments: Segments, start: ContactState, end: ContactState) -> _Option:
+    """Return the end of a leg from rest with its dissipation."""
+    change, n = end.u - start.u, segments.system.n
+    slip = np.where(segments.frictional & (end.state != 2), change[:n], 0.0)
+    dissipation = -0.5 * float(end.Q @ slip)
+    return _Option(end.state, change * segments.weight[: 2 * n], (dissipation, 0.0))
+
+
+def _set_limits(segments: Segments, y: Array, on_limit: Array, nodes: NDArray[np.intp]) -> None:
+    """Set the quantities of undecided nodes that are within round-off of their limits to zero."""
+    n = segments.system.n
+    for kind in (1, A, B):
+        labels = kind * n + nodes
+        y[labels[y[labels] <= on_limit[labels]]] = 0.0

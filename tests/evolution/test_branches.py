@@ -1,0 +1,151 @@
+"""All branches of a history: worked examples, and every set of states tried by other code."""
+
+import re
+
+import numpy as np
+import pytest
+from branch_problems import all_ends, different, random_problem
+from replay import replay
+from small import small_system, table
+from ways import TooMany
+
+import receding_fenicsx as rf
+from receding_fenicsx.interface.law import BACKWARD, SEPARATION, STICK
+
+PLACE = 1e-6
+"""Part of a leg within which two places are one."""
+
+
+def node_of_three_solutions() -> rf.ContactSystem:
+    return small_system([[1.0, 0.9], [0.9, 1.0]], {"p0": [1.3, 1.0]}, 1.5)
+
+
+def two_nodes() -> tuple[rf.ContactSystem, rf.History]:
+    """Return two uncoupled nodes, the first with two answers to the first load."""
+    K = np.kron([[2.0, 1.5], [1.5, 2.0]], np.eye(2))
+    system = small_system(K, {"a": [1.0, 2.0, 0.5, 2.0], "b": [0.5, 0.0, 0.0, 0.0]}, 2.0)
+    return system, table(system, [[0, 0], [1, 0], [0, 1], [0, 0], [1, 0]])
+
+
+def test_the_node_of_three_solutions_has_three_branches() -> None:
+    system = node_of_three_solutions()
+    history = table(system, [[0.0], [1.0]])
+    tree = rf.branches(system, history)
+    assert tree.complete and len(tree) == 3
+    ends = {int(b.record.turning_points.state[0, 0]): b.record for b in tree}
+    assert set(ends) == {STICK, SEPARATION, BACKWARD}
+    # on paper: 1.3 + v = 1.5 (1 + .9 v); K u = -(1.3, 1)
+    assert ends[BACKWARD].turning_points.v[0, 0] == pytest.approx(-0.2 / 0.35, rel=1e-14)
+    assert ends[SEPARATION].turning_points.w[0, 0] == pytest.approx(0.17 / 0.19, rel=1e-14)
+    assert [b.choices[0].solutions for b in tree] == [3, 3, 3]
+    assert sorted(b.taken for b in tree) == [(1,), (2,), (3,)]
+    assert all(replay(system, history, b.record).found == [] for b in tree)
+    assert "3 branches (all)" in str(tree)
+
+
+def test_a_branch_ends_at_the_reversal_and_the_other_goes_all_the_way() -> None:
+    system, history = two_nodes()
+    tree = rf.branches(system, history)
+    closed, *opened = tree
+    assert closed.record.turning_points.state.tolist() == [[STICK, STICK]]
+    assert "cycle 0, leg 1: no quasi-static continuation" in closed.failure
+    assert "(s = 0 of the leg)" in closed.failure
+    for branch in opened:
+        assert branch.failure == "" and branch.choices[0].nodes == (0,)
+        assert branch.record.turning_points.state[:3, 0].tolist() == [SEPARATION] * 3
+        assert replay(system, history, branch.record).found == []
+    # all is unloaded before the last leg, on which node 0 has the same two answers
+    assert [branch.taken for branch in tree] == [(1,), (2, 1), (2, 2)] and tree.complete
+
+
+def test_the_error_tells_of_the_choice_before() -> None:
+    system, history = two_nodes()
+    with pytest.raises(rf.NoQuasiStaticContinuation) as error:
+        rf.evolve(system, history)
+    text = "were made before, in cycle 0, leg 0, s = 0 (nodes [0], 1 of 2): another one may go on"
+    assert text in str(error.value)
+    # the path of a node whose first load has one answer may end too
+    node = small_system([[2, 1.5], [1.5, 2]], {"a": [1.0, 1.0], "b": [0.0, -1.0]}, 2.0)
+    with pytest.raises(rf.NoQuasiStaticContinuation) as error:
+        rf.evolve(node, table(node, [[0, 0], [1, 0], [0.25, 1]]))
+    assert "no choice between several continuations was made on the way" in str(error.value)
+
+
+def test_rules_take_the_continuation_they_name() -> None:
+    system, history = node_of_three_solutions(), table(node_of_three_solutions(), [[0.0], [1.0]])
+    states = {}
+    for rule in ("first", "least dissipation", "most dissipation", 1, 2, 3, 9):
+        record = rf.evolve(system, history, rf.SolverOptions(branch=rule))
+        states[rule] = int(record.turning_points.state[0, 0])
+        # "first" does not look for others
+        assert [c.solutions for c in record.choices] == ([] if rule == "first" else [3])
+    assert states["most dissipation"] == BACKWARD
+    assert states["least dissipation"] == states["first"] == states[1] == STICK
+    assert {states[1], states[2], states[3]} == {STICK, SEPARATION, BACKWARD}
+    assert states[9] == states[3]
+
+
+def test_load_steps_and_unknown_rules_are_refused() -> None:
+    system, history = two_nodes()
+    for options, text in (
+        (rf.SolverOptions(branch="frist"), 'branch: "frist" is unknown'),
+        (rf.SolverOptions(branch=0), "branch: must be positive"),
+        (rf.SolverOptions(branch="least dissipation", method="gauss-seidel"), "load steps find"),
+    ):
+        with pytest.raises(rf.InputError, match=re.escape(text)):
+            rf.evolve(system, history, options)
+    with pytest.raises(rf.InputError, match="follows all branches"):
+        rf.branches(system, history, solver=rf.SolverOptions(method="gauss-seidel"))
+    with pytest.raises(rf.InputError, match="most must be at least 1"):
+        rf.branches(system, history, most=0)
+
+
+def test_a_limited_tree_says_that_there_may_be_more() -> None:
+    tree = rf.branches(*two_nodes(), most=2)
+    assert len(tree) == 2 and not tree.complete and "there may be more" in str(tree)
+
+
+def test_branches_are_those_that_all_sets_of_states_lead_to() -> None:
+    several = 0
+    for seed in range(36):
+        system, history = random_problem(seed)
+        try:
+            expected = all_ends(system, history)
+        except TooMany:
+            continue
+        tree = rf.branches(system, history, most=200)
+        assert tree.complete, seed
+        ends, failed = [], set()
+        for branch in tree:
+            if branch.failure:
+                found = re.search(r"leg (\d+): .*\(s = (\S+) of the leg\)", branch.failure)
+                assert found is not None, branch.failure
+                failed.add((int(found[1]), round(float(found[2]) / PLACE)))
+                continue
+            end = branch.record.turning_points
+            ends.append((len(history.path) - 2, 1.0, np.concatenate([end.v[-1], end.w[-1]])))
+            assert replay(system, history, branch.record).found == [], seed
+        whole = [end for end in expected if end[1] == 1.0]
+        ends = different(ends)
+        assert len(different(ends + whole)) == len(ends) == len(whole), seed
+        assert failed == {(leg, round(s / PLACE)) for leg, s, _ in expected if s < 1.0}, seed
+        several += len(tree) > 1
+    assert several >= 8
+
+
+def test_looking_for_branches_changes_no_path_without_any() -> None:
+    for seed in (0, 5, 10, 23):
+        rng = np.random.default_rng(seed)
+        G = rng.standard_normal((12, 18))
+        loads = {"press": [*rng.standard_normal(6), *rng.uniform(1, 2, 6)]}
+        loads["shear"] = rng.standard_normal(12).tolist()
+        system = small_system(G @ G.T / 12, loads, 0.2)
+        history = table(system, [[0, 0], [1, 0.3], [1, -0.5], [1, 0.5], [0.7, 0]])
+        plain = rf.evolve(system, history)
+        (branch,) = rf.branches(system, history)
+        assert branch.choices == () and branch.failure == ""
+        # the answer is the one without looking, up to round-off
+        for name in ("v", "w", "Q", "P"):
+            a, b = (getattr(r.turning_points, name) for r in (plain, branch.record))
+            assert np.abs(a - b).max() <= 1e-12 * np.abs(a).max()
+        assert np.array_equal(plain.turning_points.state, branch.record.turning_points.state)
