@@ -129,6 +129,10 @@ class States:
         """Return (2N,) largest displacement that errors of the equations' rows may cause."""
         return np.abs(self.inverse) @ force
 
+    def reach_of_forces(self, force: Array) -> Array:
+        """Return (2N,) largest change of the reactions that errors of the rows may cause."""
+        return np.abs((self.body.K @ self.inverse).astype(float)) @ force
+
     def row_errors(self, error: Array) -> Array:
         """Return (2N,) errors of the rows that errors of the reactions are worth."""
         n = self.body.n

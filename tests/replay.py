@@ -305,7 +305,9 @@ def _check_cycle(
         return
     stored = 0.5 * float((u - u_start) @ body.K @ (u + u_start))
     allowed = (ENERGY + ROUNDINGS * EPS * totals.condition) * (totals.moved + abs(stored))
-    allowed += (LAW + ROUNDINGS * EPS) * leg.force * max(largest, totals.largest) + totals.divided
+    # displacements keep their round-off, enlarged by the condition of the states' equations
+    share = LAW + EPS * (ROUNDINGS + totals.condition)
+    allowed += share * leg.force * max(largest, totals.largest) + totals.divided
     # a contact that sticks throughout slips by the round-off of its forces
     allowed += (ROUNDINGS * EPS * leg.force) ** 2 / float(body.k.min())
     first = record.dissipation_first_loading

@@ -210,7 +210,7 @@ def _check_law(run: Replay, leg: Leg, at: tuple[float, Array], now: Array, slack
     body, n, here = run.body, run.body.n, run.body.states(now)
     s, u = at
     r, k = body.reactions(leg.load(s), u), body.k
-    error = LAW * leg.force + leg.noise + slack
+    error = LAW * leg.force + leg.noise + slack + here.reach_of_forces(here.row_errors(leg.noise))
     e_n = error[n:]
     Q, P, gap = r[:n], r[n:], (body.g0 + u[n:]) * k[n:]
     e_gap = e_n + k[n:] * here.reach(here.row_errors(leg.noise))[n:]
