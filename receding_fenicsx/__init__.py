@@ -89,6 +89,9 @@ if TYPE_CHECKING:
     from receding_fenicsx.output.report.space_errors import space_errors as space_errors
     from receding_fenicsx.output.report.summary import summarise as summarise
     from receding_fenicsx.output.report.text import run_table as run_table
+    from receding_fenicsx.output.report.zone_end_mesh import (
+        refined_at_zone_ends as refined_at_zone_ends,
+    )
     from receding_fenicsx.output.storage.fclib import export as export
     from receding_fenicsx.output.storage.hdf5 import read_record as read_record
     from receding_fenicsx.output.storage.hdf5 import read_system as read_system
@@ -112,6 +115,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.model import MeshOptions as MeshOptions
     from receding_fenicsx.scene.model import OutputOptions as OutputOptions
     from receding_fenicsx.scene.model import Probe as Probe
+    from receding_fenicsx.scene.model import Refinement as Refinement
     from receding_fenicsx.scene.model import Scene as Scene
     from receding_fenicsx.scene.model import SolverOptions as SolverOptions
     from receding_fenicsx.scene.model import Support as Support
@@ -135,6 +139,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "Body": ("scene.model", "Shape of a body: rectangle, or mesh file"),
         "Material": ("scene.model", "Elastic constants, and plane or axisymmetric kinematics"),
         "MeshOptions": ("scene.model", "Number, shape, order and grading of the elements"),
+        "Refinement": ("scene.model", "Place on a contact edge with smaller elements"),
         "Contact": ("scene.model", "Contact edge, its friction and its initial gap"),
         "Load": ("scene.model", "Pressure, traction, displacement or platen, times a load factor"),
         "Support": ("scene.model", "Edge or point that is fixed"),
@@ -209,6 +214,10 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         ),
         "traction_at": ("interface.measures.tractions", "Traction between the nodes"),
         "loop_of": ("output.plots.loops", "Hysteresis loop of each load in a cycle, and its area"),
+        "refined_at_zone_ends": (
+            "output.report.zone_end_mesh",
+            "Scene with smaller elements at zone ends of a record",
+        ),
         "headline": ("output.report.space_errors", "Headline numbers of a record"),
         "HEADLINE_NAMES": ("output.report.space_errors:NAMES", "Headline numbers in words"),
         "space_errors": ("output.report.space_errors", "Estimate discretisation errors"),
@@ -273,6 +282,7 @@ __all__ = [
     "ProbeHistory",
     "RecedingError",
     "Record",
+    "Refinement",
     "RunOptions",
     "Scene",
     "SolveError",
@@ -311,6 +321,7 @@ __all__ = [
     "read_system",
     "recovered_tractions",
     "reference",
+    "refined_at_zone_ends",
     "run",
     "run_table",
     "scene_warnings",

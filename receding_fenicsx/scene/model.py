@@ -13,6 +13,7 @@ from receding_fenicsx.scene.checks import nearest, unknown_name
 from receding_fenicsx.scene.options import Harmonic as Harmonic
 from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
 from receding_fenicsx.scene.options import OutputOptions as OutputOptions
+from receding_fenicsx.scene.options import Refinement as Refinement
 from receding_fenicsx.scene.options import SolverOptions as SolverOptions
 from receding_fenicsx.scene.options import Table
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
@@ -98,12 +99,14 @@ class MeshOptions:
         cell: "triangle" or "quadrilateral".
         degree: polynomial degree of the displacements, 1 or 2.
         growth: size ratio of neighbouring layers away from the contact, 1 (uniform) to 3.
+        refine: places on the contact edge with smaller elements, besides ``contact_elements``.
     """
 
     contact_elements: int = 160
     cell: str = "triangle"
     degree: int = 2
     growth: float = 1.25
+    refine: tuple[Refinement, ...] = ()
 
 
 @dataclass(frozen=True, repr=False)

@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import replace
 
+import numpy as np
+
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Body, Contact, Scene
-from receding_fenicsx.scene.rectangle_edges import HORIZONTAL
+from receding_fenicsx.scene.model import Body, Contact, Refinement, Scene
+from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_range
 
 COUNT_TOLERANCE = 1e-9
 """Relative distance of a number of elements from an even number that counts as round-off."""
+MOST_PLACES = 200
+"""Largest number of places and breaks on a contact edge."""
 
 
 def part_of(scene: Scene, body: Body) -> Scene:
@@ -58,12 +63,124 @@ def part_of(scene: Scene, body: Body) -> Scene:
         others=(),
         material=replace(scene.material_of(body), name=""),
         materials=(),
-        mesh=replace(scene.mesh, contact_elements=contact_elements(scene, body)),
+        mesh=replace(
+            scene.mesh,
+            contact_elements=contact_elements(scene, body),
+            refine=places_on(scene, body),
+        ),
         contacts=tuple(contacts),
         loads=tuple(loads),
         supports=tuple(supports),
         probes=() if scene.others else scene.probes,
     )
+
+
+def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
+    """Return the refined places on the contact edges of a body, each with its edge and growth.
+
+    Of two rectangles both get all places, their mirror images about the middle of each body and
+    breaks at the ends of both, so that the vertices of both match.
+
+    Raises:
+        InputError: a rectangle lies against a mesh file.
+    """
+    found = []
+    for contact in scene.contacts:
+        sides = [scene.find_edge(e) for e in (contact.edge, contact.against) if e is not None]
+        if not scene.mesh.refine or body not in [owner for owner, _ in sides]:
+            continue
+        own = next(name for owner, name in sides if owner == body)
+        places = [
+            replace(place, growth=place.growth or scene.mesh.growth)
+            for place in scene.mesh.refine
+            if place.edge in (None, contact.edge)
+        ]
+        files = [owner.mesh is not None for owner, _ in sides]
+        if not all(files):
+            if any(files):
+                raise InputError(
+                    "[mesh] refine: is not possible on a rectangle against a mesh file; give both "
+                    "bodies mesh files, or refine another edge"
+                )
+            places = _on_rectangle(scene, contact, body, places)
+        elif contact.span is not None:
+            places = _resolved(places, contact.span)
+        if all(files) and body != sides[0][0]:
+            # along t, which is opposite on the other body
+            places = [p if p.at == "ends" else _moved(p, -1.0, 0.0) for p in places]
+        found += [replace(place, edge=own) for place in places]
+    return tuple(found)
+
+
+def _resolved(places: Iterable[Refinement], ends: Iterable[float]) -> list[Refinement]:
+    """Return the places, those at "ends" replaced by one at each end."""
+    return [
+        replace(place, at=at)
+        for place in places
+        for at in (ends if isinstance(place.at, str) else (place.at,))
+    ]
+
+
+def _moved(place: Refinement, sign: float, shift: float) -> Refinement:
+    """Return a place at sign * s + shift."""
+    low, high = sorted(sign * s + shift for s in place.span)
+    return replace(place, at=(low, high))
+
+
+def _on_rectangle(
+    scene: Scene, contact: Contact, body: Body, places: list[Refinement]
+) -> list[Refinement]:
+    """Return the places on a rectangle; for a pair with mirror images and breaks.
+
+    A place is mirrored about the middles of the bodies whose element sizes it changes.
+    """
+    edges = [edge for edge in (contact.edge, contact.against) if edge is not None]
+    zeros = [_zero(scene, edge) for edge in edges]
+    ranges = [
+        [zero + s for s in edge_range(scene, e)] for zero, e in zip(zeros, edges, strict=True)
+    ]
+    low, high = max(a for a, _ in ranges), min(b for _, b in ranges)
+    if contact.span is not None:
+        low, high = max(low, contact.span[0] + zeros[0]), min(high, contact.span[1] + zeros[0])
+    # nothing ends on the axis of a body of revolution
+    ends = [s - zeros[0] for s in (low, high) if not (scene.axisymmetric and s == 0.0)]
+    places = _resolved(places, ends)
+    if len(edges) == 1:
+        return places
+    middles = [0.0 if scene.axisymmetric and a == 0.0 else 0.5 * (a + b) for a, b in ranges]
+    halves = [b - middle for middle, (_, b) in zip(middles, ranges, strict=True)]
+    todo = [_moved(place, 1.0, zeros[0]) for place in places]
+    base = 2.0 * halves[0] / scene.mesh.contact_elements
+    stops = {low, high, *middles, *(s for pair in ranges for s in pair)}
+    todo += [Refinement(base, (s, s), 2.0) for s in sorted(stops)]
+    found: list[Refinement] = []
+    near = COUNT_TOLERANCE * max(halves)
+    while todo:
+        place = todo.pop(0)
+        alike = (p for p in found if (p.size, p.growth) == (place.size, place.growth))
+        if any(np.allclose(p.span, place.span, rtol=0.0, atol=near) for p in alike):
+            continue
+        found.append(place)
+        if len(found) > MOST_PLACES:
+            raise InputError(
+                "[mesh] refine: the middles of the bodies lie so close that a place has more than "
+                f"{MOST_PLACES} mirror images; align them"
+            )
+        assert place.growth is not None
+        for middle, half in zip(middles, halves, strict=True):
+            reach = half + near + max(base - place.size, 0.0) / (place.growth - 1.0)
+            if place.span[0] <= middle + reach and place.span[1] >= middle - reach:
+                todo.append(_moved(place, -1.0, 2.0 * middle))
+    mine = next(i for i, edge in enumerate(edges) if scene.find_edge(edge)[0] == body)
+    return [_moved(place, 1.0, -zeros[mine]) for place in found]
+
+
+def _zero(scene: Scene, edge: str) -> float:
+    """Return the coordinate, along a rectangle's edge, from which positions on it count."""
+    body, name = scene.find_edge(edge)
+    if name in HORIZONTAL:
+        return 0.0 if scene.axisymmetric else body.position[0]
+    return body.position[1] + 0.5 * body.height
 
 
 def contact_elements(scene: Scene, body: Body) -> int:

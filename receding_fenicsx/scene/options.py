@@ -20,6 +20,32 @@ class Table:
 
 
 @dataclass(frozen=True)
+class Refinement:
+    """Place on a contact edge at which elements are smaller.
+
+    At the distance d from it elements have the size ``size + (growth - 1) d``, where that is less
+    than their size without it.
+
+    Attributes:
+        size: length of the elements at the place, positive.
+        at: position along the edge, a range [from, to], or "ends": both ends of the contact.
+        growth: size ratio of neighbouring elements away from the place; default: that of the mesh.
+        edge: contact edge; default: all contact edges.
+    """
+
+    size: float
+    at: float | tuple[float, float] | str = "ends"
+    growth: float | None = None
+    edge: str | None = None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Range of a place that is not "ends"."""
+        assert not isinstance(self.at, str)
+        return self.at if isinstance(self.at, tuple) else (self.at, self.at)
+
+
+@dataclass(frozen=True)
 class Harmonic:
     """Load factor mean + amplitude cos(angle - phase) of a harmonic history.
 

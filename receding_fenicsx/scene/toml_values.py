@@ -11,7 +11,7 @@ from typing import Any
 from receding_fenicsx.arrays import shortened
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import unknown_name
-from receding_fenicsx.scene.model import Harmonic
+from receding_fenicsx.scene.model import Harmonic, Refinement
 from receding_fenicsx.scene.profiles import DIRECTIONS, FrictionProfile, Profile, directions
 
 
@@ -142,6 +142,27 @@ def _harmonic(value: object, where: str) -> dict[str, Harmonic]:
     return found
 
 
+def _place(value: object, where: str) -> float | tuple[float, float] | str:
+    if isinstance(value, str | list):
+        return _point(value, where)
+    return _number(value, where)
+
+
+def _refinements(value: object, where: str) -> tuple[Refinement, ...]:
+    readers = {"size": _number, "at": _place, "growth": _number, "edge": read_string}
+    found = []
+    for i, table in enumerate(_list(value, where)):
+        label = f"{where} number {i + 1}"
+        if not isinstance(table, dict) or "size" not in table:
+            raise InputError(f"{label}: must be a table {{at = ..., size = ...}}")
+        for key in table:
+            if key not in readers:
+                unknown_name(key, tuple(readers), label, "key")
+        values: dict[str, Any] = {k: readers[k](v, f"{label} {k}") for k, v in table.items()}
+        found.append(Refinement(**values))
+    return tuple(found)
+
+
 def _traction(value: object, where: str) -> tuple[Profile, Profile]:
     if not isinstance(value, list) or len(value) != 2:
         raise InputError(f"{where}: must be a pair [x, y] in global axes, not {_shown(value)}")
@@ -174,6 +195,7 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "dict[str, float]": _parameters,
     "dict[str, Harmonic]": _harmonic,
     "tuple[Profile, Profile] | None": _traction,
+    "tuple[Refinement, ...]": _refinements,
     "tuple[str, ...]": read_names,
     "tuple[tuple[float, ...], ...]": _rows,
     "tuple[int, ...] | str | None": _sampled_cycles,

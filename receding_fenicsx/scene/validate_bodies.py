@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_choice, check_positive
-from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, Material, MeshOptions, Scene
-from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, is_cylinder
+from receding_fenicsx.scene.checks import check_choice, check_positive, unknown_name
+from receding_fenicsx.scene.model import (
+    RECTANGLE_KEYS,
+    Body,
+    Material,
+    MeshOptions,
+    Refinement,
+    Scene,
+)
+from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_range, is_cylinder
 
 MIN_CONTACT_ELEMENTS, MAX_CONTACT_ELEMENTS = 4, 20000
 """Numbers of elements on a contact edge: fewer cannot show stick, slip and separation side by
 side; the condensed stiffness of more needs tens of gigabytes."""
 MIN_HOLE = 1e-6
 """Smallest radius of a ring's hole, over the ring's width."""
+MIN_REFINED_SIZE = 1e-6
+"""Smallest refined element, over the length of the contact edge: below it, round-off counts."""
+MIN_REFINED_GROWTH = 1.01
+"""Smallest growth along a refined edge."""
 MAX_POSITION = 1e4
 """Largest coordinate of a rectangle's position, over its smaller side: round-off grows with it."""
 MAX_SLENDERNESS = 1e5
@@ -123,6 +134,46 @@ def check_mesh(scene: Scene) -> None:
         raise InputError(
             f"[mesh] growth: {mesh.growth:g} is not a valid size ratio; use 1 (uniform) to 3"
         )
+    if mesh.refine and mesh.cell != "triangle":
+        raise InputError(
+            f'[mesh] refine: is for triangles; use cell = "triangle", not "{mesh.cell}"'
+        )
+    for i, place in enumerate(mesh.refine):
+        _check_refinement(scene, place, f"[mesh] refine number {i + 1}")
+
+
+def _check_refinement(scene: Scene, place: Refinement, where: str) -> None:
+    """Check one entry of refine; whether it lies on its edge is found when the body is meshed."""
+    check_positive(place.size, f"{where} size")
+    if isinstance(place.at, str) and place.at != "ends":
+        raise InputError(f'{where} at: "{place.at}" is unknown; use "ends", a position or a range')
+    if not isinstance(place.at, str) and place.span[0] > place.span[1]:
+        raise InputError(f"{where} at: is empty; write [from, to]")
+    growth = scene.mesh.growth if place.growth is None else place.growth
+    if not MIN_REFINED_GROWTH <= growth <= 3.0:
+        raise InputError(
+            f"{where} growth: {growth:g} is not a valid size ratio; use {MIN_REFINED_GROWTH:g} to 3"
+        )
+    edges = [contact.edge for contact in scene.contacts]
+    if place.edge is not None and place.edge not in edges:
+        unknown_name(place.edge, edges, f"{where} edge", "contact edge")
+    for contact in scene.contacts:
+        body, _ = scene.find_edge(contact.edge)
+        if body.mesh is None and place.edge in (None, contact.edge):
+            low, high = edge_range(scene, contact.edge)
+            if place.size < MIN_REFINED_SIZE * (high - low):
+                raise InputError(
+                    f"{where} size: {place.size:g} is less than {MIN_REFINED_SIZE:g} of the "
+                    "contact edge; enlarge it"
+                )
+            ends = (low, high) if isinstance(place.at, str) else place.span
+            slack = MIN_REFINED_SIZE * (high - low)
+            if ends[0] < low - slack or ends[1] > high + slack:
+                beyond = ends[0] if ends[0] < low - slack else ends[1]
+                raise InputError(
+                    f"{where} at: {beyond:g} lies beyond the contact edge, which runs from "
+                    f"{low:g} to {high:g}; move it"
+                )
 
 
 def count_cells(mesh: MeshOptions, slenderness: float) -> float:

@@ -5,13 +5,14 @@ Edge coordinates (s, d): s runs along the contact edge from its middle, d is the
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.model import Refinement, Scene
 from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range, is_cylinder
 
 POSITION_TOLERANCE = 1e-9
@@ -57,6 +58,7 @@ class Marks:
     """Positions on the half s >= 0, besides its corners, that need a vertex.
 
     Attributes:
+        contact: (n,) s of all vertices on the contact edge from 0 to its end.
         top: (n,) s on the edge opposite the contact, increasing.
         side: (n,) d on the sides (for columns of quadrilaterals: levels), increasing.
         inner: (n, 2) points (s, d) inside.
@@ -64,6 +66,7 @@ class Marks:
             The mesh is as fine there as on the contact edge, because stresses jump there.
     """
 
+    contact: Array
     top: Array
     side: Array
     inner: Array
@@ -121,6 +124,7 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
     near = POSITION_TOLERANCE * frame.depth
     dx = frame.length / scene.mesh.contact_elements
     columns = scene.mesh.cell == "quadrilateral"
+    stops: list[float] = []
     top, side, inner = [], [], []
     for key, x, y in wanted:
         s, d = frame.from_body(x - left, y - bottom)
@@ -129,6 +133,9 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
             raise InputError(f"{key}: the point ({x:g}, {y:g}) lies outside the body; move it")
         on_contact, on_top = d <= near, d >= frame.depth - near
         on_side = s >= 0.5 * frame.length - near
+        if on_contact and scene.mesh.refine:
+            stops.append(s)
+            continue
         if (on_contact or (columns and not on_side)) and abs(s - round(s / dx) * dx) > near:
             raise InputError(_misfit(scene, frame, key, s))
         if on_contact or (on_top and (on_side or s <= near)):
@@ -140,7 +147,39 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
         else:
             inner.append((s, d))
     points = np.array(sorted(set(inner))).reshape(-1, 2)
-    return Marks(_apart(top, near), _apart(side, near), points, _find_ends(scene, frame))
+    stations = _stations(scene, frame, stops)
+    return Marks(stations, _apart(top, near), _apart(side, near), points, _find_ends(scene, frame))
+
+
+def places_of(scene: Scene, frame: Frame) -> list[Refinement]:
+    """Return the refined places on the contact edge, with their mirror images, by s.
+
+    Raises:
+        InputError: a place on another contact edge.
+    """
+    left, bottom = scene.body.position
+    found = []
+    for place in scene.mesh.refine:
+        assert place.edge is not None
+        if place.edge != frame.edge:
+            raise InputError(
+                f"[mesh] refine: of a rectangle only the first contact edge can be refined, "
+                f"'{frame.edge}'; name it by edge, or put '{place.edge}' first"
+            )
+        along = np.column_stack(edge_points(scene, place.edge, np.array(place.span)))
+        s = [frame.from_body(float(x) - left, float(y) - bottom)[0] for x, y in along]
+        found += [replace(place, at=(s[0], s[1])), replace(place, at=(-s[1], -s[0]))]
+    return found
+
+
+def _stations(scene: Scene, frame: Frame, stops: list[float]) -> Array:
+    """Return s of the vertices on the contact edge, from 0 to its end."""
+    n, half = scene.mesh.contact_elements, 0.5 * frame.length
+    if not scene.mesh.refine:
+        return frame.length * np.arange(n // 2 + 1) / n
+    base = Base(np.array([0.0, half]), np.array([frame.length / n]))
+    breaks = [Refinement(frame.length / n, s, 2.0) for s in stops]
+    return graded((0.0, half), base, [*places_of(scene, frame), *breaks])
 
 
 def _find_ends(scene: Scene, frame: Frame) -> Array:
@@ -195,10 +234,11 @@ def snap(scene: Scene, frame: Frame, marks: Marks, mesh: HalfMesh) -> None:
         s[:] = frame.length * np.round(s / dx) / n
         levels = np.sort(d[on["axis"]])
         d[:] = levels[np.searchsorted(0.5 * (levels[1:] + levels[:-1]), d)]
-    column = np.round(s[on["bottom"]] / dx)
-    if not np.array_equal(np.sort(column), np.arange(n // 2 + 1)):
-        raise SolveError("gmsh did not space the nodes of the contact edge equally")
-    s[on["bottom"]] = frame.length * column / n
+    between = 0.5 * (marks.contact[1:] + marks.contact[:-1])
+    column = np.searchsorted(between, s[on["bottom"]])
+    if not np.array_equal(np.sort(column), np.arange(len(marks.contact))):
+        raise SolveError("gmsh did not put the nodes of the contact edge where they were wanted")
+    s[on["bottom"]] = marks.contact[column]
     d[on["bottom"]] = 0.0
     s[on["axis"]] = 0.0
     d[on["top"]] = frame.depth

@@ -140,27 +140,30 @@ def _moved(at: Tractions, elements: Elements, active: Flags) -> tuple[Array, Arr
 def _flow(at: Tractions, elements: Elements, force: Array, chosen: Flags) -> Array:
     """Return (N - 1,) forces that pass to each node from the next one, in chosen elements."""
     middle = elements.middle
-    mean = cell_means(at.x, at.weight, force, middle)[2]
+    left, right, mean = cell_means(at.x, at.weight, force, middle)
     around = np.stack([np.roll(mean, 1), mean, np.roll(mean, -1)], axis=1)
     wanted = at.weight[middle] * (elements.middle_value * around).sum(axis=1)
-    chosen = chosen & _is_smooth(mean, chosen)
+    chosen = chosen & _is_smooth(0.5 * (left + right), mean, chosen)
     half = np.where(chosen, 0.5 * (force[middle] - wanted), 0.0)
     flow = np.zeros(len(force) - 1)
     flow[middle - 1], flow[middle] = half, -half
     return flow
 
 
-def _is_smooth(mean: Array, inside: Flags) -> Flags:
+def _is_smooth(centre: Array, mean: Array, inside: Flags) -> Flags:
     """Return the elements around which the curvature of a traction keeps its sign.
 
     It changes it at a kink that the states do not show, such as the former end of a stick zone.
 
     Args:
+        centre: (n,) position of its middle.
         mean: (n,) mean traction of each element.
         inside: (n,) elements that lie in a zone with both neighbours.
     """
     curvature = np.zeros(len(mean))
-    curvature[1:-1] = mean[2:] - 2.0 * mean[1:-1] + mean[:-2]
+    apart = np.diff(centre)
+    # the second difference of means where elements are equally long
+    curvature[1:-1] = np.diff(np.diff(mean) / apart) * 0.5 * (apart[1:] + apart[:-1])
     curvature[~inside] = np.nan
     around = np.stack([np.roll(curvature, 1), curvature, np.roll(curvature, -1)])
     low, high = np.fmin.reduce(around), np.fmax.reduce(around)

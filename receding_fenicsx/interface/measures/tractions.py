@@ -8,8 +8,9 @@ from scipy.interpolate import CubicSpline
 
 from receding_fenicsx.arrays import Array, Ints
 
-MIDSIDE_WEIGHT_RATIO = 1.5
-"""Weight over that of the neighbours above which a node is the midside node of an element."""
+MIDSIDE_SHARE = 0.58
+"""Weight of a node over the distance of its neighbours above which it is a midside node: there it
+is 2/3, at vertices of order 2 1/3 and of order 1 1/2, on graded edges too."""
 
 
 def midside_nodes(x: Array, weight: Array, axisymmetric: bool = False) -> Ints:
@@ -24,7 +25,7 @@ def midside_nodes(x: Array, weight: Array, axisymmetric: bool = False) -> Ints:
     if len(x) < 3:
         return none
     local = np.divide(weight, x, out=np.zeros(len(x)), where=x > 0.0) if axisymmetric else weight
-    heavy = local[1:-1] > MIDSIDE_WEIGHT_RATIO * np.maximum(local[:-2], local[2:])
+    heavy = local[1:-1] > MIDSIDE_SHARE * (x[2:] - x[:-2])
     # every second node, beginning with the first or the second that has two neighbours
     for start in (0, 1):
         if np.all(heavy[start::2]) and not np.any(heavy[1 - start :: 2]):

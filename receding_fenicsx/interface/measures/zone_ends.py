@@ -210,6 +210,10 @@ def zone_end(at: Tractions, last: int, side: int) -> ZoneEnd:
     inside = np.flatnonzero((right <= low) & (left >= at.x[first]))[::-1]
     search = SEARCH_RANGE[0] * spacing, SEARCH_RANGE[1] * spacing
     ends = []
+    if len(inside) > 1:
+        # elements inside the zone may be larger than the one in which it ends
+        length = float(right[inside[1]] - left[inside[1]])
+        shift *= max(1.0, (0.5 if quadratic else 1.0) * length / spacing)
     for a, b, terms in QUADRATIC_WINDOWS if quadratic else LINEAR_WINDOWS:
         chosen = inside[a : b + 1]
         if len(chosen) <= b - a or low - left[chosen[-1]] > LARGEST_REACH[terms] * (

@@ -127,7 +127,16 @@ def coarser(scene: Scene, elements: int) -> Scene:
     """Return the scene on a mesh of so many contact elements, all sizes enlarged alike."""
     factor = scene.mesh.contact_elements / elements
     growth = min(1.0 + factor * (scene.mesh.growth - 1.0), LARGEST_GROWTH)
-    return replace(scene, mesh=replace(scene.mesh, contact_elements=elements, growth=growth))
+    refine = tuple(
+        replace(
+            place,
+            size=factor * place.size,
+            growth=place.growth and min(1.0 + factor * (place.growth - 1.0), LARGEST_GROWTH),
+        )
+        for place in scene.mesh.refine
+    )
+    mesh = replace(scene.mesh, contact_elements=elements, growth=growth, refine=refine)
+    return replace(scene, mesh=mesh)
 
 
 def space_errors(
