@@ -8,6 +8,8 @@ The steps of `meshing.make_meshes`, all but the last on rank 0:
    nodes to their exact places, `mirror` adds the other half.
 2. A file: `user_mesh.read_user_mesh` runs gmsh in a process of its own and checks cells and groups;
    `curved_edges.arcs_of` keeps the true curves of curved edges for the resultants of loads.
+   With `mesh.refine` the vertices of contact edges are where `graded_edges.graded` puts them, and
+   elements around them as small as it asks; for a file by meshing it again (`graded_file`).
 3. `contact_edges.find_interfaces` finds the facets of each contact, of two bodies those that match.
 4. The facets are tagged by edge and contact, and DOLFINx distributes the mesh (`BodyMesh`).
 

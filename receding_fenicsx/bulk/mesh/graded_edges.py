@@ -16,7 +16,7 @@ from __future__ import annotations
 import itertools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -28,6 +28,8 @@ from receding_fenicsx.scene.validate_bodies import MAX_CONTACT_ELEMENTS
 
 COUNT_TOLERANCE = 1e-6
 """Part of an element by which the integral of ds / h may exceed a whole number."""
+BOTTOM = 1
+"""Number of the group of the contact edge in ``rectangle.geo``."""
 NEAR = 1e-9
 """Distance of breaks, over the length of the edge, below which they are one."""
 
@@ -152,3 +154,21 @@ def place_nodes(gmsh: Any, curve: int, points: Array) -> None:
         mesh.addNodes(1, curve, tags, flat, gmsh.model.getParametrization(1, curve, flat))
     chain = np.concatenate([[first], tags, [last]])
     mesh.addElementsByType(curve, 1, [], np.column_stack([chain[:-1], chain[1:]]).ravel())
+
+
+def grade_half(gmsh: Any, places: Sequence[Refinement], stations: Array, unit: float) -> None:
+    """Mesh the boundary of the half rectangle, its contact edge with vertices at the stations.
+
+    Args:
+        gmsh: gmsh with the geometry of ``rectangle.geo``.
+        places: refined places.
+        stations: (n,) x of the vertices, over the unit.
+        unit: length of gmsh's unit.
+    """
+    scaled = [replace(place, size=place.size / unit) for place in places]
+    ends = [np.array([[s, 0.0] for s in place.span]) / unit for place in places]
+    spots = [(place, a, b) for place, (a, b) in zip(scaled, ends, strict=True)]
+    gmsh.model.mesh.setSizeCallback(size_callback(spots))
+    gmsh.model.mesh.generate(1)
+    (curve,) = gmsh.model.getEntitiesForPhysicalGroup(1, BOTTOM)
+    place_nodes(gmsh, curve, np.column_stack([stations[1:-1], np.zeros(len(stations) - 2)]))

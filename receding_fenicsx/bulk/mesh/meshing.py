@@ -7,7 +7,7 @@ are multiplied by a power of two has the same mesh to the bit.
 from __future__ import annotations
 
 import contextlib
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from mpi4py import MPI
@@ -21,7 +21,7 @@ from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model
-from receding_fenicsx.bulk.mesh.graded_edges import place_nodes, size_callback
+from receding_fenicsx.bulk.mesh.graded_edges import grade_half
 from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
     Line,
@@ -43,13 +43,11 @@ from receding_fenicsx.bulk.mesh.rectangle import (
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_mesh
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.model import Body, Refinement, Scene
+from receding_fenicsx.scene.model import Body, Scene
 from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.rectangle_edges import EDGES, edge_points, is_cylinder
 
 CORNERS = {"triangle": 3, "quadrilateral": 4}
-BOTTOM = 1
-"""Number of the group of the contact edge in ``rectangle.geo``."""
 GMSH_TYPES = {"triangle": 2, "quadrilateral": 3}
 
 
@@ -248,18 +246,6 @@ def _lines(mesh: RawMesh, edges: list[str]) -> dict[str, Line]:
     return lines
 
 
-def _grade(gmsh: Any, places: list[Refinement], stations: Array, unit: float) -> None:
-    """Mesh the boundary of the half body, its contact edge with vertices at the stations."""
-    scaled = [replace(place, size=place.size / unit) for place in places]
-    ends = [np.array([[s, 0.0] for s in place.span]) / unit for place in places]
-    spots = [(place, a, b) for place, (a, b) in zip(scaled, ends, strict=True)]
-    gmsh.model.mesh.setSizeCallback(size_callback(spots))
-    gmsh.model.mesh.generate(1)
-    (curve,) = gmsh.model.getEntitiesForPhysicalGroup(1, BOTTOM)
-    inner = stations[1:-1]
-    place_nodes(gmsh, curve, np.column_stack([inner, np.zeros(len(inner))]))
-
-
 def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
     """Mesh the half body."""
     cell = scene.mesh.cell
@@ -284,7 +270,7 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
         try:
             gmsh.merge(path)
             if scene.mesh.refine:
-                _grade(gmsh, places_of(scene, frame), marks.contact / unit, unit)
+                grade_half(gmsh, places_of(scene, frame), marks.contact / unit, unit)
             gmsh.model.mesh.generate(2)
         except Exception as caught:  # gmsh raises nothing more special
             raise SolveError(

@@ -12,7 +12,6 @@ import re
 import signal
 import subprocess
 import sys
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -24,12 +23,12 @@ from scipy.sparse.csgraph import connected_components
 from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.curved_edges import arcs_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
-from receding_fenicsx.bulk.mesh.graded_edges import NEAR, Base, graded, place_nodes, size_callback
-from receding_fenicsx.bulk.mesh.raw_mesh import Line, RawMesh, line_of, sides, with_radii
+from receding_fenicsx.bulk.mesh.graded_file import mesh_refined
+from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides, with_radii
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest
-from receding_fenicsx.scene.model import Body, MeshOptions, Refinement
+from receding_fenicsx.scene.model import Body, MeshOptions
 
 FLAT_TOLERANCE = 1e-9
 """Largest distance of a node from z = 0, over the size of the mesh."""
@@ -140,88 +139,15 @@ def _mesh(body: Body, options: MeshOptions, axisymmetric: bool) -> RawMesh:
         scale = gmsh.option.getNumber("Mesh.ScalingFactor") if is_geo else 1.0
         mesh = _collect(gmsh, body, where, scale)
         if options.refine:
-            mesh = _refined(gmsh, body, options, with_radii(mesh) if axisymmetric else mesh, scale)
+            if not is_geo:
+                raise InputError(
+                    f"{where}: [mesh] refine: needs the .geo file; give it, not a mesh"
+                )
+            coarse = with_radii(mesh) if axisymmetric else mesh
+            mesh_refined(gmsh, options.refine, coarse, scale, f"{where}: [mesh] refine")
+            mesh = _collect(gmsh, body, where, scale)
     _check_cells(mesh, where)
     return mesh
-
-
-def _refined(gmsh: Any, body: Body, options: MeshOptions, coarse: RawMesh, scale: float) -> RawMesh:
-    """Mesh a .geo file again, with smaller elements at places on its contact edges.
-
-    Raises:
-        InputError: the body cannot be meshed so.
-    """
-    assert body.mesh is not None
-    where = f"{_label(Path(body.mesh))}: [mesh] refine"
-    if Path(body.mesh).suffix != ".geo":
-        raise InputError(f"{where}: a mesh cannot be graded; give the .geo file")
-    if coarse.cell != "triangle":
-        raise InputError(f"{where}: is for triangles; leave it out, or mesh without Recombine")
-    model, spots, vertices = gmsh.model, [], []
-    groups = {model.getPhysicalName(1, t) or str(t): t for _, t in model.getPhysicalGroups(1)}
-    for edge in dict.fromkeys(place.edge for place in options.refine):
-        assert edge is not None
-        line = line_of(coarse, edge, where)
-        knots = np.unique(line.along(coarse.points[np.unique(coarse.edges[edge])]))
-        base, ends = Base(knots, np.diff(knots)), (float(knots[0]), float(knots[-1]))
-        near = NEAR * line.length
-        own = _places_on(options, edge, ends, near, where)
-        curves = model.getEntitiesForPhysicalGroup(1, groups[edge])
-        corners = {c: _ends_of(gmsh, int(c), line, scale) for c in curves}
-        stops = {s for pair in corners.values() for s in pair}
-        breaks = [Refinement(line.length, s, 2.0) for s in sorted(stops)]
-        positions = graded(ends, base, [*own, *breaks])
-        vertices += [
-            (
-                int(c),
-                line,
-                positions[(positions > min(p) + near) & (positions < max(p) - near)],
-                p[0] > p[1],
-            )
-            for c, p in corners.items()
-        ]
-        for place in own:
-            a, b = (line.middle + s * line.direction for s in place.span)
-            spots.append((replace(place, size=place.size / scale), a / scale, b / scale))
-    try:
-        model.mesh.clear()
-        model.mesh.setSizeCallback(size_callback(spots))
-        model.mesh.generate(1)
-        for curve, line, inner, backwards in vertices:
-            inner = inner[::-1] if backwards else inner
-            place_nodes(gmsh, curve, (line.middle + np.outer(inner, line.direction)) / scale)
-        model.mesh.generate(2)
-    except Exception as caught:  # gmsh raises nothing more special
-        reason = " ".join(str(caught).split())
-        raise InputError(f"{where}: gmsh cannot mesh it: {reason}; use other sizes") from None
-    return _collect(gmsh, body, where, scale)
-
-
-def _places_on(
-    options: MeshOptions, edge: str, ends: tuple[float, float], near: float, where: str
-) -> list[Refinement]:
-    """Return the places on an edge, "ends" by their positions."""
-    found = []
-    for place in options.refine:
-        if place.edge != edge:
-            continue
-        # nothing ends on the axis of a body of revolution
-        at = ends if isinstance(place.at, str) else (place.at,)
-        found += [replace(place, at=s) for s in at]
-        low, high = min(p.span[0] for p in found), max(p.span[1] for p in found)
-        if low < ends[0] - near or high > ends[1] + near:
-            raise InputError(
-                f"{where}: at = {low if low < ends[0] - near else high:g} lies beyond '{edge}', "
-                f"which runs from {ends[0]:g} to {ends[1]:g}; move it"
-            )
-    return found
-
-
-def _ends_of(gmsh: Any, curve: int, line: Line, scale: float) -> tuple[float, float]:
-    """Return the positions along a line of the first and the last point of a curve."""
-    points = [gmsh.model.getValue(0, tag, []) for _, tag in gmsh.model.getBoundary([(1, curve)])]
-    first, last = line.along(scale * np.array(points)[:, :2])
-    return float(first), float(last)
 
 
 def _label(path: Path) -> str:
