@@ -11,6 +11,9 @@ from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.system import ContactSystem, typical_stiffness
 from receding_fenicsx.scene.model import SolverOptions
 
+STEADY_TOLERANCE, LIMIT_TOLERANCE = 1e-8, 1e-10
+"""Default tolerances of the steady state, and of the limit of infinitely many cycles."""
+
 
 @dataclass
 class Samples:
@@ -69,7 +72,8 @@ def steady_watch(
     system: ContactSystem, solver: SolverOptions, cycles: list[FinishedCycle]
 ) -> SteadyWatch:
     """Return the watch for the steady state after some finished cycles."""
-    watch = SteadyWatch(solver.steady_tolerance, typical_stiffness(system))
+    tolerance = solver.steady_tolerance or STEADY_TOLERANCE
+    watch = SteadyWatch(tolerance, typical_stiffness(system))
     for number in range(len(cycles)):
         add_to_watch(watch, cycles, number)
     return watch

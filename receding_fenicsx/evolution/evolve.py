@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
@@ -13,16 +12,14 @@ from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.corners import with_corners
 from receding_fenicsx.evolution.cycle_data import add_to_watch
 from receding_fenicsx.evolution.journal import Journal
+from receding_fenicsx.evolution.limit.jump import LimitSearch, Progress
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.interface.branches.choice import Choice, Chooser
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.history import History, ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
-
-Progress = Callable[[int, int, str], None]
-"""Called as progress(cycle, cycles, message) after every cycle."""
 
 
 def evolve(
@@ -32,6 +29,7 @@ def evolve(
     output: OutputOptions | None = None,
     initial_slip: Array | None = None,
     progress: Progress | None = None,
+    until: str | None = None,
 ) -> Record:
     """Evolve the contact from rest along a history (eqs. 4 to 15 of Ahn & Barber 2008).
 
@@ -51,6 +49,9 @@ def evolve(
         initial_slip: (N,) tangential displacement at rest from which the first slip is counted; the
             first leg is then one static problem. It is ignored at open nodes. Not with a scene.
         progress: called after every cycle.
+        until: "steady" stops when the steady state is reached; "limit" finds the limit of
+            infinitely many cycles (:mod:`receding_fenicsx.evolution.limit`). Default: as the
+            history says.
 
     Returns:
         The record of the whole contact.
@@ -67,11 +68,15 @@ def evolve(
                 "evolve: a scene brings its own solver, output and initial slip; change the scene "
                 "by dataclasses.replace"
             )
+        if until is not None:
+            history = replace(history, history=replace(history.history, until=until))
         scene, doubling = with_corners(system, history)
         journal = Journal(scene.output.checkpoint_cycles)
         record = continue_history(problem_of_scene(system, scene), journal, progress)
         record.doubling = doubling
         return record
+    if until is not None:
+        history = ended_by(history, until)
     problem = problem_of_history(system, history, solver, output, initial_slip)
     return continue_history(problem, Journal(), progress)
 
@@ -99,9 +104,12 @@ def continue_history(
     cycles, history = journal.cycles, problem.history
     run = RunState(problem, cycles)
     run.sample_finished()
+    search = LimitSearch(problem) if history.until_limit else None
     try:
         for number in range(len(cycles), problem.last_cycle + 1):
-            if run.steady.cycle >= 0 and history.until_steady:
+            if run.steady.cycle >= 0 and (history.until_steady or search is not None):
+                break
+            if search is not None and search.is_due(number) and search.found(cycles, progress):
                 break
             if number == 1:
                 check_force_range(run.model, history, run.position.totals.force_scale)
@@ -118,8 +126,11 @@ def continue_history(
         if isinstance(error, NoQuasiStaticContinuation) and problem.solver.method == "events":
             error.args = (f"{error}; {_choices_before(problem)}",)
         raise
-    record = record_of(problem.system, problem.solver, cycles, last=run.sample_last())
+    last = None if search is not None and search.steady is not None else run.sample_last()
+    record = record_of(problem.system, problem.solver, cycles, last=last)
     record.choices = _choices(problem)
+    if search is not None:
+        search.tell(record)
     return record
 
 

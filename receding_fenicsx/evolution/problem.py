@@ -8,6 +8,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE
 from receding_fenicsx.evolution.prepare import has_probes_of, system_for
 from receding_fenicsx.interface.branches.choice import FIRST, Chooser
 from receding_fenicsx.interface.system import ContactSystem
@@ -19,6 +20,9 @@ from receding_fenicsx.scene.profiles import evaluate_checked
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.scene.validate_options import check_branch
+
+LEAST_TOLERANCE = 1e-13
+"""Smallest tolerance of the limit: round-off of a cycle's forces over the largest."""
 
 DEFAULT_SAMPLED_CYCLES = (0, 1, 2, 9)
 """Cycles that get samples and events by default, beside the last one."""
@@ -127,6 +131,14 @@ def _checked(
     check_history(history, system.load_names)
     check_range(system, np.vstack([history.path, history.loop]))
     n = system.n
+    if solver.steady_tolerance is None:
+        if history.until_limit:
+            solver = replace(solver, steady_tolerance=LIMIT_TOLERANCE)
+    elif history.until_limit and solver.steady_tolerance < LEAST_TOLERANCE:
+        raise InputError(
+            f"[solver] steady_tolerance: {solver.steady_tolerance:g} is below the round-off of a "
+            f'cycle; until = "limit" needs at least {LEAST_TOLERANCE:g}'
+        )
     v = np.zeros(n) if initial_slip is None else np.array(initial_slip, dtype=float)
     if v.shape != (n,):
         raise InputError(f"initial_slip has shape {v.shape}, expected ({n},)")

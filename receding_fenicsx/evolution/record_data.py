@@ -126,6 +126,33 @@ class Steady:
 
 
 @dataclass
+class Limit:
+    """Limit of infinitely many cycles; see :mod:`receding_fenicsx.evolution.limit`.
+
+    Attributes:
+        reached: True when a cycle that repeats itself was found, played and checked.
+        cycle: its number in the record, the last one; -1 when not reached.
+        cycles_played: cycles played in all, with and without frozen nodes, from cycle 1.
+        newton_steps: Newton steps.
+        residual: change of the forces over the cycle, or natural map of drifts and margins, over
+            the largest force; the larger one. NaN without a search.
+        unique: 1 when the limit does not depend on the start, to first order; 0 when that is not
+            certain; -1 when it was not examined.
+        reason: why it was reached or not, and is unique or not, in words.
+        jumped: True when the cycle starts where it ends itself.
+    """
+
+    reached: bool
+    cycle: int
+    cycles_played: int
+    newton_steps: int
+    residual: float
+    unique: int
+    reason: str
+    jumped: bool = False
+
+
+@dataclass
 class RecordData:
     """Arrays and numbers of one evolved history.
 
@@ -160,6 +187,7 @@ class RecordData:
             two).
         choices: instants with several continuations on the exact path, and the one taken; they are
             looked for where ``solver.branch`` asks for another one than the first.
+        limit: limit of infinitely many cycles; None where it was not asked for.
     """
 
     x: Array
@@ -193,6 +221,16 @@ class RecordData:
     probes: Probes | None = None
     doubling: Array | None = None
     choices: tuple[Choice, ...] = ()
+    limit: Limit | None = None
+
+    def start_row(self, cycle: int) -> int | None:
+        """Return the turning point from which a cycle starts; None at rest.
+
+        It is the end of the cycle before, or of the cycle itself after a jump to the limit.
+        """
+        jumped = self.limit is not None and self.limit.jumped and self.limit.cycle == cycle
+        rows = np.flatnonzero(self.turning_points.cycle == (cycle if jumped else cycle - 1))
+        return int(rows[-1]) if len(rows) else None
 
     @property
     def friction(self) -> Friction:

@@ -56,12 +56,15 @@ def state_at(
     polyline = history.path if cycle == 0 else history.loop
     a, b = polyline[leg], polyline[leg + 1]
     load = b if s == 1.0 else (1.0 - s) * a + s * b
-    if s == 1.0 or (s == 0.0 and row > 0):
-        state = turning_point(record, system, row if s == 1.0 else row - 1)
+    before = row - 1 if leg > 0 else record.start_row(cycle)
+    if s == 1.0:
+        state = turning_point(record, system, row)
+    elif s == 0.0 and before is not None:
+        state = turning_point(record, system, before)
     else:
         start, scale = rest_state(system), 0.0
-        if row > 0:
-            start = turning_point(record, system, row - 1)
+        if before is not None:
+            start = turning_point(record, system, before)
             scale = float(max(np.abs(table.P[:row]).max(), np.abs(table.Q[:row]).max()))
         state = start
         if s > 0.0:

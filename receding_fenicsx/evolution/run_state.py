@@ -60,14 +60,18 @@ class RunState:
         """Restart from the end of the last finished cycle with a new solver."""
         self._restart_after(len(self.cycles) - 1)
 
-    def trace_cycle(self, number: int) -> FinishedCycle:
+    def trace_cycle(self, number: int, sampled: bool = False) -> FinishedCycle:
         """Trace the legs of the next cycle.
+
+        Args:
+            number: its number.
+            sampled: keep samples and events even where they were not asked for by its number.
 
         Raises:
             SolveError: a leg has no solution; ``corners`` and ``position`` tell how far it came.
         """
         dissipation = np.zeros(self.problem.system.n)
-        samples = Samples() if self.problem.is_sampled(number) else None
+        samples = Samples() if sampled or self.problem.is_sampled(number) else None
         start = instant(
             self.problem.system, (number, 0, 0.0), self.position.load, self.position.state
         )

@@ -70,7 +70,8 @@ class HistoryOptions(Table):
         maximum: largest load factor, positive.
         minimum: smallest load factor of the cycles, below the maximum.
         cycles: largest number of cycles.
-        until: "steady" to stop when the steady state is reached.
+        until: "steady" to stop when the steady state is reached; "limit" to find the limit of
+            infinitely many cycles.
         columns: name of the load of each column (kind "table").
         rows: load factors from rest to the start of the cycles (kind "table"); in a scene file also
             a file. Default: straight to the last of ``cycle_rows``.
@@ -120,7 +121,8 @@ class SolverOptions:
             on the exact path (Gauss-Seidel).
         steady_tolerance: change of the nodal forces over a cycle, relative to the largest force,
             below which the cycle is steady. Changes of slip are compared with 100 times this
-            tolerance, relative to the largest slip in the cycle.
+            tolerance, relative to the largest slip in the cycle. Default: 1e-8, and 1e-10 for the
+            limit of infinitely many cycles.
         on_jump: "stop" or "static", where no quasi-static continuation exists.
         branch: where several continuations exist, "first" takes the one found first, "least
             dissipation" or "most dissipation" the one that dissipates at the least or highest rate,
@@ -135,7 +137,7 @@ class SolverOptions:
     change_tolerance: float = 1e-10
     residual_tolerance: float = 1e-12
     max_sweeps: int = 20000
-    steady_tolerance: float = 1e-8
+    steady_tolerance: float | None = None
     on_jump: str = "stop"
     branch: str | int = "first"
 

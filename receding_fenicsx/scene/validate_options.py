@@ -36,8 +36,11 @@ def check_solver(solver: SolverOptions) -> None:
     check_count(solver.steps_per_leg, MAX_STEPS, "[solver] steps_per_leg")
     check_positive(solver.max_sweeps, "[solver] max_sweeps")
     for key in ("change_tolerance", "residual_tolerance", "steady_tolerance"):
-        check_positive(getattr(solver, key), f"[solver] {key}")
-        if getattr(solver, key) >= 1.0:
+        value = getattr(solver, key)
+        if value is None:  # a default that depends on the history
+            continue
+        check_positive(value, f"[solver] {key}")
+        if value >= 1.0:
             raise InputError(f"[solver] {key}: is relative; must be below 1")
     if not 0.0 < solver.over_relaxation < 2.0:
         raise InputError(
@@ -77,8 +80,8 @@ def check_output(scene: Scene, history: History) -> None:
 
 def _check_record_size(scene: Scene, history: History) -> None:
     output, legs = scene.output, max(len(history.loop) - 1, len(history.path) - 1)
-    # a run until the steady state ends long before
-    cycles = 0 if history.until_steady else history.cycles
+    # a run until the steady state or the limit ends long before
+    cycles = 0 if history.until_steady or history.until_limit else history.cycles
     sampled = min(DEFAULT_SAMPLED_CYCLES, cycles + 1)
     if output.cycles is not None:
         sampled = len(output.cycles) if isinstance(output.cycles, tuple) else cycles + 1

@@ -62,7 +62,8 @@ def is_settled(record: Record, cycle: int) -> bool:
 def stuck_nodes(record: Record, cycle: int) -> NDArray[np.bool_]:
     """Return (N,) closed nodes with friction whose slip over a cycle is negligible."""
     points, samples = record.turning_points, record.samples
-    before = np.flatnonzero(points.cycle == cycle - 1)[-1:]
+    start = record.start_row(cycle)
+    before = [] if start is None else [start]
     ends, rows = (np.flatnonzero(table.cycle == cycle) for table in (points, samples))
     span = np.ptp(np.vstack([points.v[before], points.v[ends], samples.v[rows]]), axis=0)
     state = np.vstack([points.state[ends], samples.state[rows]])

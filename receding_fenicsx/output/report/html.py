@@ -10,6 +10,7 @@ from typing import Any
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.output.report import html_elements as html
 from receding_fenicsx.output.report import html_pictures
+from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.text import (
     FRICTION_MARGIN,
     extremes_of,
@@ -190,7 +191,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
                 html.value(steady["dissipation_limit"]),
             ]
         )
-    rows += [line.split(": ", 1) for line in polygon_line(summary)]
+    rows += [line.split(": ", 1) for line in limit_lines(summary) + polygon_line(summary)]
     if ranges := limit_ranges(summary):
         rows.append(["friction limit reached without slip in the last cycle, x from", ranges])
     return html.table([], rows)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.scene.units import in_unit
 
 EXTREMES = ("p_max", "q_min", "q_max")
@@ -127,8 +128,7 @@ def _cycles(summary: Mapping[str, Any]) -> list[str]:
             f"dissipation, {steady['trend']} law ({steady['trend_value']:.3g}): extrapolated limit "
             f"{steady['dissipation_limit'] / D[0]:.4f} of cycle 1"
         )
-    lines += polygon_line(summary)
-    return lines
+    return lines + limit_lines(summary) + polygon_line(summary)
 
 
 def polygon_line(summary: Mapping[str, Any]) -> list[str]:

@@ -12,5 +12,6 @@ from receding_fenicsx.scene.history.kinds import MAX_CYCLES as MAX_CYCLES
 from receding_fenicsx.scene.history.kinds import from_scene as from_scene
 from receding_fenicsx.scene.history.polyline import History as History
 from receding_fenicsx.scene.history.polyline import check_history as check_history
+from receding_fenicsx.scene.history.polyline import ended_by as ended_by
 from receding_fenicsx.scene.history.polyline import evenly_spaced as evenly_spaced
 from receding_fenicsx.scene.history.polyline import leg_number as leg_number

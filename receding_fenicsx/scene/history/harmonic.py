@@ -56,7 +56,7 @@ def from_harmonic(options: HistoryOptions, names: tuple[str, ...]) -> History:
     loop = np.vstack([loop, loop[:1]])
     path = np.vstack([np.zeros_like(mean), mean, loop[0]])
     moves = np.concatenate([[True], np.any(np.diff(path, axis=0) != 0.0, axis=1)])
-    return History(names, path[moves], loop, options.cycles, options.until == "steady")
+    return History(names, path[moves], loop, options.cycles)
 
 
 def is_straight(options: HistoryOptions) -> bool:

@@ -11,7 +11,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_choice
 from receding_fenicsx.scene.history.driven import check_driven, check_known
 from receding_fenicsx.scene.history.harmonic import from_harmonic
-from receding_fenicsx.scene.history.polyline import History
+from receding_fenicsx.scene.history.polyline import History, ended_by
 from receding_fenicsx.scene.history.table import from_table
 from receding_fenicsx.scene.model import HistoryOptions, Scene
 
@@ -59,10 +59,6 @@ def from_scene(scene: Scene) -> History:
         raise InputError(f"a Scene is needed, not a {type(scene).__name__}")
     options, names = scene.history, scene.load_names
     check_choice(options.kind, KINDS, "[history] kind")
-    if options.until not in (None, "steady"):
-        raise InputError(
-            f'[history] until: "{options.until}" is unknown; use "steady" or remove it'
-        )
     _check_keys(options)
     check_known(tuple(options.constant), names, "constant")
     varying = tuple(name for name in names if name not in options.constant)
@@ -71,7 +67,7 @@ def from_scene(scene: Scene) -> History:
     history = _from_options(options, varying)
     if len(history.loop):
         _check_cycles(options.cycles)
-    return _with_constant(history, options, names)
+    return ended_by(_with_constant(history, options, names), options.until)
 
 
 def _from_options(options: HistoryOptions, names: tuple[str, ...]) -> History:
@@ -106,7 +102,7 @@ def _from_range(options: HistoryOptions, names: tuple[str, ...]) -> History:
             "reduce it"
         )
     loop = np.array([[options.maximum], [options.minimum], [options.maximum]])
-    return History(names, path, loop, options.cycles, options.until == "steady")
+    return History(names, path, loop, options.cycles)
 
 
 def _with_constant(history: History, options: HistoryOptions, names: tuple[str, ...]) -> History:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import described
 from receding_fenicsx.errors import InputError
+
+LEAST_CYCLES = 8
+"""Cycles with which a search for the limit can end: those before it, one to sort the nodes, two
+with frozen nodes, and the check."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -22,6 +26,7 @@ class History:
             ``path[-1]``; (0, n_loads) when there are no cycles.
         cycles: largest number of repetitions of the loop.
         until_steady: whether to stop when the steady state is reached.
+        until_limit: whether to find the limit of infinitely many cycles.
     """
 
     load_names: tuple[str, ...]
@@ -29,6 +34,7 @@ class History:
     loop: NDArray[np.float64]
     cycles: int = 0
     until_steady: bool = False
+    until_limit: bool = False
 
     def __repr__(self) -> str:
         """Return the loads with their ranges, and the numbers of corners and cycles."""
@@ -38,9 +44,14 @@ class History:
         rows = [(f"load {name}", f"{low:.6g} to {high:.6g}") for name, low, high in loads]
         return described(
             f"History: {len(self.path)} corners from rest, {self.cycles} cycles of "
-            f"{max(len(loop) - 1, 0)} legs{', until steady' if self.until_steady else ''}",
+            f"{max(len(loop) - 1, 0)} legs{self._until()}",
             rows,
         )
+
+    def _until(self) -> str:
+        if self.until_limit:
+            return ", until limit"
+        return ", until steady" if self.until_steady else ""
 
     def polyline(self, cycle: int) -> NDArray[np.float64]:
         """Return the load factors at the corners of a cycle; cycle 0 is the path from rest.
@@ -53,6 +64,29 @@ class History:
                 f"cycle {cycle} does not occur: the history has cycles 0 to {self.cycles}"
             )
         return self.path if cycle == 0 else self.loop
+
+
+def ended_by(history: History, until: str | None) -> History:
+    """Return a history that ends at the steady state, at the limit, or (None) after its cycles.
+
+    Raises:
+        InputError: there is no such end, or the limit is asked for and the cycles do not suffice.
+    """
+    if until not in (None, "steady", "limit"):
+        raise InputError(
+            f'[history] until: "{until}" is unknown; use "steady", "limit", or remove it'
+        )
+    if until == "limit" and not len(history.loop):
+        raise InputError(
+            '[history] until: "limit" needs cycles, which this history does not have; use '
+            'kind = "cyclic", or remove until'
+        )
+    if until == "limit" and history.cycles < LEAST_CYCLES:
+        raise InputError(
+            f'[history] cycles: until = "limit" needs at least {LEAST_CYCLES}, not '
+            f"{history.cycles}; raise cycles, the limit mostly takes fewer than 20"
+        )
+    return replace(history, until_steady=until == "steady", until_limit=until == "limit")
 
 
 def check_history(history: History, load_names: tuple[str, ...]) -> None:

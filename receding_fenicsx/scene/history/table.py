@@ -51,8 +51,7 @@ def from_table(options: HistoryOptions, names: tuple[str, ...]) -> History:
     if np.any(loop[0] != rows[-1]) or len(loop) == 1:
         loop = np.vstack([rows[-1:], loop])
     _check_moves(loop, "cycle_rows")
-    until_steady = options.until == "steady"
-    return History(names, rows[:, order], loop[:, order], options.cycles, until_steady)
+    return History(names, rows[:, order], loop[:, order], options.cycles)
 
 
 def _rows(

@@ -1,0 +1,216 @@
+"""Cycles of a contact some of whose nodes are frozen: they stick whatever their margins."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.interface.exact.legs import LegProblem
+from receding_fenicsx.interface.exact.segments import Segment, Segments
+from receding_fenicsx.interface.exact.walk import Walk
+from receding_fenicsx.interface.law import SEPARATION
+from receding_fenicsx.interface.rigid_motions import neutral_motions
+from receding_fenicsx.interface.system import ContactState, ContactSystem
+
+MAX_PASSES = 50
+"""Passes of the derivative through a cycle after which it must repeat itself."""
+
+SAME_DERIVATIVE = 1e-9
+"""Change of a derivative over its size that counts as none."""
+
+
+class Stop(NamedTuple):
+    """Event or corner of a frozen cycle.
+
+    Attributes:
+        load: (n_loads,) load factors, those of the shifts included.
+        u: (2N,) displacements, those of frozen nodes without their shifts.
+        q: (4N,) rates of [v, gap, A, B] on the way there, over the leg.
+        label: quantity that reached its limit, -1 at a corner.
+    """
+
+    load: Array
+    u: Array
+    q: Array
+    label: int
+
+
+class TracedWalk(Walk):
+    """Path along one leg that keeps its stops."""
+
+    def __init__(self, segments: Segments, problem: LegProblem) -> None:
+        """Start at the beginning of a leg."""
+        super().__init__(segments, problem)
+        self.trace: list[Stop] = []
+
+    def _advance(self, segment: Segment, ds: float) -> None:
+        super()._advance(segment, ds)
+        point = self.point
+        self.trace.append(Stop(point.load, point.displacements(point.y), segment.q, -1))
+
+    def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
+        self.trace[-1] = self.trace[-1]._replace(label=label)
+        return super()._event(label, segment)
+
+
+class NoLimit(Exception):
+    """The search for the limit has failed; the text says why."""
+
+
+class MovedCycle(NamedTuple):
+    """Derivatives of a cycle in the shifts.
+
+    Attributes:
+        S: (4N, k) of the quantities at its start.
+        ds: (E, k) of the places of its stops.
+        change: (E, 4N) rates before each stop less those after it, zero where it does not move.
+    """
+
+    S: Array
+    ds: Array
+    change: Array
+
+
+@dataclass(frozen=True)
+class FrozenCycle:
+    """One cycle with frozen nodes.
+
+    Attributes:
+        start, end: states at its start and end.
+        stops: its events and corners.
+        opens: (N,) nodes that are open somewhere.
+    """
+
+    start: ContactState
+    end: ContactState
+    stops: list[Stop]
+    opens: NDArray[np.bool_]
+
+    def moved_events(self, S: Array) -> tuple[Array, Array]:
+        """Return how the events move with the shifts, and the changes of the rates there.
+
+        The rates q in given states do not depend on the shifts, so that the derivative S (4N, k) of
+        the quantities [v, gap, A, B] at a fixed load is constant between events. An event e, where
+        quantity l(e) reaches zero, moves by ds_e, and so S changes there:
+
+            q_l ds_e = -S_l,    S <- S + (q_before - q_after) ds_e,
+
+        one triangular system for all events of the cycle. A corner does not move.
+
+        Args:
+            S: (4N, k) derivative at the start of the cycle.
+
+        Returns:
+            ds (E, k) of the stops, and q_before - q_after (E, 4N), zero where nothing moves.
+        """
+        q = np.array([stop.q for stop in self.stops])
+        label = np.array([stop.label for stop in self.stops])
+        ds, change = np.zeros((len(q), S.shape[1])), np.zeros_like(q)
+        e = np.flatnonzero(label >= 0)
+        e = e[q[e, label[e]] < 0.0]
+        if len(e):
+            change[e] = q[e] - q[e + 1]
+            L = np.tril(change[np.ix_(e, label[e])].T, -1)
+            np.fill_diagonal(L, q[e, label[e]])
+            ds[e] = sla.solve_triangular(L, -S[label[e]], lower=True, check_finite=False)
+        return ds, change
+
+
+@dataclass
+class Frozen:
+    """Contact system with frozen nodes, of which some can be shifted tangentially.
+
+    A frozen node is held tangentially: it carries any Q and may open. The shift y_d of a node d
+    enters eq. (11) as one more load, r = sum lambda r* + sum_d y_d K_d + K u, with the column K_d
+    of its tangential displacement. Rates and stored segments depend on the states only, so that
+    they serve for all shifts.
+
+    Attributes:
+        system: the whole system in 2N form.
+        nodes: frozen nodes.
+        shifted: those that can be shifted.
+        loop: (m + 1, n_loads) load factors of a cycle.
+        force: largest nodal force of the history.
+    """
+
+    system: ContactSystem
+    nodes: Ints
+    shifted: Ints
+    loop: Array
+    force: float
+    segments: Segments = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Hold the frozen nodes and add the loads of the shifts."""
+        system = self.system
+        held = system.held.copy()
+        held[self.nodes] = True
+        rigid = neutral_motions(system.rigid, held)
+        largest = np.abs(rigid).max(axis=0, initial=0.0)
+        self.segments = Segments(
+            replace(
+                system,
+                held=held,
+                rigid=rigid / np.where(largest > 0.0, largest, 1.0),
+                r_star=np.vstack([system.r_star, system.K[self.shifted]]),
+                load_names=(*system.load_names, *(f"shift {d}" for d in self.shifted)),
+                load_compliance=np.zeros((0, 0)),
+                load_sign=np.zeros(0),
+            )
+        )
+
+    def shift(self, state: ContactState, old: Array, new: Array) -> ContactState:
+        """Follow the contact at the start of a cycle while the shifts (k,) grow to new ones."""
+        start = self.loop[0]
+        walk = self._walked(state, (np.append(start, old), np.append(start, new)))
+        return walk.finish().end
+
+    def cycle(self, state: ContactState, shifts: Array) -> FrozenCycle:
+        """Play one cycle.
+
+        Raises:
+            SolveError: the path ends, or its residual is above its tolerance.
+        """
+        stops: list[Stop] = []
+        start, opens = state, state.state == SEPARATION
+        for a, b in pairwise(self.loop):
+            walk = self._walked(state, (np.append(a, shifts), np.append(b, shifts)))
+            leg = walk.finish()
+            state, stops = leg.end, stops + walk.trace
+            opens[[node for _, node, _, new in leg.events if new == SEPARATION]] = True
+        return FrozenCycle(start, state, stops, opens)
+
+    def _walked(self, state: ContactState, ends: tuple[Array, Array]) -> TracedWalk:
+        walk = TracedWalk(self.segments, LegProblem(state, ends, self.force))
+        walk.run(1.0)
+        return walk
+
+    def start_change(self, state: ContactState) -> Array:
+        """Return the derivatives (4N, k) of [v, gap, A, B] in the shifts, the states kept."""
+        k, tableau = len(self.shifted), self.segments.tableau(state.state)
+        unit = np.eye(len(self.system.load_names) + k)[len(self.system.load_names) :]
+        return np.array([tableau.rates(d) for d in unit]).reshape(k, 4 * self.system.n).T
+
+    def periodic_change(self, cycle: FrozenCycle) -> MovedCycle:
+        """Return the derivatives in the shifts of a cycle that repeats itself.
+
+        The map from S at the start of the cycle to S at its end is applied until it repeats: where
+        a node slips, it forgets.
+
+        Raises:
+            NoLimit: it does not repeat.
+        """
+        S = self.start_change(cycle.start)
+        for _ in range(MAX_PASSES):
+            ds, change = cycle.moved_events(S)
+            end = S + change.T @ ds
+            if np.abs(end - S).max(initial=0.0) <= SAME_DERIVATIVE * np.abs(S).max(initial=0.0):
+                return MovedCycle(S, ds, change)
+            S = end
+        raise NoLimit("the cycle with frozen nodes forgets its start too slowly")

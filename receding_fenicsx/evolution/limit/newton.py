@@ -1,0 +1,157 @@
+"""Semismooth Newton on the complementarity of drifts and smallest margins over a cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.evolution.limit.frozen import Frozen, FrozenCycle, MovedCycle, NoLimit
+from receding_fenicsx.interface.residual import local_stiffness
+from receding_fenicsx.interface.system import ContactState
+
+MAX_STEPS = 20
+"""Newton steps after which the search is given up."""
+
+CONVERGED = 1e-13
+"""Natural map over the largest nodal force below which it is zero."""
+
+MAX_FROZEN_CYCLES = 6
+"""Cycles with frozen nodes, after a Newton step, that may differ from each other."""
+
+REPEATS = 1e-13
+"""Change of the displacements over a cycle with frozen nodes, over their largest, that is none."""
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Smallest margins A and B of frozen nodes over a cycle, (m,) each, and the stops of both."""
+
+    A: Array
+    B: Array
+    at_A: Ints
+    at_B: Ints
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Cycle in which no frozen node would slip.
+
+    Attributes:
+        cycle: the cycle with frozen nodes.
+        shifts: (k,) drifts of the shifted nodes.
+        steps: Newton steps.
+        cycles: cycles played with frozen nodes.
+        residual: natural map over the largest nodal force.
+        active: (k,) 1 where the margin A vanishes after a drift forward, -1 where B does after one
+            backward, 0 where the node stays.
+        margins: smallest margins of the shifted nodes.
+    """
+
+    cycle: FrozenCycle
+    shifts: Array
+    steps: int
+    cycles: int
+    residual: float
+    active: NDArray[np.int8]
+    margins: Margins
+
+
+def smallest_margins(frozen: Frozen, cycle: FrozenCycle, nodes: Ints) -> Margins:
+    """Return the smallest margins of nodes over the stops of a cycle."""
+    system, n = frozen.system, frozen.system.n
+    rows = np.concatenate([nodes, n + nodes])
+    load = np.array([stop.load for stop in cycle.stops])
+    u = np.array([stop.u for stop in cycle.stops])
+    r = load @ frozen.segments.system.r_star[:, rows] + u @ system.K[:, rows]
+    A, B = system.friction[nodes].margins(r[:, : len(nodes)], r[:, len(nodes) :])
+    return Margins(A.min(axis=0), B.min(axis=0), A.argmin(axis=0), B.argmin(axis=0))
+
+
+def margin_derivatives(
+    frozen: Frozen, cycle: FrozenCycle, moved: MovedCycle, nodes: Ints, signs: Array, at: Ints
+) -> Array:
+    """Return the derivatives (m, k) of margins of nodes at stops of a cycle in the shifts.
+
+    At stop j of a node with the row a of its margin in r = ... + K u,
+
+        dm = a . (S + sum over events e before j of change_e ds_e + q_j ds_j) + a_shifted .
+
+    Args:
+        frozen: the contact.
+        cycle: the cycle.
+        moved: its derivatives.
+        nodes: (m,) the nodes.
+        signs: (m,) 1 for the margin A, -1 for B.
+        at: (m,) the stop of each.
+    """
+    system, n = frozen.system, frozen.system.n
+    f = np.where(signs > 0.0, system.friction.forward[nodes], system.friction.backward[nodes])
+    a = signs[:, None] * system.K[nodes] + f[:, None] * system.K[n + nodes]
+    before = np.arange(len(cycle.stops)) < at[:, None]
+    weights = np.where(before, a @ moved.change[:, : 2 * n].T, 0.0)
+    q = np.array([cycle.stops[j].q[: 2 * n] for j in at]).reshape(len(at), 2 * n)
+    weights[np.arange(len(at)), at] = np.einsum("ij,ij->i", a, q)
+    return a @ moved.S[: 2 * n] + weights @ moved.ds + a[:, frozen.shifted]
+
+
+def solve(frozen: Frozen, start: ContactState, budget: int) -> Solution:
+    """Find shifts x of the nodes that can be shifted so that none of them would slip.
+
+    With the smallest margins A and B of a node over the periodic cycle: x > 0 only where A = 0,
+    x < 0 only where B = 0, and A, B >= 0. This is the zero of the natural map
+    R = min(A, max(k x, -B)), k being the node's stiffness, found by Newton's method on its pieces.
+
+    Args:
+        frozen: the contact.
+        start: state at the start of a cycle, no node shifted.
+        budget: cycles that may be played.
+
+    Raises:
+        NoLimit: it does not converge.
+        SolveError: a cycle with frozen nodes ends early.
+    """
+    nodes = frozen.shifted
+    k = local_stiffness(frozen.system)[0][nodes]
+    x, state, played = np.zeros(len(nodes)), start, 0
+    for step in range(MAX_STEPS):
+        if played >= budget:
+            raise NoLimit("the search needs more cycles than [history] cycles allows")
+        cycle, count = _repeating(frozen, state, x)
+        played += count
+        m = smallest_margins(frozen, cycle, nodes)
+        inner = np.maximum(k * x, -m.B)
+        R = np.minimum(m.A, inner)
+        forward = m.A < inner
+        backward = ~forward & (-m.B > k * x)
+        active = forward.astype(np.int8) - backward.astype(np.int8)
+        residual = float(np.abs(R).max(initial=0.0)) / frozen.force
+        if residual <= CONVERGED:
+            return Solution(cycle, x, step, played, residual, active, m)
+        moved = frozen.periodic_change(cycle)
+        J, chosen = np.diag(k), np.flatnonzero(active)
+        signs = active[chosen].astype(float)
+        at = np.where(forward, m.at_A, m.at_B)[chosen]
+        J[chosen] = signs[:, None] * margin_derivatives(
+            frozen, cycle, moved, nodes[chosen], signs, at
+        )
+        try:
+            new = x - np.linalg.solve(J, R)
+        except np.linalg.LinAlgError:
+            raise NoLimit("the margins do not determine the drifts") from None
+        new[active == 0] = 0.0
+        state, x = frozen.shift(cycle.end, x, new), new
+    raise NoLimit(f"{MAX_STEPS} Newton steps did not converge")
+
+
+def _repeating(frozen: Frozen, state: ContactState, x: Array) -> tuple[FrozenCycle, int]:
+    """Return the cycle with given shifts that repeats itself, and the cycles played for it."""
+    for count in range(1, MAX_FROZEN_CYCLES + 1):
+        cycle = frozen.cycle(state, x)
+        change = np.abs(cycle.end.u - cycle.start.u).max()
+        if change <= REPEATS * np.abs(cycle.end.u).max():
+            return cycle, count
+        state = cycle.end
+    raise NoLimit(f"{MAX_FROZEN_CYCLES} cycles with frozen nodes did not repeat themselves")

@@ -1,0 +1,112 @@
+"""Search for the state whose cycle repeats itself for ever, from the start of some cycle."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution.limit.frozen import Frozen, NoLimit
+from receding_fenicsx.evolution.limit.newton import Solution, smallest_margins, solve
+from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.law import STICK
+from receding_fenicsx.interface.solver import Solver
+from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
+
+MAX_SORTS = 10
+"""Sortings of the nodes after which the search is given up."""
+
+VIOLATED = 1e-12
+"""Margin of a frozen node below zero, over the largest nodal force, that is no round-off."""
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """State at the start of a cycle that should repeat itself.
+
+    Attributes:
+        state: the state.
+        steps: Newton steps.
+        cycles: cycles played to find it.
+        residual: natural map of drifts and margins, over the largest nodal force.
+        frozen: the contact with frozen nodes.
+        solution: the cycle with frozen nodes.
+    """
+
+    state: ContactState
+    steps: int
+    cycles: int
+    residual: float
+    frozen: Frozen
+    solution: Solution
+
+
+def find_limit(
+    model: ContactSystem,
+    solver: Solver,
+    start: ContactState,
+    loop: Array,
+    force: float,
+    budget: int,
+) -> Candidate:
+    """Find the state to which the starts of cycles tend.
+
+    Args:
+        model: the condensed body in 2N form.
+        solver: plays the cycle by which the nodes are sorted.
+        start: state at the start of a cycle.
+        loop: (m + 1, n_loads) load factors of a cycle.
+        force: largest nodal force of the history so far.
+        budget: cycles that may be played.
+
+    Raises:
+        NoLimit: none was found.
+    """
+    steps, cycles = 0, 1
+    try:
+        nodes = sort_nodes(model, solver, start, loop, force)
+        for _ in range(MAX_SORTS):
+            frozen = Frozen(
+                model, np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting), loop, force
+            )
+            states = np.where(nodes.frozen, STICK, start.state).astype(np.int8)
+            solution = solve(frozen, replace(start, state=states), budget - cycles)
+            steps, cycles = steps + solution.steps, cycles + solution.cycles
+            again = _sorted_again(frozen, solution, nodes)
+            if again is None:
+                state = _unfrozen(frozen, solution)
+                return Candidate(state, steps, cycles, solution.residual, frozen, solution)
+            nodes = again
+    except SolveError as error:
+        raise NoLimit(f"a cycle with frozen nodes ends early: {error}") from error
+    except SingularExchange as error:
+        raise NoLimit("a cycle with frozen nodes leaves a motion without stiffness") from error
+    raise NoLimit(f"the nodes were sorted {MAX_SORTS} times")
+
+
+def _sorted_again(frozen: Frozen, solution: Solution, nodes: Sorted) -> Sorted | None:
+    """Return the nodes sorted anew by a cycle with frozen nodes; None where they are right.
+
+    Nodes that open, or violate both margins, slip both ways. Others that violate one drift.
+    """
+    n = frozen.system.n
+    m = smallest_margins(frozen, solution.cycle, frozen.nodes)
+    least = -VIOLATED * frozen.force
+    freed, drifting = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+    freed[frozen.nodes[(m.A < least) & (m.B < least)]] = True
+    drifting[frozen.nodes[(m.A < least) | (m.B < least)]] = True
+    freed |= solution.cycle.opens & nodes.frozen
+    if not np.any(freed | drifting):
+        return None
+    return nodes.with_moved(freed, drifting)
+
+
+def _unfrozen(frozen: Frozen, solution: Solution) -> ContactState:
+    """Return the state at the start of the cycle, the shifts added to the displacements."""
+    end = solution.cycle.end
+    u = end.u.copy()
+    u[frozen.shifted] += solution.shifts
+    return ContactState(u, reactions(frozen.system, frozen.loop[0], u), end.state.copy())

@@ -1,0 +1,72 @@
+"""Sort contact nodes: which slip both ways or open in every cycle, which drift, which stick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import SEPARATION
+from receding_fenicsx.interface.measures.steady import SLIP_ROUND_OFF
+from receding_fenicsx.interface.residual import local_stiffness
+from receding_fenicsx.interface.solver import Solver
+from receding_fenicsx.interface.system import ContactState, ContactSystem
+
+NEIGHBOURS = 2
+"""Nodes on either side of one that drifts that may come to drift."""
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Sorted:
+    """Nodes by what they do in a cycle.
+
+    Attributes:
+        frozen: (N,) nodes that do not slip both ways and do not open; only these have a limit that
+            depends on the cycles before.
+        drifting: (N,) frozen nodes that slip in one direction, and their neighbours among them.
+    """
+
+    frozen: Mask
+    drifting: Mask
+
+    def with_moved(self, freed: Mask, drifting: Mask) -> Sorted:
+        """Return the same with some nodes freed, and others that drift."""
+        frozen = self.frozen & ~freed
+        return Sorted(frozen, (self.drifting | drifting) & frozen)
+
+
+def sort_nodes(
+    model: ContactSystem, solver: Solver, start: ContactState, loop: Array, force: float
+) -> Sorted:
+    """Play one cycle from its start and sort the nodes by what they do in it.
+
+    Args:
+        model: the condensed body in 2N form.
+        solver: plays the legs.
+        start: state at the start of the cycle.
+        loop: (m + 1, n_loads) load factors of a cycle.
+        force: largest nodal force of the history so far.
+    """
+    n, state = model.n, start
+    forward, backward = np.zeros(n), np.zeros(n)
+    opens = start.state == SEPARATION
+    for a, b in pairwise(loop):
+        leg = solver.trace_leg(state, (a, b), force, 1)
+        for _, node, old, new in leg.events:
+            opens[node] |= SEPARATION in (old, new)
+        v = np.array([*(u[:n] for _, u in leg.stops), leg.end.v])
+        slip = np.diff(v, axis=0)
+        forward += np.maximum(slip, 0.0).sum(axis=0)
+        backward += np.maximum(-slip, 0.0).sum(axis=0)
+        state = leg.end
+    give = SLIP_ROUND_OFF * force / local_stiffness(model)[0]
+    slips = np.array([forward > give, backward > give])
+    loose = model.friction.present & ~model.held[:n] & ~model.held[n:]
+    frozen = loose & ~opens & ~slips.all(axis=0)
+    near = np.convolve(slips.any(axis=0) & frozen, np.ones(2 * NEIGHBOURS + 1))
+    return Sorted(frozen, (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen)

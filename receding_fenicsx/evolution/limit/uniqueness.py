@@ -1,0 +1,61 @@
+"""Whether the limit depends on the slips from which the cycles began."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.evolution.limit.newton import margin_derivatives
+from receding_fenicsx.evolution.limit.search import Candidate
+from receding_fenicsx.interface.residual import local_stiffness
+
+ALL_MINORS = 12
+"""Largest matrix all of whose principal minors are computed."""
+
+YES, NO, NOT_EXAMINED = 1, 0, -1
+
+
+def is_p_matrix(M: Array) -> bool | None:
+    """Return whether all principal minors are positive; None where that is not decided.
+
+    A positive definite symmetric part is enough. Elsewhere the minors are computed, up to
+    ``ALL_MINORS`` rows.
+
+        >>> is_p_matrix(np.array([[1.0, -3.0], [0.0, 1.0]]))
+        True
+        >>> is_p_matrix(np.array([[1.0, 2.0], [2.0, 1.0]]))
+        False
+    """
+    n = len(M)
+    if n == 0 or np.linalg.eigvalsh(0.5 * (M + M.T)).min() > 0.0:
+        return True
+    if n > ALL_MINORS:
+        return None
+    subsets = (list(s) for k in range(1, n + 1) for s in combinations(range(n), k))
+    return all(np.linalg.det(M[np.ix_(s, s)]) > 0.0 for s in subsets)
+
+
+def is_unique(found: Candidate) -> tuple[int, str]:
+    """Return whether no other drifts satisfy the complementarity, to first order, and why.
+
+    The block M of the derivatives of the smallest margins in the drifts, both towards the limit
+    that is nearer, must be a P-matrix: then y >= 0, m = q + M y >= 0, y . m = 0 has one solution
+    whatever q. M is that of the cycle found; other cycles may change state in another order.
+    """
+    frozen, solution = found.frozen, found.solution
+    m, nodes = solution.margins, frozen.shifted
+    if not len(nodes):
+        return YES, "no node drifts"
+    forward = (solution.active > 0) | ((solution.active == 0) & (m.A < m.B))
+    signs, at = np.where(forward, 1.0, -1.0), np.where(forward, m.at_A, m.at_B)
+    moved = frozen.periodic_change(solution.cycle)
+    M = margin_derivatives(frozen, solution.cycle, moved, nodes, signs, at) * signs
+    k = np.sqrt(local_stiffness(frozen.system)[0][nodes])
+    verdict = is_p_matrix(M / k[:, None] / k)
+    if verdict is None:
+        return NOT_EXAMINED, "whether the drifts have one limit only is not decided"
+    if verdict:
+        return YES, "the derivatives of the margins in the drifts are a P-matrix"
+    return NO, "the derivatives of the margins in the drifts are no P-matrix"

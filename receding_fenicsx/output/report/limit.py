@@ -1,0 +1,54 @@
+"""Limit of infinitely many cycles in the summary and in words."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.evolution.record import Record
+
+UNIQUE = {1: True, 0: False}
+"""Value of "unique" in the summary; None where it was not examined."""
+
+
+def limit_summary(record: Record) -> dict[str, Any]:
+    """Return the key "limit" of the summary; nothing where the limit was not asked for."""
+    limit, D = record.limit, record.cycles.dissipation
+    if limit is None:
+        return {}
+    ratio = float(D[-1] / D[0]) if limit.reached and record.dissipates else None
+    return {
+        "limit": {
+            "reached": bool(limit.reached),
+            "cycle": int(limit.cycle),
+            "cycles_played": int(limit.cycles_played),
+            "newton_steps": int(limit.newton_steps),
+            "dissipation": float(D[-1]) if limit.reached else None,
+            "dissipation_ratio": ratio,
+            "residual": float(limit.residual) if np.isfinite(limit.residual) else None,
+            "unique": UNIQUE.get(int(limit.unique)),
+            "reason": limit.reason,
+            "jumped": bool(limit.jumped),
+        }
+    }
+
+
+def limit_lines(summary: Mapping[str, Any]) -> list[str]:
+    """Return lines on the limit of infinitely many cycles, if it was asked for."""
+    limit = summary.get("limit")
+    if limit is None:
+        return []
+    if not limit["reached"]:
+        return [f"limit of infinitely many cycles: not reached; {limit['reason']}"]
+    if not limit["jumped"]:
+        return [f"limit of infinitely many cycles: cycle {limit['cycle']}; {limit['reason']}"]
+    lines = [
+        f"limit of infinitely many cycles: found by {limit['newton_steps']} Newton steps and "
+        f"{limit['cycles_played']} played cycles, shown as cycle {limit['cycle']}, residual "
+        f"{limit['residual']:.1e}"
+    ]
+    unique = {True: "does not depend on the start", False: "may depend on the start"}
+    words = unique.get(limit["unique"], "is not known to be independent of the start")
+    return [*lines, f"the limit {words}: {limit['reason']}"]

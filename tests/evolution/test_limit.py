@@ -1,0 +1,121 @@
+"""Limit of infinitely many cycles against plain playing, closed forms and bad input."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from models import block_system
+from small import cyclic, small_system, table
+
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.limit.uniqueness import is_p_matrix
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.replay import state_at
+from receding_fenicsx.output.report.limit import limit_lines
+from receding_fenicsx.output.report.summary import summarise
+from receding_fenicsx.output.storage.hdf5 import read_record, write_record
+from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
+
+BLOCK = block_system(40, 20)
+
+
+@pytest.fixture(scope="module")
+def limit() -> Record:
+    return evolve(BLOCK, cyclic(200), until="limit")
+
+
+def test_the_limit_is_that_of_many_plain_cycles(limit: Record) -> None:
+    plain = evolve(BLOCK, cyclic(400))
+    assert limit.limit is not None and limit.limit.reached and limit.limit.jumped
+    assert limit.limit.cycles_played <= 20 and limit.limit.unique == 1
+    D, last = limit.cycles.dissipation, plain.cycles.dissipation
+    assert abs(D[-1] / last[-1] - 1.0) < 1e-8
+    v, w = limit.turning_points.v[-1], plain.turning_points.v[-1]
+    assert np.abs(v - w).max() < 1e-7 * np.abs(w).max()
+    # the cycles before the jump are those of the history
+    assert np.array_equal(D[:3], last[:3])
+    assert np.array_equal(limit.turning_points.v[:7], plain.turning_points.v[:7])
+    assert limit.steady.reached and limit.steady.kind == plain.steady.kind == "cyclic slip"
+
+
+def test_the_limit_cycle_repeats_itself_under_the_full_law(limit: Record) -> None:
+    points, n = limit.turning_points, len(limit.cycles.dissipation)
+    assert limit.limit is not None and limit.limit.cycle == n == limit.steady.cycle
+    assert limit.start_row(n) == len(points.s) - 1 and limit.start_row(1) == 0
+    assert (
+        np.abs(limit.cycles.slip_increment[-1]).max() < 1e-10 * np.ptp(points.v[-2:], axis=0).max()
+    )
+    assert limit.residual_max < 1e-11 and limit.energy_error_max < 1e-10
+    assert sorted(set(limit.samples.cycle.tolist())) == [0, 1, 2, n]
+    assert np.sum(limit.events.cycle == n) > 50
+
+
+def test_an_instant_of_the_limit_cycle_is_replayed_from_its_own_end(limit: Record) -> None:
+    n, samples = len(limit.cycles.dissipation), limit.samples
+    row = int(np.flatnonzero((samples.cycle == n) & (samples.leg == 0))[20])
+    at = state_at(limit, BLOCK, cyclic(200), SolverOptions(), (n, 0, float(samples.s[row])))
+    half = samples.v.shape[1] - BLOCK.n
+    assert np.abs(at.v - samples.v[row, half:]).max() < 1e-10 * np.abs(at.v).max()
+
+
+def test_record_and_summary_hold_the_limit(limit: Record, tmp_path: Path) -> None:
+    write_record(tmp_path / "record.h5", limit)
+    assert read_record(tmp_path / "record.h5").limit == limit.limit
+    summary = summarise(limit)
+    D = limit.cycles.dissipation
+    assert summary["limit"]["dissipation_ratio"] == D[-1] / D[0]
+    assert summary["limit"]["reached"] is True and summary["limit"]["unique"] is True
+    assert "found by" in limit_lines(summary)[0]
+    assert "limit" not in summarise(evolve(BLOCK, cyclic(2)))
+
+
+def test_one_spring_has_its_limit_in_closed_form() -> None:
+    # spring 2 pressed by 1 and pulled between -0.5 and 0.5, f = 0.3: D = 4 f (pull - f) / 2
+    system = small_system([[2.0, 0.0], [0.0, 1.0]], {"press": [0, 1], "pull": [-1, 0]}, 0.3)
+    history = table(system, [[0, 0], [1, 0], [1, 0.5]], [[1, 0.5], [1, -0.5], [1, 0.5]], 50)
+    record = evolve(system, history, until="limit")
+    assert record.limit is not None and record.limit.reached
+    assert np.isclose(record.cycles.dissipation[-1], 4 * 0.3 * 0.2 / 2, rtol=1e-12)
+
+
+def test_a_search_that_is_not_possible_goes_on_playing() -> None:
+    steps = SolverOptions(method="gauss-seidel", steps_per_leg=4)
+    small = block_system(12, 6)
+    record = evolve(small, cyclic(12), steps, until="limit")
+    plain = evolve(small, cyclic(12), steps)
+    assert record.limit is not None and not record.limit.reached
+    assert "events" in record.limit.reason and "raise [history] cycles" in record.limit.reason
+    assert np.array_equal(record.cycles.dissipation, plain.cycles.dissipation)
+    assert "not reached" in limit_lines(summarise(record))[0]
+
+
+@pytest.mark.parametrize(
+    ("M", "verdict"),
+    [
+        ([[1.0, -3.0], [0.0, 1.0]], True),
+        ([[1.0, 2.0], [2.0, 1.0]], False),
+        ([[-1.0]], False),
+        (np.triu(np.full((20, 20), 5.0), 1) + np.eye(20), None),
+    ],
+)
+def test_p_matrices(M: np.ndarray, verdict: bool | None) -> None:
+    assert is_p_matrix(np.array(M)) is verdict
+
+
+def test_bad_input_is_refused_in_one_line() -> None:
+    scene = Scene(loads=(Load("p0", "top", pressure=1.0),))
+    for options, words in (
+        (HistoryOptions(kind="monotonic", until="limit"), "needs cycles"),
+        (HistoryOptions(cycles=4, until="limit"), "raise cycles"),
+        (HistoryOptions(until="lmit"), 'use "steady", "limit"'),
+    ):
+        with pytest.raises(InputError, match=words) as caught:
+            from_scene(replace(scene, history=options))
+        assert "\n" not in str(caught.value)
+    with pytest.raises(InputError, match="below the round-off"):
+        evolve(BLOCK, cyclic(50), SolverOptions(steady_tolerance=1e-15), until="limit")
+    with pytest.raises(InputError, match="needs cycles"):
+        evolve(BLOCK, replace(cyclic(50), loop=np.zeros((0, 1))), until="limit")
