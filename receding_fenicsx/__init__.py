@@ -69,6 +69,8 @@ if TYPE_CHECKING:
     from receding_fenicsx.interface.measures.zones import contact_half_width as contact_half_width
     from receding_fenicsx.interface.measures.zones import stick_half_width as stick_half_width
     from receding_fenicsx.interface.measures.zones import zones as zones
+    from receding_fenicsx.interface.shakedown.limits import ShakedownLimits as ShakedownLimits
+    from receding_fenicsx.interface.shakedown.limits import shakedown_limits as shakedown_limits
     from receding_fenicsx.interface.solver import Solver as Solver
     from receding_fenicsx.interface.system import ContactState as ContactState
     from receding_fenicsx.interface.system import ContactSystem as ContactSystem
@@ -117,6 +119,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.model import Probe as Probe
     from receding_fenicsx.scene.model import Refinement as Refinement
     from receding_fenicsx.scene.model import Scene as Scene
+    from receding_fenicsx.scene.model import ShakedownOptions as ShakedownOptions
     from receding_fenicsx.scene.model import SolverOptions as SolverOptions
     from receding_fenicsx.scene.model import Support as Support
     from receding_fenicsx.scene.toml_file import from_toml as from_toml
@@ -125,6 +128,13 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.units import Units as Units
     from receding_fenicsx.scene.validate import validate as validate
     from receding_fenicsx.scene.validate import warnings as scene_warnings
+    from receding_fenicsx.shakedown_study.cycles import range_history as range_history
+    from receding_fenicsx.shakedown_study.starts import SteadyStates as SteadyStates
+    from receding_fenicsx.shakedown_study.starts import steady_states as steady_states
+    from receding_fenicsx.shakedown_study.starts_figure import (
+        steady_states_figure as steady_states_figure,
+    )
+    from receding_fenicsx.shakedown_study.study import shakedown as shakedown
     from receding_fenicsx.study import RunOptions as RunOptions
     from receding_fenicsx.study import condense as condense
     from receding_fenicsx.study import run as run
@@ -234,6 +244,16 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "animate": ("pictures", "Make a film of one cycle of a finished run"),
         "export": ("output.storage.fclib", "Write a load step in the layout of FCLIB"),
     },
+    "Shakedown and other starts": {
+        "shakedown_limits": ("interface.shakedown.limits", "Both shakedown limits of a load range"),
+        "ShakedownLimits": ("interface.shakedown.limits", "Limits, safe slip, what binds"),
+        "ShakedownOptions": ("scene.model", "Load range of a scene: mean and corners"),
+        "shakedown": ("shakedown_study.study", "Limits of a scene, on two meshes, with diagram"),
+        "range_history": ("shakedown_study.cycles", "History round the corners of a load range"),
+        "steady_states": ("shakedown_study.starts", "Steady states from many initial slips"),
+        "steady_states_figure": ("shakedown_study.starts_figure", "Figure of these"),
+        "SteadyStates": ("shakedown_study.starts", "Their dissipation, kinds and zones"),
+    },
     "Known solutions": {
         "reference": ("reference:", "closed_forms, fretting, layer, ahn_barber (modules)"),
     },
@@ -285,10 +305,13 @@ __all__ = [
     "Refinement",
     "RunOptions",
     "Scene",
+    "ShakedownLimits",
+    "ShakedownOptions",
     "SolveError",
     "Solver",
     "SolverOptions",
     "State",
+    "SteadyStates",
     "Support",
     "SweepOptions",
     "SweepTable",
@@ -314,6 +337,7 @@ __all__ = [
     "on_all",
     "on_root",
     "plot",
+    "range_history",
     "reactions",
     "read_record",
     "read_scene",
@@ -325,9 +349,13 @@ __all__ = [
     "run",
     "run_table",
     "scene_warnings",
+    "shakedown",
+    "shakedown_limits",
     "snapshot",
     "space_errors",
     "state_at",
+    "steady_states",
+    "steady_states_figure",
     "stick_half_width",
     "style",
     "summarise",

@@ -131,6 +131,18 @@ def _sweep(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
     return int(comm.bcast(none_left))
 
 
+def _shakedown(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx.scene.toml_file import read_scene
+    from receding_fenicsx.shakedown_study import command
+
+    scene = read_scene(options.scene, options.overrides)
+    comm = _require_mpi(comm)
+    with _Progress(comm, options.verbose) as say:
+        text = command.run(scene, options, comm, say)
+    if text:
+        print(text)
+
+
 def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import mpi, study
     from receding_fenicsx.atomic import check_file
@@ -254,6 +266,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace, MPI.Comm | None], int | None]]
     "run": _run,
     "condense": _condense,
     "sweep": _sweep,
+    "shakedown": _shakedown,
     "plot": _plot,
     "snapshot": _snapshot,
     "animate": _animate,

@@ -9,6 +9,7 @@ from typing import Any, NoReturn
 
 from receding_fenicsx import __version__
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.shakedown_study.command import arguments as shakedown_arguments
 
 PROGRAM = "receding-fenicsx"
 
@@ -115,6 +116,12 @@ def _sweep(added: argparse.ArgumentParser) -> None:
     _verbose(added)
 
 
+def _shakedown(added: argparse.ArgumentParser) -> None:
+    _scene(added)
+    shakedown_arguments(added)
+    _verbose(added)
+
+
 def _snapshot(added: argparse.ArgumentParser) -> None:
     _run_folder(added)
     _cycle(added, required=True)
@@ -205,6 +212,7 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "run": (_run, "run a study: mesh, condense, evolve, write results, draw pictures"),
     "condense": (_condense, "condense the body to its contact nodes and save the system"),
     "sweep": (_sweep, "run a scene for every combination of values; write a table"),
+    "shakedown": (_shakedown, "find the load range up to which the contact stops slipping"),
     "plot": (_run_folder, "draw the figures of a finished run again, as PNG and PDF"),
     "snapshot": (_snapshot, "draw the body of a finished run at one instant"),
     "animate": (_animate, "make an animation of one cycle of a finished run"),

@@ -20,7 +20,7 @@ FLOORS = (
     ("output",),
     ("pictures", "long_run"),
     ("study",),
-    ("parameter_sweep",),
+    ("parameter_sweep", "shakedown_study"),
     ("__init__",),
     ("cli_parser",),
     ("cli_commands",),
@@ -44,7 +44,7 @@ INTERFACE = (
     ),
     ("gauss_seidel",),
     ("exact",),
-    ("load_steps", "branches"),
+    ("load_steps", "branches", "shakedown"),
 )
 """Rooms of the interface: modules of its own folder, then its folders."""
 

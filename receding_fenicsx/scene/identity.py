@@ -24,6 +24,11 @@ FREE_WHEN_RESUMED = frozenset(
         "history.cycles",
         "history.until",
         "output.cycles",
+        "shakedown.mean",
+        "shakedown.range",
+        "shakedown.separated",
+        "shakedown.largest_slip",
+        "shakedown.diagram",
     }
 )
 """Keys that may differ when a run is resumed: none changes the finished cycles."""

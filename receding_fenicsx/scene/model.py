@@ -14,6 +14,7 @@ from receding_fenicsx.scene.options import Harmonic as Harmonic
 from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
 from receding_fenicsx.scene.options import OutputOptions as OutputOptions
 from receding_fenicsx.scene.options import Refinement as Refinement
+from receding_fenicsx.scene.options import ShakedownOptions as ShakedownOptions
 from receding_fenicsx.scene.options import SolverOptions as SolverOptions
 from receding_fenicsx.scene.options import Table
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
@@ -235,6 +236,7 @@ class Scene:
     output: OutputOptions = field(default_factory=OutputOptions)
     probes: tuple[Probe, ...] = ()
     units: Units = field(default_factory=Units)
+    shakedown: ShakedownOptions = field(default_factory=ShakedownOptions)
 
     def __repr__(self) -> str:
         """Return the parts of the scene, long tables cut."""

@@ -102,6 +102,26 @@ class HistoryOptions(Table):
     initial_slip: Profile | None = None
 
 
+@dataclass(frozen=True, repr=False)
+class ShakedownOptions(Table):
+    """Load range of the command ``shakedown``: mean + lambda range[k].
+
+    Attributes:
+        mean: load factors of the mean loads, by the names of their loads.
+        range: changes of the load factors at the corners of the range at lambda = 1.
+        separated: "refuse" nodes that are separated under the mean loads, or let them "stay"
+            separated over the whole range.
+        largest_slip: bound of the residual slips that the lower limit is for.
+        diagram: load whose mean varies along the diagram's axis; default: the first of the range.
+    """
+
+    mean: dict[str, float] = field(default_factory=dict)
+    range: tuple[dict[str, float], ...] = ()
+    separated: str = "refuse"
+    largest_slip: float | None = None
+    diagram: str | None = None
+
+
 @dataclass(frozen=True)
 class SolverOptions:
     """Options of the solver; tolerances are relative to the scales of the scene.

@@ -13,7 +13,7 @@ from typing import Any
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.history.signal_file import with_signals
-from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, Scene
+from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, Scene, ShakedownOptions
 from receding_fenicsx.scene.profiles import inline_files
 from receding_fenicsx.scene.toml_overrides import apply_override
 from receding_fenicsx.scene.toml_tables import ARRAYS, ATTRIBUTE, scene_of
@@ -108,6 +108,8 @@ def to_toml(scene: Scene) -> str:
         lines += ["", f"[{name}]", *_lines(getattr(scene, name))]
     if scene.units != Units():
         lines += ["", "[units]", *_lines(scene.units)]
+    if scene.shakedown != ShakedownOptions():
+        lines += ["", "[shakedown]", *_lines(scene.shakedown)]
     return "\n".join(lines) + "\n"
 
 

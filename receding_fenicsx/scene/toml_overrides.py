@@ -11,7 +11,12 @@ from receding_fenicsx.scene.model import Contact
 from receding_fenicsx.scene.profiles import DIRECTIONS
 from receding_fenicsx.scene.toml_tables import ARRAYS, KNOWN, NAMED, as_list, named_materials
 
-PARTS = {"contact": ("friction",), "body": ("parameters",), "history": ("constant", "harmonic")}
+PARTS = {
+    "contact": ("friction",),
+    "body": ("parameters",),
+    "history": ("constant", "harmonic"),
+    "shakedown": ("mean",),
+}
 """Keys of tables whose value may have parts of its own, as ``contact.friction.forward``."""
 
 

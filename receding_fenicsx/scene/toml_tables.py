@@ -20,6 +20,7 @@ from receding_fenicsx.scene.model import (
     OutputOptions,
     Probe,
     Scene,
+    ShakedownOptions,
     SolverOptions,
     Support,
 )
@@ -33,6 +34,7 @@ TABLES: dict[str, type] = {
     "solver": SolverOptions,
     "output": OutputOptions,
     "units": Units,
+    "shakedown": ShakedownOptions,
 }
 """Tables that occur once, with the dataclass of each."""
 ARRAYS: dict[str, type] = {"contact": Contact, "load": Load, "support": Support, "probe": Probe}

@@ -123,6 +123,11 @@ def _parameters(value: object, where: str) -> dict[str, float]:
     return {name: _number(item, f"{where}.{name}") for name, item in value.items()}
 
 
+def _vertices(value: object, where: str) -> tuple[dict[str, float], ...]:
+    tables = enumerate(_list(value, where))
+    return tuple(_parameters(table, f"{where} {i + 1}") for i, table in tables)
+
+
 def _harmonic(value: object, where: str) -> dict[str, Harmonic]:
     if not isinstance(value, dict):
         raise InputError(f"{where}: must hold a table for each load, not {_shown(value)}")
@@ -193,6 +198,7 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "tuple[float, float] | None": _pair,
     "tuple[float, float] | str | None": _point,
     "dict[str, float]": _parameters,
+    "tuple[dict[str, float], ...]": _vertices,
     "dict[str, Harmonic]": _harmonic,
     "tuple[Profile, Profile] | None": _traction,
     "tuple[Refinement, ...]": _refinements,

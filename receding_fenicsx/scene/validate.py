@@ -19,7 +19,12 @@ from receding_fenicsx.scene.validate_contacts import (
     gap_warnings,
 )
 from receding_fenicsx.scene.validate_loads import check_loads, check_supports
-from receding_fenicsx.scene.validate_options import check_output, check_probes, check_solver
+from receding_fenicsx.scene.validate_options import (
+    check_output,
+    check_probes,
+    check_shakedown,
+    check_solver,
+)
 
 LOCKING_POISSON = 0.45
 """Poisson's ratio above which elements of order 1 are too stiff. On the paper's block with 81
@@ -48,6 +53,7 @@ def validate(scene: Scene) -> None:
     check_supports(scene)
     check_probes(scene)
     check_solver(scene.solver)
+    check_shakedown(scene)
     check_units(scene.units)
     history = from_scene(scene)
     check_initial_slip(scene)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_choice, check_count, check_positive
+from receding_fenicsx.scene.checks import check_choice, check_count, check_positive, unknown_name
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
 from receding_fenicsx.scene.validate_loads import body_of_point, check_inside
@@ -60,6 +60,19 @@ def check_branch(solver: SolverOptions) -> None:
         raise InputError(
             f'{where}: load steps find one continuation only; use method "events" with it'
         )
+
+
+def check_shakedown(scene: Scene) -> None:
+    """Check the loads of the table [shakedown], and its choices."""
+    options, known = scene.shakedown, scene.load_names
+    check_choice(options.separated, ("refuse", "stay"), "[shakedown] separated")
+    if options.largest_slip is not None:
+        check_positive(options.largest_slip, "[shakedown] largest_slip")
+    tables = [("mean", options.mean), *(("range", vertex) for vertex in options.range)]
+    for key, names in [*tables, ("diagram", [options.diagram] if options.diagram else [])]:
+        for name in names:
+            if name not in known:
+                unknown_name(name, known, f"[shakedown] {key}", "load")
 
 
 def check_output(scene: Scene, history: History) -> None:

@@ -27,6 +27,7 @@ from receding_fenicsx.scene.model import (
     OutputOptions,
     Probe,
     Scene,
+    ShakedownOptions,
     SolverOptions,
     Support,
 )
@@ -65,11 +66,13 @@ FULL = Scene(
         Probe("row", segment=((0.0, 0.5), (1.0, 0.5)), count=3, body="b"),
     ),
     units=Units("mm", "MPa", "N"),
+    shakedown=ShakedownOptions({"p": 1.0}, ({"p": 0.1}, {"p": -0.1}), "stay", 0.1, "p"),
 )
 """A scene of two bodies that sets all keys that go with each other."""
 
 UNITS = {"units.length", "units.stress", "units.force"}
-FREE = {"title", "history.cycles", "history.until", "output.cycles", *UNITS}
+RANGE = {f"shakedown.{key}" for key in ("mean", "range", "separated", "largest_slip", "diagram")}
+FREE = {"title", "history.cycles", "history.until", "output.cycles", *UNITS, *RANGE}
 """What a run may be gone on with: README, "Long runs"."""
 NAMED = {"others": "body", "materials": "material", "contacts": "contact", "loads": "load"}
 

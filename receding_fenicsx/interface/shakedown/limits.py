@@ -1,0 +1,381 @@
+"""Shakedown limits of a load range, and the residual slip that is safe up to the upper one."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, described
+from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
+from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.law import SEPARATION, STICK
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.shakedown.margins import (
+    BACKWARD,
+    FORWARD,
+    LoadRange,
+    Loads,
+    Margins,
+    load_range,
+    margins_of,
+    with_bound,
+)
+from receding_fenicsx.interface.shakedown.programs import BINDS, Answer, dual_bound, minimise
+from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
+
+VANISHES = 1e-9
+"""Sum of a target's margins, over the largest margin of the mean loads, that is zero."""
+MOST_NAMED = 6
+"""Nodes that an error message names."""
+REFUSE, STAY = "refuse", "stay"
+"""Nodes separated under the mean loads: an error, or taken as separated throughout."""
+PROVED, CONJECTURE = "proved", "conjecture"
+
+
+@dataclass(frozen=True)
+class Active:
+    """A margin that vanishes at a limit.
+
+    Attributes:
+        limit: "lower" or "upper".
+        node: contact node of the model.
+        x: its position.
+        kind: "forward slip", "backward slip", "unloads" or "touches".
+        vertex: vertex of the range at which the margin vanishes, from 0.
+    """
+
+    limit: str
+    node: int
+    x: float
+    kind: str
+    vertex: int
+
+
+@dataclass(frozen=True, repr=False)
+class ShakedownLimits:
+    """Limits of the load range mean + lambda vertex_k of a contact.
+
+    Attributes:
+        lower: lambda_1; below it the contact stops slipping whatever its past. Of a half model:
+            whatever its mirror-symmetric past.
+        upper: lambda_2; above it no residual slip keeps all margins, so that the contact slips for
+            ever (or opens, see ``opens``).
+        safe_slip: (M,) residual slip of the whole contact with which nothing slips up to lambda_2.
+        safe_slip_modelled: (N,) the same at the modelled nodes, as ``evolve`` takes it.
+        lower_is: "proved" (uncoupled, or at most two nodes with friction) or "conjecture".
+        active: margins that vanish at the limits.
+        opens: at the upper limit a node unloads: beyond, it may open instead of slipping.
+        separated: (N,) nodes that were taken as separated throughout.
+        residual: largest violation of a margin by the safe slip at lambda_2, and of
+            equilibrium, over the largest nodal force; evaluated afresh from K.
+        gap: largest difference between a limit and its dual bound, relative.
+    """
+
+    lower: float
+    upper: float
+    safe_slip: Array
+    safe_slip_modelled: Array
+    lower_is: str
+    active: tuple[Active, ...]
+    opens: bool
+    separated: NDArray[np.bool_]
+    residual: float
+    gap: float
+
+    def __repr__(self) -> str:
+        """Return the limits and what binds."""
+        rows = [
+            ("lower", f"{self.lower:.10g} ({self.lower_is})"),
+            ("upper", f"{self.upper:.10g}{' (a node unloads)' if self.opens else ''}"),
+            *((a.limit, f"{a.kind} at x = {a.x:.6g}, vertex {a.vertex}") for a in self.active),
+            ("residual", f"{self.residual:.1e}; gap to the dual bound {self.gap:.1e}"),
+        ]
+        return described("ShakedownLimits", rows)
+
+
+@dataclass(frozen=True)
+class Lower:
+    """Answer of :func:`lower_limit`, with the rows that vanish together there."""
+
+    answer: Answer
+    rows: tuple[int, ...]
+
+
+Certificates = dict[int, Array]
+"""Multipliers of the targets' programs; they stay valid when the mean loads change."""
+
+
+def shakedown_limits(
+    system: ContactSystem,
+    mean: Loads,
+    range: Sequence[Loads],
+    separated: str = REFUSE,
+    largest_slip: float | None = None,
+) -> ShakedownLimits:
+    """Return the shakedown limits of the loads mean + lambda range[k].
+
+    Args:
+        system: the condensed body.
+        mean: load factors of the mean loads, by name.
+        range: changes of the load factors at the corners of the range at lambda = 1.
+        separated: "refuse" nodes that are separated under the mean loads, or let them "stay"
+            separated throughout.
+        largest_slip: bound of the residual slips that the lower limit is for, as far as they stay
+            below it; a limit of 0 may be due to slips that no history leaves behind.
+
+    Raises:
+        InputError: a load is not the system's, the range is empty, the scene has no friction, no
+            slip can hold the mean loads, or nodes are separated under them.
+        SolveError: a program does not pass its checks.
+
+    One node of K_tt = 2, f = 1/2, pressed by 1 and pulled to and fro: it slips from lambda = 1/2:
+
+        >>> one = ContactSystem(
+        ...     x=np.zeros(1), points=np.zeros((1, 2)), weight=np.ones(1), K=np.diag([2.0, 4.0]),
+        ...     r_star=np.array([[0.0, 1.0], [1.0, 0.0]]), load_names=("press", "shear"),
+        ...     f=np.array([0.5]), g0=np.zeros(1), held=np.zeros(2, bool), rigid=np.zeros((2, 0)),
+        ... )
+        >>> limits = shakedown_limits(one, {"press": 1.0}, [{"shear": 1.0}, {"shear": -1.0}])
+        >>> limits.lower, limits.upper, limits.lower_is
+        (0.5, 0.5, 'proved')
+    """
+    margins, away = prepared(system, load_range(system, mean, range), separated)
+    upper = upper_limit(margins)
+    lower, _ = lower_limit(with_bound(margins, largest_slip), upper)
+    return assembled(system, load_range(system, mean, range), margins, upper, lower, away)
+
+
+def prepared(
+    system: ContactSystem, loads: LoadRange, separated: str = REFUSE
+) -> tuple[Margins, NDArray[np.bool_]]:
+    """Return the margins of a range and the separated nodes; refuse what has no limits.
+
+    Raises:
+        InputError: as :func:`shakedown_limits`.
+    """
+    if system.kind == "normal" or not np.any(system.friction.present):
+        raise InputError("shakedown: the scene has no friction; give [contact] friction")
+    if separated not in (REFUSE, STAY):
+        raise InputError(f'separated: "{separated}" is unknown; use "{REFUSE}" or "{STAY}"')
+    away = np.zeros(system.n, dtype=bool)
+    if separated == STAY:
+        away = _mean_state(system, loads.mean).state == SEPARATION
+    margins = margins_of(system, loads, away)
+    held, nodes = _holds_mean(margins)
+    if held:
+        return margins, away
+    reason = "change the mean loads or the friction"
+    if separated == REFUSE:
+        try:
+            away = _mean_state(system, loads.mean).state == SEPARATION
+        except NoEquilibrium as error:
+            reason = str(error)
+        if np.any(away):
+            raise InputError(
+                f"mean: {_named(system, np.flatnonzero(away))} separated under the mean loads; "
+                "press the contact together, or take these nodes as separated throughout by "
+                f'separated = "{STAY}"'
+            )
+    raise InputError(
+        f"mean: no residual slip can hold the mean loads: {_named(system, nodes)} beyond the "
+        f"limit; {reason}"
+    )
+
+
+def _mean_state(system: ContactSystem, mean: Array) -> ContactState:
+    """Return the state under the mean loads, applied to the contact at rest.
+
+    Raises:
+        NoEquilibrium: no contact forces balance them.
+    """
+    n = system.n
+    state = np.where(system.g0 > 0.0, SEPARATION, STICK).astype(np.int8)
+    rest = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
+    return EventPath(system).trace_leg(rest, (np.zeros_like(mean), mean), 0.0).end
+
+
+def _named(system: ContactSystem, nodes: NDArray[np.integer]) -> str:
+    """Return nodes with their positions and a verb, for messages."""
+    names = [f"{i} (x = {system.x[i]:.4g})" for i in nodes[:MOST_NAMED]]
+    more = f" and {len(nodes) - MOST_NAMED} more" if len(nodes) > MOST_NAMED else ""
+    one = len(nodes) == 1
+    return f"node{'' if one else 's'} {', '.join(names)}{more} {'is' if one else 'are'}"
+
+
+def _holds_mean(margins: Margins) -> tuple[bool, NDArray[np.integer]]:
+    """Return whether a residual slip holds the mean loads, and else the nodes that prevent it.
+
+    The largest t <= 1 with G y + c >= t is not negative where one does.
+    """
+    shift = np.hstack([margins.G, np.ones((len(margins.c), 1))])
+    cost = np.append(np.zeros(margins.G.shape[1]), 1.0)
+    # t = 1 - z with z >= 0
+    answer = minimise(cost, shift, margins.c - 1.0)
+    nodes = np.unique(margins.node[answer.multipliers > VANISHES])
+    return answer.value <= 1.0 + VANISHES, nodes
+
+
+def upper_limit(margins: Margins) -> Answer:
+    """Return lambda_2: the largest mu with G y + c + mu d >= 0 for some y; its value is -mu.
+
+    Only the vertex with the smallest change binds in each row, as the slip is the same at all.
+    """
+    cost = np.append(np.zeros(margins.G.shape[1]), -1.0)
+    # a bound of the slips is for the lower limit only
+    rows = len(margins.kind)
+    return minimise(cost, np.hstack([margins.G, margins.d[:, None]])[:rows], margins.c[:rows])
+
+
+def lower_limit(
+    margins: Margins,
+    upper: Answer,
+    targets: Iterable[int] | None = None,
+    certificates: Certificates | None = None,
+) -> tuple[Lower | None, Certificates]:
+    """Return the smallest mu at which all margins of a target may vanish; None where none can.
+
+    For each node the pair of vertices (k, l) in A_ik = B_il = 0 is that of the smallest changes, so
+    that one program a node is left of the pairs' N V^2. A program for the smallest A_i + B_i below
+    the best mu so far shows by its dual bound that a node cannot improve it; only where the sum
+    reaches zero a second program finds mu.
+
+    Args:
+        margins: the margins.
+        upper: answer of :func:`upper_limit`.
+        targets: numbers of the targets to look at; all when left out.
+        certificates: multipliers of another mean load, tried before any program is solved.
+    """
+    G = np.hstack([margins.G, margins.d[:, None]])
+    cost = np.append(np.zeros(margins.G.shape[1]), 1.0)
+    top, best, proofs = -upper.value, None, dict(certificates or {})
+    order = np.arange(len(margins.targets)) if targets is None else np.array([*targets], dtype=int)
+    # nodes with a wide range for little pressure come first: a small best prunes the others
+    reach = [_alone(margins, margins.targets[t]) for t in order]
+    for t in order[np.argsort(reach, kind="stable")]:
+        rows = margins.targets[t]
+        total, constant = G[list(rows)].sum(axis=0), margins.c[list(rows)].sum()
+        if t in proofs:
+            proved = dual_bound(proofs[t], total, G, margins.c, top, np.ones(len(cost)))
+            if proved + constant > VANISHES:
+                continue
+        smallest = minimise(total, G, margins.c, top)
+        proofs[int(t)] = smallest.multipliers
+        if smallest.value + constant > VANISHES:
+            continue
+        found = minimise(cost, G, margins.c, top, rows)
+        if found.value < top or (best is None and np.isfinite(found.value)):
+            top, best = found.value, Lower(found, rows)
+        if top <= VANISHES:
+            break
+    return best, proofs
+
+
+def _alone(margins: Margins, rows: tuple[int, ...]) -> float:
+    """Return the mu at which a target vanishes if slip did not change its pressure."""
+    c, d = margins.c[list(rows)].sum(), margins.d[list(rows)].sum()
+    return float(-c / d) if d < 0.0 else np.inf
+
+
+def assembled(
+    system: ContactSystem,
+    loads: LoadRange,
+    margins: Margins,
+    upper: Answer,
+    lower: Lower | None,
+    away: NDArray[np.bool_],
+) -> ShakedownLimits:
+    """Return the limits in the units of the load factors, checked afresh against eq. (11).
+
+    Raises:
+        SolveError: the margins of the safe slip, evaluated from K, are violated.
+    """
+    bounded = np.isfinite(upper.value)
+    mu = -upper.value
+    y = upper.z[:-1] if bounded else minimise_slip(margins)
+    if lower is not None and lower.answer.value > mu:
+        lower = None
+    v = margins.slip(y)
+    top = mu * margins.range_scale
+    residual = _residual(system, loads, v, top if bounded else 0.0, away)
+    if residual > BINDS:
+        raise SolveError(f"the safe slip violates margins by {residual:.1e} of the largest force")
+    active = list(_active(system, margins, upper, "upper")) if bounded else []
+    answers = [upper] if bounded else []
+    if lower is not None:
+        active = [*_active(system, margins, lower.answer, "lower", lower.rows), *active]
+        answers.append(lower.answer)
+    proved = not margins.coupled or (
+        len(margins.nodes) <= 2 and 2 * len(margins.nodes) == len(margins.c)
+    )
+    return ShakedownLimits(
+        top if lower is None else lower.answer.value * margins.range_scale,
+        top,
+        mirror_of(system).odd(v),
+        v,
+        PROVED if proved else CONJECTURE,
+        tuple(active),
+        _opens(active),
+        away,
+        residual,
+        max((abs(a.value - a.bound) / (1.0 + abs(a.value)) for a in answers), default=0.0),
+    )
+
+
+def minimise_slip(margins: Margins) -> Array:
+    """Return a residual slip that is safe for every range, where the range never binds."""
+    shift = np.hstack([margins.G, np.ones((len(margins.c), 1))])
+    cost = np.append(np.zeros(margins.G.shape[1]), 1.0)
+    return minimise(cost, shift, margins.c - 1.0).z[:-1]
+
+
+def _opens(active: Sequence[Active]) -> bool:
+    """Return whether a node loses its pressure, or another one touches, at the upper limit."""
+    at_upper = [a for a in active if a.limit == "upper"]
+    limits = {(a.node, a.vertex, a.kind) for a in at_upper}
+    both = any((n, k, BACKWARD) in limits for n, k, kind in limits if kind == FORWARD)
+    return both or any(a.kind not in (FORWARD, BACKWARD) for a in at_upper)
+
+
+def _active(
+    system: ContactSystem, margins: Margins, answer: Answer, limit: str, rows: Sequence[int] = ()
+) -> Iterable[Active]:
+    """Yield the margins that hold an answer: those with a multiplier, and given ones."""
+    size = float(np.abs(answer.multipliers).max(initial=0.0))
+    holding = np.flatnonzero(np.abs(answer.multipliers) > BINDS * size)
+    for row in np.union1d(holding[holding < len(margins.c)], np.array(rows, dtype=int)):
+        node = int(margins.node[row])
+        vertex = int(np.argmin(margins.D[row]))
+        yield Active(limit, node, float(system.x[node]), margins.kind[row], vertex)
+
+
+def _residual(
+    system: ContactSystem, loads: LoadRange, v: Array, top: float, away: NDArray[np.bool_]
+) -> float:
+    """Return the largest violation of a margin at all vertices, over the largest nodal force.
+
+    Displacements follow from v, closed gaps and forces that vanish, independently of the programs.
+    """
+    n, K = system.n, system.K
+    loose = ~system.held[:n]
+    known = np.concatenate([~loose | (system.friction.present & ~away), ~away | system.held[n:]])
+    u = np.concatenate([v, np.where(system.held[n:], 0.0, -system.g0)])
+    e = np.flatnonzero(~known)
+    worst, force = 0.0, 0.0
+    for vertex in loads.vertices:
+        load = loads.mean + top * vertex
+        u[e] = 0.0
+        if len(e):
+            u[e] = -np.linalg.solve(K[np.ix_(e, e)], reactions(system, load, u)[e])
+        r = reactions(system, load, u)
+        A, B = system.friction.margins(r[:n], r[n:])
+        slips = known[:n] & loose & ~system.held[n:] & system.friction.present
+        pressed = ~away & ~system.held[n:]
+        margins = np.concatenate([A[slips], B[slips], r[n:][pressed]])
+        gaps = np.diagonal(K)[n:][away] * (u[n:] + system.g0)[away]
+        worst = max(worst, -float(margins.min()), -float(gaps.min(initial=0.0)))
+        worst = max(worst, float(np.abs(r[e]).max(initial=0.0)))
+        force = max(force, float(np.abs(r).max()))
+    return worst / force

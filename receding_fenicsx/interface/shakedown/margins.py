@@ -1,0 +1,245 @@
+"""Margins of a closed contact as affine functions of the residual slip and of the load range."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.system import ContactSystem
+
+FORWARD, BACKWARD, UNLOADS, TOUCHES = "forward slip", "backward slip", "unloads", "touches"
+"""Names of the margins A = Q + f P, B = f P - Q, P and the gap: what happens where they vanish."""
+
+HULL_TOLERANCE = 1e-9
+"""Distance of the mean load from the polygon of the range, over the range, that is none."""
+
+Loads = Mapping[str, float]
+"""Load factors by the names of their loads; loads that are not named have the factor 0."""
+
+
+@dataclass(frozen=True)
+class LoadRange:
+    """Loads mean + lambda vertex_k, k = 1 to V.
+
+    Attributes:
+        mean: (n_loads,) load factors.
+        vertices: (V, n_loads) changes of the load factors at lambda = 1.
+    """
+
+    mean: Array
+    vertices: Array
+
+
+@dataclass(frozen=True)
+class Margins:
+    """Margins G y + c + mu D_k >= 0 at the vertices k of a load range, scaled to order one.
+
+    Attributes:
+        G: (rows, m) influence of the scaled residual slips y.
+        c: (rows,) margins under the mean loads without residual slip.
+        by_load: (rows, n_loads) change of the margins per unit of each load factor.
+        D: (rows, V) change of the margins at each vertex per unit of the scaled range mu.
+        node: (rows,) contact node of each row.
+        kind: (rows,) what happens where the row vanishes.
+        targets: rows that vanish together where a node may leave its stick for good: both friction
+            limits of a node with friction, the pressure of one without.
+        nodes: (m,) contact nodes with friction, whose residual slip is unknown.
+        slip_scale: (m,) residual slip per unit of y.
+        range_scale: lambda per unit of mu.
+        n: number of contact nodes of the model.
+        coupled: whether residual slip changes a pressure.
+    """
+
+    G: Array
+    c: Array
+    by_load: Array
+    D: Array
+    node: Ints
+    kind: tuple[str, ...]
+    targets: tuple[tuple[int, ...], ...]
+    nodes: Ints
+    slip_scale: Array
+    range_scale: float
+    n: int
+    coupled: bool
+
+    @property
+    def d(self) -> Array:
+        """(rows,) the smallest of D over the vertices: the only one that can bind for mu > 0."""
+        smallest: Array = self.D.min(axis=1)
+        return smallest
+
+    def slip(self, y: Array) -> Array:
+        """Return the residual slip (n,) of the scaled unknowns; 0 at nodes without one."""
+        v = np.zeros(self.n)
+        v[self.nodes] = self.slip_scale * y
+        return v
+
+
+def load_range(system: ContactSystem, mean: Loads, vertices: Sequence[Loads]) -> LoadRange:
+    """Return mean loads and range as arrays.
+
+    Raises:
+        InputError: a load is not one of the system's, the range is empty or does nothing, or the
+            mean load lies outside the polygon of the range.
+    """
+    found = LoadRange(
+        _factors(system, mean, "mean"),
+        np.array([_factors(system, vertex, "range") for vertex in vertices]).reshape(
+            len(vertices), len(system.load_names)
+        ),
+    )
+    size = float(np.abs(found.vertices).max(initial=0.0))
+    if size == 0.0:
+        raise InputError("range: is empty; give at least two different sets of load factors")
+    if not np.any(found.vertices @ system.r_star):
+        raise InputError("range: its loads cause no reactions on the contact; give other loads")
+    weights = np.vstack([found.vertices.T / size, np.ones(len(vertices))])
+    target = np.append(np.zeros(len(system.load_names)), 1.0)
+    _, distance = scipy.optimize.nnls(weights, target)
+    if distance > HULL_TOLERANCE:
+        raise InputError(
+            "range: the mean loads are not among its convex combinations, so that the range does "
+            "not shrink to them; move the mean, or add {} to the range"
+        )
+    return found
+
+
+def _factors(system: ContactSystem, loads: Loads, where: str) -> Array:
+    """Return load factors (n_loads,) by the names of the system's loads."""
+    unknown = [name for name in loads if name not in system.load_names]
+    if unknown:
+        raise InputError(
+            f"{where}: '{unknown[0]}' is not a load of the scene; its loads are "
+            f"{', '.join(system.load_names)}"
+        )
+    values = np.array([float(loads.get(name, 0.0)) for name in system.load_names])
+    if not np.all(np.isfinite(values)):
+        raise InputError(f"{where}: load factors have to be finite, not {dict(loads)}")
+    return values
+
+
+def margins_of(
+    system: ContactSystem, loads: LoadRange, separated: NDArray[np.bool_] | None = None
+) -> Margins:
+    """Return the margins of a contact whose set of touching nodes is given and constant.
+
+    Tangential displacements of nodes without friction (Q = 0) and both displacements of separated
+    nodes (Q = P = 0) are eliminated by eq. (11); closed nodes have w = -g0.
+
+    Args:
+        system: the condensed body, ``kind = "frictional"``.
+        loads: mean loads and range.
+        separated: (N,) nodes that are separated throughout; none when left out.
+
+    Raises:
+        InputError: no node has friction, or the mean loads cause no reactions.
+    """
+    n, friction = system.n, system.friction
+    away = np.zeros(n, dtype=bool) if separated is None else separated & ~system.held[n:]
+    loose, pressed = ~system.held[:n], ~system.held[n:] & ~away
+    nodes = np.flatnonzero(loose & pressed & friction.present)
+    if not len(nodes):
+        raise InputError("shakedown: no node that touches has friction; give [contact] friction")
+    u, r = _affine(system, nodes, away)
+    f_forward, f_backward = friction.forward[nodes, None], friction.backward[nodes, None]
+    others = np.flatnonzero(pressed & ~np.isin(np.arange(n), nodes))
+    gaps = np.flatnonzero(away)
+    gap = u[n + gaps]
+    gap[:, len(nodes)] += system.g0[gaps]
+    stiffness = np.diagonal(system.K)
+    rows = np.vstack(
+        [
+            r[nodes] + f_forward * r[n + nodes],
+            f_backward * r[n + nodes] - r[nodes],
+            r[n + others],
+            stiffness[n + gaps, None] * gap,
+        ]
+    )
+    m, q, p = len(nodes), len(others), len(gaps)
+    kind = (FORWARD,) * m + (BACKWARD,) * m + (UNLOADS,) * q + (TOUCHES,) * p
+    targets = [(i, m + i) for i in range(m)] + [(2 * m + i,) for i in range(q + p)]
+    bare = Margins(
+        rows[:, :m],
+        rows[:, m] + rows[:, m + 1 :] @ loads.mean,
+        rows[:, m + 1 :],
+        rows[:, m + 1 :] @ loads.vertices.T,
+        np.concatenate([nodes, nodes, others, gaps]),
+        kind,
+        tuple(targets),
+        nodes,
+        np.ones(m),
+        1.0,
+        n,
+        bool(np.any(r[n + np.flatnonzero(pressed), :m])),
+    )
+    return _scaled(bare, stiffness[nodes])
+
+
+def _affine(system: ContactSystem, nodes: Ints, away: NDArray[np.bool_]) -> tuple[Array, Array]:
+    """Return u and r as (2N, m + 1 + n_loads) matrices that multiply [v of nodes; 1; lambda]."""
+    n, m = system.n, len(nodes)
+    u = np.zeros((2 * n, m + 1 + len(system.load_names)))
+    u[nodes, np.arange(m)] = 1.0
+    closed = ~system.held[n:] & ~away
+    u[n:, m] = np.where(closed, -system.g0, 0.0)
+    forces = np.zeros_like(u)
+    forces[:, m + 1 :] = system.r_star.T
+    free = np.concatenate([~np.isin(np.arange(n), nodes), away]) & ~system.held
+    e = np.flatnonzero(free)
+    if len(e):
+        try:
+            np.linalg.cholesky(system.K[np.ix_(e, e)])
+        except np.linalg.LinAlgError:
+            raise InputError(
+                "shakedown: nodes without friction or contact can move without resistance; add a "
+                "[[support]]"
+            ) from None
+        u[e] = -np.linalg.solve(system.K[np.ix_(e, e)], (system.K @ u + forces)[e])
+    return u, system.K @ u + forces
+
+
+def with_bound(margins: Margins, largest_slip: float | None) -> Margins:
+    """Return margins with rows that bound the residual slips, after the others.
+
+    Raises:
+        InputError: the bound is not positive.
+    """
+    if largest_slip is None:
+        return margins
+    if not largest_slip > 0.0:
+        raise InputError(f"largest_slip: must be positive, not {largest_slip:g}")
+    m, bound = len(margins.nodes), largest_slip / margins.slip_scale
+    none = np.zeros((2 * m, margins.D.shape[1]))
+    return replace(
+        margins,
+        G=np.vstack([margins.G, np.eye(m), -np.eye(m)]),
+        c=np.concatenate([margins.c, bound, bound]),
+        by_load=np.vstack([margins.by_load, np.zeros((2 * m, margins.by_load.shape[1]))]),
+        D=np.vstack([margins.D, none]),
+    )
+
+
+def _scaled(bare: Margins, stiffness: Array) -> Margins:
+    """Return margins over the largest one of the mean, slips over that of its force."""
+    force, change = float(np.abs(bare.c).max()), float(np.abs(bare.D).max())
+    if force == 0.0:
+        raise InputError("mean: its loads do not press the contact; add the load that does")
+    # a node that only rigid motions move has no stiffness of its own
+    stiffness = np.where(stiffness > 0.0, stiffness, max(float(stiffness.max()), 1.0))
+    slip, size = force / stiffness, force / change if change else 1.0
+    return replace(
+        bare,
+        G=bare.G * slip / force,
+        c=bare.c / force,
+        by_load=bare.by_load / force,
+        D=bare.D * (size / force),
+        slip_scale=slip,
+        range_scale=size,
+    )

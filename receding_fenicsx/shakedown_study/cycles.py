@@ -1,0 +1,86 @@
+"""Verdicts by exact cycles, where the contact opens within the load range."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.measures.steady import SHAKEDOWN
+from receding_fenicsx.interface.shakedown.margins import Loads, load_range
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import OutputOptions
+
+CYCLES = 400
+"""Most cycles of one verdict; a contact that is not steady then counts as slipping."""
+RESOLUTION = 1e-3
+"""Width of the interval at which bisection ends, over lambda_2 of the closed contact."""
+LARGEST_FACTOR = 4.0
+"""Largest range that is tried, over the upper limit of the closed contact."""
+
+
+def range_history(
+    system: ContactSystem,
+    mean: Loads,
+    range: Sequence[Loads],
+    factor: float,
+    cycles: int = CYCLES,
+) -> History:
+    """Return the history that goes straight to the first vertex of a range and then round it.
+
+    Args:
+        system: the condensed body.
+        mean: load factors of the mean loads, by name.
+        range: changes of the load factors at the corners of the range at lambda = 1.
+        factor: lambda.
+        cycles: most cycles; the history ends before when it is steady.
+    """
+    loads = load_range(system, mean, range)
+    corners = loads.mean + factor * loads.vertices
+    path = np.vstack([np.zeros_like(loads.mean), corners[:1]])
+    return History(system.load_names, path, np.vstack([corners, corners[:1]]), cycles, True)
+
+
+def shakes_down(system: ContactSystem, history: History, start: Array) -> bool:
+    """Return whether exact cycles from an initial slip end without slip.
+
+    A path that ends or is not steady after ``CYCLES`` cycles counts as one that does not.
+    """
+    try:
+        record = evolve(system, history, None, OutputOptions(1, ()), initial_slip=start)
+    except SolveError:
+        return False
+    return record.steady.kind == SHAKEDOWN
+
+
+def limit_by_cycles(
+    system: ContactSystem, mean: Loads, range: Sequence[Loads], upper: float, start: Array
+) -> tuple[float, float]:
+    """Return an interval of lambda at whose lower end cycles from a start end without slip.
+
+    The upper end is the smallest range tried at which they slip on; inf when none did.
+
+    Args:
+        system: the condensed body.
+        mean: load factors of the mean loads, by name.
+        range: changes of the load factors at the corners of the range at lambda = 1.
+        upper: lambda_2 of the closed contact.
+        start: (N,) initial slip.
+    """
+
+    def ends(factor: float) -> bool:
+        return shakes_down(system, range_history(system, mean, range, factor), start)
+
+    low, high = 0.0, upper
+    while ends(high):
+        low, high = high, 2.0 * high
+        if high > LARGEST_FACTOR * upper:
+            return low, np.inf
+    while high - low > RESOLUTION * max(high, upper):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if ends(middle) else (low, middle)
+    return low, high

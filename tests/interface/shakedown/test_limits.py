@@ -1,0 +1,285 @@
+"""Shakedown limits against closed forms, plain programs over all pairs, and exact cycles."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import scipy.optimize
+from small import small_system, walker
+
+import receding_fenicsx as rf
+from receding_fenicsx.interface.shakedown.limits import lower_limit, prepared, upper_limit
+from receding_fenicsx.interface.shakedown.margins import load_range
+
+Loads = dict[str, float]
+TO_AND_FRO = [{"range": 1.0}, {"range": -1.0}]
+
+
+def two_nodes(coupling: float = 1.0) -> rf.ContactSystem:
+    """Return the two-node example of Ahn, Bertocchi & Barber's kind with rational limits."""
+    K_tn = coupling * np.array([[0.4, 0.8], [-0.8, -0.4]])
+    K = np.block([[np.array([[2, -1], [-1, 2]]), K_tn], [K_tn.T, np.array([[3, -1], [-1, 3]])]])
+    return small_system(K, {"mean": [0, 0, 1, 1], "range": [1, 0.5, 0, 0.5]}, 0.5)
+
+
+def random_case(seed: int) -> tuple[rf.ContactSystem, Loads, list[Loads]]:
+    """Return a coupled system of 2 to 8 nodes, its mean loads and a range of 2 to 4 corners."""
+    rng = np.random.default_rng([seed, 17])
+    n, corners = int(rng.integers(2, 9)), int(rng.integers(2, 5))
+    G = rng.standard_normal((2 * n, 3 * n))
+    K = G @ G.T / (3 * n) + 0.2 * np.eye(2 * n)
+    K[:n, n:] *= rng.uniform(0.2, 0.6)
+    K[n:, :n] = K[:n, n:].T
+    loads = {"mean": np.concatenate([rng.uniform(-0.3, 0.3, n), rng.uniform(0.7, 1.3, n)])}
+    for name in ("a", "b"):
+        loads[name] = np.concatenate([rng.uniform(-1, 1, n), rng.uniform(-0.4, 0.4, n)])
+    angles = 2.0 * np.pi * (np.arange(corners) + rng.uniform(0.0, 0.3, 1)) / corners
+    corner_loads = [{"a": float(np.cos(t)), "b": float(np.sin(t))} for t in angles]
+    return small_system(K, loads, rng.uniform(0.2, 0.6, n)), {"mean": 1.0}, corner_loads
+
+
+def all_pairs(system: rf.ContactSystem, mean: Loads, corners: list[Loads]) -> tuple[float, float]:
+    """Return both limits by the 1 + N V^2 programs of their definition, unscaled."""
+    n, f = system.n, system.friction
+    rows: dict[tuple[str, int, int], np.ndarray] = {}
+    K_t, K_n = system.K[:n, :n], system.K[n:, :n]
+
+    def held(loads: Loads) -> np.ndarray:
+        return np.array([loads.get(name, 0.0) for name in system.load_names]) @ system.r_star
+
+    m = held(mean)
+    for k, corner in enumerate(corners):
+        q = held(corner)
+        for i in range(n):
+            for name, sign, c in (("A", 1.0, f.forward[i]), ("B", -1.0, f.backward[i])):
+                slope = sign * K_t[i] + c * K_n[i]
+                constant, change = (sign * r[i] + c * r[n + i] for r in (m, q))
+                rows[name, i, k] = np.array([*slope, change, constant])
+    table = np.array(list(rows.values()))
+    bounds = [(None, None)] * n + [(0.0, None)]
+    cost = np.append(np.zeros(n), 1.0)
+    upper = scipy.optimize.linprog(-cost, -table[:, :-1], table[:, -1], bounds=bounds).x[-1]
+    lower = upper
+    for i in range(n):
+        for k in range(len(corners)):
+            for j in range(len(corners)):
+                pair = np.array([rows["A", i, k], rows["B", i, j]])
+                found = scipy.optimize.linprog(
+                    cost, -table[:, :-1], table[:, -1], pair[:, :-1], -pair[:, -1], bounds=bounds
+                )
+                lower = min(lower, found.x[-1]) if found.status == 0 else lower
+    return float(lower), float(upper)
+
+
+def played(
+    case: tuple[rf.ContactSystem, Loads, list[Loads]], factor: float, start: np.ndarray
+) -> rf.Record:
+    """Return exact cycles round a range from an initial slip."""
+    history = rf.range_history(*case, factor, 300)
+    return rf.evolve(case[0], history, output=rf.OutputOptions(1, ()), initial_slip=start)
+
+
+def test_limits_of_two_nodes_are_the_exact_fractions() -> None:
+    limits = rf.shakedown_limits(two_nodes(), {"mean": 1.0}, TO_AND_FRO)
+    assert limits.lower == pytest.approx(8 / 19, abs=1e-12)
+    assert limits.upper == pytest.approx(12 / 23, abs=1e-12)
+    assert limits.lower_is == "proved"
+    assert not limits.opens
+    assert limits.residual < 1e-14
+
+
+def test_both_limits_are_equal_without_coupling() -> None:
+    limits = rf.shakedown_limits(two_nodes(0.0), {"mean": 1.0}, TO_AND_FRO)
+    assert limits.lower == pytest.approx(0.5, abs=1e-12)
+    assert limits.upper == pytest.approx(0.5, abs=1e-12)
+    case = random_case(5)
+    n, K = case[0].n, case[0].K.copy()
+    K[:n, n:] = K[n:, :n] = 0.0
+    found = rf.shakedown_limits(replace(case[0], K=K), case[1], case[2])
+    assert found.lower == pytest.approx(found.upper, rel=1e-12)
+    assert found.lower_is == "proved"
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_limits_are_those_of_all_pairs_of_corners(seed: int) -> None:
+    system, mean, corners = random_case(seed)
+    rng = np.random.default_rng(seed)
+    directed = replace(system, f_backward=system.f * rng.uniform(0.6, 1.4, system.n))
+    for case in (system, directed):
+        limits = rf.shakedown_limits(case, mean, corners)
+        expected = all_pairs(case, mean, corners)
+        assert (limits.lower, limits.upper) == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_exact_cycles_agree_with_the_limits(seed: int) -> None:
+    case = random_case(seed)
+    limits = rf.shakedown_limits(*case)
+    safe = limits.safe_slip_modelled
+    record = played(case, 0.999 * limits.upper, safe)
+    assert np.all(record.cycles.dissipation == 0.0)
+    assert record.dissipation_first_loading == 0.0
+    random = np.random.default_rng(seed).uniform(-3.0, 3.0, case[0].n)
+    for start in (safe, np.zeros(case[0].n), random):
+        assert played(case, 1.005 * limits.upper, start).steady.kind == "cyclic slip"
+        assert played(case, 0.995 * limits.lower, start).steady.kind == "shakedown"
+
+
+@pytest.mark.parametrize("factor", [2.0**30, 2.0**-30, 1e9, 1e-9])
+def test_limits_do_not_depend_on_units(factor: float) -> None:
+    system, mean, corners = random_case(1)
+    expected = rf.shakedown_limits(system, mean, corners)
+    stiffer = replace(system, K=factor * system.K)
+    found = rf.shakedown_limits(stiffer, mean, corners)
+    assert (found.lower, found.upper) == pytest.approx((expected.lower, expected.upper), rel=1e-9)
+    stronger = replace(system, r_star=factor * system.r_star)
+    found = rf.shakedown_limits(stronger, mean, corners)
+    assert (found.lower, found.upper) == pytest.approx((expected.lower, expected.upper), rel=1e-9)
+    scaled = [{name: factor * value for name, value in corner.items()} for corner in corners]
+    found = rf.shakedown_limits(system, mean, scaled)
+    assert found.upper == pytest.approx(expected.upper / factor, rel=1e-9)
+
+
+def test_nodes_shared_among_processes_give_the_same_lower_limit() -> None:
+    system, mean, corners = random_case(3)
+    margins, _ = prepared(system, load_range(system, mean, corners))
+    upper = upper_limit(margins)
+    found = [lower_limit(margins, upper, range(k, system.n, 2))[0] for k in range(2)]
+    best = min(part.answer.value for part in found if part is not None)
+    whole = rf.shakedown_limits(system, mean, corners)
+    assert best * margins.range_scale == pytest.approx(whole.lower, rel=1e-10)
+
+
+def without_friction_or_held(seed: int) -> tuple[rf.ContactSystem, Loads, list[Loads]]:
+    """Return a random case with one node without friction, one held, one held normally too."""
+    system, mean, corners = random_case(seed)
+    f, held = system.f.copy(), system.held.copy()
+    f[0] = 0.0
+    held[1] = True
+    held[-1], f[-1] = True, 0.0
+    r_star = np.where(held, 0.0, system.r_star)
+    return replace(system, f=f, held=held, r_star=r_star), mean, corners
+
+
+@pytest.mark.parametrize("seed", [s for s in range(30) if random_case(s)[0].n >= 5][:6])
+def test_nodes_held_or_without_friction_keep_the_limits_right(seed: int) -> None:
+    case = without_friction_or_held(seed)
+    limits = rf.shakedown_limits(*case)
+    safe = limits.safe_slip_modelled
+    assert safe[0] == safe[1] == safe[-1] == 0.0
+    assert np.all(played(case, 0.999 * limits.upper, safe).cycles.dissipation == 0.0)
+    if not limits.opens:
+        assert played(case, 1.005 * limits.upper, safe).steady.kind == "cyclic slip"
+
+
+def test_mirrored_half_has_the_limits_of_the_whole() -> None:
+    # v odd, w even in x: the half's K is that of the whole on such motions
+    rng, n = np.random.default_rng(7), 3
+    G = rng.standard_normal((4 * n, 6 * n))
+    K = G @ G.T / (6 * n) + 0.3 * np.eye(4 * n)
+    flip = np.kron([[-1.0, 0.0], [0.0, 1.0]], np.eye(2 * n)[::-1])
+    K = 0.5 * (K + flip @ K @ flip)
+    right = np.arange(n, 2 * n)
+    own = np.concatenate([right, 2 * n + right])
+    extend = 0.5 * (np.eye(4 * n) + flip)[:, own] * 2.0
+    half_loads = {
+        "mean": np.concatenate([rng.uniform(-0.2, 0.2, n), rng.uniform(0.8, 1.2, n)]),
+        "range": np.concatenate([rng.uniform(-1, 1, n), rng.uniform(-0.3, 0.3, n)]),
+    }
+    x = np.linspace(0.2, 1.0, n)
+    half = replace(small_system((K @ extend)[own], half_loads, 0.4), x=x, half=True)
+    whole_loads = {name: extend @ r for name, r in half_loads.items()}
+    whole = replace(small_system(K, whole_loads, 0.4), x=np.concatenate([-x[::-1], x]))
+    of_half = rf.shakedown_limits(half, {"mean": 1.0}, TO_AND_FRO)
+    of_whole = rf.shakedown_limits(whole, {"mean": 1.0}, TO_AND_FRO)
+    assert of_half.upper == pytest.approx(of_whole.upper, rel=1e-9)
+    assert of_half.lower >= of_whole.lower * (1.0 - 1e-9)
+    assert np.allclose(of_half.safe_slip, -of_half.safe_slip[::-1])
+
+
+def test_nodes_separated_throughout_stay_out_of_the_limits() -> None:
+    system, mean, corners = random_case(9)
+    # a node that a large gap keeps away is as good as not there
+    away = replace(system, g0=np.where(np.arange(system.n) == 0, 50.0, 0.0))
+    limits = rf.shakedown_limits(away, mean, corners, separated="stay")
+    assert limits.separated.tolist() == [True] + [False] * (system.n - 1)
+    kept = np.flatnonzero(np.tile(~limits.separated, 2))
+    gone = np.flatnonzero(np.tile(limits.separated, 2))
+    K, r = system.K, system.r_star
+    solved = np.linalg.solve(K[np.ix_(gone, gone)], np.hstack([K[gone][:, kept], r[:, gone].T]))
+    bare = small_system(
+        K[np.ix_(kept, kept)] - K[np.ix_(kept, gone)] @ solved[:, : len(kept)],
+        dict(
+            zip(
+                system.load_names,
+                r[:, kept] - (K[np.ix_(kept, gone)] @ solved[:, len(kept) :]).T,
+                strict=True,
+            )
+        ),
+        system.f[1:],
+    )
+    expected = rf.shakedown_limits(bare, mean, corners)
+    assert (limits.lower, limits.upper) == pytest.approx((expected.lower, expected.upper), rel=1e-8)
+
+
+def test_bounded_slips_raise_a_lower_limit_of_zero() -> None:
+    # much friction: some slip unloads a node without any range
+    system = replace(two_nodes(), f=np.full(2, 3.0))
+    mean, corners = {"mean": 1.0}, TO_AND_FRO
+    assert rf.shakedown_limits(system, mean, corners).lower == pytest.approx(0.0)
+    lower = [
+        rf.shakedown_limits(system, mean, corners, largest_slip=bound).lower
+        for bound in (1.0, 0.5, 0.3)
+    ]
+    assert 0.0 < lower[0] < lower[1] < lower[2]
+    with pytest.raises(rf.InputError, match="largest_slip: must be positive"):
+        rf.shakedown_limits(system, mean, corners, largest_slip=-1.0)
+
+
+@pytest.mark.parametrize(
+    ("mean", "corners", "words"),
+    [
+        ({"press": 1.0}, TO_AND_FRO, "'press' is not a load of the scene; its loads are mean"),
+        ({"mean": 1.0}, [], "range: is empty"),
+        ({"mean": 1.0}, [{"range": 0.0}], "range: is empty"),
+        ({"mean": 1.0}, [{"range": 1.0}], "not among its convex combinations"),
+        ({}, TO_AND_FRO, "do not press the contact"),
+        ({"mean": float("nan")}, TO_AND_FRO, "have to be finite"),
+        ({"mean": -1.0}, TO_AND_FRO, "separated under the mean loads"),
+    ],
+)
+def test_bad_input_is_one_line(mean: Loads, corners: list[Loads], words: str) -> None:
+    with pytest.raises(rf.InputError) as caught:
+        rf.shakedown_limits(two_nodes(), mean, corners)
+    assert words in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_scene_without_friction_is_refused() -> None:
+    system = replace(two_nodes(), f=np.zeros(2))
+    with pytest.raises(rf.InputError, match="no friction"):
+        rf.shakedown_limits(system, {"mean": 1.0}, TO_AND_FRO)
+
+
+def test_node_pulled_off_by_the_mean_loads_is_named() -> None:
+    system = small_system(np.diag([2.0, 2.0, 3.0, 3.0]), {"mean": [0, 0, 1, -1.0]}, 0.5)
+    system = replace(
+        system, load_names=("mean", "range"), r_star=np.vstack([system.r_star, [[1.0, 1, 0, 0]]])
+    )
+    with pytest.raises(rf.InputError, match=r"node 1 \(x = 1\) is separated under the mean"):
+        rf.shakedown_limits(system, {"mean": 1.0}, TO_AND_FRO)
+    limits = rf.shakedown_limits(system, {"mean": 1.0}, TO_AND_FRO, separated="stay")
+    assert (limits.lower, limits.upper) == pytest.approx((0.5, 0.5))
+
+
+def test_mean_loads_that_slide_the_body_are_refused_with_their_nodes() -> None:
+    system = walker()
+    with pytest.raises(
+        rf.InputError, match=r"no residual slip can hold.*nodes 0 .* slide the body"
+    ):
+        rf.shakedown_limits(system, {"weight": 1.0, "push": 1.1}, [{"shift": 0.1}, {"shift": -0.1}])
+    # friction 1/2 of the weight 2 carries a push of 1
+    limits = rf.shakedown_limits(system, {"weight": 1.0}, [{"push": 1.0}, {"push": -1.0}])
+    assert limits.upper == pytest.approx(1.0, rel=1e-12)

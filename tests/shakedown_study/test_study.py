@@ -1,0 +1,219 @@
+"""Shakedown studies of scenes: command, files, two meshes, diagram, exact cycles, many starts."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from small import small_system
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+from receding_fenicsx.shakedown_study.starts_figure import steady_states_figure
+
+SCENE = """
+title = "sheared block"
+[body]
+width = 2.0
+[mesh]
+contact_elements = 16
+degree = 1
+[contact]
+friction = 0.5
+[[load]]
+name = "press"
+edge = "top"
+pressure = 1.0
+[[load]]
+name = "shear"
+edge = "top"
+traction = [1.0, 0.0]
+[history]
+kind = "table"
+columns = ["press", "shear"]
+cycle_rows = [[1.0, 0.1], [1.0, -0.1], [1.0, 0.1]]
+cycles = 5
+[shakedown]
+mean = {press = 1.0}
+range = [{shear = 1.0}, {shear = -1.0}]
+"""
+root = MPI.COMM_WORLD.rank == 0
+
+
+def scene_file(folder: Path) -> str:
+    path = folder / "sheared.toml"
+    if root:
+        path.write_text(SCENE)
+    MPI.COMM_WORLD.Barrier()
+    return str(path)
+
+
+def test_scene_keeps_its_load_range() -> None:
+    scene = rf.from_toml(SCENE, ["shakedown.mean.shear=0.1", "shakedown.largest_slip=0.2"])
+    assert scene.shakedown.mean == {"press": 1.0, "shear": 0.1}
+    assert rf.from_toml(rf.to_toml(scene)) == scene
+    assert "[shakedown]" not in rf.to_toml(replace(scene, shakedown=rf.ShakedownOptions()))
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ("shakedown.range=[{sheer=1.0}]", "[shakedown] range: unknown load 'sheer'; did you"),
+        ("shakedown.mean={pres=1.0}", "[shakedown] mean: unknown load 'pres'; did you mean"),
+        ("shakedown.diagram=q", "[shakedown] diagram: unknown load 'q'"),
+        ("shakedown.separated=open", '[shakedown] separated: "open" is unknown'),
+        ("shakedown.largest_slip=0.0", "[shakedown] largest_slip: must be positive"),
+        ("shakedown.range=[1.0]", "[shakedown] range 1: must be a table"),
+    ],
+)
+def test_wrong_tables_are_refused(change: str, words: str) -> None:
+    with pytest.raises(rf.InputError) as caught:
+        rf.from_toml(SCENE, [change])
+    assert words in str(caught.value)
+
+
+def test_command_writes_what_the_next_run_can_start_from(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    file, out = scene_file(shared_tmp_path), shared_tmp_path / "study"
+    assert cli.main(["shakedown", file, "--out", str(out)]) == 0
+    printed = capsys.readouterr().out
+    summary = json.loads((out / "shakedown.json").read_text())
+    assert (f"upper limit   {summary['upper']:.6g}" in printed) == root
+    assert {path.name for path in out.iterdir()} == {
+        "shakedown.json",
+        "shakedown.png",
+        "safe_slip.csv",
+        "scene.toml",
+    }
+    assert [mesh["nodes"] for mesh in summary["meshes"]] == [17, 9]
+    assert summary["residual"] < 1e-9
+    diagram = summary["diagram"]
+    middle = int(np.argmin(np.abs(diagram["mean"])))
+    assert diagram["load"] == "shear"
+    assert diagram["upper"][middle] == pytest.approx(summary["upper"], rel=1e-9)
+    # the largest range is a concave function of the mean
+    assert np.all(np.diff(diagram["upper"], 2) < 1e-9)
+    changes = [f"history.initial_slip={{file = '{out / 'safe_slip.csv'}'}}"]
+    shear = 0.99 * summary["upper"]
+    changes += [f"history.cycle_rows=[[1.0, {shear}], [1.0, {-shear}], [1.0, {shear}]]"]
+    record = rf.run(rf.read_scene(file, changes))
+    if record is not None:
+        assert np.all(record.cycles.dissipation == 0.0)
+    assert cli.main(["shakedown", file, "--out", str(out)]) == 2
+    assert cli.main(["shakedown", file, "--out", str(out), "--overwrite"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        (["contact.friction=0.0"], "the scene has no friction"),
+        (["shakedown.mean={press=1.0, shear=0.6}"], "no residual slip can hold the mean loads"),
+        (["shakedown.range=[]"], "mean and range are missing"),
+    ],
+)
+def test_command_refuses_in_one_line_and_writes_nothing(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str], changes: list[str], words: str
+) -> None:
+    file, out = scene_file(shared_tmp_path), shared_tmp_path / "study"
+    settings = [part for change in changes for part in ("--set", change)]
+    assert cli.main(["shakedown", file, "--out", str(out), *settings]) == 2
+    printed = capsys.readouterr().err
+    if root:
+        assert words in printed
+        assert printed.count("\n") == 1
+    assert not out.exists()
+
+
+def test_folder_of_something_else_is_not_replaced(shared_tmp_path: Path) -> None:
+    if root:
+        (shared_tmp_path / "notes.txt").write_text("mine")
+    MPI.COMM_WORLD.Barrier()
+    scene = rf.from_toml(SCENE)
+    with pytest.raises(rf.InputError, match="is not the folder of a shakedown study"):
+        rf.shakedown(scene, shared_tmp_path, overwrite=True)
+
+
+def test_edges_that_recede_get_their_sentence_and_two_meshes() -> None:
+    scene = rf.from_toml(
+        SCENE,
+        [
+            "load.press.span=[-0.2, 0.2]",
+            "body.width=4.0",
+            "contact.friction=0.3",
+            "load.shear.span=[-0.2, 0.2]",
+            "shakedown.separated=stay",
+        ],
+    )
+    found = rf.shakedown(scene)
+    if found is not None:
+        assert np.any(found.limits.separated)
+        assert any("the continuum slips at any load range" in note for note in found.notes)
+        assert found.meshes[0][2] < found.meshes[1][2]
+
+
+# -- many starts ----------------------------------------------------------------------------------
+
+
+def two_nodes(coupling: float = 1.0) -> rf.ContactSystem:
+    K_tn = coupling * np.array([[0.4, 0.8], [-0.8, -0.4]])
+    K = np.block([[np.array([[2, -1], [-1, 2]]), K_tn], [K_tn.T, np.array([[3, -1], [-1, 3]])]])
+    return small_system(K, {"mean": [0, 0, 1, 1], "range": [1, 0.5, 0, 0.5]}, 0.5)
+
+
+def from_starts(system: rf.ContactSystem, factor: float, count: int = 41) -> rf.SteadyStates:
+    loads = {"mean": 1.0}, [{"range": 1.0}, {"range": -1.0}]
+    safe = rf.shakedown_limits(system, *loads).safe_slip_modelled
+    return rf.steady_states(system, rf.range_history(system, *loads, factor), count, safe)
+
+
+def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only() -> None:
+    lower, upper = 8 / 19, 12 / 23
+    counts = [
+        from_starts(two_nodes(), factor).slips_for_ever
+        for factor in (0.99 * lower, 1.02 * lower, 0.99 * upper, 1.01 * upper)
+    ]
+    assert counts[0] == 0
+    assert 0 < counts[1] < counts[2] < 41
+    assert counts[3] == 41
+
+
+def test_every_start_is_in_the_interval_and_the_safe_one_dissipates_nothing() -> None:
+    states = from_starts(two_nodes(), 0.99 * 12 / 23)
+    low, high = states.interval
+    assert low == 0.0 < high
+    assert states.dissipation[states.names.index("safe")] == 0.0
+    assert states.counts.keys() == {"shakedown", "cyclic slip"}
+    row = states.rows()[states.names.index("safe")]
+    assert row["zones"] == [("stick", 0.0, 1.0)]
+    figure = steady_states_figure(states)
+    assert figure.axes[0].get_xlabel().startswith("dissipation")
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_dissipation_of_uncoupled_systems_does_not_depend_on_the_start(seed: int) -> None:
+    # Barber, Davies & Hills (2011)
+    rng, n = np.random.default_rng(seed), 5
+    blocks = [G @ G.T / 8 + 0.2 * np.eye(n) for G in rng.standard_normal((2, n, 8))]
+    K = np.kron(np.diag([1.0, 0.0]), blocks[0]) + np.kron(np.diag([0.0, 1.0]), blocks[1])
+    loads = {
+        "mean": np.concatenate([rng.uniform(-0.3, 0.3, n), rng.uniform(0.7, 1.3, n)]),
+        "range": np.concatenate([rng.uniform(-1, 1, n), rng.uniform(-0.4, 0.4, n)]),
+    }
+    system = small_system(K, loads, rng.uniform(0.2, 0.6, n))
+    limits = rf.shakedown_limits(system, {"mean": 1.0}, [{"range": 1.0}, {"range": -1.0}])
+    low, high = from_starts(system, 1.3 * limits.upper, 12).interval
+    assert low > 0.0
+    assert high == pytest.approx(low, rel=1e-6)
+
+
+def test_steady_states_need_cycles() -> None:
+    system = two_nodes()
+    history = rf.History(system.load_names, np.array([[0.0, 0.0], [1.0, 0.0]]), np.zeros((0, 2)))
+    with pytest.raises(rf.InputError, match="needs a history with cycles"):
+        rf.steady_states(system, history)
