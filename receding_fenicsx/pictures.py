@@ -29,8 +29,7 @@ from receding_fenicsx.timing import Say, Timer
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.bulk.body import Bulk
-    from receding_fenicsx.bulk.two_bodies import Pair
+    from receding_fenicsx.bulk.two_bodies import Bodies
     from receding_fenicsx.interface.system import ContactSystem
 
 PICTURE_GROWTH = (1.0, 1.1)
@@ -244,13 +243,13 @@ class Drawing:
             fine.destroy()
 
 
-def picture_body(scene: Scene, comm: MPI.Comm) -> Bulk | Pair:
+def picture_body(scene: Scene, comm: MPI.Comm) -> Bodies:
     """Return the body on a mesh for pictures: the same contact nodes, finer inside.
 
     Fringes and the stresses near the ends of a load need a finer mesh than the contact.
     """
-    if any(body.mesh is not None for body in scene.bodies):
-        # a mesh of the user's own is not refined
+    if not all(body.is_rectangle for body in scene.bodies):
+        # a mesh of the user's own is not refined, a half-plane has none
         return bulk_of(scene, comm, Timer())
     cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
     growth = min(scene.mesh.growth, PICTURE_GROWTH[cells > PICTURE_CELLS])

@@ -14,7 +14,7 @@ ROOT = Path(__file__).parents[1] / PACKAGE
 FLOORS = (
     ("arrays", "errors"),
     ("atomic", "environment", "mpi", "timing"),
-    ("scene", "interface"),
+    ("scene", "interface", "half_plane"),
     ("bulk", "evolution"),
     ("reference",),
     ("output",),
@@ -139,7 +139,7 @@ def test_no_imports_in_a_circle() -> None:
         pytest.fail(" -> ".join(error.args[1]))
 
 
-@pytest.mark.parametrize("room", ["interface", "evolution", "scene"])
+@pytest.mark.parametrize("room", ["interface", "evolution", "scene", "half_plane"])
 def test_rooms_do_without_finite_elements(room: str) -> None:
     found = {
         (name, other.split(".")[0])

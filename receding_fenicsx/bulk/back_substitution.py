@@ -11,13 +11,29 @@ from dolfinx import fem
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.body import Bulk, gather_contact, interior_solver, owned_contact
-from receding_fenicsx.bulk.two_bodies import Pair
+from receding_fenicsx.bulk.half_planes.body import HalfPlane
+from receding_fenicsx.bulk.two_bodies import Bodies, Pair
+
+Side = tuple[Bulk | HalfPlane, Array | None, Array | None]
+"""A body with its own load factors and contact displacements, on rank 0."""
 
 
 def displacements(
     bulk: Bulk | Pair, load: Array | None, u: Array | None
 ) -> list[tuple[Bulk, fem.Function]]:
-    """Return each body with its displacement field; on all ranks together.
+    """Return each body that has a mesh with its displacement field; collective.
+
+    Arguments as of :func:`sides_of`.
+    """
+    return [
+        (part, back_substitute(part, *side))
+        for part, *side in sides_of(bulk, load, u)
+        if isinstance(part, Bulk)
+    ]
+
+
+def sides_of(bulk: Bodies, load: Array | None, u: Array | None) -> list[Side]:
+    """Return each body with its own load factors and contact displacements.
 
     Args:
         bulk: the body or bodies; a pair is condensed by then.
@@ -26,10 +42,10 @@ def displacements(
             rank 0's are used.
 
     Returns:
-        One body and field, or two.
+        One body, or two.
     """
-    if isinstance(bulk, Bulk):
-        return [(bulk, back_substitute(bulk, load, u))]
+    if not isinstance(bulk, Pair):
+        return [(bulk, load, u)]
     sides: list[tuple[Array | None, Array | None]] = [(None, None), (None, None)]
     if bulk.joined is not None and load is not None and u is not None:
         factors, apart = np.asarray(load, float), np.where(bulk.joined.held, 0.0, u)
@@ -37,9 +53,7 @@ def displacements(
         for k, moved in enumerate((apart + second, second)):
             own = [bulk.load_names.index(name) for name in bulk.parts[k].load_names]
             sides[k] = factors[own], moved
-    return [
-        (part, back_substitute(part, *side)) for part, side in zip(bulk.parts, sides, strict=True)
-    ]
+    return [(part, *side) for part, side in zip(bulk.parts, sides, strict=True)]
 
 
 def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Function:

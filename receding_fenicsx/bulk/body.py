@@ -61,6 +61,11 @@ class Bulk:
         return (self,)
 
     @property
+    def half(self) -> bool:
+        """Whether only x >= 0 is modelled; always for an axisymmetric body."""
+        return self.body.half
+
+    @property
     def young(self) -> float:
         """Young's modulus."""
         return self.scene.material.young

@@ -13,9 +13,10 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.elimination import Elimination, eliminate_interior, load_sign
+from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies
 from receding_fenicsx.bulk.symmetric_matrix import norm, turn
-from receding_fenicsx.bulk.two_bodies import Pair, join_pair
+from receding_fenicsx.bulk.two_bodies import Bodies, Pair, join_pair, join_without_meshes
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
@@ -28,7 +29,7 @@ PROBE_TOLERANCE = 1e-10
 """Largest error of K times a probe, found by a solve, over the largest row sum of |K|."""
 
 
-def condense(bulk: Bulk | Pair, route: str = "schur") -> ContactSystem | None:
+def condense(bulk: Bodies, route: str = "schur") -> ContactSystem | None:
     """Condense the body, or two bodies, to the contact nodes; collective.
 
     Args:
@@ -64,13 +65,15 @@ def _condense_two(pair: Pair, route: str) -> ContactSystem | None:
 
 def condense_pair(pair: Pair, route: str = "schur") -> None:
     """Condense both bodies of a pair, unless they are already, and join them; collective."""
-    if not pair.condensed:
+    if not pair.condensed and not join_without_meshes(pair):
         first, second = pair.parts
         join_pair(pair, (_condense_body(first, route), _condense_body(second, route)))
 
 
-def _condense_body(bulk: Bulk, route: str) -> CondensedBody | None:
+def _condense_body(bulk: Bulk | HalfPlane, route: str) -> CondensedBody | None:
     """Condense one body; the result on rank 0, None on the others."""
+    if isinstance(bulk, HalfPlane):
+        return on_root(bulk.comm, bulk.condensed_body)
     eliminated = eliminate_interior(bulk, route)
     return on_root(bulk.comm, lambda: _checked(bulk, eliminated))
 
@@ -112,7 +115,7 @@ def _check_probe(contact: ContactNodes, K: Array, scale: float, probe: tuple[Arr
 
 
 def _system(
-    bulk: Bulk, scene: Scene, condensed: CondensedBody | JoinedBodies, rigid: Array
+    bulk: Bulk | HalfPlane, scene: Scene, condensed: CondensedBody | JoinedBodies, rigid: Array
 ) -> ContactSystem:
     """Add the data of the contact nodes, those of the first body; on rank 0."""
     contact = bulk.contact
@@ -128,7 +131,7 @@ def _system(
         g0=unknown.copy(),
         held=condensed.held,
         rigid=rigid,
-        half=bulk.body.half and not scene.axisymmetric,
+        half=bulk.half and not scene.axisymmetric,
         load_compliance=condensed.compliance,
         load_sign=condensed.sign,
         edge=contact.edge,

@@ -12,11 +12,13 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.back_substitution import displacements
+from receding_fenicsx.bulk.back_substitution import back_substitute, sides_of
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense_pair
+from receding_fenicsx.bulk.half_planes.body import HalfPlane
+from receding_fenicsx.bulk.half_planes.window import window_fields
 from receding_fenicsx.bulk.stress import Stresses, stresses
-from receding_fenicsx.bulk.two_bodies import Pair
+from receding_fenicsx.bulk.two_bodies import Bodies, Pair
 
 
 @dataclass(frozen=True)
@@ -29,7 +31,7 @@ class BodyFields:
         stresses: stresses in the cells and at the vertices.
     """
 
-    bulk: Bulk
+    bulk: Bulk | HalfPlane
     displacement: fem.Function
     stresses: Stresses
 
@@ -54,7 +56,7 @@ class Fields:
     body: NDArray[np.int64] | None = None
 
 
-def fields_at(bulk: Bulk | Pair, load: Array, u: Array) -> Fields | None:
+def fields_at(bulk: Bodies, load: Array, u: Array) -> Fields | None:
     """Return the fields of the whole body, or of both bodies; collective.
 
     Args:
@@ -68,14 +70,19 @@ def fields_at(bulk: Bulk | Pair, load: Array, u: Array) -> Fields | None:
     return gather_fields(solve_fields(bulk, load, u))
 
 
-def solve_fields(bulk: Bulk | Pair, load: Array, u: Array) -> list[BodyFields]:
+def solve_fields(bulk: Bodies, load: Array, u: Array) -> list[BodyFields]:
     """Solve for the fields of each modelled body; collective. Arguments as :func:`fields_at`."""
     if isinstance(bulk, Pair):
         condense_pair(bulk)
-    return [
-        BodyFields(part, _at_vertices(part, displacement), stresses(part, displacement))
-        for part, displacement in displacements(bulk, load, u)
-    ]
+    found = []
+    for part, own_load, own_u in sides_of(bulk, load, u):
+        if isinstance(part, HalfPlane):
+            found.append(BodyFields(part, *window_fields(part, own_load, own_u)))
+            continue
+        displacement = back_substitute(part, own_load, own_u)
+        moved = _at_vertices(part, displacement)
+        found.append(BodyFields(part, moved, stresses(part, displacement)))
+    return found
 
 
 def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
@@ -143,7 +150,9 @@ def _gather_body(fields: BodyFields) -> Fields | None:
     return _mirrored(whole) if bulk.body.half else whole
 
 
-def _gather(bulk: Bulk, function: fem.Function) -> tuple[Array, NDArray[np.int64], Array]:
+def _gather(
+    bulk: Bulk | HalfPlane, function: fem.Function
+) -> tuple[Array, NDArray[np.int64], Array]:
     """Bring points, cells and values of a function of degree 1 to rank 0; empty elsewhere."""
     space = function.function_space
     dofmap, block = space.dofmap, space.dofmap.index_map_bs

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.scene.validate_bodies import count_cells
 from receding_fenicsx.timing import Timer
@@ -20,8 +21,7 @@ from receding_fenicsx.timing import Timer
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.bulk.body import Bulk
-    from receding_fenicsx.bulk.two_bodies import Pair
+    from receding_fenicsx.bulk.two_bodies import Bodies
     from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
 
 SERIAL_CELLS = 30_000
@@ -37,6 +37,8 @@ def is_small(scene: Scene) -> bool:
     the same bits: on several ranks, numbering and sums depend on the order of messages.
     """
     for body in scene.bodies:
+        if body.is_half_plane:
+            continue
         if body.mesh is not None:
             if Path(body.mesh).stat().st_size > SERIAL_FILE_BYTES:
                 return False
@@ -108,15 +110,21 @@ def _check_reaches_contact(system: ContactSystem) -> None:
             )
 
 
-def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bulk | Pair:
+def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bodies:
     """Mesh and assemble a scene's body or bodies; collective."""
     from receding_fenicsx.bulk import two_bodies
     from receding_fenicsx.bulk.mesh import meshing
 
     with timer("mesh"), _restored_signal_handlers():
-        bodies = meshing.make_meshes(comm, scene, is_half_meshed(scene))
+        meshed = [body for body in scene.bodies if not body.is_half_plane]
+        # a body on a half-plane is meshed like one on a rigid plane
+        whole = scene if len(meshed) == len(scene.bodies) else None
+        half = is_half_meshed(scene)
+        bodies: tuple[meshing.BodyMesh, ...] = ()
+        if meshed:
+            bodies = meshing.make_meshes(comm, whole or part_of(scene, meshed[0]), half)
     with timer("assemble"):
-        return two_bodies.build_all(scene, bodies)
+        return two_bodies.build_all(scene, bodies, comm)
 
 
 @contextmanager

@@ -87,7 +87,11 @@ def _gradient(bulk: Bulk, displacement: fem.Function, points: Array) -> Array:
 
 def _components(bulk: Bulk, gradient: Array) -> dict[str, Array]:
     """Return each stress of ``STRESSES`` from gradients (..., [xx, xy, yx, yy, zz])."""
-    sxx, syy, szz, sxy = np.moveaxis(linear_stresses(bulk.scene.material, gradient), -1, 0)
+    return named_stresses(*np.moveaxis(linear_stresses(bulk.scene.material, gradient), -1, 0))
+
+
+def named_stresses(sxx: Array, syy: Array, szz: Array, sxy: Array) -> dict[str, Array]:
+    """Return each stress of ``STRESSES`` from the components."""
     pairs = (sxx - syy) ** 2 + (syy - szz) ** 2 + (szz - sxx) ** 2
     von_mises = np.sqrt(0.5 * pairs + 3.0 * sxy**2)
     max_shear = np.hypot(0.5 * (sxx - syy), sxy)

@@ -11,6 +11,8 @@ import numpy as np
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
+from receding_fenicsx.bulk.half_planes.body import HalfPlane, half_plane_of
+from receding_fenicsx.bulk.half_planes.pair import join_half_planes
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_root
@@ -30,7 +32,7 @@ class Pair:
     """
 
     scene: Scene
-    parts: tuple[Bulk, Bulk]
+    parts: tuple[Bulk | HalfPlane, Bulk | HalfPlane]
     joined: JoinedBodies | None = None
     condensed: bool = False
 
@@ -43,6 +45,11 @@ class Pair:
     def body(self) -> BodyMesh:
         """Mesh of the first body."""
         return self.parts[0].body
+
+    @property
+    def half(self) -> bool:
+        """Whether only x >= 0 is modelled; always for an axisymmetric body."""
+        return self.parts[0].half
 
     @property
     def contact(self) -> ContactNodes:
@@ -71,24 +78,38 @@ class Pair:
             bulk.destroy()
 
 
-def build_all(scene: Scene, bodies: tuple[BodyMesh, ...]) -> Bulk | Pair:
+Bodies = Bulk | HalfPlane | Pair
+"""One discretised body, or two in contact."""
+
+
+def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None = None) -> Bodies:
     """Assemble one body or two; see :func:`elasticity.build`.
 
     Args:
         scene: the scene.
-        bodies: mesh of each body.
+        bodies: mesh of each body that has one.
+        comm: communicator of a scene without meshes.
 
     Returns:
         The discretised body or bodies.
     """
-    parts = [
-        elasticity.build(part_of(scene, body), mesh)
-        for body, mesh in zip(scene.bodies, bodies, strict=True)
-    ]
-    if len(parts) == 1:
-        return parts[0]
-    first = scene.bodies.index(scene.find_edge(scene.contacts[0].edge)[0])
-    return Pair(scene, (parts[first], parts[1 - first]))
+    meshes = iter(bodies)
+    built = {
+        body.name: elasticity.build(part_of(scene, body), next(meshes))
+        for body in scene.bodies
+        if not body.is_half_plane
+    }
+    owner = scene.find_edge(scene.contacts[0].edge)[0]
+    parts: list[Bulk | HalfPlane] = []
+    for body in sorted(scene.bodies, key=lambda body: body != owner):
+        if body.name in built:
+            parts.append(built[body.name])
+            continue
+        place = comm or bodies[0].mesh.comm
+        nodes = parts[0].contact if parts else None
+        surface = parts[0].surface if parts and isinstance(parts[0], HalfPlane) else None
+        parts.append(half_plane_of(part_of(scene, body), place, nodes, surface))
+    return parts[0] if len(parts) == 1 else Pair(scene, (parts[0], parts[1]))
 
 
 def join_pair(pair: Pair, condensed: tuple[CondensedBody | None, CondensedBody | None]) -> None:
@@ -109,6 +130,16 @@ def join_pair(pair: Pair, condensed: tuple[CondensedBody | None, CondensedBody |
 
     pair.joined = on_root(pair.comm, work)
     pair.condensed = True
+
+
+def join_without_meshes(pair: Pair) -> bool:
+    """Join the bodies of a pair on rank 0 if both are half-planes; return whether they are."""
+    a, b = pair.parts
+    if not (isinstance(a, HalfPlane) and isinstance(b, HalfPlane)):
+        return False
+    pair.joined = on_root(pair.comm, lambda: join_half_planes(a, b, pair.load_names))
+    pair.condensed = True
+    return True
 
 
 def _with_all_loads(

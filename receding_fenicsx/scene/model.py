@@ -13,6 +13,7 @@ from receding_fenicsx.scene.checks import nearest, unknown_name
 from receding_fenicsx.scene.options import Harmonic as Harmonic
 from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
 from receding_fenicsx.scene.options import OutputOptions as OutputOptions
+from receding_fenicsx.scene.options import Probe as Probe
 from receding_fenicsx.scene.options import Refinement as Refinement
 from receding_fenicsx.scene.options import ShakedownOptions as ShakedownOptions
 from receding_fenicsx.scene.options import SolverOptions as SolverOptions
@@ -22,6 +23,8 @@ from receding_fenicsx.scene.units import Units
 
 RECTANGLE_KEYS = ("shape", "width", "height", "position")
 """Keys of a body that a mesh file replaces."""
+HALF_PLANE = "half-plane"
+"""Shape of a body without a mesh."""
 FREE = "free"
 """Component of a prescribed displacement that is not prescribed."""
 TABLE_OF = {
@@ -41,13 +44,19 @@ class Body(Table):
 
     Attributes:
         name: name of the body in "NAME.edge"; required when there are two.
-        shape: "rectangle".
+        shape: "rectangle", or "half-plane": no mesh, infinite, with the surface "bottom" or "top"
+            and the far field "far".
         width, height: sides of the rectangle. The width of a cylinder (axisymmetric, at x = 0) is
-            its diameter.
-        position: middle of the rectangle's bottom edge. An axisymmetric rectangle at x = r > 0 is
-            a ring between the radii r - width / 2 and r + width / 2.
+            its diameter, that of a half-plane is the width of its contact.
+        position: middle of the rectangle's bottom edge, or of a half-plane's contact. An
+            axisymmetric rectangle at x = r > 0 is a ring between the radii r - width / 2 and
+            r + width / 2.
         mesh: a .geo or .msh file instead of the rectangle. In a scene file the path is relative to
             that file.
+        datum: depth, below the middle of the contact, of the point that displacements of a
+            half-plane are relative to; default: ten times the length of the contact.
+        window: width and depth of the part of a half-plane that pictures show; default: two and
+            one times the length of the contact.
         surface: physical surface of the mesh file that is the body; default: all surfaces.
         parameters: values of the .geo file's constants.
         material: name of the body's table [material.NAME]. Default: the table with the name of the
@@ -61,8 +70,20 @@ class Body(Table):
     position: tuple[float, float] = (0.0, 0.0)
     mesh: str | None = None
     surface: str | None = None
+    datum: float | None = None
+    window: tuple[float, float] | None = None
     parameters: dict[str, float] = field(default_factory=dict)
     material: str | None = None
+
+    @property
+    def is_half_plane(self) -> bool:
+        """Whether the body is a half-plane without a mesh."""
+        return self.mesh is None and self.shape == HALF_PLANE
+
+    @property
+    def is_rectangle(self) -> bool:
+        """Whether the body is a rectangle."""
+        return self.mesh is None and not self.is_half_plane
 
     def __repr__(self) -> str:
         """Return the values; those of a rectangle only where it is one."""
@@ -149,7 +170,9 @@ class Load(Table):
         displacement: prescribed components [x, y]; "free" for a component that is not prescribed.
         platen: the edge moves rigidly without rotation, under ``force`` or by a constant
             ``displacement``. Loads with the same edge and span act on the same platen.
-        force: resultant [x, y] on a platen, of the whole body (axisymmetric: of the full circle).
+        force: resultant [x, y] on a platen, of the whole body (axisymmetric: of the full circle);
+            or on the far field of a half-plane, which without ``platen`` turns freely under a force
+            through the middle of the contact.
     """
 
     name: str
@@ -177,41 +200,6 @@ class Support:
     edge: str | None = None
     point: tuple[float, float] | str | None = None
     body: str | None = None
-
-
-@dataclass(frozen=True)
-class Probe:
-    """Points of a body at which displacement and stress are recorded: exactly one of three keys.
-
-    Attributes:
-        name: name of the probe; also that of its files.
-        point: coordinates [x, y] of one point.
-        points: coordinates of several points.
-        segment: both ends of a segment, which gets ``count`` evenly spaced points.
-        count: number of points of the segment, ends included.
-        body: name of the points' body, in a scene of two bodies.
-    """
-
-    name: str
-    point: tuple[float, float] | None = None
-    points: tuple[tuple[float, ...], ...] = ()
-    segment: tuple[tuple[float, ...], ...] = ()
-    count: int | None = None
-    body: str | None = None
-
-    @property
-    def coordinates(self) -> tuple[tuple[float, ...], ...]:
-        """Coordinates (x, y) of all points."""
-        if self.point is not None:
-            return (self.point,)
-        if self.points:
-            return self.points
-        n = (self.count or 2) - 1
-        (ax, ay), (bx, by) = self.segment
-        # both ends exactly, the middle of symmetric ends exactly
-        return tuple(
-            (((n - i) * ax + i * bx) / n, ((n - i) * ay + i * by) / n) for i in range(n + 1)
-        )
 
 
 @dataclass(frozen=True, repr=False)

@@ -191,10 +191,10 @@ def contact_elements(scene: Scene, body: Body) -> int:
     """
     n = scene.mesh.contact_elements
     first = scene.contacts[0] if scene.contacts else None
-    if first is None or first.against is None or body.mesh is not None:
+    if first is None or first.against is None or not body.is_rectangle:
         return n
     owner, _ = scene.find_edge(first.edge)
-    if owner == body or owner.mesh is not None:
+    if owner == body or not owner.is_rectangle:
         return n
     edge = _length(scene, first)
     wanted = n * edge[1] / edge[0]

@@ -183,3 +183,38 @@ class OutputOptions:
         if self.samples_per_leg is not None:
             return self.samples_per_leg
         return max(1, min(SAMPLES_PER_LEG, SAMPLES_PER_CYCLE // max(legs, 1)))
+
+
+@dataclass(frozen=True)
+class Probe:
+    """Points of a body at which displacement and stress are recorded: exactly one of three keys.
+
+    Attributes:
+        name: name of the probe; also that of its files.
+        point: coordinates [x, y] of one point.
+        points: coordinates of several points.
+        segment: both ends of a segment, which gets ``count`` evenly spaced points.
+        count: number of points of the segment, ends included.
+        body: name of the points' body, in a scene of two bodies.
+    """
+
+    name: str
+    point: tuple[float, float] | None = None
+    points: tuple[tuple[float, ...], ...] = ()
+    segment: tuple[tuple[float, ...], ...] = ()
+    count: int | None = None
+    body: str | None = None
+
+    @property
+    def coordinates(self) -> tuple[tuple[float, ...], ...]:
+        """Coordinates (x, y) of all points."""
+        if self.point is not None:
+            return (self.point,)
+        if self.points:
+            return self.points
+        n = (self.count or 2) - 1
+        (ax, ay), (bx, by) = self.segment
+        # both ends exactly, the middle of symmetric ends exactly
+        return tuple(
+            (((n - i) * ax + i * bx) / n, ((n - i) * ay + i * by) / n) for i in range(n + 1)
+        )

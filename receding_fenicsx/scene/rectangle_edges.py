@@ -11,6 +11,8 @@ from receding_fenicsx.scene.model import Body, Contact, Load, Scene
 
 EDGES = ("bottom", "top", "left", "right")
 """Edges of a rectangle; its position is the middle of "bottom"."""
+FAR = "far"
+"""The far field of a half-plane, on which loads and supports act."""
 HORIZONTAL = ("bottom", "top")
 """Edges along x."""
 LOAD_SAMPLES = 401
@@ -62,7 +64,9 @@ def edge_points(scene: Scene, edge: str, along: ArrayLike) -> tuple[Array, Array
 def contact_samples(scene: Scene, contact: Contact) -> Array:
     """Return the nominal positions of the contact nodes on an edge, equally spaced."""
     low, high = contact.span or edge_range(scene, contact.edge)
-    n = scene.mesh.degree * scene.mesh.contact_elements
+    half_plane = scene.find_edge(contact.edge)[0].is_half_plane
+    # a half-plane's tractions are linear between the nodes
+    n = (1 if half_plane else scene.mesh.degree) * scene.mesh.contact_elements
     return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, n + 1)
 
 

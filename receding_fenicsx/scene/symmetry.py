@@ -34,7 +34,7 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     Returns:
         True when mesh, supports, contacts, each load and the initial slip are symmetric.
     """
-    if any(body.mesh is not None or body.position[0] != 0.0 for body in scene.bodies):
+    if any(not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies):
         return False
     for contact in scene.contacts:
         if not is_horizontal(scene, contact.edge) or not _span_is_even(

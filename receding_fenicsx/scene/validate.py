@@ -12,7 +12,7 @@ from receding_fenicsx.scene.checks import check_size
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.model import TABLE_OF, Harmonic, Load, Scene
 from receding_fenicsx.scene.units import check_units
-from receding_fenicsx.scene.validate_bodies import check_bodies, check_mesh
+from receding_fenicsx.scene.validate_bodies import check_bodies, check_half_planes, check_mesh
 from receding_fenicsx.scene.validate_contacts import (
     check_contacts,
     check_initial_slip,
@@ -49,6 +49,7 @@ def validate(scene: Scene) -> None:
     check_bodies(scene)
     check_mesh(scene)
     check_contacts(scene)
+    check_half_planes(scene)
     check_loads(scene)
     check_supports(scene)
     check_probes(scene)

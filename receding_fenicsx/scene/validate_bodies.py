@@ -5,6 +5,7 @@ from __future__ import annotations
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_choice, check_positive, unknown_name
 from receding_fenicsx.scene.model import (
+    HALF_PLANE,
     RECTANGLE_KEYS,
     Body,
     Material,
@@ -60,7 +61,7 @@ def check_bodies(scene: Scene) -> None:
     if len({material.kinematics for material in used}) > 1:
         raise InputError("[material] kinematics: differs between the bodies; use the same for both")
     for body in scene.bodies:
-        if scene.axisymmetric and body.mesh is None:
+        if scene.axisymmetric and body.is_rectangle:
             _check_radii(scene, body, _label(scene, body))
 
 
@@ -80,13 +81,76 @@ def _check_body(body: Body, label: str) -> None:
     for key in ("surface", "parameters"):
         if getattr(body, key):
             raise InputError(f"{label} {key}: needs a mesh file; give mesh, or remove {key}")
-    check_choice(body.shape, ("rectangle",), f"{label} shape")
+    check_choice(body.shape, ("rectangle", HALF_PLANE), f"{label} shape")
     check_positive(body.width, f"{label} width")
+    if body.is_half_plane:
+        _check_half_plane(body, label)
+        return
+    for key in ("datum", "window"):
+        if getattr(body, key) is not None:
+            raise InputError(f'{label} {key}: belongs to shape = "half-plane"; remove it')
     check_positive(body.height, f"{label} height")
     if max(map(abs, body.position)) > MAX_POSITION * min(body.width, body.height):
         raise InputError(
             f"{label} position: [{body.position[0]:g}, {body.position[1]:g}] is more than "
             f"{MAX_POSITION:g} times the body's smaller side from the origin; move it nearer"
+        )
+
+
+def _check_half_plane(body: Body, label: str) -> None:
+    """Check the keys of a half-plane."""
+    if body.height != Body().height:
+        raise InputError(f"{label} height: a half-plane has none; remove it")
+    if body.datum is not None and not body.datum >= body.width:
+        raise InputError(
+            f"{label} datum: {body.datum:g} is less than the width of the contact, "
+            f"{body.width:g}; choose a deeper point"
+        )
+    for size in body.window or ():
+        check_positive(size, f"{label} window")
+
+
+def check_half_planes(scene: Scene) -> None:
+    """Check what half-planes touch: their contact edges, and the other body."""
+    flat = [body for body in scene.bodies if body.is_half_plane]
+    if not flat:
+        return
+    if scene.axisymmetric:
+        raise InputError(
+            "[material] kinematics: a half-plane is not axisymmetric; use plane strain or plane "
+            "stress"
+        )
+    for body in flat:
+        label = _label(scene, body)
+        edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
+        own = {
+            name
+            for owner, name in (scene.find_edge(edge) for edge in edges if edge)
+            if owner == body
+        }
+        if len(own) > 1:
+            raise InputError(f"{label}: has the surfaces bottom and top; use one of them")
+        if not scene.others:
+            continue
+        if len(flat) == 1 and scene.find_edge(scene.contacts[0].edge)[0] == body:
+            raise InputError(
+                f"[contact] edge: names the half-plane '{body.name}'; exchange edge and against, "
+                "it takes its nodes from the other body's mesh"
+            )
+        for key in ("width", "position"):
+            other = Body() if len(flat) == 1 else flat[0]
+            if getattr(body, key) != getattr(other, key):
+                where = "its partner's mesh" if len(flat) == 1 else f"body '{other.name}'"
+                raise InputError(
+                    f"{label} {key}: the contact nodes are those of {where}; remove {key}, or "
+                    "give both half-planes the same"
+                )
+    edges = [scene.find_edge(edge)[1] for edge in (scene.contacts[0].edge,)]
+    against = scene.contacts[0].against
+    if len(flat) == 2 and against is not None and scene.find_edge(against)[1] in edges:
+        raise InputError(
+            f'[contact] against: both half-planes have the surface "{edges[0]}"; one has to be '
+            '"bottom" and the other one "top"'
         )
 
 

@@ -10,6 +10,8 @@ from receding_fenicsx.scene.model import Contact, Scene
 from receding_fenicsx.scene.profiles import check_table, directions, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     EDGES,
+    FAR,
+    HORIZONTAL,
     contact_samples,
     edge_range,
     is_cylinder,
@@ -53,9 +55,9 @@ def check_contacts(scene: Scene) -> None:
 
 
 def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
-    check_edge(scene, contact.edge, f"{where} edge")
+    check_edge(scene, contact.edge, f"{where} edge", HORIZONTAL)
     if contact.against is not None:
-        check_edge(scene, contact.against, f"{where} against")
+        check_edge(scene, contact.against, f"{where} against", HORIZONTAL)
         if not scene.others:
             raise InputError(
                 f"{where} against: the scene has one body only; add a second [[body]], or remove "
@@ -77,7 +79,7 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
     if meshed:
         # the points of the edge are known when it is meshed; numbers need none
         profiles = [(p, key) for p, key in profiles if not isinstance(p, dict | str)]
-    else:
+    elif not scene.find_edge(contact.edge)[0].is_half_plane:
         check_elements(scene.mesh, *scene.find_edge(contact.edge))
     x = np.zeros(1) if meshed else contact_samples(scene, contact)
     for profile, key in profiles:
@@ -89,15 +91,24 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
             )
 
 
-def check_edge(scene: Scene, edge: str, where: str) -> None:
-    """Check that a body has an edge; groups of a mesh file are checked when it is read."""
+def check_edge(
+    scene: Scene, edge: str, where: str, of_half_plane: tuple[str, ...] = (FAR,)
+) -> None:
+    """Check that a body has an edge; groups of a mesh file are checked when it is read.
+
+    Args:
+        scene: the scene.
+        edge: its name.
+        where: begins the message.
+        of_half_plane: names that a half-plane's edge may have here.
+    """
     try:
         body, name = scene.find_edge(edge)
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
     if body.mesh is not None:
         return
-    check_choice(name, EDGES, where)
+    check_choice(name, of_half_plane if body.is_half_plane else EDGES, where)
     if is_cylinder(scene, body) and name == "left":
         raise InputError(
             f'{where}: "{edge}" is the axis r = 0 of the axisymmetric body; use another edge'
@@ -108,6 +119,8 @@ def check_span(scene: Scene, edge: str, span: tuple[float, float] | None, where:
     """Check that a span is an interval within its edge."""
     if span is None:
         return
+    if scene.find_edge(edge)[1] == FAR and not has_mesh_file(scene, edge):
+        raise InputError(f"{where}: the far field of a half-plane has no parts; remove span")
     low, high = span if has_mesh_file(scene, edge) else edge_range(scene, edge)
     slack = LENGTH_TOLERANCE * abs(high - low)
     if not span[1] - span[0] > slack:

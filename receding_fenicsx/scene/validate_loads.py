@@ -47,6 +47,9 @@ def _check_load(scene: Scene, load: Load) -> None:
     check_span(scene, load.edge, load.span, f"{where} span")
     _check_kind(scene, load, where)
     kind = _kinds(load)[0]
+    if scene.find_edge(load.edge)[0].is_half_plane:
+        _check_far_load(load, kind, where)
+        return
     value, key = getattr(load, kind), f"{where} {kind}"
     parts = value if isinstance(value, tuple) else (value,)
     for part in parts:
@@ -89,7 +92,8 @@ def _check_kind(scene: Scene, load: Load, where: str) -> None:
             "of them"
         )
     kind = kinds[0]
-    if load.force is not None and not load.platen:
+    far = scene.find_edge(load.edge)[0].is_half_plane
+    if load.force is not None and not load.platen and not far:
         raise InputError(
             f"{where} force: acts on a platen only; add platen = true, or use traction"
         )
@@ -102,6 +106,20 @@ def _check_kind(scene: Scene, load: Load, where: str) -> None:
             f"{where} {kind}: a platen on a body of revolution moves along its axis only; "
             f"write [0.0, {getattr(load, kind)[1]}]"
         )
+
+
+def _check_far_load(load: Load, kind: str, where: str) -> None:
+    """Check a load on the far field of a half-plane: a force or a displacement, not zero."""
+    if kind not in ("force", "displacement"):
+        raise InputError(
+            f"{where} {kind}: the far field of a half-plane takes a force or a displacement; use "
+            "one of them"
+        )
+    parts = [part for part in getattr(load, kind) if part != FREE]
+    if any(not isinstance(part, float | int) for part in parts):
+        raise InputError(f"{where} {kind}: the far field moves as a whole; write numbers")
+    if not any(abs(part) >= SMALLEST for part in parts):
+        raise InputError(f"{where} {kind}: is zero; give it a value or remove the load")
 
 
 def _check_load_names(scene: Scene) -> None:
@@ -130,7 +148,7 @@ def _check_parts(scene: Scene, a: Load, b: Load) -> None:
         )
     if scene.find_edge(a.edge) != scene.find_edge(b.edge) or _kinds(a) != _kinds(b):
         return
-    if has_mesh_file(scene, a.edge):
+    if has_mesh_file(scene, a.edge) or scene.find_edge(a.edge)[0].is_half_plane:
         overlap = a.span is None or b.span is None or _overlap(a.span, b.span) > 0.0
     else:
         whole = edge_range(scene, a.edge)
@@ -167,6 +185,8 @@ def _check_support(scene: Scene, support: Support) -> None:
 def _check_point(scene: Scene, support: Support, where: str) -> None:
     """Check that a support's point lies on its body."""
     body = body_of_point(scene, support.body, where)
+    if body.is_half_plane:
+        raise InputError(f'{where} point: hold the edge "far" of a half-plane instead')
     if body.mesh is not None:
         return
     if not isinstance(support.point, tuple):
@@ -189,6 +209,9 @@ def body_of_point(scene: Scene, name: str | None, where: str) -> Body:
 def check_inside(scene: Scene, body: Body, point: tuple[float, ...], where: str) -> None:
     """Check that a point lies on a rectangle."""
     x, y = point
+    if body.is_half_plane:
+        # the side is checked where the nodes are known
+        return
     left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
     low, high = (body.position[1] + part for part in (0.0, body.height))
     if is_cylinder(scene, body):

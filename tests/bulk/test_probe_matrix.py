@@ -14,10 +14,11 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.fields import gather_fields, solve_fields
+from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.probes.matrix import probe_matrix
 from receding_fenicsx.bulk.probes.points import point_values
-from receding_fenicsx.bulk.two_bodies import Pair, build_all
+from receding_fenicsx.bulk.two_bodies import Bodies, build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import (
     Body,
@@ -63,7 +64,7 @@ CASES = {
 }
 
 
-def places(bulk: Bulk | Pair) -> list[Array]:
+def places(bulk: Bodies) -> list[Array]:
     """Vertices and midpoints of some cells of each body, alike on every rank."""
     found = []
     for part in bulk.parts:
@@ -81,7 +82,7 @@ def places(bulk: Bulk | Pair) -> list[Array]:
     return found
 
 
-def at_rest(bulk: Bulk | Pair) -> tuple[Array, Array]:
+def at_rest(bulk: Bodies) -> tuple[Array, Array]:
     return np.zeros(len(bulk.load_names)), np.zeros(2 * len(bulk.contact.x))
 
 
@@ -94,7 +95,7 @@ def with_probes(scene: Scene, points: list[Array]) -> Scene:
     return replace(scene, probes=tuple(probes))
 
 
-def by_cells(bulk: Bulk | Pair, load: Array, u: Array, points: list[Array]) -> Array | None:
+def by_cells(bulk: Bodies, load: Array, u: Array, points: list[Array]) -> Array | None:
     """[u_x, u_y, s_xx, s_yy, s_zz, s_xy] from whole fields: at vertices, then at midpoints."""
     rows = []
     for fields, at in zip(solve_fields(bulk, load, u), points, strict=True):
@@ -117,7 +118,7 @@ def by_cells(bulk: Bulk | Pair, load: Array, u: Array, points: list[Array]) -> A
     return np.array(rows) if rows else None
 
 
-def _middles(bulk: Bulk, stress: dict[str, fem.Function]) -> Array:
+def _middles(bulk: Bulk | HalfPlane, stress: dict[str, fem.Function]) -> Array:
     """Midpoint and stresses of every cell, on every rank."""
     space = stress["sxx"].function_space
     n = bulk.body.mesh.topology.index_map(2).size_local

@@ -8,9 +8,11 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.body import Bulk, gather_contact, interior_solver
 from receding_fenicsx.bulk.condensation import condense_pair
 from receding_fenicsx.bulk.elimination import BLOCK_COLUMNS, Solve, block_solver, times
+from receding_fenicsx.bulk.half_planes.body import HalfPlane
+from receding_fenicsx.bulk.half_planes.window import value_rows
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.probes.points import PointValues, point_values
-from receding_fenicsx.bulk.two_bodies import Pair
+from receding_fenicsx.bulk.two_bodies import Bodies, Pair
 from receding_fenicsx.interface.system import ProbeMatrix
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Scene
@@ -19,7 +21,7 @@ ODD = (0, 5)
 """Components u_x and s_xy, which change their sign in a mirror image about x = 0."""
 
 
-def probe_matrix(bulk: Bulk | Pair, scene: Scene) -> ProbeMatrix | None:
+def probe_matrix(bulk: Bodies, scene: Scene) -> ProbeMatrix | None:
     """Return the values at all probes of a scene; collective.
 
     Points in the half that is not modelled get those of their mirror image; on the axis of symmetry
@@ -58,8 +60,10 @@ def probe_matrix(bulk: Bulk | Pair, scene: Scene) -> ProbeMatrix | None:
     return on_root(bulk.comm, work)
 
 
-def _body_rows(bulk: Bulk, points: Array, labels: list[str]) -> Array | None:
+def _body_rows(bulk: Bulk | HalfPlane, points: Array, labels: list[str]) -> Array | None:
     """Return the rows (m, 6, 2N + own loads) of one body on rank 0, None elsewhere."""
+    if isinstance(bulk, HalfPlane):
+        return on_root(bulk.comm, lambda: value_rows(bulk, points, labels))
     mirrored = bulk.body.half and not bulk.scene.axisymmetric
     modelled = points.copy()
     if mirrored:

@@ -221,10 +221,10 @@ def length_of(scene: Scene | None) -> float:
     It is not where the scene has a unit of length, where the contact edge is upright, or where two
     rectangles have different heights.
     """
-    if scene is None or scene.units.length or scene.body.mesh is not None:
+    if scene is None or scene.units.length or not scene.body.is_rectangle:
         return 0.0
     upright = any(contact.edge.endswith(("left", "right")) for contact in scene.contacts)
-    heights = {body.height for body in scene.bodies if body.mesh is None}
+    heights = {body.height for body in scene.bodies if body.is_rectangle}
     return 0.0 if upright or len(heights) > 1 else scene.body.height
 
 

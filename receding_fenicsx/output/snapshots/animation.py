@@ -38,8 +38,7 @@ from receding_fenicsx.output.snapshots.view import View, units_of, view_of
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.body import Bulk
-    from receding_fenicsx.bulk.two_bodies import Pair
+    from receding_fenicsx.bulk.two_bodies import Bodies
 
 FILM_DPI = 171.0
 """Dots per inch of a frame, for a width of 1280 pixels."""
@@ -69,7 +68,7 @@ class Scenario:
 
 
 def animate(
-    bulk: Bulk | Pair,
+    bulk: Bodies,
     scenario: Scenario | None,
     quantity: Quantity,
     path: Path,
@@ -117,7 +116,7 @@ def animate(
 
 
 def draw_frames(
-    bulk: Bulk | Pair,
+    bulk: Bodies,
     film: Scenario,
     fields: list[Fields],
     quantity: Quantity,

@@ -39,12 +39,11 @@ from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.body import Bulk
-    from receding_fenicsx.bulk.two_bodies import Pair
+    from receding_fenicsx.bulk.two_bodies import Bodies
 
 
 def snapshots(
-    bulk: Bulk | Pair,
+    bulk: Bodies,
     instants: Sequence[Instant],
     folder: Path,
     quantities: tuple[Quantity, ...] = QUANTITIES,
@@ -101,7 +100,7 @@ def _name(now: Instant) -> str:
     return f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}"
 
 
-def _solve(bulk: Bulk | Pair, now: Instant, file: Path) -> View | None:
+def _solve(bulk: Bodies, now: Instant, file: Path) -> View | None:
     """Solve for the fields of an instant and write them; return its view on rank 0; collective."""
     parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
     fields, cell_stress = gather_fields(parts), gather_cell_stresses(parts)

@@ -62,7 +62,7 @@ def load_arrows(
     found = [
         (load, *_traction(scene, load, ARROW_SPACING * size))
         for load in scene.loads
-        if scene.find_edge(load.edge)[0].mesh is None
+        if scene.find_edge(load.edge)[0].is_rectangle
     ]
     sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, t in found]
     scale = ARROW_LENGTH * size / max([*sizes, np.finfo(float).tiny])

@@ -23,8 +23,7 @@ from receding_fenicsx.scene.profiles import directions, evaluate
 from receding_fenicsx.scene.units import Units as SceneUnits
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.body import Bulk
-    from receding_fenicsx.bulk.two_bodies import Pair
+    from receding_fenicsx.bulk.two_bodies import Bodies
 
 LARGEST_DISPLACEMENT = 0.1
 """Largest exaggerated displacement in a picture, over the size of the view."""
@@ -139,9 +138,7 @@ class View:
         return self.strips[0].state
 
 
-def view_of(
-    bulk: Bulk | Pair, fields: Fields, instant: Instant, units: Units | None = None
-) -> View:
+def view_of(bulk: Bodies, fields: Fields, instant: Instant, units: Units | None = None) -> View:
     """Return the view of the whole body at one instant, on rank 0.
 
     Args:
@@ -186,7 +183,7 @@ def view_of(
 
 
 def _contact(
-    bulk: Bulk | Pair, fields: Fields, instant: Instant, units: Units, unit: float
+    bulk: Bodies, fields: Fields, instant: Instant, units: Units, unit: float
 ) -> tuple[tuple[Strip, ...], Array, Array, Friction]:
     """Return the contact edges of the whole body, and p, q and f on the first of them."""
     scene, found = bulk.scene, whole_contact(bulk, instant)
@@ -212,7 +209,7 @@ def _contact(
     return tuple(strips), p, q, Friction(forward, backward)
 
 
-def units_of(bulk: Bulk | Pair, fields: list[Fields], load: Array, symbol: str = "") -> Units:
+def units_of(bulk: Bodies, fields: list[Fields], load: Array, symbol: str = "") -> Units:
     """Choose the units of one picture, or of several pictures with the same units.
 
     Args:
@@ -229,7 +226,7 @@ def units_of(bulk: Bulk | Pair, fields: list[Fields], load: Array, symbol: str =
     return Units(factor, traction, symbol or own) if traction else Units(factor, 1.0, "")
 
 
-def _size(bulk: Bulk | Pair, fields: Fields) -> tuple[float, bool]:
+def _size(bulk: Bodies, fields: Fields) -> tuple[float, bool]:
     """Return the size of a view in the scene's units, and whether it is a close-up."""
     length = float(np.linalg.norm(np.ptp(bulk.contact.points, axis=0)))
     length *= 2.0 if bulk.body.half else 1.0

@@ -16,8 +16,7 @@ from receding_fenicsx.interface.mirror import mirror_nodes
 from receding_fenicsx.scene.profiles import evaluate
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.body import Bulk
-    from receding_fenicsx.bulk.two_bodies import Pair
+    from receding_fenicsx.bulk.two_bodies import Bodies
 
 
 @dataclass(frozen=True)
@@ -54,7 +53,7 @@ class WholeContact:
     shown: NDArray[np.int8]
 
 
-def whole_contact(bulk: Bulk | Pair, instant: Instant) -> WholeContact:
+def whole_contact(bulk: Bodies, instant: Instant) -> WholeContact:
     """Return the whole contact of a body, or of two, at one instant.
 
     Args:

@@ -1,0 +1,88 @@
+"""Two half-planes in contact, joined by their compliance."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk.half_planes.body import HalfPlane
+from receding_fenicsx.bulk.join_bodies import BALANCE_TOLERANCE, JoinedBodies
+from receding_fenicsx.bulk.rigid_motions import scaled
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.half_plane.far_field import FarField, condense_far_field
+from receding_fenicsx.half_plane.stiffness import SurfaceStiffness
+
+
+def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) -> JoinedBodies:
+    """Join two half-planes on the same nodes to one system, for u = u_a - u_b.
+
+    With the force r of b on a, tractions t and the far fields a_a, a_b, B^T t = r and
+
+        (D_a + D_b) t + B R (a_a - a_b) = B u,    u_b = - B^-T D_b t + R a_b:
+
+    a pair behaves as one half-plane of the compliance D_a + D_b. A motion that is free on either
+    side is free; free on both sides, its forces must balance, and that of b is zero.
+
+    Args:
+        a: the half-plane that n points into.
+        b: the other one.
+        load_names: names of the loads on both.
+
+    Raises:
+        InputError: a load moves both half-planes together, or is a force on one and a displacement
+            on the other.
+    """
+    n = len(load_names)
+    force, moved, sign = np.zeros((2, n, 3)), np.zeros((2, n, 3)), np.zeros((2, n))
+    for k, part in enumerate((a, b)):
+        rows = [load_names.index(name) for name in part.load_names]
+        force[k, rows], moved[k, rows] = part.far.force, part.far.moved
+        sign[k, rows] = part.far.sign
+    together = a.far.free & b.far.free
+    size = np.abs(force).sum(axis=(0, 2))
+    lost = np.abs((force[0] + force[1]) * together).max(axis=1) > BALANCE_TOLERANCE * size
+    # a displacement of one body that the other one follows freely
+    lost |= np.any(moved[0] * b.far.free, axis=1) | np.any(moved[1] * a.far.free, axis=1)
+    for k in np.flatnonzero(lost):
+        raise InputError(
+            f"load '{load_names[k]}' moves both half-planes together, and nothing holds them: add "
+            "a [[support]] to the far edge of one of them, or balance it by its part on the other"
+        )
+    for k in np.flatnonzero(sign[0] * sign[1] < 0.0):
+        raise InputError(
+            f"load '{load_names[k]}': is a force on one body and a displacement on the other; give "
+            "it the same form on both"
+        )
+    free = a.far.free | b.far.free
+    relative = FarField(
+        free,
+        np.where(a.far.free, force[0], -force[1]),
+        moved[0] - moved[1],
+        np.where(sign[0] == 0.0, sign[1], sign[0]),
+    )
+    stiffness = SurfaceStiffness(a.surface, a.compliance + b.compliance)
+    modes = a.contact.modes
+    found = condense_far_field(stiffness.A, modes, relative)
+    on_u, on_loads = found.motion
+    count = len(modes)
+    # a_b: given, or that of a less the relative motion; zero where both are free
+    follows = (b.far.free & ~a.far.free)[:, None]
+    b_on_u = np.where(follows, -on_u, 0.0)
+    b_on_loads = np.where(follows, moved[0].T - on_loads, moved[1].T)
+
+    def back(u: Array, motion: Array, own: Array) -> Array:
+        tractions = stiffness.tractions(u - modes @ motion)
+        return modes @ own - stiffness.moved_by(b.compliance, tractions)
+
+    return JoinedBodies(
+        found.K,
+        found.r_star,
+        found.compliance,
+        relative.sign,
+        np.zeros(count, dtype=bool),
+        scaled(modes[:, free]),
+        (
+            back(np.eye(count), on_u, b_on_u),
+            back(np.zeros((count, n)), on_loads, b_on_loads),
+        ),
+    )

@@ -1,0 +1,205 @@
+"""Scenes with half-planes, against closed forms and against meshed bodies."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import receding_fenicsx as rf
+
+closed_forms = rf.reference.closed_forms
+HERTZ = closed_forms.Hertz(force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2))
+SHEARED = closed_forms.CattaneoMindlin(HERTZ, f=0.5, largest=0.3)
+MESHED = Path(__file__).parents[2] / "meshes" / "pad.geo"
+
+UPPER = 'name = "upper"\nshape = "half-plane"\nwidth = 2.4\n'
+LOWER = 'name = "lower"\nshape = "half-plane"\nwidth = 2.4\n'
+SUPPORT = '[[support]]\nedge = "lower.far"\nfix = "xy"\n'
+PAIR = f"""
+[[body]]
+{UPPER}
+[[body]]
+{LOWER}
+[material]
+young = 200.0
+poisson = 0.3
+[mesh]
+contact_elements = 160
+[contact]
+edge = "upper.bottom"
+against = "lower.top"
+friction = 0.5
+initial_gap = "x**2 / 200"
+[[load]]
+name = "P"
+edge = "upper.far"
+platen = true
+force = [0.0, -1.0]
+[[load]]
+name = "Q"
+edge = "upper.far"
+platen = true
+force = [1.0, 0.0]
+{SUPPORT}
+[history]
+kind = "table"
+columns = ["P", "Q"]
+rows = [[1.0, 0.0], [1.0, 0.3]]
+cycle_rows = [[1.0, -0.3], [1.0, 0.3]]
+cycles = 2
+[output]
+samples_per_leg = 1
+"""
+ONE = """
+[body]
+shape = "half-plane"
+width = 3.0
+[material]
+young = 200.0
+poisson = 0.3
+[mesh]
+contact_elements = 160
+[contact]
+edge = "bottom"
+friction = 0.0
+initial_gap = "x**2 / 100"
+[[load]]
+name = "P"
+edge = "far"
+force = [0.0, -1.0]
+[history]
+kind = "table"
+columns = ["P"]
+rows = [[1.0]]
+[output]
+samples_per_leg = 1
+"""
+
+
+def pressure_error(record: rf.Record, hertz: closed_forms.Hertz) -> float:
+    """Largest error of the first pressure over p0, not within four nodes of the contact's end."""
+    spacing = float(np.diff(record.x).max())
+    away = np.abs(np.abs(record.x) - hertz.a) > 4.5 * spacing
+    off = record.turning_points.p[0] - hertz.pressure(record.x)
+    return float(np.abs(off[away]).max()) / hertz.p0
+
+
+@pytest.mark.parametrize("edge", ["bottom", "top"])
+def test_cylinder_on_a_plane_without_friction_is_hertz(edge: str) -> None:
+    hertz = closed_forms.Hertz(force=1.0, radius=50.0, modulus=200.0 / (1.0 - 0.3**2))
+    force = "[0.0, 1.0]" if edge == "top" else "[0.0, -1.0]"
+    record = rf.run(rf.from_toml(ONE, [f"contact.edge={edge}", f"load.P.force={force}"]))
+    if record is None:
+        return
+    assert pressure_error(record, hertz) < 1e-3
+    assert abs(record.turning_points.p[0].max() / hertz.p0 - 1.0) < 2e-4
+    # Johnson, eq. (5.57): the point at the depth d = 30 comes nearer
+    a, nu = hertz.a, 0.3
+    known = (1.0 - nu**2) / (np.pi * 200.0) * (2.0 * np.log(60.0 / a) - nu / (1.0 - nu))
+    assert np.isclose(record.turning_points.load_displacement[0, 0], known, rtol=1e-4)
+
+
+def test_dissipation_of_cattaneo_and_mindlin() -> None:
+    """With 161 nodes, and shear that leaves the pressure alone exactly."""
+    scene = rf.from_toml(PAIR)
+    system, record = rf.condense(scene), rf.run(scene)
+    if system is None or record is None:
+        return
+    assert abs(record.cycles.dissipation[-1] / SHEARED.dissipation() - 1.0) < 1e-4
+    assert record.residual_max < 1e-11
+    assert not np.any(system.K[: system.n, system.n :])
+    assert np.array_equal(system.K, system.K.T)
+    size = np.abs(system.K).sum(axis=1).max()
+    assert np.abs(system.K @ system.rigid).max() < 1e-14 * size
+
+
+def test_error_of_the_dissipation_falls_with_the_second_power() -> None:
+    """Root mean square over places of the zones' ends between the nodes."""
+    errors = []
+    for elements in (40, 80, 160):
+        found = [0.0]
+        for width in np.linspace(2.2, 2.5, 7):
+            changes = [f"body.{name}.width={width}" for name in ("upper", "lower")]
+            changes += [f"mesh.contact_elements={elements}", "history.cycles=1"]
+            record = rf.run(rf.from_toml(PAIR, changes))
+            if record is not None:
+                found.append(record.cycles.dissipation[-1] / SHEARED.dissipation() - 1.0)
+        errors.append(np.sqrt(np.mean(np.square(found))))
+    assert errors[2] < 5e-4
+    assert errors[2] <= 0.15 * errors[0]
+
+
+def test_a_pair_on_a_stiff_half_plane_is_one_on_a_rigid_plane() -> None:
+    stiff = PAIR.replace("[material]\n", "[material.lower]\nyoung = 2e8\n[material]\n")
+    pair = rf.condense(rf.from_toml(stiff))
+    lone = PAIR.replace(f"[[body]]\n{LOWER}", "").replace(SUPPORT, "")
+    lone = lone.replace('against = "lower.top"\n', "").replace("upper.", "")
+    one = rf.condense(rf.from_toml(lone))
+    if pair is None or one is None:
+        return
+    assert np.abs(pair.K - one.K).max() < 3e-6 * np.abs(one.K).max()
+    assert np.any(one.K[: one.n, one.n :])
+
+
+def test_probes_of_a_pair_on_the_axis_are_hertz() -> None:
+    """Stresses below the middle, at the surface of both bodies, and the datum at rest."""
+    probe = (
+        '[[probe]]\nname = "above"\nbody = "upper"\npoints = [[0.0, 0.5], [0.0, 0.0]]\n'
+        '[[probe]]\nname = "below"\nbody = "lower"\n'
+        "points = [[0.0, -0.5], [0.0, 0.0], [0.0, -24.0]]\n"
+    )
+    system, record = rf.condense(rf.from_toml(PAIR + probe)), rf.run(rf.from_toml(PAIR))
+    if system is None or record is None or system.probes is None:
+        return
+    table = record.turning_points
+    values = system.probes.rows @ np.concatenate([table.v[0], table.w[0], table.load[0]])
+    a, z = HERTZ.a, 0.5
+    known_yy = -HERTZ.p0 * a / np.hypot(a, z)
+    known_xx = -HERTZ.p0 / a * ((a**2 + 2.0 * z**2) / np.hypot(a, z) - 2.0 * z)
+    for rows in (values[:2], values[2:4]):
+        assert np.allclose(rows[:, 3], [known_yy, -HERTZ.p0], rtol=1e-3)
+        assert np.allclose(rows[:, 2], [known_xx, -HERTZ.p0], rtol=1e-3)
+    assert abs(values[4, 1]) < 1e-3 * abs(values[3, 1])
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_block_on_a_half_plane(degree: int) -> None:
+    """Pressure and dissipation within the errors of one block: its elements and its truncation."""
+    block = f'name = "upper"\nmesh = "{MESHED}"\n'
+    block += "parameters = {size = 30.0, half_width = 1.2, up = 1}\n"
+    text = PAIR.replace(UPPER, block).replace(LOWER, LOWER.replace("width = 2.4\n", ""))
+    text = text.replace("upper.bottom", "upper.contact").replace("upper.far", "upper.platen")
+    changes = [f"mesh.degree={degree}", f"mesh.contact_elements={160 // degree}"]
+    record = rf.run(rf.from_toml(text, changes))
+    if record is None:
+        return
+    assert pressure_error(record, HERTZ) < {1: 0.02, 2: 0.01}[degree]
+    assert (
+        abs(record.cycles.dissipation[-1] / SHEARED.dissipation() - 1.0)
+        < {1: 1e-2, 2: 5e-3}[degree]
+    )
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("body.upper.height=2.0", "height: a half-plane has none"),
+        ("body.upper.datum=1.0", "datum: 1 is less than the width"),
+        ("body.upper.width=3.0", "width: the contact nodes are those of"),
+        ("material.kinematics=axisymmetric", "not axisymmetric"),
+        ("load.P.edge=upper.left", "load 'P' edge"),
+        ("contact.against=lower.bottom", "one has to be"),
+        ("load.Q.edge=lower.far", "is held in its direction|has no effect"),
+    ],
+)
+def test_what_a_half_plane_cannot_be_is_told_in_one_line(change: str, told: str) -> None:
+    with pytest.raises(rf.InputError, match=told) as caught:
+        rf.condense(rf.from_toml(PAIR, [change]))
+    assert "\n" not in str(caught.value)
+
+
+def test_two_free_half_planes_are_an_error() -> None:
+    with pytest.raises(rf.InputError, match="moves both half-planes together"):
+        rf.condense(rf.from_toml(PAIR.replace(SUPPORT, "")))

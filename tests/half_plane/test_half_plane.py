@@ -1,0 +1,228 @@
+"""Half-planes without a mesh: kernels, stiffness and fields against closed forms."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from scipy.integrate import quad
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.half_plane.far_field import FarField, condense_far_field
+from receding_fenicsx.half_plane.interior import point_values
+from receding_fenicsx.half_plane.kernels import surface_integrals
+from receding_fenicsx.half_plane.stiffness import (
+    Surface,
+    SurfaceStiffness,
+    compliance,
+    plane_material,
+    surface_of,
+)
+
+RANDOM = np.random.default_rng(3)
+STEEL = plane_material(200.0, 0.3, plane_stress=False)
+
+
+def graded(n: int, half: float = 1.0) -> Array:
+    """Nodes that are six times as dense at the ends as in the middle."""
+    s = np.linspace(-1.0, 1.0, n)
+    return half * (1.2 * s - 0.2 * s**3) + 0.0
+
+
+def surface(x: Array, order: int = 1) -> Surface:
+    """A surface of neighbouring nodes."""
+    lower = np.arange(len(x) - 1)
+    return surface_of(x, np.stack([lower, lower + 1], axis=1), order)
+
+
+def modes_of(x: Array) -> Array:
+    """(2N, 3) rigid motions [v; w]."""
+    one, zero = np.ones_like(x), np.zeros_like(x)
+    along, across = np.concatenate([one, zero]), np.concatenate([zero, one])
+    return np.column_stack([along, across, np.concatenate([zero, x])])
+
+
+def pressed(free: tuple[bool, bool, bool] = (True, True, False)) -> FarField:
+    """A far field under a unit force against n."""
+    return FarField(np.array(free), np.array([[0.0, -1.0, 0.0]]), np.zeros((1, 3)), -np.ones(1))
+
+
+def test_integrals_of_the_logarithm_are_those_of_quadrature() -> None:
+    x = np.array([-0.5, -0.31, -0.3, 0.05, 0.2, 0.5])
+    lower = np.arange(5)
+    logs, signs = surface_integrals(x, np.stack([lower, lower + 1], axis=1))
+
+    def hat(i: int, at: float) -> float:
+        return float(np.interp(at, x, np.eye(6)[i]))
+
+    def inner(j: int, at: float) -> float:
+        pieces = pairwise(x)
+        return sum(
+            quad(lambda s: hat(j, s) * np.log(abs(at - s)), *ends)[0]
+            for low, high in pieces
+            if hat(j, low) + hat(j, high) > 0.0
+            for ends in ([(low, at), (at, high)] if low < at < high else [(low, high)])
+        )
+
+    for i, j in ((0, 0), (0, 5), (2, 3), (3, 3)):
+        ends = [(a, b) for a, b in pairwise(x) if hat(i, a) + hat(i, b) > 0.0]
+        parts = [quad(lambda at, i=i, j=j: hat(i, at) * inner(j, at), *e, limit=80) for e in ends]
+        known = sum(value for value, _ in parts)
+        assert abs(logs[i, j] - known) < 1e-8
+    assert np.array_equal(logs, logs.T)
+    assert np.array_equal(signs, -signs.T)
+    # elements apart: sgn is constant there
+    assert np.isclose(signs[0, 5], -0.5 * 0.19 * 0.5 * 0.3)
+
+
+def test_far_elements_have_enough_points(monkeypatch: pytest.MonkeyPatch) -> None:
+    x = graded(60, 0.5)
+    lower = np.arange(59)
+    pairs = np.stack([lower, lower + 1], axis=1)
+    found = surface_integrals(x, pairs)[0]
+    monkeypatch.setattr("receding_fenicsx.half_plane.kernels.GAUSS_POINTS", 12)
+    more = surface_integrals(x, pairs)[0]
+    assert np.abs(found - more).max() < 1e-12 * np.abs(more).max()
+    # closed integrals of all pairs: they lose digits far away
+    monkeypatch.setattr("receding_fenicsx.half_plane.kernels.NEAR", 1e9)
+    assert np.abs(found - surface_integrals(x, pairs)[0]).max() < 1e-9 * np.abs(more).max()
+
+
+@pytest.mark.parametrize("order", [1, 2])
+@pytest.mark.parametrize("side", [1, -1])
+def test_stiffness_is_symmetric_and_keeps_rigid_motions(order: int, side: int) -> None:
+    x = graded(81, 3.0)
+    part = surface(x, order)
+    D = compliance(part, STEEL, side, 60.0)
+    assert np.array_equal(D, D.T)
+    found = condense_far_field(SurfaceStiffness(part, D).A, modes_of(x), pressed((True,) * 3))
+    size = np.abs(found.K).sum(axis=1).max()
+    assert np.array_equal(found.K, found.K.T)
+    assert np.abs(found.K @ modes_of(x)).max() < 1e-14 * size
+    assert np.linalg.eigvalsh(found.K).min() > -1e-13 * size
+    # the reactions balance the far force, without a moment
+    assert np.allclose(modes_of(x).T @ found.r_star[0], [0.0, 1.0, 0.0], atol=1e-12)
+
+
+def test_free_far_field_does_not_know_the_datum() -> None:
+    x = np.linspace(-1.0, 1.0, 41)
+    part = surface(x)
+    near, deep = (
+        condense_far_field(
+            SurfaceStiffness(part, compliance(part, STEEL, 1, d)).A, modes_of(x), pressed()
+        )
+        for d in (2.0, 2e4)
+    )
+    assert np.allclose(near.K, deep.K, atol=1e-11 * np.abs(near.K).max())
+    assert np.allclose(near.r_star, deep.r_star, atol=1e-11)
+    # the datum goes deeper by c1 ln(1e4)
+    assert np.isclose((deep.compliance - near.compliance)[0, 0], STEEL.c1 * np.log(1e4))
+
+
+def bonded_errors(n: int, plane_stress: bool) -> tuple[float, float]:
+    """Errors of p, relative, and q, over P / a, on 0.8 of a bonded punch of half width 1."""
+    material = plane_material(3.0, 0.1, plane_stress)
+    x = graded(n)
+    part = surface(x)
+    A = SurfaceStiffness(part, compliance(part, material, 1, 20.0)).A
+    r = condense_far_field(A, modes_of(x), pressed()).r_star[0]
+    inside = np.abs(x) < 0.8
+    q, p = (values[inside] for values in np.split(r, 2) / part.weight)
+    kappa, x = material.kappa, x[inside]
+    size = (1.0 + kappa) / (2.0 * np.sqrt(kappa)) / (np.pi * np.sqrt(1.0 - x**2))
+    turn = np.log(kappa) / (2.0 * np.pi) * np.log((1.0 + x) / (1.0 - x))
+    # the surface would move inwards
+    return (
+        float(np.abs(p / (size * np.cos(turn)) - 1.0).max()),
+        float(np.abs(q - size * np.sin(turn)).max()),
+    )
+
+
+@pytest.mark.parametrize("plane_stress", [False, True])
+def test_bonded_punch_has_the_known_pressure_and_shear(plane_stress: bool) -> None:
+    """Johnson, Contact Mechanics, section 2.8(c): p + i q oscillates with ln(kappa)."""
+    coarse, fine = (bonded_errors(n, plane_stress) for n in (201, 401))
+    assert fine[0] < 1e-3
+    assert fine[1] < 5e-4
+    assert fine[0] < 0.6 * coarse[0]
+    assert fine[1] < 0.6 * coarse[1]
+
+
+def punch_errors(n: int) -> tuple[float, float]:
+    """Errors of pressure (on 0.9 of the punch) and approach of a punch of half width 2."""
+    x, d = graded(n, 2.0), 50.0
+    part = surface(x)
+    D = compliance(part, STEEL, 1, d)[n:, n:]
+    A = part.B.T @ np.linalg.solve(D, part.B)
+    p = A @ np.ones(n) / A.sum() / part.weight
+    inside = np.abs(x) < 1.8
+    known = 1.0 / (np.pi * np.sqrt(4.0 - x[inside] ** 2))
+    approach = STEEL.c1 * np.log(2.0 * d / 2.0) - 1.0 / (2.0 * np.pi * STEEL.mu)
+    return float(np.abs(p[inside] / known - 1.0).max()), abs(1.0 / A.sum() / approach - 1.0)
+
+
+def test_flat_punch_without_friction_has_the_known_approach() -> None:
+    """P = P / (pi sqrt(a^2 - x^2)), and c1 P ln(2 d / a) - P / (2 pi mu) below the datum."""
+    coarse, fine = punch_errors(201), punch_errors(401)
+    assert fine[0] < 1e-3
+    assert fine[1] < 1e-4
+    assert fine[0] < 0.7 * coarse[0]
+    assert fine[1] < 0.6 * coarse[1]
+
+
+def test_stresses_inside_balance_and_follow_hookes_law() -> None:
+    x = graded(21)
+    part, h = surface(x), 1e-4
+    tractions = RANDOM.standard_normal(42)
+    points = np.array([[0.13, 0.4], [-0.7, 0.2], [1.5, 0.9]])
+
+    def at(dx: float, dy: float) -> Array:
+        return point_values(part, STEEL, points + np.array([dx, dy]), 30.0) @ tractions
+
+    by_x, by_y = (at(h, 0.0) - at(-h, 0.0)) / (2 * h), (at(0.0, h) - at(0.0, -h)) / (2 * h)
+    middle = at(0.0, 0.0)
+    scale = np.abs(middle[:, 2:]).max()
+    assert np.abs(by_x[:, 2] + by_y[:, 5]).max() < 1e-5 * scale
+    assert np.abs(by_x[:, 5] + by_y[:, 3]).max() < 1e-5 * scale
+    lam = 2.0 * STEEL.mu * STEEL.nu_out / (1.0 - 2.0 * STEEL.nu_out)
+    dilation = by_x[:, 0] + by_y[:, 1]
+    assert np.allclose(lam * dilation + 2 * STEEL.mu * by_x[:, 0], middle[:, 2], atol=1e-5 * scale)
+    assert np.allclose(lam * dilation + 2 * STEEL.mu * by_y[:, 1], middle[:, 3], atol=1e-5 * scale)
+    assert np.allclose(STEEL.mu * (by_y[:, 0] + by_x[:, 1]), middle[:, 5], atol=1e-5 * scale)
+
+
+def test_stresses_at_the_surface_are_the_tractions() -> None:
+    x = graded(21)
+    part = surface(x)
+    q, p = RANDOM.standard_normal((2, 21))
+    at = 0.5 * (x[1:] + x[:-1])
+    points = np.stack([at, np.zeros(20)], axis=1)
+    values = point_values(part, STEEL, points, 30.0) @ np.concatenate([q, p])
+    assert np.allclose(values[:, 3], -np.interp(at, x, p), atol=1e-6)
+    assert np.allclose(values[:, 5], -np.interp(at, x, q), atol=1e-6)
+
+
+def test_displacements_at_the_surface_are_those_of_the_compliance() -> None:
+    """The mean over a hat function of the displacement inside is D's."""
+    x = graded(15)
+    part = surface(x)
+    tractions = RANDOM.standard_normal(30)
+    work = compliance(part, STEEL, 1, 30.0) @ tractions
+    point, weight = np.polynomial.legendre.leggauss(40)
+    for i in (0, 7, 14):
+        means = np.zeros(2)
+        for low, high in part.elements[np.any(part.elements == i, axis=1)]:
+            at = 0.5 * (x[low] + x[high]) + 0.5 * (x[high] - x[low]) * point
+            u = point_values(part, STEEL, np.stack([at, 0.0 * at], 1), 30.0)[:, :2] @ tractions
+            hat = np.interp(at, x, np.eye(15)[i])
+            means += 0.5 * (x[high] - x[low]) * (weight * hat) @ u
+        assert np.allclose(means, work[[i, 15 + i]], rtol=1e-5, atol=1e-7)
+
+
+def test_far_displacement_falls_to_zero_at_the_datum() -> None:
+    part = surface(graded(21, 0.01))
+    tractions = np.repeat([0.3, 1.0], 21)
+    values = point_values(part, STEEL, np.array([[0.0, 7.0]]), 7.0) @ tractions
+    at_contact = point_values(part, STEEL, np.array([[0.0, 0.0]]), 7.0) @ tractions
+    assert np.abs(values[0, :2]).max() < 1e-5 * np.abs(at_contact[0, :2]).max()
