@@ -62,6 +62,12 @@ if TYPE_CHECKING:
     from receding_fenicsx.evolution.replay import instant_of as instant_of
     from receding_fenicsx.evolution.replay import state_at as state_at
     from receding_fenicsx.evolution.solvers import SOLVERS as SOLVERS
+    from receding_fenicsx.interface.branches.critical_friction import (
+        CriticalFriction as CriticalFriction,
+    )
+    from receding_fenicsx.interface.branches.critical_friction import (
+        critical_friction as critical_friction,
+    )
     from receding_fenicsx.interface.law import STATE_NAMES as STATE_NAMES
     from receding_fenicsx.interface.law import State as State
     from receding_fenicsx.interface.measures.tractions import traction_at as traction_at
@@ -201,6 +207,14 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
     "Several continuations": {
         "branches": ("evolution.branching.tree", "Follow all branches of a history"),
         "BranchTree": ("evolution.branching.tree", "Branches of a history, each with its record"),
+        "critical_friction": (
+            "interface.branches.critical_friction",
+            "Bounds of the friction at which a slip mode appears",
+        ),
+        "CriticalFriction": (
+            "interface.branches.critical_friction",
+            "These bounds, and the mode",
+        ),
         "Branch": ("evolution.branching.tree", "One path through all choices"),
     },
     "Sweep": {
@@ -285,6 +299,7 @@ __all__ = [
     "Contact",
     "ContactState",
     "ContactSystem",
+    "CriticalFriction",
     "Harmonic",
     "History",
     "HistoryOptions",
@@ -321,6 +336,7 @@ __all__ = [
     "child_environment",
     "condense",
     "contact_half_width",
+    "critical_friction",
     "dundurs_beta",
     "evolve",
     "export",

@@ -19,6 +19,7 @@ from receding_fenicsx.evolution.moment import moment_of
 from receding_fenicsx.evolution.probe_history import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
+from receding_fenicsx.output.plots.branch_plots import branches, slip_mode
 from receding_fenicsx.output.plots.cycle_plots import (
     dissipation_density,
     dissipation_per_cycle,
@@ -41,6 +42,7 @@ from receding_fenicsx.output.plots.zones.zone_plots import MAX_PANELS, zone_maps
 from receding_fenicsx.timing import Tell
 
 __all__ = [
+    "branches",
     "cycle_maps",
     "dissipation_density",
     "dissipation_per_cycle",
@@ -48,6 +50,7 @@ __all__ = [
     "plot_all",
     "probe_stresses",
     "save",
+    "slip_mode",
     "slip_per_cycle",
     "tractions",
     "trajectories",

@@ -1,0 +1,138 @@
+"""Figures of branches (load against displacement) and of the slip mode at critical friction."""
+
+from __future__ import annotations
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.branching.tree import Branch, BranchTree
+from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.load_names import is_word, load_symbol, load_text
+
+DRAWN_BRANCHES = 12
+"""Branches that one figure shows; the first ones."""
+WIDEST, THINNER = 4.0, 0.55
+"""Width of the first line in points, and the ratio of the next: branches may coincide."""
+LEAST_WIDTH = 0.9
+OPENS = 0.01
+"""Gap of open nodes, over the largest displacement of a mode, that is drawn."""
+
+
+def branches(tree: BranchTree) -> Figure:
+    """Draw each load against its work-conjugate displacement along all branches.
+
+    A cross is the last turning point of a branch that ends on the next leg. Samples are drawn where the
+    records have them.
+
+    Raises:
+        InputError: no load changes on any branch.
+    """
+    paths = [_path(branch) for branch in tree.branches[:DRAWN_BRANCHES]]
+    names = tree[0].record.load_names
+    moves = [k for k in range(len(names)) if any(np.any(load[:, k]) for load, _ in paths)]
+    if not moves:
+        raise InputError("branches: no branch comes to the end of its first leg, nothing to draw")
+    with mpl.rc_context(style.RC):
+        width = style.COLUMN if len(moves) == 1 else style.PAGE
+        figure = style.new_figure(width, 2.6 + 0.17 * len(paths))
+        panels = figure.subplots(1, len(moves), squeeze=False)[0]
+        for n, (k, axes) in enumerate(zip(moves, panels, strict=True)):
+            for number, (branch, path) in enumerate(zip(tree.branches, paths, strict=False)):
+                _draw_branch(axes, number, branch, (path[0][:, k], path[1][:, k]))
+            name = names[k]
+            symbol = r"\delta" if is_word(name) else rf"\delta_{{{load_symbol(name)}}}"
+            axes.set(xlabel=f"${symbol}$", ylabel=load_text(name))
+            axes.ticklabel_format(axis="x", scilimits=(-2, 3), useMathText=True)
+            if len(moves) > 1:
+                axes.set_title(style.panel_title(n, len(moves), name), loc="left", pad=4.0)
+        handles, labels = panels[0].get_legend_handles_labels()
+        figure.legend(handles, labels, loc="outside lower center", ncols=1)
+    return figure
+
+
+def _path(branch: Branch) -> tuple[Array, Array]:
+    """Return load factors and load displacements (n, n_loads) along a branch, from rest."""
+    tables = branch.record.turning_points, branch.record.samples
+    order = np.lexsort(
+        [np.concatenate([getattr(t, key) for t in tables]) for key in ("s", "leg", "cycle")]
+    )
+    load, moved = (
+        np.concatenate([getattr(t, key) for t in tables])[order]
+        for key in ("load", "load_displacement")
+    )
+    rest = np.zeros((1, load.shape[1]))
+    return np.vstack([rest, load]), np.vstack([rest, moved])
+
+
+def _draw_branch(axes: Axes, number: int, branch: Branch, path: tuple[Array, Array]) -> None:
+    """Draw one branch; its label tells the choices and whether it ends."""
+    load, moved = path
+    colour = style.SERIES_COLOURS[number % len(style.SERIES_COLOURS)]
+    width = max(WIDEST * THINNER**number, LEAST_WIDTH)
+    taken = ", ".join(f"{c.taken} of {c.solutions}" for c in branch.choices) or "no choice"
+    ends = ", then ends" if branch.failure else ""
+    label = f"branch {number}: {taken}{ends}"
+    axes.plot(moved, load, color=colour, lw=width, label=label, solid_capstyle="round")
+    if branch.failure:
+        axes.plot(moved[-1:], load[-1:], "x", color=colour, ms=8.0, mew=1.6, zorder=5)
+
+
+def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
+    """Draw the slip mode at critical friction over the contact edge.
+
+    Above, the displacements of the mode: v as lines in the colour of the assumed direction of slip,
+    the gap of open nodes as a grey area. Below, the changes of the tractions, p and q.
+
+    Raises:
+        InputError: there is no mode.
+    """
+    if not critical.mode.any():
+        raise InputError("slip_mode: no slip mode was found; the contact has no coupling")
+    whole, n = mirror_of(system), system.n
+    x = np.where(whole.left, -1.0, 1.0) * system.x[whole.index]
+    v, w = whole.odd(critical.mode[:n]), whole.even(critical.mode[n:])
+    signs = whole.odd(critical.signs)
+    weight = whole.total(system.weight)
+    safe = np.where(weight > 0.0, weight, np.inf)
+    q, p = (
+        whole.odd_total(critical.reactions[:n]) / safe,
+        whole.total(critical.reactions[n:]) / safe,
+    )
+    open_ = np.where(signs == 0.0, np.maximum(w, 0.0), 0.0)
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.PAGE, 4.0)
+        above, below = figure.subplots(2, 1, sharex=True)
+        if open_.max() > OPENS:
+            above.fill_between(x, 0.0, open_, color="#c3cad3", label="$w$, open nodes")
+        for sign, state in ((1.0, State.FORWARD_SLIP), (-1.0, State.BACKWARD_SLIP)):
+            on = signs == sign
+            name = "forward" if sign > 0.0 else "backward"
+            above.vlines(x[on], 0.0, v[on], color=style.STATE_COLOURS[state], lw=1.6)
+            above.plot(
+                [], [], color=style.STATE_COLOURS[state], lw=1.6, label=f"$v$, {name} assumed"
+            )
+        above.plot(x, np.where(signs == 0.0, np.nan, v), color="#000000", lw=0.7)
+        above.axhline(0.0, **style.GUIDE)
+        above.set_ylabel("displacement / largest")
+        size = max(float(np.abs(p).max()), float(np.abs(q).max()))
+        below.plot(x, p / size, color=style.PRESSURE_COLOUR, label=r"$\dot p$")
+        below.plot(x, q / size, color=style.SHEAR_COLOUR, label=r"$\dot q$")
+        below.axhline(0.0, **style.GUIDE)
+        below.set(xlabel="$x$", ylabel=r"$\dot p$, $\dot q$ / largest")
+        above.set_title(
+            rf"slip mode at $\varphi f$, $\varphi$ = {critical.factor:.4g}; none below "
+            rf"$\varphi$ = {critical.lower_bound:.4g}",
+            loc="left",
+            pad=4.0,
+        )
+        for axes in (above, below):
+            axes.legend(loc="best")
+    return figure

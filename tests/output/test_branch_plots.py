@@ -1,0 +1,38 @@
+"""Figures of branches and of slip modes show the numbers of their trees and modes."""
+
+import numpy as np
+import pytest
+from small import small_system, table
+
+import receding_fenicsx as rf
+from receding_fenicsx.interface.law import State
+
+
+def test_each_branch_is_a_line_from_rest_and_ends_are_crossed() -> None:
+    K = np.kron([[2.0, 1.5], [1.5, 2.0]], np.eye(2))
+    system = small_system(K, {"a": [1.0, 2.0, 0.5, 2.0], "b": [0.5, 0.0, 0.0, 0.0]}, 2.0)
+    tree = rf.branches(system, table(system, [[0, 0], [1, 0], [0, 1], [0, 0], [1, 0]]))
+    figure = rf.figures.branches(tree)
+    first = figure.axes[0]
+    labels = [line.get_label() for line in first.lines]
+    assert labels[0] == "branch 0: 1 of 2, then ends"
+    assert [label for label in labels if str(label).startswith("branch")][1:] == [
+        "branch 1: 2 of 2, 1 of 2",
+        "branch 2: 2 of 2, 2 of 2",
+    ]
+    # node 0 open under "a": K u = -(1, .5) gives u = (-5 / 7, 2 / 7), delta = -r* . u
+    opened = first.lines[2].get_xydata()
+    assert np.asarray(opened)[0].tolist() == [0.0, 0.0]
+    assert np.abs(np.asarray(opened) - [4 / 7, 1.0]).sum(axis=1).min() < 1e-12
+    assert first.lines[1].get_marker() == "x" and first.lines[1].get_xydata().tolist() == [[0, 1]]
+
+
+def test_a_mode_is_drawn_in_the_colours_of_its_assumed_directions() -> None:
+    system = small_system([[2.0, -1.5], [-1.5, 2.0]], {"p0": [0, 1]}, 0.5)
+    figure = rf.figures.slip_mode(system, rf.critical_friction(system))
+    colours = [line.get_color() for line in figure.axes[0].lines]
+    assert rf.style.STATE_COLOURS[State.FORWARD_SLIP] in colours
+    assert "2.667" in figure.axes[0].get_title(loc="left")
+    plain = small_system(np.eye(2), {"p0": [0, 1]}, 0.5)
+    with pytest.raises(rf.InputError, match="no slip mode"):
+        rf.figures.slip_mode(plain, rf.critical_friction(plain))
