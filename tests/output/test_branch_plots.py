@@ -21,10 +21,10 @@ def test_each_branch_is_a_line_from_rest_and_ends_are_crossed() -> None:
         "branch 2: 2 of 2, 2 of 2",
     ]
     # node 0 open under "a": K u = -(1, .5) gives u = (-5 / 7, 2 / 7), delta = -r* . u
-    opened = first.lines[2].get_xydata()
-    assert np.asarray(opened)[0].tolist() == [0.0, 0.0]
-    assert np.abs(np.asarray(opened) - [4 / 7, 1.0]).sum(axis=1).min() < 1e-12
-    assert first.lines[1].get_marker() == "x" and first.lines[1].get_xydata().tolist() == [[0, 1]]
+    opened, end = (np.array(first.lines[k].get_data(), dtype=float).T for k in (2, 1))
+    assert opened[0].tolist() == [0.0, 0.0]
+    assert np.abs(opened - [4 / 7, 1.0]).sum(axis=1).min() < 1e-12
+    assert first.lines[1].get_marker() == "x" and end.tolist() == [[0.0, 1.0]]
 
 
 def test_a_mode_is_drawn_in_the_colours_of_its_assumed_directions() -> None:

@@ -29,8 +29,8 @@ OPENS = 0.01
 def branches(tree: BranchTree) -> Figure:
     """Draw each load against its work-conjugate displacement along all branches.
 
-    A cross is the last turning point of a branch that ends on the next leg. Samples are drawn where the
-    records have them.
+    A cross is the last turning point of a branch that ends on the next leg. Samples are drawn
+    where the records have them.
 
     Raises:
         InputError: no load changes on any branch.
