@@ -207,12 +207,12 @@ def pairs(name: str) -> Iterator[dict[str, Any]]:
             floor = ROUND_OFF * abs(limit) + unsure
             if "width" in number:
                 floor += 0.5 * spacing
-            true = abs(found["value"] - limit)
+            true = abs(found.value - limit)
             yield {
                 "scene": name, "mesh": mesh.name, "number": number,
-                "value": found["value"], "limit": limit, "true": true,
-                "estimate": found["error"], "floor": floor,
-                "within": true <= 2.0 * found["error"] + floor, "told": true > 2.0 * unsure,
+                "value": found.value, "limit": limit, "true": true,
+                "estimate": found.error, "floor": floor,
+                "within": true <= 2.0 * found.error + floor, "told": true > 2.0 * unsure,
             }  # fmt: skip
 
 

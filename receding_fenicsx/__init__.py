@@ -44,6 +44,8 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 if TYPE_CHECKING:
     from receding_fenicsx import reference as reference
+    from receding_fenicsx.accuracy.numbers import headline as headline
+    from receding_fenicsx.accuracy.space_errors import space_errors as space_errors
     from receding_fenicsx.environment import child_environment as child_environment
     from receding_fenicsx.errors import InputError as InputError
     from receding_fenicsx.errors import Interrupted as Interrupted
@@ -52,6 +54,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.errors import NotConverged as NotConverged
     from receding_fenicsx.errors import RecedingError as RecedingError
     from receding_fenicsx.errors import SolveError as SolveError
+    from receding_fenicsx.errors import ToleranceNotMet as ToleranceNotMet
     from receding_fenicsx.evolution.branching.tree import Branch as Branch
     from receding_fenicsx.evolution.branching.tree import BranchTree as BranchTree
     from receding_fenicsx.evolution.branching.tree import branches as branches
@@ -92,9 +95,6 @@ if TYPE_CHECKING:
     from receding_fenicsx.output.report.half_widths import estimates as half_width_estimates
     from receding_fenicsx.output.report.half_widths import half_widths as half_widths
     from receding_fenicsx.output.report.html import write_report as write_report
-    from receding_fenicsx.output.report.space_errors import NAMES as HEADLINE_NAMES
-    from receding_fenicsx.output.report.space_errors import headline as headline
-    from receding_fenicsx.output.report.space_errors import space_errors as space_errors
     from receding_fenicsx.output.report.summary import summarise as summarise
     from receding_fenicsx.output.report.text import run_table as run_table
     from receding_fenicsx.output.report.zone_end_mesh import (
@@ -114,6 +114,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.pictures import snapshot as snapshot
     from receding_fenicsx.scene.history import History as History
     from receding_fenicsx.scene.history import from_scene as history_from_scene
+    from receding_fenicsx.scene.model import AccuracyOptions as AccuracyOptions
     from receding_fenicsx.scene.model import Body as Body
     from receding_fenicsx.scene.model import Contact as Contact
     from receding_fenicsx.scene.model import Harmonic as Harmonic
@@ -128,6 +129,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.model import ShakedownOptions as ShakedownOptions
     from receding_fenicsx.scene.model import SolverOptions as SolverOptions
     from receding_fenicsx.scene.model import Support as Support
+    from receding_fenicsx.scene.options import NUMBERS as HEADLINE_NAMES
     from receding_fenicsx.scene.toml_file import from_toml as from_toml
     from receding_fenicsx.scene.toml_file import read_scene as read_scene
     from receding_fenicsx.scene.toml_file import to_toml as to_toml
@@ -164,6 +166,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "HistoryOptions": ("scene.model", "History of the load factors, as a scene gives it"),
         "Harmonic": ("scene.model", "Mean, amplitude and phase of a load of a harmonic history"),
         "SolverOptions": ("scene.model", "Method, load steps, tolerances, symmetry"),
+        "AccuracyOptions": ("scene.model", "Tolerance, numbers and budget of a search for a mesh"),
         "OutputOptions": ("scene.model", "Cycles and samples that the record keeps"),
         "read_scene": ("scene.toml_file", "Read a scene file, with changes table.key=value"),
         "from_toml": ("scene.toml_file", "Read a scene from TOML text"),
@@ -242,9 +245,9 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
             "output.report.zone_end_mesh",
             "Scene with smaller elements at zone ends of a record",
         ),
-        "headline": ("output.report.space_errors", "Headline numbers of a record"),
-        "HEADLINE_NAMES": ("output.report.space_errors:NAMES", "Headline numbers in words"),
-        "space_errors": ("output.report.space_errors", "Estimate discretisation errors"),
+        "headline": ("accuracy.numbers", "Headline numbers of a record"),
+        "HEADLINE_NAMES": ("scene.options:NUMBERS", "Headline numbers in words"),
+        "space_errors": ("accuracy.space_errors", "Estimate discretisation errors"),
     },
     "Report and pictures": {
         "summarise": ("output.report.summary", "Return the numbers of summary.json"),
@@ -275,6 +278,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "RecedingError": ("errors", "Base class of all errors raised on purpose"),
         "InputError": ("errors", "A scene, an option or a file cannot be used"),
         "SolveError": ("errors", "A solver failed its own checks"),
+        "ToleranceNotMet": ("errors", "A run ended before its numbers met the tolerance"),
         "NotConverged": ("errors", "An iteration ran out of sweeps"),
         "NoEquilibrium": ("errors", "No equilibrium: lift-off or gross sliding"),
         "NoQuasiStaticContinuation": ("errors", "The quasi-static path ends in a jump"),
@@ -293,6 +297,7 @@ __all__ = [
     "HEADLINE_NAMES",
     "SOLVERS",
     "STATE_NAMES",
+    "AccuracyOptions",
     "Body",
     "Branch",
     "BranchTree",
@@ -330,6 +335,7 @@ __all__ = [
     "Support",
     "SweepOptions",
     "SweepTable",
+    "ToleranceNotMet",
     "Units",
     "animate",
     "branches",

@@ -7,12 +7,13 @@ import contextlib
 import signal
 import sys
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
 from receding_fenicsx.cli_parser import PROGRAM
-from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.errors import InputError, RecedingError, ToleranceNotMet
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -65,11 +66,16 @@ class _Progress:
 
 def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import study
+    from receding_fenicsx.output.report.accuracy import unmet
     from receding_fenicsx.output.report.text import run_table
     from receding_fenicsx.output.storage.summary_file import read_summary
     from receding_fenicsx.scene.toml_file import read_scene
+    from receding_fenicsx.scene.validate import validate
 
     scene, out = read_scene(options.scene, options.overrides), options.out
+    if options.tolerance is not None:
+        scene = replace(scene, accuracy=replace(scene.accuracy, tolerance=options.tolerance))
+        validate(scene)
     comm, pictures = _require_mpi(comm), options.pictures
     finished = options.resume and _is_finished(options, scene, comm)
     if not finished:
@@ -84,10 +90,15 @@ def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
                 error=options.error,
                 progress=say,
             )
-            study.run(scene, out, chosen, comm)
+            with contextlib.suppress(ToleranceNotMet):  # raised below, after the table
+                study.run(scene, out, chosen, comm)
+    summary = read_summary(Path(out) / "summary.json") if is_root(comm) else {}
     if is_root(comm):
-        print(run_table(read_summary(Path(out) / "summary.json")))
+        print(run_table(summary))
         print(f"{out}: this run was finished already" if finished else f"written to {out}")
+    reason = comm.bcast(unmet(summary))
+    if reason:
+        raise ToleranceNotMet(reason)
 
 
 def _is_finished(options: argparse.Namespace, scene: Scene, comm: MPI.Comm) -> bool:

@@ -73,6 +73,13 @@ def _run(added: argparse.ArgumentParser) -> None:
         action="store_true",
         help="solve on three coarser meshes too and estimate the discretisation error in space",
     )
+    added.add_argument(
+        "--tolerance",
+        type=float,
+        metavar="E",
+        help="choose the mesh so that the relative errors of the numbers are below E (the table "
+        "[accuracy] names the numbers and the budget)",
+    )
     _verbose(added)
 
 

@@ -42,6 +42,10 @@ class NoQuasiStaticContinuation(SolveError):
     """The rate problem has no solution at the load factor and nodes named in the message."""
 
 
+class ToleranceNotMet(SolveError):
+    """No mesh that was tried gives the numbers to within the tolerance; the run is kept."""
+
+
 class Interrupted(KeyboardInterrupt):
     """Ctrl-C, or a signal that asks to end, during a run that can be resumed.
 

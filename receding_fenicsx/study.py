@@ -11,14 +11,16 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import long_run, mpi
+from receding_fenicsx.accuracy import space_errors
+from receding_fenicsx.accuracy.in_folder import Solved, within_tolerance
 from receding_fenicsx.bulk.from_scene import condensed, probes_of
-from receding_fenicsx.errors import SolveError
+from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import friction_margin
 from receding_fenicsx.mpi import world
-from receding_fenicsx.output.report import space_errors, summary
+from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
 from receding_fenicsx.output.storage.run_folder import SYSTEM, run_folder
@@ -48,6 +50,8 @@ class RunOptions:
             supports, used instead of condensing again; the body is not meshed.
         pdf: draw the figures as PDF too.
         error: solve on coarser meshes too, and estimate the space errors of the headline numbers.
+        tolerance: choose the mesh by the errors of the numbers, as ``accuracy.tolerance`` of the
+            scene, which it replaces.
         progress: called on rank 0 with a text about each stage and each cycle.
     """
 
@@ -58,6 +62,7 @@ class RunOptions:
     system_file: str | Path | None = None
     pdf: bool = False
     error: bool = False
+    tolerance: float | None = None
     progress: Say | None = None
 
 
@@ -86,41 +91,63 @@ def run(
         Interrupted: a signal asked to end; ``OUT.part`` holds the record up to there and can be
             resumed.
     """
+    if options.tolerance is not None:
+        scene = replace(scene, accuracy=replace(scene.accuracy, tolerance=options.tolerance))
     validate(scene)
-    if options.error:
-        space_errors.check(scene)
+    if scene.accuracy.tolerance is not None and options.system_file is not None:
+        raise InputError("--system: a search for a tolerance makes its own systems; leave it out")
+    if options.error and scene.accuracy.tolerance is None:
+        scene = space_errors.with_coarser_partner(scene)
     comm = comm or world()
     timer = Timer(options.progress if comm.rank == 0 else None)
     with (
         _folder(comm, out, scene, options) as folder,
         Drawing(comm, _wanted(out, options), timer.say) as drawing,
     ):
-        system, extra = _system(scene, comm, timer, folder, options.system_file)
-        record, failure = _evolved(scene, comm, timer, folder, system)
-        if scene.history.kind == "harmonic":
-            # with the number of corners that was found
-            scene = comm.bcast(None if record is None else record.scene)
-        if failure is not None:
-            extra["failure"] = str(failure)
-        extra["friction_margin"] = mpi.on_root(comm, lambda: friction_margin(mpi.given(system)))
-        if options.error and failure is None:
-            with timer("errors"):
-                extra |= space_errors.errors_of_run(
-                    scene, record, lambda coarse: _headlines(coarse, comm)
-                )
+        found = _found(scene, comm, timer, folder, options)
+        record, failure = found.record, found.failure
         if out is not None:
             # written before the pictures too, which may fail
             mpi.on_root(comm, lambda: _write_record(folder, record))
-            text = mpi.on_root(comm, lambda: summary.summarise(mpi.given(record), extra))
+            text = mpi.on_root(comm, lambda: summary.summarise(mpi.given(record), found.extra))
             _write_summary(comm, folder, text, timer)
             with long_run.resumable(folder), timer("pictures"):
-                if failure is None:
-                    drawing.draw(scene, system, record, folder)
+                if failure is None or isinstance(failure, ToleranceNotMet):
+                    drawing.draw(found.scene, found.system, record, folder)
+                    if options.pictures and "accuracy" in found.extra:
+                        mpi.on_root(comm, lambda: _draw_search(folder, found.extra["accuracy"]))
             _write_summary(comm, folder, text, timer)
             mpi.on_root(comm, lambda: _write_report(folder, record))
     if failure is not None:
         raise failure
     return record
+
+
+def _found(
+    scene: Scene, comm: MPI.Comm, timer: Timer, folder: Path | None, options: RunOptions
+) -> Solved:
+    """Run a scene on its mesh, with or without errors, or on one that meets its tolerance."""
+
+    def solve(meshed: Scene) -> Solved:
+        system, extra = _system(meshed, comm, timer, folder, options.system_file)
+        record, failure = _evolved(meshed, comm, timer, folder, system)
+        if meshed.history.kind == "harmonic":
+            # with the number of corners that was found
+            meshed = comm.bcast(None if record is None else record.scene)
+        if failure is not None:
+            extra["failure"] = str(failure)
+        extra["friction_margin"] = mpi.on_root(comm, lambda: friction_margin(mpi.given(system)))
+        return Solved(meshed, system, record, failure, extra)
+
+    if scene.accuracy.tolerance is not None:
+        return within_tolerance(scene, comm, folder, solve, timer.say)
+    found = solve(scene)
+    if options.error and found.failure is None:
+        with timer("errors"):
+            found.extra |= space_errors.errors_of_run(
+                found.scene, found.record, lambda coarse: _headlines(coarse, comm)
+            )
+    return found
 
 
 def _evolved(
@@ -225,8 +252,8 @@ def condense(
 
 
 def _headlines(scene: Scene, comm: MPI.Comm) -> Record | None:
-    """Return the record of a scene without samples, events and probes; collective."""
-    bare = replace(scene, output=OutputOptions(samples_per_leg=1, cycles=()), probes=())
+    """Return the record of a scene without samples and events; collective."""
+    bare = replace(scene, output=OutputOptions(samples_per_leg=1, cycles=()))
     system = condense(bare, comm)
     return mpi.on_root(comm, lambda: evolve(mpi.given(system), bare))
 
@@ -265,6 +292,12 @@ def _write_record(folder: Path | None, record: Record | None) -> None:
     place, found = mpi.given(folder), mpi.given(record)
     hdf5.write_record(place / "record.h5", found, overwrite=True)
     write_probes(place / PROBES, found)
+
+
+def _draw_search(folder: Path | None, search: dict[str, Any]) -> None:
+    with drawing_modules():
+        from receding_fenicsx.output.plots.accuracy_plots import draw_search
+    draw_search(search, mpi.given(folder) / "figures")
 
 
 def _write_report(folder: Path | None, record: Record | None) -> None:

@@ -19,6 +19,7 @@ FLOORS = (
     ("reference",),
     ("output",),
     ("pictures", "long_run"),
+    ("accuracy",),
     ("study",),
     ("parameter_sweep", "shakedown_study"),
     ("__init__",),

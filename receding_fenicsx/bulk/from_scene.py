@@ -40,7 +40,8 @@ def is_small(scene: Scene) -> bool:
         if body.is_half_plane:
             continue
         if body.mesh is not None:
-            if Path(body.mesh).stat().st_size > SERIAL_FILE_BYTES:
+            size = Path(body.mesh).stat().st_size * 4 ** (scene.mesh.refinements or 0)
+            if size > SERIAL_FILE_BYTES:
                 return False
             continue
         if count_cells(scene.mesh, body.height / body.width) > SERIAL_CELLS:

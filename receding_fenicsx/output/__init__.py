@@ -7,6 +7,5 @@ The rooms read a :class:`~receding_fenicsx.evolution.record.Record`; they comput
 2. :mod:`plots`: ``figures.plot_all`` draws all figures of a record.
 3. :mod:`snapshots`: ``draw.snapshots`` draws stresses on the deformed body, ``animation.animate``
    a film of a cycle.
-4. :mod:`report`: ``summary.summarise``, ``text.run_table``, ``html.write_report``,
-   ``space_errors.space_errors``.
+4. :mod:`report`: ``summary.summarise``, ``text.run_table``, ``html.write_report``.
 """

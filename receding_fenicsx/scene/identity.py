@@ -29,6 +29,9 @@ FREE_WHEN_RESUMED = frozenset(
         "shakedown.separated",
         "shakedown.largest_slip",
         "shakedown.diagram",
+        "accuracy.tolerance",
+        "accuracy.numbers",
+        "accuracy.budget_seconds",
     }
 )
 """Keys that may differ when a run is resumed: none changes the finished cycles."""

@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields
 from receding_fenicsx.arrays import call_of, described
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest, unknown_name
+from receding_fenicsx.scene.options import AccuracyOptions as AccuracyOptions
 from receding_fenicsx.scene.options import Harmonic as Harmonic
 from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
 from receding_fenicsx.scene.options import OutputOptions as OutputOptions
@@ -122,6 +123,8 @@ class MeshOptions:
         degree: polynomial degree of the displacements, 1 or 2.
         growth: size ratio of neighbouring layers away from the contact, 1 (uniform) to 3.
         refine: places on the contact edge with smaller elements, besides ``contact_elements``.
+        refinements: times that the mesh of a file is refined uniformly, 0 to 6; each halves the
+            size of all its elements.
     """
 
     contact_elements: int = 160
@@ -129,6 +132,7 @@ class MeshOptions:
     degree: int = 2
     growth: float = 1.25
     refine: tuple[Refinement, ...] = ()
+    refinements: int | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -225,6 +229,7 @@ class Scene:
     probes: tuple[Probe, ...] = ()
     units: Units = field(default_factory=Units)
     shakedown: ShakedownOptions = field(default_factory=ShakedownOptions)
+    accuracy: AccuracyOptions = field(default_factory=AccuracyOptions)
 
     def __repr__(self) -> str:
         """Return the parts of the scene, long tables cut."""

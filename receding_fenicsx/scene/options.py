@@ -11,6 +11,42 @@ SAMPLES_PER_LEG, SAMPLES_PER_CYCLE = 40, 800
 """Default numbers of samples: per leg, and at most per cycle where it has many legs."""
 
 
+NUMBERS = {
+    "centre_pressure": "pressure at the centre of a contact edge",
+    "largest_pressure": "largest pressure",
+    "contact_half_width": "contact half-width",
+    "stick_half_width": "stick half-width",
+    "contact_left": "left end of the contact",
+    "contact_right": "right end of the contact",
+    "stick_left": "left end of the stick zone",
+    "stick_right": "right end of the stick zone",
+    "load_displacement": "displacement conjugate to a load",
+    "probe_ux": "displacement u_x of a probe",
+    "probe_uy": "displacement u_y of a probe",
+    "probe_sxx": "stress s_xx of a probe",
+    "probe_syy": "stress s_yy of a probe",
+    "probe_szz": "stress s_zz of a probe",
+    "probe_sxy": "stress s_xy of a probe",
+    "dissipation_first_loading": "dissipation of the first loading",
+    "dissipation_first_cycle": "dissipation of cycle 1",
+    "dissipation_ratio": "dissipation of the last cycle over cycle 1",
+}
+"""Headline numbers of a run and their descriptions. Those of an instant are at the end of cycle 0;
+that of a probe is the largest in magnitude of its points."""
+
+LOCAL_NUMBERS = (
+    "largest_pressure",
+    "contact_half_width",
+    "stick_half_width",
+    "contact_left",
+    "contact_right",
+    "stick_left",
+    "stick_right",
+)
+"""Numbers that are asked for by name only: ends of zones are known to a part of the node spacing,
+and the largest pressure may be infinite."""
+
+
 class Table:
     """Table of a scene whose values may be long."""
 
@@ -218,3 +254,20 @@ class Probe:
         return tuple(
             (((n - i) * ax + i * bx) / n, ((n - i) * ay + i * by) / n) for i in range(n + 1)
         )
+
+
+@dataclass(frozen=True)
+class AccuracyOptions:
+    """Options of a run that chooses its mesh by the errors of its numbers.
+
+    Attributes:
+        tolerance: largest relative error of the numbers: twice the estimate is below it. Default:
+            the mesh is that of the scene.
+        numbers: names of the numbers. Default: all but the ends of zones and the largest pressure.
+            A name without brackets stands for that number of all edges, loads or probes.
+        budget_seconds: no mesh is begun that would end later, by prediction.
+    """
+
+    tolerance: float | None = None
+    numbers: tuple[str, ...] = ()
+    budget_seconds: float = 600.0

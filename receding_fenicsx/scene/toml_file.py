@@ -13,7 +13,13 @@ from typing import Any
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.history.signal_file import with_signals
-from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, Scene, ShakedownOptions
+from receding_fenicsx.scene.model import (
+    RECTANGLE_KEYS,
+    AccuracyOptions,
+    Body,
+    Scene,
+    ShakedownOptions,
+)
 from receding_fenicsx.scene.profiles import inline_files
 from receding_fenicsx.scene.toml_overrides import apply_override
 from receding_fenicsx.scene.toml_tables import ARRAYS, ATTRIBUTE, scene_of
@@ -106,10 +112,10 @@ def to_toml(scene: Scene) -> str:
             lines += ["", f"[[{name}]]", *_lines(item)]
     for name in ("history", "solver", "output"):
         lines += ["", f"[{name}]", *_lines(getattr(scene, name))]
-    if scene.units != Units():
-        lines += ["", "[units]", *_lines(scene.units)]
-    if scene.shakedown != ShakedownOptions():
-        lines += ["", "[shakedown]", *_lines(scene.shakedown)]
+    options = {"units": Units(), "shakedown": ShakedownOptions(), "accuracy": AccuracyOptions()}
+    for name, default in options.items():
+        if getattr(scene, name) != default:
+            lines += ["", f"[{name}]", *_lines(getattr(scene, name))]
     return "\n".join(lines) + "\n"
 
 

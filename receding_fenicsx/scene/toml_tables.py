@@ -11,6 +11,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import unknown_name
 from receding_fenicsx.scene.model import (
     TABLE_OF,
+    AccuracyOptions,
     Body,
     Contact,
     HistoryOptions,
@@ -35,6 +36,7 @@ TABLES: dict[str, type] = {
     "output": OutputOptions,
     "units": Units,
     "shakedown": ShakedownOptions,
+    "accuracy": AccuracyOptions,
 }
 """Tables that occur once, with the dataclass of each."""
 ARRAYS: dict[str, type] = {"contact": Contact, "load": Load, "support": Support, "probe": Probe}

@@ -20,6 +20,7 @@ from receding_fenicsx.scene.validate_contacts import (
 )
 from receding_fenicsx.scene.validate_loads import check_loads, check_supports
 from receding_fenicsx.scene.validate_options import (
+    check_accuracy,
     check_output,
     check_probes,
     check_shakedown,
@@ -45,6 +46,7 @@ def validate(scene: Scene) -> None:
     if not isinstance(scene, Scene):
         kind = type(scene).__name__
         raise InputError(f'a scene is needed, as read_scene("block.toml") returns it, not a {kind}')
+    check_accuracy(scene)
     _check_finite(scene, "scene")
     check_bodies(scene)
     check_mesh(scene)

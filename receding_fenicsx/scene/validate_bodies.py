@@ -18,6 +18,8 @@ from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_range, is_cy
 MIN_CONTACT_ELEMENTS, MAX_CONTACT_ELEMENTS = 4, 20000
 """Numbers of elements on a contact edge: fewer cannot show stick, slip and separation side by
 side; the condensed stiffness of more needs tens of gigabytes."""
+MOST_REFINEMENTS = 6
+"""Largest number of uniform refinements of a mesh file: 4096 times the cells."""
 MIN_HOLE = 1e-6
 """Smallest radius of a ring's hole, over the ring's width."""
 MIN_REFINED_SIZE = 1e-6
@@ -194,6 +196,14 @@ def check_mesh(scene: Scene) -> None:
     check_choice(mesh.cell, ("triangle", "quadrilateral"), "[mesh] cell")
     if mesh.degree not in (1, 2):
         raise InputError(f"[mesh] degree: {mesh.degree} is not available; use 1 or 2")
+    if mesh.refinements is not None and not 0 <= mesh.refinements <= MOST_REFINEMENTS:
+        raise InputError(
+            f"[mesh] refinements: must be from 0 to {MOST_REFINEMENTS}, not {mesh.refinements}"
+        )
+    if mesh.refinements and all(body.mesh is None for body in scene.bodies):
+        raise InputError(
+            "[mesh] refinements: is for bodies from mesh files; use more contact_elements"
+        )
     if not 1.0 <= mesh.growth <= 3.0:
         raise InputError(
             f"[mesh] growth: {mesh.growth:g} is not a valid size ratio; use 1 (uniform) to 3"

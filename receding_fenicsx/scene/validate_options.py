@@ -3,9 +3,16 @@
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_choice, check_count, check_positive, unknown_name
+from receding_fenicsx.scene.checks import (
+    check_choice,
+    check_count,
+    check_positive,
+    nearest,
+    unknown_name,
+)
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
+from receding_fenicsx.scene.options import NUMBERS
 from receding_fenicsx.scene.validate_loads import body_of_point, check_inside
 
 MAX_STEPS = 1_000_000
@@ -73,6 +80,37 @@ def check_shakedown(scene: Scene) -> None:
         for name in names:
             if name not in known:
                 unknown_name(name, known, f"[shakedown] {key}", "load")
+
+
+def check_accuracy(scene: Scene) -> None:
+    """Check the table [accuracy] and the names of its numbers."""
+    options = scene.accuracy
+    if options.tolerance is not None:
+        check_positive(options.tolerance, "[accuracy] tolerance")
+        if options.tolerance >= 1.0:
+            raise InputError("[accuracy] tolerance: is relative; must be below 1")
+    check_positive(options.budget_seconds, "[accuracy] budget_seconds")
+    owners = {
+        "load": scene.load_names,
+        "probe": tuple(probe.name for probe in scene.probes),
+        "": tuple(contact.edge for contact in scene.contacts),
+    }
+    for name in options.numbers:
+        base, bracket, owner = name.removesuffix("]").partition("[")
+        if base not in NUMBERS:
+            close = nearest(base, NUMBERS)
+            hint = f"did you mean '{close}'? " if close else ""
+            known = ", ".join(NUMBERS)
+            raise InputError(
+                f"[accuracy] numbers: unknown number '{name}'; {hint}known are {known}"
+            )
+        kind = next(kind for kind in owners if base.startswith(kind))
+        several = kind or len(scene.contacts) > 1
+        if bracket and (base.startswith("dissipation") or not several):
+            raise InputError(f"[accuracy] numbers: '{base}' is one number; leave out [{owner}]")
+        if bracket and owner not in owners[kind]:
+            what = kind or "contact edge"
+            unknown_name(owner, owners[kind], f"[accuracy] numbers '{base}'", what)
 
 
 def check_output(scene: Scene, history: History) -> None:

@@ -85,6 +85,28 @@ def read_user_mesh(body: Body, options: MeshOptions, axisymmetric: bool = False)
     return found
 
 
+def takes_elements(body: Body) -> bool:
+    """Return whether a body's file is a .geo file that takes ``contact_elements``."""
+    path = Path(body.mesh or "")
+    return path.suffix == ".geo" and "contact_elements" in _words(path)
+
+
+def _words(path: Path) -> set[str]:
+    """Return the words of a .geo file, and of the .geo files that it includes."""
+    words: set[str] = set()
+    read, todo = set(), [path]
+    while todo:
+        file = todo.pop()
+        if file in read or not file.is_file():
+            continue
+        read.add(file)
+        text = file.read_text(encoding="utf-8", errors="replace")
+        words |= set(re.findall(r"[A-Za-z_]\w*", text))
+        included = re.findall(r'(?:Include|Merge)\s*"([^"]+\.geo)"', text)
+        todo += [(file.parent / name).resolve() for name in included]
+    return words
+
+
 def _environment() -> dict[str, str]:
     """Return the environment of the child process, with this package on its path."""
     inherited = child_environment()
@@ -145,6 +167,9 @@ def _mesh(body: Body, options: MeshOptions, axisymmetric: bool) -> RawMesh:
                 )
             coarse = with_radii(mesh) if axisymmetric else mesh
             mesh_refined(gmsh, options.refine, coarse, scale, f"{where}: [mesh] refine")
+        for _ in range(options.refinements or 0):
+            gmsh.model.mesh.refine()
+        if options.refine or options.refinements:
             mesh = _collect(gmsh, body, where, scale)
     _check_cells(mesh, where)
     return mesh
@@ -162,8 +187,7 @@ def _check_parameters(body: Body, path: Path, where: str, is_geo: bool) -> None:
         raise InputError(
             f"{where}: parameters are for .geo files; leave them out, or give the .geo file"
         )
-    text = path.read_text(encoding="utf-8", errors="replace")
-    words = set(re.findall(r"[A-Za-z_]\w*", text))
+    words = _words(path)
     for name in body.parameters:
         if name not in words and not words & {"Include", "Merge"}:
             close = nearest(name, words)

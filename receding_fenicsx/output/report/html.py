@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from receding_fenicsx.atomic import new_file
+from receding_fenicsx.output.report import accuracy, html_pictures
 from receding_fenicsx.output.report import html_elements as html
-from receding_fenicsx.output.report import html_pictures
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.text import (
     FRICTION_MARGIN,
@@ -20,7 +20,6 @@ from receding_fenicsx.output.report.text import (
     length_format,
     limit_ranges,
     polygon_line,
-    space_errors,
     zones_header,
     zones_shown,
 )
@@ -84,6 +83,7 @@ def report_html(
     parts += html.section("Stresses in the body", html_pictures.snapshots(snapshots))
     parts += html.section("Cycles", _cycles(summary))
     parts += html.section("Checks", _checks(summary))
+    parts += html.section("Search for the tolerance", _search(summary))
     parts += html.section("Time and memory", _costs(summary))
     parts += html.section("Versions", html.table([], summary.get("versions", {}).items()))
     if scene_toml:
@@ -182,7 +182,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
     margin = summary.get("friction_margin")
     if margin is not None:
         rows.append([FRICTION_MARGIN, f"{margin:.3g}"])
-    rows += [[words, error] for words, error in space_errors(summary)]
+    rows += [[words, error] for words, error in accuracy.error_rows(summary)]
     steady = summary["steady"]
     if steady.get("dissipation_limit"):
         rows.append(
@@ -195,6 +195,14 @@ def _checks(summary: Mapping[str, Any]) -> str:
     if ranges := limit_ranges(summary):
         rows.append(["friction limit reached without slip in the last cycle, x from", ranges])
     return html.table([], rows)
+
+
+def _search(summary: Mapping[str, Any]) -> str:
+    """Return the meshes of a search for a tolerance; "" without one."""
+    if "accuracy" not in summary:
+        return ""
+    table = html.table(accuracy.WAY_HEAD, accuracy.way_rows(summary))
+    return f"<p>{escape(accuracy.verdict(summary))}.</p>{table}"
 
 
 def _costs(summary: Mapping[str, Any]) -> str:

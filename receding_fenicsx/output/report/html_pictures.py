@@ -47,6 +47,7 @@ CAPTIONS = (
         "tractions_last_cycle",
         "Tractions, friction cone and states at the turning points of the last cycle.",
     ),
+    ("accuracy", "Twice the estimated errors of the numbers over time, mesh by mesh."),
     ("probe_", "Stresses at a probe, whose name is in that of the file."),
     ("max_shear", "Isochromatic fringes: contours of the largest in-plane shear stress."),
     ("von_mises", "Von Mises equivalent stress."),

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from receding_fenicsx.output.report.accuracy import error_rows, way_lines
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.scene.units import in_unit
 
@@ -52,7 +53,8 @@ def run_table(summary: Mapping[str, Any]) -> str:
         f"{summary['modelled_nodes']} modelled, method {summary['method']}",
         *_turning_points(summary),
         *_cycles(summary),
-        *(f"{words} {error}" for words, error in space_errors(summary)),
+        *(f"{words} {error}" for words, error in error_rows(summary)),
+        *way_lines(summary),
         *_checks(summary),
         *_paper(summary),
         *(f"warning: {text}" for text in summary.get("warnings") or []),
@@ -180,20 +182,6 @@ def limit_ranges(summary: Mapping[str, Any]) -> str:
         " on ".join([f"{a:z.4g} to {b:z.4g}", *edge])
         for a, b, *edge in summary.get("limit_without_slip") or []
     )
-
-
-def space_errors(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return the headline numbers with their estimated space errors, and warnings about these."""
-    rows = []
-    for name, found in (summary.get("errors") or {}).items():
-        error = "unknown" if found["error"] is None else f"{found['error']:.1e}"
-        words = f"{name.replace('_', ' ')} {found['value']:.6g}, estimated space error"
-        rows.append((words, error))
-    if "errors_warning" in summary:
-        rows.append(("space errors:", summary["errors_warning"]))
-    if "errors_failure" in summary:
-        rows.append(("space errors are not known:", summary["errors_failure"]))
-    return rows
 
 
 def zones_header(summary: Mapping[str, Any]) -> str:

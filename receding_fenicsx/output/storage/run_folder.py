@@ -29,6 +29,8 @@ from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
 SYSTEM, SCENE = "system.h5", "scene.toml"
 """File names of the condensed system and of the scene in a run folder."""
+SEARCH = "search.json"
+"""File name of the meshes that a search for a tolerance has left behind, in a working folder."""
 
 
 def part_of(path: Path) -> Path:
@@ -86,7 +88,8 @@ def run_folder(
             raise unwritable(path, error) from None
     except BaseException as error:
         if not _has_news(part, earlier) and (
-            isinstance(error, RecedingError) or not (part / SYSTEM).exists()
+            isinstance(error, RecedingError)
+            or not any((part / name).exists() for name in (SYSTEM, SEARCH))
         ):
             shutil.rmtree(part, ignore_errors=True)
         raise
@@ -115,7 +118,7 @@ def _fill(part: Path, scene: Scene, earlier: Path | None) -> int:
     if earlier != part:
         _clear(part)
     if earlier is not None and earlier != part:
-        for name in (SYSTEM, JOURNAL, CORNERS):
+        for name in (SYSTEM, JOURNAL, CORNERS, SEARCH):
             if (earlier / name).is_file():
                 shutil.copy2(earlier / name, part / name)
     with new_file(part / SCENE, overwrite=True) as beside:
@@ -164,10 +167,17 @@ def is_finished(path: Path, scene: Scene) -> bool:
 
 def _earlier(path: Path) -> Path | None:
     """Return the folder of the run to resume, the interrupted one first; None if there is none."""
-    for folder, names in ((part_of(path), ()), (path, (JOURNAL,))):
-        if all((folder / name).is_file() for name in (SYSTEM, SCENE, *names)):
+    part = part_of(path)
+    for folder, names in ((part, (SYSTEM,)), (part, (SEARCH,)), (path, (SYSTEM, JOURNAL))):
+        if all((folder / name).is_file() for name in (SCENE, *names)):
             return folder
     return None
+
+
+def forget_system(part: Path) -> None:
+    """Remove the condensed system of a working folder, and what was evolved with it."""
+    for name in (SYSTEM, JOURNAL, CORNERS):
+        (part / name).unlink(missing_ok=True)
 
 
 def _has_news(part: Path, earlier: Path | None) -> bool:

@@ -13,9 +13,9 @@ import pytest
 from bodies import block, everything, make_mesh
 
 import receding_fenicsx as rf
+from receding_fenicsx.accuracy.meshes import scaled
 from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.output.report.space_errors import coarser
 
 comm = MPI.COMM_WORLD
 DEMOS = Path(__file__).parents[3] / "demos"
@@ -173,4 +173,4 @@ def test_refine_is_read_and_written() -> None:
         with pytest.raises(InputError, match=message):
             rf.from_toml(f"{loaded}[mesh]\nrefine = {wrong}")
     # estimates compare meshes whose sizes are all enlarged alike
-    assert coarser(scene, 80).mesh.refine[1] == rf.Refinement(0.4, (0.1, 0.2), 2.0)
+    assert scaled(scene, 80).mesh.refine[1] == rf.Refinement(0.4, (0.1, 0.2), 2.0)

@@ -1,0 +1,94 @@
+"""Families of meshes of a scene: all sizes are enlarged or reduced alike.
+
+A rectangle and a .geo file that takes ``contact_elements`` are made anew with other elements, and a
+growth whose distance from 1 changes in proportion: sizes are dx + (growth - 1) depth. Other files
+are refined uniformly, which halves all sizes; rectangles in contact with them get twice as many
+elements, so that nodes match.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from typing import TypeVar
+
+from receding_fenicsx.bulk.mesh.user_mesh import takes_elements
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.validate_bodies import MOST_REFINEMENTS
+
+T = TypeVar("T")
+
+LARGEST_GROWTH = 3.0
+"""Largest growth of a mesh."""
+MIN_ELEMENTS = 8
+"""Smallest number of contact elements of a mesh."""
+SEARCH_RATIO = 1.6
+"""Largest ratio to the wanted mesh size in the search for a mesh whose vertices fit the scene."""
+
+
+def is_refined(scene: Scene) -> bool:
+    """Return whether other meshes of a scene come from uniform refinement of a file."""
+    return any(body.mesh is not None and not takes_elements(body) for body in scene.bodies)
+
+
+def scaled(scene: Scene, elements: int) -> Scene:
+    """Return the scene on a mesh of so many contact elements, all sizes changed alike.
+
+    Of a mesh file that is refined, they are the scene's number of elements doubled or halved.
+    """
+    mesh = scene.mesh
+    factor = mesh.contact_elements / elements
+
+    def grown(growth: float) -> float:
+        return min(1.0 + factor * (growth - 1.0), LARGEST_GROWTH)
+
+    growth = grown(mesh.growth)
+    if not is_refined(scene):
+        places = tuple(
+            replace(place, size=factor * place.size, growth=place.growth and grown(place.growth))
+            for place in mesh.refine
+        )
+        mesh = replace(mesh, contact_elements=elements, growth=growth, refine=places)
+        return replace(scene, mesh=mesh)
+    times = (mesh.refinements or 0) + round(math.log2(elements / mesh.contact_elements))
+    mesh = replace(mesh, refinements=times)
+    if any(body.mesh is None for body in scene.bodies):
+        mesh = replace(mesh, contact_elements=elements, growth=growth)
+    return replace(scene, mesh=mesh)
+
+
+def doublings(scene: Scene) -> list[int]:
+    """Return the elements of all meshes of a refined file, from the coarsest."""
+    least = scene.mesh.contact_elements / 2 ** (scene.mesh.refinements or 0)
+    return [round(least * 2**k) for k in range(MOST_REFINEMENTS + 1)]
+
+
+def elements_near(scene: Scene, wanted: float, limits: tuple[float, float]) -> Iterator[int]:
+    """Yield numbers of elements within limits, the nearest to a wanted one first."""
+    low, high = max(limits[0], MIN_ELEMENTS), limits[1]
+    if is_refined(scene):
+        found = [n for n in doublings(scene) if limits[0] <= n <= high]
+    else:
+        found = list(range(2 * math.ceil(low / 2), int(high) + 1, 2))
+    yield from sorted(found, key=lambda n: abs(math.log(n / wanted)))
+
+
+def first_that_fits(
+    scene: Scene, numbers: Iterator[int], solve: Callable[[Scene, int], T]
+) -> tuple[int, T] | None:
+    """Solve on the first mesh whose vertices fit the scene; None where none does.
+
+    Args:
+        scene: a scene of the family.
+        numbers: numbers of contact elements.
+        solve: called with a scene and its elements; raises InputError where loads or supports need
+            a vertex that a mesh does not have.
+    """
+    for elements in numbers:
+        try:
+            return elements, solve(scaled(scene, elements), elements)
+        except InputError:
+            continue
+    return None

@@ -1,0 +1,274 @@
+"""Search for the mesh on which the numbers of a run meet a tolerance.
+
+Meshes of one family are solved from a coarse one on; those on the way are the coarser meshes of the
+estimates. The size of the next one follows from the observed orders.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+from receding_fenicsx.accuracy.estimate import ORDERS, Estimate, Level, estimates_of
+from receding_fenicsx.accuracy.meshes import (
+    doublings,
+    elements_near,
+    first_that_fits,
+    is_refined,
+    scaled,
+)
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.options import LOCAL_NUMBERS
+
+log = logging.getLogger(__name__)
+
+FIRST_ELEMENTS = 16
+"""Contact elements of the first mesh, or the least that fit the scene."""
+FIRST_RATIO = 2.0
+"""Ratio of the elements of the first meshes, from which the orders are seen."""
+MIN_LEVELS = 3
+"""Smallest number of meshes of an accepted estimate."""
+RATIOS = (1.5, 2.2)
+"""Smallest and largest ratio of the elements of two successive meshes: smaller ones repeat work,
+larger ones leave the estimate without meshes to compare with."""
+AIM = 0.8
+"""Part of the tolerance that a predicted mesh aims at."""
+MOST_NODES = 8000
+"""Largest number of contact nodes: the condensed stiffness takes 2 GB."""
+COST_ORDER = 2.0
+"""Assumed power of the elements with which the time of a run grows."""
+MOST_ELEMENTS = 4000
+"""Largest number of contact elements of a mesh that is searched for."""
+NEIGHBOURS = 1.3
+"""Largest ratio to the wanted elements in the search for a mesh whose vertices fit the scene."""
+
+
+@dataclass
+class Search:
+    """A search: the meshes so far, and how it ended.
+
+    Attributes:
+        scene: the scene of the last mesh.
+        levels: the meshes, from the coarsest.
+        failures: (elements, reason) of meshes on which the scene has no answer.
+        way: for each mesh the estimates of the asked numbers.
+        met: the tolerance is met.
+        reason: why it is not; "" where it is.
+    """
+
+    scene: Scene
+    levels: list[Level] = field(default_factory=list)
+    failures: list[tuple[int, str]] = field(default_factory=list)
+    way: list[dict[str, Estimate]] = field(default_factory=list)
+    met: bool = False
+    reason: str = ""
+
+    def shown(self) -> dict[str, Any]:
+        """Return the key "accuracy" of the summary."""
+        options = self.scene.accuracy
+        return {
+            "tolerance": options.tolerance,
+            "budget_seconds": options.budget_seconds,
+            "met": self.met,
+            "reason": self.reason,
+            "seconds": sum(level.seconds for level in self.levels),
+            "failures": [list(failure) for failure in self.failures],
+            "way": [
+                {
+                    "elements": level.elements,
+                    "nodes": level.nodes,
+                    "seconds": level.seconds,
+                    "numbers": {
+                        name: {
+                            "value": None if math.isnan(e.value) else e.value,
+                            "error": e.error if math.isfinite(e.error) else None,
+                            "relative": e.relative if math.isfinite(e.error) else None,
+                            "converges": e.error != math.inf,
+                        }
+                        for name, e in found.items()
+                    },
+                }
+                for level, found in zip(self.levels, self.way, strict=True)
+            ],
+        }
+
+
+Solve = Callable[[Scene, int], Level]
+"""Goes from a scene and its elements to what a run found, on all ranks alike."""
+
+
+def search(
+    scene: Scene,
+    solve: Solve,
+    levels: Sequence[Level] = (),
+    moving_on: Callable[[Sequence[Level]], None] = lambda _: None,
+) -> Search:
+    """Solve a scene on finer and finer meshes until its numbers meet its tolerance; collective.
+
+    Args:
+        scene: a scene with ``accuracy.tolerance``.
+        solve: runs the scene of a mesh; raises InputError where its vertices do not fit the scene.
+        levels: meshes of an interrupted search.
+        moving_on: called with the meshes so far when another one is to be solved.
+
+    Returns:
+        The search; the run of the last mesh is the last that ``solve`` has done.
+
+    Raises:
+        InputError: no mesh fits the scene, or the run has no such number.
+        SolveError: the scene has no answer on a mesh as fine as its own.
+    """
+    tolerance = scene.accuracy.tolerance
+    assert tolerance is not None
+    found, known = Search(scene, list(levels)), len(levels)
+    for k in range(len(found.levels)):
+        found.way.append(_asked(scene, found.levels[: k + 1]))
+    while True:
+        wanted = next_elements(scene, found.levels, found.failures)
+        found.reason = _too_much(scene, found.levels, wanted)
+        if found.reason:
+            return found
+        if len(found.levels) > known:
+            moving_on(found.levels)
+        try:
+            level = _solved(scene, wanted, solve)
+        except SolveError as error:
+            if found.levels or wanted >= scene.mesh.contact_elements:
+                raise
+            # a mesh as coarse as this may have no answer
+            found.failures.append((wanted, str(error)))
+            continue
+        found.scene = scaled(scene, level.elements)
+        found.levels.append(level)
+        found.way.append(_asked(scene, found.levels))
+        for name, e in found.way[-1].items():
+            log.info("%d elements: %s %.6g, error %.1e", level.elements, name, e.value, e.relative)
+        found.met = len(found.levels) >= MIN_LEVELS and _is_met(found.way[-1], tolerance)
+        if found.met:
+            return found
+        found.reason = _hopeless(found.way)
+        if found.reason:
+            return found
+
+
+def next_elements(
+    scene: Scene, levels: Sequence[Level], failures: Sequence[tuple[int, str]] = ()
+) -> int:
+    """Choose the next mesh from what was found: the one that is predicted to meet the tolerance.
+
+    The error of a number falls with elements^-p, p its observed order. A mesh much finer than the
+    last is approached in equal ratios.
+    """
+    if not levels:
+        first = doublings(scene)[0] if is_refined(scene) else FIRST_ELEMENTS
+        return max([first, *(2 * elements for elements, _ in failures)])
+    last = levels[-1].elements
+    ratio = FIRST_RATIO
+    if len(levels) >= MIN_LEVELS:
+        needed = needed_ratio(_asked(scene, levels), scene.accuracy.tolerance or 1.0)
+        steps = max(1, math.ceil(math.log(needed) / math.log(RATIOS[1])))
+        ratio = max(needed ** (1.0 / steps), RATIOS[0])
+    if is_refined(scene):
+        ratio = 2.0
+    return 2 * math.ceil(0.5 * ratio * last)
+
+
+def needed_ratio(asked: Mapping[str, Estimate], tolerance: float) -> float:
+    """Return how many times as many elements the worst number needs."""
+    ratios = [RATIOS[0]]
+    for e in asked.values():
+        if not math.isfinite(e.error):
+            ratios.append(RATIOS[1])
+            continue
+        order = 1.0 if math.isnan(e.order) else min(max(e.order, ORDERS[0]), ORDERS[1])
+        ratios.append((2.0 * e.relative / (AIM * tolerance)) ** (1.0 / order))
+    return max(ratios)
+
+
+def _asked(scene: Scene, levels: Sequence[Level]) -> dict[str, Estimate]:
+    """Return the estimates of the numbers that were asked for, on the last of some meshes."""
+    every = estimates_of(levels)
+    wanted = scene.accuracy.numbers
+    if not wanted:
+        return {n: e for n, e in every.items() if n.partition("[")[0] not in LOCAL_NUMBERS}
+    found = {n: e for n, e in every.items() if n in wanted or n.partition("[")[0] in wanted}
+    for name in wanted:
+        if not _has(levels[-1], name):
+            if len(levels) > 1 and not _has(levels[-2], name):
+                raise InputError(
+                    f"[accuracy] numbers: the run has no '{name}'; it has {', '.join(every)}"
+                )
+            found[name] = Estimate(math.nan, math.nan, math.nan, 1.0)
+    return found
+
+
+def _has(level: Level, name: str) -> bool:
+    """Return whether a run has a number, or one of that name in front of brackets."""
+    return any(name in (n, n.partition("[")[0]) for n in level.numbers)
+
+
+def _is_met(asked: Mapping[str, Estimate], tolerance: float) -> bool:
+    """Return whether twice the estimate of each number is within the tolerance."""
+    return bool(asked) and all(2.0 * e.relative <= tolerance for e in asked.values())
+
+
+def _hopeless(way: Sequence[Mapping[str, Estimate]]) -> str:
+    """Return why no mesh will do: a number does not converge on two meshes running."""
+    if len(way) < MIN_LEVELS + 1:
+        return ""
+    names = [
+        name
+        for name, e in way[-1].items()
+        if e.error == math.inf and name in way[-2] and way[-2][name].error == math.inf
+    ]
+    if not names:
+        return ""
+    return (
+        f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not converge in order "
+        "(singular, or the mesh is far from resolving it); ask for other numbers"
+    )
+
+
+def _too_much(scene: Scene, levels: Sequence[Level], wanted: int) -> str:
+    """Return why a mesh is not begun: beyond the finest mesh or the budget; "" where it is."""
+    if not levels:
+        return ""
+    last, budget = levels[-1], scene.accuracy.budget_seconds
+    spent = sum(level.seconds for level in levels)
+    ratio = wanted / last.elements
+    if ratio * last.nodes > MOST_NODES or (is_refined(scene) and wanted > doublings(scene)[-1]):
+        return (
+            f"the tolerance needs a mesh finer than the finest of {MOST_NODES} contact nodes"
+            if not is_refined(scene)
+            else "the tolerance needs more refinements of the mesh file than there are"
+        )
+    power = COST_ORDER
+    if len(levels) > 1 and levels[-2].seconds > 0.0 and last.seconds > levels[-2].seconds:
+        seen = math.log(last.seconds / levels[-2].seconds)
+        power = min(seen / math.log(last.elements / levels[-2].elements), 3.0)
+    next_seconds = last.seconds * ratio**power
+    if spent + next_seconds > budget:
+        return (
+            f"the budget of {budget:g} s ends first: {spent:.3g} s are spent, and a mesh of "
+            f"{wanted} elements needs about {next_seconds:.2g} s"
+        )
+    return ""
+
+
+def _solved(scene: Scene, wanted: int, solve: Solve) -> Level:
+    """Solve on the mesh nearest to a wanted one whose vertices fit the scene, or on a finer one."""
+    near = 1.0 if is_refined(scene) else NEIGHBOURS
+    while wanted <= MOST_ELEMENTS:
+        numbers = elements_near(scene, wanted, (wanted / near, wanted * near))
+        found = first_that_fits(scene, numbers, solve)
+        if found is not None:
+            return found[1]
+        wanted *= 2
+    raise InputError(
+        "[mesh]: no mesh that was tried has vertices where the scene needs them; move the ends of "
+        "spans and the points of supports to round fractions of the contact edge"
+    )

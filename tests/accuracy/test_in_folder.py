@@ -1,0 +1,249 @@
+"""``run --error`` and ``run --tolerance`` on bodies of all kinds, and their folders."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+from receding_fenicsx import cli, study
+from receding_fenicsx.accuracy.meshes import is_refined, scaled
+from receding_fenicsx.accuracy.numbers import headline
+from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
+from receding_fenicsx.output.report.accuracy import verdict
+from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.output.storage.hdf5 import read_record
+from receding_fenicsx.output.storage.run_folder import SEARCH
+from receding_fenicsx.output.storage.summary_file import read_summary
+from receding_fenicsx.reference.closed_forms import BLOCK
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
+
+DEMOS = Path(__file__).parents[2] / "demos"
+COMM = MPI.COMM_WORLD
+PLAIN = study.RunOptions(pictures=False)
+NARROW = ("contact.friction=0.0", f"load.p0.span=[{-BLOCK.load}, {BLOCK.load}]")
+
+
+def block(*overrides: str) -> Scene:
+    return read_scene(DEMOS / "block.toml", ["history.cycles=1", *overrides])
+
+
+def searching(scene: Scene, tolerance: float, *numbers: str, budget: float = 600.0) -> Scene:
+    options = replace(scene.accuracy, tolerance=tolerance, numbers=numbers, budget_seconds=budget)
+    return replace(scene, accuracy=options)
+
+
+def summary_of(folder: Path) -> dict[str, Any]:
+    return read_summary(folder / "summary.json")
+
+
+# -- errors on every scene ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("name", "overrides", "expected"),
+    [
+        ("dovetail", ("history.cycles=1",), "largest_pressure[blade.left]"),
+        ("punch", (), "stick_half_width"),
+        ("punch_axisymmetric", (), "centre_pressure"),
+        ("layer", (), "contact_half_width"),
+        ("lap_joint", ("mesh.contact_elements=120",), "load_displacement[pull]"),
+    ],
+)
+def test_errors_are_estimated_on_own_meshes_two_bodies_and_several_edges(
+    name: str, overrides: tuple[str, ...], expected: str, shared_tmp_path: Path
+) -> None:
+    elements = (
+        [] if overrides[:1] == ("mesh.contact_elements=120",) else ["mesh.contact_elements=48"]
+    )
+    scene = read_scene(DEMOS / f"{name}.toml", [*elements, *overrides])
+    record = study.run(scene, shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
+    if record is None:
+        return
+    errors = summary_of(shared_tmp_path / "run")["errors"]
+    assert list(errors) == list(headline(record)) and expected in errors
+    for name, found in errors.items():
+        assert found["converges"] is False or found["error"] > 0.0, name
+        if name.startswith(("load_displacement", "dissipation_first")):
+            assert found["order"] is not None, name
+
+
+def own_msh(folder: Path, quadrilaterals: int = 0) -> Scene:
+    """Return the block as a mesh file that knows nothing of contact elements."""
+    text = f"""
+    SetFactory("OpenCASCADE"); Rectangle(1) = {{-2, 0, 0, 4, 1}};
+    Point(9) = {{-0.5, 1, 0}}; Point(10) = {{0.5, 1, 0}};
+    BooleanFragments{{ Surface{{1}}; Delete; }}{{ Point{{9, 10}}; Delete; }}
+    MeshSize{{:}} = 0.25; Mesh.RecombineAll = {quadrilaterals};
+    Physical Curve("bottom") = Curve In BoundingBox{{-3, -.1, -1, 3, .1, 1}};
+    Physical Curve("top") = Curve In BoundingBox{{-3, .9, -1, 3, 1.1, 1}};
+    """
+    file = folder / "own.geo"
+    file.write_text(text)
+    scene = block("load.p0.span=[-0.5, 0.5]")
+    return replace(scene, body=replace(scene.body, mesh=str(file)))
+
+
+def test_a_mesh_file_is_refined_and_is_its_own_coarser_partner(shared_tmp_path: Path) -> None:
+    if COMM.rank == 0:
+        own_msh(shared_tmp_path)
+    COMM.barrier()
+    scene = own_msh(shared_tmp_path)
+    assert is_refined(scene) and not is_refined(block())
+    record = study.run(scene, shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
+    once = study.condense(scene, COMM)
+    if record is None or once is None:
+        return
+    assert len(record.x) == 2 * once.n - 1
+    assert record.scene is not None and record.scene.mesh.refinements == 1
+    for found in summary_of(shared_tmp_path / "run")["errors"].values():
+        assert found["error"] > 0.0
+
+
+def test_refinements_belong_to_mesh_files() -> None:
+    with pytest.raises(InputError, match=r"\[mesh\] refinements: is for bodies from mesh files"):
+        block("mesh.refinements=1")
+    with pytest.raises(InputError, match="from 0 to 6, not 7"):
+        block("mesh.refinements=7")
+    assert scaled(block(), 32).mesh.refinements is None
+
+
+def test_probes_have_errors_too(shared_tmp_path: Path) -> None:
+    text = to_toml(block("mesh.contact_elements=32"))
+    text += '\n[[probe]]\nname = "axis"\npoint = [0.0, 0.5]\n'
+    study.run(from_toml(text), shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
+    if COMM.rank == 0:
+        errors = summary_of(shared_tmp_path / "run")["errors"]
+        # u_x and s_xy vanish on the axis
+        probes = [name for name in errors if name.startswith("probe")]
+        assert probes == [f"probe_{k}[axis]" for k in ("uy", "sxx", "syy", "szz")]
+        assert all(0.0 < errors[n]["error"] < 0.05 * errors[n]["size"] for n in probes)
+
+
+# -- a tolerance ----------------------------------------------------------------------------------
+
+
+def test_a_tolerance_is_met_and_the_true_error_is_within_it(shared_tmp_path: Path) -> None:
+    out = shared_tmp_path / "run"
+    scene = searching(block(*NARROW), 3e-3, "centre_pressure", "contact_half_width")
+    record = study.run(scene, out, replace(PLAIN, tolerance=2e-3), COMM)
+    if record is None:
+        return
+    summary = summary_of(out)
+    found = summary["accuracy"]
+    assert found["met"] and found["tolerance"] == 2e-3
+    for name, limit in (("centre_pressure", BLOCK.p[0]), ("contact_half_width", BLOCK.half_width)):
+        row = summary["errors"][name]
+        assert abs(row["value"] - limit) <= 2.0 * row["error"] <= 2e-3 * row["size"]
+    # the record is that of the last mesh
+    last = found["way"][-1]
+    assert len(record.x) == len(read_record(out / "record.h5").x) == last["nodes"]
+    assert record.scene is not None
+    assert record.scene.mesh.contact_elements == last["elements"]
+    printed = run_table(summary)
+    assert verdict(summary) in printed and "tolerance 0.002 met" in printed
+    for level in found["way"]:
+        assert f"{level['elements']}  " in printed
+
+
+def test_a_tolerance_beyond_the_budget_keeps_the_best_run(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = shared_tmp_path / "run"
+    changes = ["history.cycles=1", "accuracy.budget_seconds=1e-3", "accuracy.tolerance=1e-5"]
+    set_all = [word for change in changes for word in ("--set", change)]
+    code = cli.main(
+        ["run", str(DEMOS / "block.toml"), "--out", str(out), "--pictures", "figures", *set_all]
+    )
+    printed = capsys.readouterr()
+    assert code == 1
+    if COMM.rank:
+        return
+    assert "the budget of 0.001 s ends first" in printed.err
+    assert "NOT met" in printed.out and "centre_pressure" in printed.out
+    assert (out / "record.h5").is_file() and (out / "figures" / "accuracy.png").is_file()
+    assert not (shared_tmp_path / "run.part").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--tolerance", "-0.001"], "must be positive, not -0.001"),
+        (["--tolerance", "0"], "must be positive, not 0"),
+        (["--tolerance", "nan"], "must be positive, not nan"),
+        (["--tolerance", "2"], "must be below 1"),
+        (["--set", 'accuracy.numbers=["contact_width"]'], "did you mean 'contact_half_width'"),
+        (["--set", 'accuracy.numbers=["colour"]'], "known are centre_pressure, largest_pressure"),
+        (["--set", 'accuracy.numbers=["load_displacement[q]"]'], "unknown load 'q'"),
+        (["--set", 'accuracy.numbers=["centre_pressure[top]"]'], "is one number"),
+        (["--set", "accuracy.budget_seconds=0"], "budget_seconds: must be positive"),
+        (["--tolerance", "1e-3", "--system", "some.h5"], "makes its own systems"),
+    ],
+)
+def test_bad_input_is_refused_before_anything_is_written(
+    words: list[str], message: str, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = shared_tmp_path / "run"
+    assert cli.main(["run", str(DEMOS / "block.toml"), "--out", str(out), *words]) == 2
+    if COMM.rank == 0:
+        assert message in capsys.readouterr().err
+    assert not out.exists() and not out.with_name("run.part").exists()
+
+
+def test_a_number_that_the_run_lacks_leaves_nothing_behind(shared_tmp_path: Path) -> None:
+    out = shared_tmp_path / "run"
+    with pytest.raises(InputError, match="no 'dissipation_ratio'; it has centre_pressure"):
+        study.run(searching(block(*NARROW), 1e-3, "dissipation_ratio"), out, PLAIN, COMM)
+    assert not out.exists() and not out.with_name("run.part").exists()
+
+
+def test_an_interrupted_search_is_resumed_where_it_was(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene = searching(block(), 2e-2)
+    whole = study.run(scene, shared_tmp_path / "whole", PLAIN, COMM)
+    evolved, calls = study._evolved, []
+
+    def stop_third(*arguments: Any) -> Any:
+        calls.append(1)
+        if len(calls) == 3:
+            raise Interrupted("enough", 130)
+        return evolved(*arguments)
+
+    monkeypatch.setattr(study, "_evolved", stop_third)
+    out = shared_tmp_path / "run"
+    with pytest.raises(Interrupted):
+        study.run(scene, out, PLAIN, COMM)
+    if COMM.rank == 0:
+        kept = json.loads((shared_tmp_path / "run.part" / SEARCH).read_text())
+        assert len(kept["levels"]) == 2
+    calls += [1] * 7
+    record = study.run(scene, out, replace(PLAIN, resume=True), COMM)
+    if record is None or whole is None:
+        return
+    ways = [summary_of(shared_tmp_path / name)["accuracy"]["way"] for name in ("whole", "run")]
+    # two meshes were not solved again
+    assert len(calls) == 10 + len(ways[0]) - 2
+    for way in ways:
+        for level in way:
+            del level["seconds"]
+    assert ways[0] == ways[1]
+    assert np.array_equal(record.turning_points.P, whole.turning_points.P)
+
+
+def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Path) -> None:
+    out, numbers = shared_tmp_path / "run", ("load_displacement",)
+    with pytest.raises(ToleranceNotMet):
+        study.run(searching(block(), 1e-3, *numbers, budget=1e-3), out, PLAIN, COMM)
+    study.run(searching(block(), 1e-3, *numbers), out, replace(PLAIN, resume=True), COMM)
+    if COMM.rank == 0:
+        way = summary_of(out)["accuracy"]["way"]
+        assert [level["elements"] for level in way[:2]] == [16, 32]
+        assert summary_of(out)["accuracy"]["met"]

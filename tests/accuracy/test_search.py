@@ -1,0 +1,158 @@
+"""The search for a mesh on made-up numbers whose errors are known."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from receding_fenicsx.accuracy import search as module
+from receding_fenicsx.accuracy.estimate import Level
+from receding_fenicsx.accuracy.numbers import Number
+from receding_fenicsx.accuracy.search import Search, search
+from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import read_scene
+
+DEMOS = Path(__file__).parents[2] / "demos"
+
+
+def scene_of(tolerance: float, *numbers: str, budget: float = 1e6) -> Scene:
+    scene = read_scene(DEMOS / "block.toml")
+    options = replace(scene.accuracy, tolerance=tolerance, numbers=numbers, budget_seconds=budget)
+    return replace(scene, accuracy=options)
+
+
+def made_up(
+    *, seconds: float = 1e-6, **errors: Callable[[int], float]
+) -> Callable[[Scene, int], Level]:
+    """Return a solver whose numbers are 1 plus an error that depends on the elements."""
+
+    def solve(scene: Scene, elements: int) -> Level:
+        assert scene.mesh.contact_elements == elements
+        numbers = {name: Number(1.0 + error(elements)) for name, error in errors.items()}
+        return Level(elements, 2 * elements + 1, seconds * elements**2, numbers)
+
+    return solve
+
+
+def sizes(found: Search) -> list[int]:
+    return [level.elements for level in found.levels]
+
+
+@pytest.mark.parametrize("order", [0.6, 1.0, 1.5, 2.0])
+@pytest.mark.parametrize("tolerance", [3e-2, 1e-3])
+def test_the_tolerance_is_met_on_a_mesh_hardly_finer_than_needed(
+    order: float, tolerance: float
+) -> None:
+    scale = (0.05, 0.9)[order > 1.0]
+    found = search(
+        scene_of(tolerance), made_up(centre_pressure=lambda n: scale * (16.0 / n) ** order)
+    )
+    least = 16.0 * (2.0 * scale / tolerance) ** (1.0 / order)
+    if 2.0 * least > module.MOST_NODES:
+        assert not found.met and "finer than the finest" in found.reason
+        return
+    assert found.met and not found.reason
+    last = found.way[-1]["centre_pressure"]
+    assert 2.0 * last.error <= tolerance and last.order == pytest.approx(order, abs=1e-3)
+    # what is added: the aim below the tolerance, and at least three meshes
+    assert sizes(found)[-1] <= max(64, 1.6 * least)
+    ratios = [b / a for a, b in zip(sizes(found), sizes(found)[1:], strict=False)]
+    assert all(1.45 <= ratio <= 2.3 for ratio in ratios)
+
+
+def test_the_whole_search_costs_little_more_than_its_last_mesh() -> None:
+    # time grows with elements^2
+    found = search(scene_of(1e-3), made_up(centre_pressure=lambda n: (16.0 / n) ** 1.3))
+    assert sum(level.seconds for level in found.levels) <= 1.5 * found.levels[-1].seconds
+
+
+def test_the_worst_of_the_asked_numbers_decides() -> None:
+    fast, slow = (lambda n: 0.1 * (16.0 / n) ** 2), (lambda n: 0.1 * 16.0 / n)
+    solve = made_up(centre_pressure=fast, dissipation_ratio=slow, stick_half_width=slow)
+    both = search(scene_of(1e-2), solve)
+    assert set(both.way[-1]) == {"centre_pressure", "dissipation_ratio"}
+    one = search(scene_of(1e-2, "centre_pressure"), solve)
+    assert set(one.way[-1]) == {"centre_pressure"}
+    assert sizes(one)[-1] < sizes(both)[-1]
+
+
+def test_numbers_of_all_edges_are_meant_by_a_name_without_brackets() -> None:
+    errors: Any = {f"centre_pressure[{edge}]": lambda n: 1.0 / n for edge in ("left", "right")}
+    for name, count in (("centre_pressure", 2), ("centre_pressure[left]", 1)):
+        assert len(search(scene_of(0.1, name), made_up(**errors)).way[-1]) == count
+
+
+def test_a_singular_number_ends_the_search_in_plain_words() -> None:
+    found = search(
+        scene_of(1e-3, "largest_pressure"), made_up(largest_pressure=lambda n: (n / 16.0) ** 0.4)
+    )
+    assert not found.met and len(found.levels) == 4
+    assert "largest_pressure does not converge in order (singular" in found.reason
+
+
+def test_the_budget_ends_a_search_before_a_mesh_that_would_exceed_it() -> None:
+    solve = made_up(seconds=1e-3, centre_pressure=lambda n: 1.0 / n)
+    found = search(scene_of(1e-4, budget=20.0), solve)
+    assert not found.met and "the budget of 20 s ends first" in found.reason
+    spent = sum(level.seconds for level in found.levels)
+    assert spent <= 20.0 < spent + 2.3**2 * found.levels[-1].seconds
+
+
+def test_a_number_that_the_run_does_not_have_is_refused_with_those_that_it_has() -> None:
+    solve = made_up(centre_pressure=lambda n: 1.0 / n, dissipation_ratio=lambda n: 1.0 / n)
+    with pytest.raises(InputError, match="no 'stick_left'; it has centre_pressure, dissipation"):
+        search(scene_of(1e-3, "stick_left"), solve)
+
+
+def test_a_zone_that_only_finer_meshes_show_is_waited_for() -> None:
+    plain = made_up(stick_half_width=lambda n: 1.0 / n)
+
+    def solve(scene: Scene, elements: int) -> Level:
+        level = plain(scene, elements)
+        return replace(level, numbers={}) if elements < 32 else level
+
+    found = search(scene_of(1e-2, "stick_half_width"), solve)
+    assert found.met and math.isnan(found.way[0]["stick_half_width"].value)
+
+
+def test_meshes_that_do_not_fit_or_have_no_answer_are_passed_over() -> None:
+    plain = made_up(centre_pressure=lambda n: 0.1 * (16.0 / n) ** 2)
+
+    def solve(scene: Scene, elements: int) -> Level:
+        if elements % 8:
+            raise InputError("no vertex")
+        if elements < 24:
+            raise NotConverged("too coarse")
+        return plain(scene, elements)
+
+    found = search(scene_of(1e-3), solve)
+    assert found.met and all(n % 8 == 0 and n >= 24 for n in sizes(found))
+    assert found.failures == [(16, "too coarse")]
+
+    def never(_: Scene, elements: int) -> Level:
+        raise NotConverged("no answer")
+
+    with pytest.raises(NotConverged):
+        search(scene_of(1e-3), never)
+
+    def nowhere(_: Scene, elements: int) -> Level:
+        raise InputError("no vertex")
+
+    with pytest.raises(InputError, match="no mesh that was tried has vertices"):
+        search(scene_of(1e-3), nowhere)
+
+
+def test_an_interrupted_search_goes_on_as_if_undisturbed() -> None:
+    solve = made_up(centre_pressure=lambda n: 0.3 * (16.0 / n) ** 1.2)
+    left: list[tuple[Level, ...]] = []
+    whole = search(scene_of(1e-3), solve, moving_on=lambda levels: left.append(tuple(levels)))
+    assert left == [tuple(whole.levels[:k]) for k in range(1, len(whole.levels))]
+    for known in left:
+        again = search(scene_of(1e-3), solve, known)
+        assert again.levels == whole.levels and again.way == whole.way
