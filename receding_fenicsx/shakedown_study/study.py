@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receding_fenicsx import mpi, study
+from receding_fenicsx.accuracy.meshes import scaled
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.mirror import mirror_of
@@ -24,7 +25,6 @@ from receding_fenicsx.interface.shakedown.limits import (
 from receding_fenicsx.interface.shakedown.margins import LoadRange, Margins, load_range, with_bound
 from receding_fenicsx.interface.shakedown.programs import Answer
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.report.space_errors import coarser
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.shakedown_study import folder
@@ -112,7 +112,7 @@ def shakedown(
     elements = 2 * (scene.mesh.contact_elements // 4)
     if elements >= FEWEST_ELEMENTS and all(body.mesh is None for body in scene.bodies):
         with timer("second mesh"):
-            coarse = study.condense(coarser(scene, elements), comm, whole=True)
+            coarse = study.condense(scaled(scene, elements), comm, whole=True)
             meshes.append(_limits(scene, coarse, comm)[0])
     with timer("diagram"):
         diagram = _diagram(scene, margins, limits, comm)
