@@ -43,7 +43,7 @@ def fit_end(
         a = (near[None, :, None] + ends[:, None, None]) / scale
         b = (far[None, :, None] + ends[:, None, None]) / scale
         basis = (b**power - np.maximum(a, 0.0) ** power) / (power * (b - a))
-        i = int(np.argmin(_misfit(basis / mean[None, :, None])))
+        i = int(np.argmin(misfit(basis / mean[None, :, None])))
         if turn == 0 and i in (0, CANDIDATES - 1):
             return None
         best = float(ends[i])
@@ -51,7 +51,7 @@ def fit_end(
     return best
 
 
-def _misfit(bases: Array) -> Array:
+def misfit(bases: Array) -> Array:
     """Return (n,) squared distances of the vector of ones from the spans of (n, k, terms) bases."""
     rest = np.ones(bases.shape[:2])
     for j in range(bases.shape[2]):

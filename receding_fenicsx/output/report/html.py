@@ -10,6 +10,7 @@ from typing import Any
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.output.report import accuracy, html_pictures
 from receding_fenicsx.output.report import html_elements as html
+from receding_fenicsx.output.report.corner_stress import corner_lines
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.text import (
     FRICTION_MARGIN,
@@ -147,11 +148,19 @@ def _turning_points(summary: Mapping[str, Any]) -> str:
         below = [fitted(p.get(f"{k}_half_width_estimate"), form) for k in ("contact", "stick")]
         widths = [part for pair in zip(half, below, strict=True) for part in pair]
         edge = [p["edge"]] if "edge" in p else []
-        rows.append([*edge, p["cycle"], load, *widths, *extremes_of(p), zones_shown(p, summary)])
+        rows.append([*edge, p["cycle"], load, *widths, *_extremes(p), zones_shown(p, summary)])
     head = ["cycle", "load", "contact half width", "fitted", "stick half width", "fitted"]
     head = ["edge", *head] if any("edge" in p for p in points) else head
     head = heads([*head, "p max", "q min", "q max"], summary)
     return html.table([*head, zones_header(summary)], rows)
+
+
+def _extremes(point: Mapping[str, Any]) -> list[float | str]:
+    """Return p_max, q_min and q_max; where stresses are singular, those at the corner in words."""
+    values: list[float | str] = list(extremes_of(point))
+    if not point.get("p_max_singular"):
+        return values
+    return ["singular", *("singular" if value else value for value in values[1:])]
 
 
 def _cycles(summary: Mapping[str, Any]) -> str:
@@ -192,6 +201,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
             ]
         )
     rows += [line.split(": ", 1) for line in limit_lines(summary) + polygon_line(summary)]
+    rows += [line.split(": ", 1) for line in corner_lines(headline_points(summary))]
     if ranges := limit_ranges(summary):
         rows.append(["friction limit reached without slip in the last cycle, x from", ranges])
     return html.table([], rows)

@@ -13,6 +13,7 @@ from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
 from receding_fenicsx.interface.measures.steady import limit_of_decay
 from receding_fenicsx.interface.measures.zones import contact_zones
 from receding_fenicsx.output.plots.touching import limit_without_slip
+from receding_fenicsx.output.report.corner_stress import corners_of
 from receding_fenicsx.output.report.half_widths import (
     contact_betas,
     estimated_ends,
@@ -192,4 +193,8 @@ def _is_fitted(record: Record, i: int) -> bool:
 
 
 def _below_spacing(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
-    return {**estimates(record, i, betas), "zone_ends": estimated_ends(record, i, betas)}
+    return {
+        **estimates(record, i, betas),
+        "zone_ends": estimated_ends(record, i, betas),
+        **corners_of(record, i),
+    }

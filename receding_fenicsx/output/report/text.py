@@ -7,6 +7,7 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from receding_fenicsx.output.report.accuracy import error_rows, way_lines
+from receding_fenicsx.output.report.corner_stress import corner_lines
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.scene.units import in_unit
 
@@ -79,13 +80,22 @@ def _turning_points(summary: Mapping[str, Any]) -> list[str]:
             fitted(p.get("contact_half_width_estimate"), length),
             shown(p["stick_half_width"], length),
             fitted(p.get("stick_half_width_estimate"), length),
-            f"{extremes_of(p)[0]:{traction}}",
-            f"{max(map(abs, extremes_of(p)[1:])):{traction}}",
+            *largest_shown(p, traction),
             zones_shown(p, summary),
         ]
         for p in points
     ]
-    return _columns([[*edge, *heads(COLUMNS, summary), zones_header(summary)], *rows])
+    table = _columns([[*edge, *heads(COLUMNS, summary), zones_header(summary)], *rows])
+    return [*table, *corner_lines(points)]
+
+
+def largest_shown(point: Mapping[str, Any], form: str) -> tuple[str, str]:
+    """Return the largest pressure and shear traction in words, "singular" where they have none."""
+    p, *q = extremes_of(point)
+    largest = max(map(abs, q))
+    if point.get("p_max_singular"):
+        return "singular", "singular" if largest > 0.0 else f"{largest:{form}}"
+    return f"{p:{form}}", f"{largest:{form}}"
 
 
 def heads(names: Sequence[str], summary: Mapping[str, Any]) -> list[str]:

@@ -1,0 +1,133 @@
+"""Stress exponents at corners that touch: closed form, fit, and what is singular there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import STATE_NAMES, State
+from receding_fenicsx.interface.measures.axis import begins_on_axis
+from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
+from receding_fenicsx.output.report.half_widths import tractions
+from receding_fenicsx.reference.corners import corner_exponent, kolosov
+from receding_fenicsx.scene.rectangle_edges import edge_range
+
+SINGULAR = -0.05
+"""Fitted exponent below which a corner counts as singular where no closed form is known."""
+AT_CORNER = 1e-9
+"""Distance from the end of a rectangle's edge, over its length, that is none."""
+
+
+def corners_of(record: Record, row: int) -> dict[str, Any]:
+    """Return the corners in contact at a turning point, and whether the pressure is singular there.
+
+    Args:
+        record: the record of one contact edge.
+        row: row of ``record.turning_points``.
+
+    Returns:
+        ``corners``: for each the position, the state, the angle of the body, the exponent by the
+        closed form (real part; None for another angle than those of rectangles on a rigid plane)
+        and the fitted one; ``p_max_singular`` where stresses are infinite. Nothing where no end
+        of the contact edge touches.
+    """
+    at = tractions(record, row)
+    found = []
+    for side, k in ((-1, 0), (1, -1)):
+        state = State(int(at.state[k]))
+        on_axis = side < 0 and record.axisymmetric and begins_on_axis(record.x)
+        if state == State.SEPARATION or on_axis or not at.P[k] > 0.0:
+            continue
+        angle = _angle(record, float(record.x[k]))
+        fitted = corner_exponent_fit(at, side)
+        exact = None if angle is None else _exponent(record, k, side, state, angle)
+        found.append(
+            {
+                "x": float(record.x[k]),
+                "state": STATE_NAMES[state],
+                "angle": angle,
+                "exponent": exact,
+                "fitted": fitted,
+            }
+        )
+    if not found:
+        return {}
+    return {"corners": found, "p_max_singular": any(map(_is_singular, found))}
+
+
+def _is_singular(corner: Mapping[str, Any]) -> bool:
+    exact, fitted = corner["exponent"], corner["fitted"]
+    if exact is None:
+        return fitted is not None and fitted < SINGULAR
+    return bool(exact < 0.0 and (fitted is None or fitted < 0.0))
+
+
+def _angle(record: Record, x: float) -> float | None:
+    """Return the angle of the body at an end of the contact, in degrees, where it is known."""
+    scene = record.scene
+    if scene is None:
+        return None
+    contact = scene.contacts[int(record.edge[0])]
+    body, _ = scene.find_edge(contact.edge)
+    if contact.against is not None or body.mesh is not None:
+        return None
+    low, high = edge_range(scene, contact.edge)
+    near = AT_CORNER * (high - low)
+    return 90.0 if x < low + near or x > high - near else 180.0
+
+
+def _exponent(record: Record, k: int, side: int, state: State, angle: float) -> float | None:
+    """Return the real part of the exponent by the closed form."""
+    scene = record.scene
+    assert scene is not None
+    body, edge = scene.find_edge(scene.contacts[int(record.edge[0])].edge)
+    material = scene.material_of(body)
+    kappa = kolosov(material.poisson, material.kinematics)
+    if state == State.STICK and record.friction[k].present:
+        return _real_part(angle, kappa, None)
+    # t runs against x on the top and the left edge
+    along = -side if edge in ("top", "left") else side
+    outwards = along if state == State.FORWARD_SLIP else -along
+    f = (
+        float(record.friction[k].at_slip(np.asarray(int(state))))
+        if record.friction[k].present
+        else 0.0
+    )
+    return _real_part(angle, kappa, outwards * abs(f))
+
+
+@cache
+def _real_part(angle: float, kappa: float, slip: float | None) -> float | None:
+    try:
+        return corner_exponent(angle, kappa, slip).real
+    except SolveError:
+        return None
+
+
+def corner_lines(points: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return a line for each different corner and state at turning points of the summary."""
+    last: dict[tuple[str, str], Mapping[str, Any]] = {}
+    for point in points:
+        for corner in point.get("corners") or []:
+            last[f"{corner['x']:z.4g}", corner["state"]] = corner
+    return [
+        f"corner at {x}, {state}: stresses like d^m, m = {_shown(corner['exponent'])} "
+        f"({_origin(corner)}), fitted {_shown(corner['fitted'])}"
+        + ("; singular" if _is_singular(corner) else "")
+        for (x, state), corner in last.items()
+    ]
+
+
+def _origin(corner: Mapping[str, Any]) -> str:
+    if corner["exponent"] is None:
+        return "no closed form here"
+    return f"closed form, {corner['angle']:g} degrees"
+
+
+def _shown(value: float | None) -> str:
+    return "-" if value is None else f"{value:z.4f}"

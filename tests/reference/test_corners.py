@@ -1,0 +1,159 @@
+"""Stress exponents at corners: known values, special cases, the boundary conditions anew, a fit."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import receding_fenicsx as rf
+from receding_fenicsx.output.report.corner_stress import corner_lines, corners_of
+from receding_fenicsx.reference.corners import corner_exponent, kolosov
+
+DEMOS = Path(__file__).parents[2] / "demos"
+
+
+@pytest.mark.parametrize(("nu", "kinematics"), [(0.3, "plane strain"), (0.2, "plane stress")])
+def test_half_plane_under_the_edge_of_a_punch(nu: float, kinematics: str) -> None:
+    kappa = kolosov(nu, kinematics)
+    stick = corner_exponent(180.0, kappa)
+    assert stick == pytest.approx(complex(-0.5, math.log(kappa) / (2.0 * math.pi)), abs=1e-9)
+    beta = (kappa - 1.0) / (kappa + 1.0)
+    for slip in (-0.8, -0.2, 0.0, 0.3, 1.0):
+        m = corner_exponent(180.0, kappa, slip)
+        assert m == pytest.approx(-0.5 - math.atan(slip * beta) / math.pi, abs=1e-9)
+
+
+def test_clamped_free_corner_of_williams() -> None:
+    # 90 degrees, nu = 0.3: lambda = 0.7112 (Williams 1952)
+    assert corner_exponent(90.0, kolosov(0.3)).real == pytest.approx(-0.2888, abs=5e-5)
+
+
+@pytest.mark.parametrize("angle", [100.0, 135.0, 170.0])
+def test_smooth_corner_is_half_of_a_symmetric_notch(angle: float) -> None:
+    lam = corner_exponent(angle, 1.8, 0.0).real + 1.0
+    alpha = math.radians(angle)
+    assert math.sin(2.0 * lam * alpha) == pytest.approx(-lam * math.sin(2.0 * alpha), abs=1e-9)
+    # without friction elastic constants do not enter
+    assert corner_exponent(angle, 2.5, 0.0).real + 1.0 == pytest.approx(lam, abs=1e-9)
+
+
+def conditions(lam: complex, alpha: float, kappa: float, slip: float | None) -> Any:
+    """Matrix of the four boundary conditions on A, B, C, D, from displacements and stresses."""
+
+    def F(theta: float, derivative: int) -> Any:
+        a, b = lam + 1.0, lam - 1.0
+        rows = {
+            0: [np.cos(a * theta), np.sin(a * theta), np.cos(b * theta), np.sin(b * theta)],
+            1: [
+                -a * np.sin(a * theta),
+                a * np.cos(a * theta),
+                -b * np.sin(b * theta),
+                b * np.cos(b * theta),
+            ],
+        }
+        return np.array(rows[derivative])
+
+    u_t = np.array([0.0, -(lam + 1.0), 0.0, -(kappa + lam)])
+    u_r = np.array([-(lam + 1.0), 0.0, kappa - lam, 0.0])
+    if slip is None:
+        last = u_r
+    else:
+        last = -lam * F(0.0, 1) - slip * lam * (lam + 1.0) * F(0.0, 0)
+    return np.array([F(alpha, 0), F(alpha, 1), u_t, last])
+
+
+@pytest.mark.parametrize("slip", [None, 0.5, -0.5, 0.8])
+@pytest.mark.parametrize("angle", [60.0, 90.0, 110.0, 150.0])
+def test_exponent_satisfies_the_boundary_conditions(angle: float, slip: float | None) -> None:
+    kappa = kolosov(0.25)
+    m = corner_exponent(angle, kappa, slip)
+    matrix = conditions(m + 1.0, math.radians(angle), kappa, slip)
+    values = np.linalg.svd(matrix, compute_uv=False)
+    assert values[-1] < 1e-8 * values[0]
+    # and none with a smaller real part, on the real axis
+    for lam in np.linspace(0.02, m.real + 0.97, 60):
+        values = np.linalg.svd(conditions(lam, math.radians(angle), kappa, slip), compute_uv=False)
+        assert values[-1] > 1e-5 * values[0]
+
+
+def test_wrong_corners_are_refused() -> None:
+    for angle, kappa in ((0.0, 1.8), (181.0, 1.8), (90.0, 0.5), (math.nan, 1.8)):
+        with pytest.raises(rf.InputError, match="corner of"):
+            corner_exponent(angle, kappa)
+
+
+@pytest.mark.parametrize("f", [0.5, 0.8])
+def test_fit_on_graded_edges_finds_the_exponent(f: float) -> None:
+    """Within 1 % on about 120 elements; the largest pressure is called singular."""
+    overrides = [f"contact.friction={f}", f"load.Q.force=[{2 * f}, 0.0]", "history.cycles=1"]
+    scene = rf.read_scene(DEMOS / "sheared_block.toml", [*overrides, "mesh.contact_elements=40"])
+    places = (rf.Refinement(3e-6, growth=1.2),)
+    scene = replace(
+        scene,
+        mesh=replace(scene.mesh, refine=places),
+        output=rf.OutputOptions(samples_per_leg=1, cycles=()),
+    )
+    system = rf.condense(scene)
+    if system is None:
+        return
+    record = rf.evolve(system, scene)
+    assert len(record.x) < 2 * 160
+    exact = corner_exponent(90.0, kolosov(0.3)).real
+    fits = 0
+    for row in range(1, len(record.turning_points.s)):
+        found = corners_of(record, row)
+        assert found["p_max_singular"]
+        for corner in found["corners"]:
+            assert corner["state"] == "stick" and corner["exponent"] == pytest.approx(exact)
+            assert corner["fitted"] == pytest.approx(exact, rel=0.01)
+            fits += 1
+    assert fits >= 3
+    lines = corner_lines([{"corners": corners_of(record, 1)["corners"]}])
+    assert "m = -0.2888 (closed form, 90 degrees)" in lines[0] and "singular" in lines[0]
+    table = rf.run_table(rf.summarise(record))
+    assert "singular" in table and "-0.2888" in table
+
+
+@pytest.mark.parametrize("f", [0.1, 0.3])
+def test_fit_at_corners_that_slip(f: float) -> None:
+    """Pressed without shear, both corners slip outwards; sheared, one of them inwards."""
+    overrides = [f"contact.friction={f}", f"load.Q.force=[{2 * f}, 0.0]", "history.cycles=1"]
+    scene = rf.read_scene(DEMOS / "sheared_block.toml", [*overrides, "mesh.contact_elements=40"])
+    scene = replace(
+        scene,
+        mesh=replace(scene.mesh, refine=(rf.Refinement(3e-6, growth=1.2),)),
+        output=rf.OutputOptions(samples_per_leg=1, cycles=()),
+    )
+    system = rf.condense(scene)
+    if system is None:
+        return
+    record = rf.evolve(system, scene)
+    kappa = kolosov(0.3)
+    expected = {sign: corner_exponent(90.0, kappa, sign * f).real for sign in (-1, 1)}
+    seen = set()
+    for row in range(len(record.turning_points.s)):
+        for corner in corners_of(record, row).get("corners", []):
+            if corner["state"] == "stick":
+                continue
+            outwards = np.sign(corner["x"]) * (1 if corner["state"] == "forward slip" else -1)
+            assert corner["exponent"] == pytest.approx(expected[int(outwards)])
+            if outwards > 0:
+                assert corner["fitted"] == pytest.approx(expected[1], rel=0.005)
+                seen.add(corner["x"])
+            elif corner["fitted"] is not None:
+                assert corner["fitted"] == pytest.approx(expected[-1], rel=0.02)
+    assert seen == {-1.0, 1.0}
+
+
+def test_corner_without_pressure_is_not_told() -> None:
+    scene = rf.read_scene(DEMOS / "block.toml", ["history.cycles=1", "mesh.contact_elements=40"])
+    system = rf.condense(scene)
+    if system is not None:
+        record = rf.evolve(system, scene)
+        assert corners_of(record, 0) == {}
+        assert "singular" not in rf.run_table(rf.summarise(record))
