@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segment, Segments
+from receding_fenicsx.interface.exact.unloading import carries_nothing
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.rigid_motions import neutral_motions
@@ -182,6 +183,8 @@ class Frozen:
         for a, b in pairwise(self.loop):
             walk = self._walked(state, (np.append(a, shifts), np.append(b, shifts)))
             leg = walk.finish()
+            if carries_nothing(leg.end, self.force):
+                raise NoLimit("the contact is unloaded in the cycle, and begins anew")
             state, stops = leg.end, stops + walk.trace
             opens[[node for _, node, _, new in leg.events if new == SEPARATION]] = True
         return FrozenCycle(start, state, stops, opens)

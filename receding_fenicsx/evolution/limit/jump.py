@@ -17,7 +17,7 @@ from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Limit, Steady
 from receding_fenicsx.evolution.run_state import Position, RunState
-from receding_fenicsx.interface.measures.steady import SteadyWatch
+from receding_fenicsx.interface.measures.steady import CYCLIC_SLIP, SHAKEDOWN, SteadyWatch
 from receding_fenicsx.interface.system import typical_stiffness
 
 Progress = Callable[[int, int, str], None]
@@ -81,7 +81,8 @@ class LimitSearch:
         begin = instant(problem.system, (number, 0, 0.0), start.load, found.state)
         cycle = trial.trace_cycle(number, problem.output.cycles is None)
         watch = self._watch(begin, cycles, cycle)
-        if watch.cycle < 0:
+        # one cycle does not tell a drift that stays from one that decays
+        if watch.kind not in (SHAKEDOWN, CYCLIC_SLIP):
             raise NoLimit(
                 f"the cycle that was found changes its forces by {watch.change[0]:.1e} and "
                 f"displacements by {np.abs(cycle.slip).max():.1e}"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from receding_fenicsx.evolution.limit.frozen import Frozen, NoLimit
 from receding_fenicsx.evolution.limit.newton import Solution, smallest_margins, solve
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.law import STICK
 from receding_fenicsx.interface.solver import Solver
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
@@ -66,6 +68,8 @@ def find_limit(
         NoLimit: none was found.
     """
     steps, cycles = 0, 1
+    if carries_nothing(start, force) or any(zero_crossing(leg) for leg in pairwise(loop)):
+        raise NoLimit("the contact is unloaded in the cycle, and begins anew")
     try:
         nodes = sort_nodes(model, solver, start, loop, force)
         for _ in range(MAX_SORTS):
@@ -77,6 +81,12 @@ def find_limit(
             steps, cycles = steps + solution.steps, cycles + solution.cycles
             again = _sorted_again(frozen, solution, nodes)
             if again is None:
+                shift = np.zeros(model.n)
+                shift[frozen.shifted] = solution.shifts
+                if not nodes.go_on(shift):
+                    raise NoLimit(
+                        "some node would slip back on the way to the limit that was found"
+                    )
                 state = _unfrozen(frozen, solution)
                 return Candidate(state, steps, cycles, solution.residual, frozen, solution)
             nodes = again

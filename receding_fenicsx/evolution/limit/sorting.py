@@ -18,6 +18,9 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem
 NEIGHBOURS = 2
 """Nodes on either side of one that drifts that may come to drift."""
 
+SLIP_BACK = 1e-6
+"""Part of its slip in a cycle by which a node may drift back after it: round-off."""
+
 Mask = NDArray[np.bool_]
 
 
@@ -29,15 +32,26 @@ class Sorted:
         frozen: (N,) nodes that do not slip both ways and do not open; only these have a limit that
             depends on the cycles before.
         drifting: (N,) frozen nodes that slip in one direction, and their neighbours among them.
+        slip: (N,) slip in the cycle of the nodes that were frozen at first, 0 elsewhere.
     """
 
     frozen: Mask
     drifting: Mask
+    slip: Array
 
     def with_moved(self, freed: Mask, drifting: Mask) -> Sorted:
         """Return the same with some nodes freed, and others that drift."""
         frozen = self.frozen & ~freed
-        return Sorted(frozen, (self.drifting | drifting) & frozen)
+        return Sorted(frozen, (self.drifting | drifting) & frozen, self.slip)
+
+    def go_on(self, shift: Array) -> bool:
+        """Return whether frozen nodes that slip in the cycle slip on in the same direction.
+
+        Args:
+            shift: (N,) shifts from the start of the cycle to the limit.
+        """
+        slip = np.where(self.frozen, self.slip, 0.0)
+        return bool(np.all(np.sign(slip) * (shift - slip) >= -SLIP_BACK * np.abs(slip)))
 
 
 def sort_nodes(
@@ -69,4 +83,5 @@ def sort_nodes(
     loose = model.friction.present & ~model.held[:n] & ~model.held[n:]
     frozen = loose & ~opens & ~slips.all(axis=0)
     near = np.convolve(slips.any(axis=0) & frozen, np.ones(2 * NEIGHBOURS + 1))
-    return Sorted(frozen, (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen)
+    slip = np.where(frozen & slips.any(axis=0), forward - backward, 0.0)
+    return Sorted(frozen, (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen, slip)
