@@ -142,6 +142,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.shakedown_study.starts_figure import (
         steady_states_figure as steady_states_figure,
     )
+    from receding_fenicsx.shakedown_study.study import ShakedownStudy as ShakedownStudy
     from receding_fenicsx.shakedown_study.study import shakedown as shakedown
     from receding_fenicsx.study import RunOptions as RunOptions
     from receding_fenicsx.study import condense as condense
@@ -266,6 +267,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "ShakedownLimits": ("interface.shakedown.limits", "Limits, safe slip, what binds"),
         "ShakedownOptions": ("scene.model", "Load range of a scene: mean and corners"),
         "shakedown": ("shakedown_study.study", "Limits of a scene, on two meshes, with diagram"),
+        "ShakedownStudy": ("shakedown_study.study", "Result of shakedown"),
         "range_history": ("shakedown_study.cycles", "History round the corners of a load range"),
         "steady_states": ("shakedown_study.starts", "Steady states from many initial slips"),
         "steady_states_figure": ("shakedown_study.starts_figure", "Figure of these"),
@@ -327,6 +329,7 @@ __all__ = [
     "Scene",
     "ShakedownLimits",
     "ShakedownOptions",
+    "ShakedownStudy",
     "SolveError",
     "Solver",
     "SolverOptions",

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-from collections import Counter
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -47,15 +46,11 @@ def text_of(found: ShakedownStudy) -> str:
             f"second mesh   {lower:.6g} and {upper:.6g} with {nodes} nodes instead of "
             f"{found.meshes[0][0]}"
         )
-    for limit in ("lower", "upper"):
-        held = [active for active in limits.active if active.limit == limit]
-        if held:
-            x, kinds = [active.x for active in held], Counter(active.kind for active in held)
-            text = ", ".join(f"{kind} at {count}" for kind, count in kinds.items())
-            lines.append(f"{limit} binds   {text} nodes from x = {min(x):.6g} to {max(x):.6g}")
+    lines += [f"{limit} binds   {limits.binding(limit)}" for limit in ("lower", "upper")]
     if found.by_cycles is not None:
         low, high = found.by_cycles
         lines.append(
-            f"exact cycles  from the safe slip end without slip up to {low:.4g}, not at {high:.4g}"
+            f"exact cycles  from rest or the safe slip end without slip up to {low:.4g}, "
+            f"not at {high:.4g}"
         )
     return "\n".join([*lines, *(f"note: {note}" for note in found.notes)])

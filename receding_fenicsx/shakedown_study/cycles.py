@@ -45,35 +45,39 @@ def range_history(
     return History(system.load_names, path, np.vstack([corners, corners[:1]]), cycles, True)
 
 
-def shakes_down(system: ContactSystem, history: History, start: Array) -> bool:
-    """Return whether exact cycles from an initial slip end without slip.
+def shakes_down(system: ContactSystem, history: History, start: Array | None) -> bool:
+    """Return whether exact cycles from rest or from an initial slip end without slip.
 
     A path that ends or is not steady after ``CYCLES`` cycles counts as one that does not.
     """
     try:
-        record = evolve(system, history, None, OutputOptions(1, ()), initial_slip=start)
+        record = evolve(
+            system, history, None, OutputOptions(1, ()), initial_slip=start, until="limit"
+        )
     except SolveError:
         return False
     return record.steady.kind == SHAKEDOWN
 
 
 def limit_by_cycles(
-    system: ContactSystem, mean: Loads, range: Sequence[Loads], upper: float, start: Array
+    system: ContactSystem, mean: Loads, range: Sequence[Loads], upper: float, safe: Array
 ) -> tuple[float, float]:
-    """Return an interval of lambda at whose lower end cycles from a start end without slip.
+    """Return an interval of lambda at whose lower end cycles from rest or safe slip end stuck.
 
-    The upper end is the smallest range tried at which they slip on; inf when none did.
+    At its upper end, the smallest range tried at which they do not, both slip on; inf when there
+    was none.
 
     Args:
         system: the condensed body.
         mean: load factors of the mean loads, by name.
         range: changes of the load factors at the corners of the range at lambda = 1.
         upper: lambda_2 of the closed contact.
-        start: (N,) initial slip.
+        safe: (N,) safe slip of the closed contact.
     """
 
     def ends(factor: float) -> bool:
-        return shakes_down(system, range_history(system, mean, range, factor), start)
+        history = range_history(system, mean, range, factor)
+        return any(shakes_down(system, history, start) for start in (safe, None))
 
     low, high = 0.0, upper
     while ends(high):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,12 +19,15 @@ from receding_fenicsx.interface.measures.steady import NOT_REACHED
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.system import ContactSystem, reactions
 from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.history.polyline import ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 
 SIZES = (0.1, 10.0)
 """Smallest and largest size of a random slip, over the slip under which friction is used up."""
 EXTREME = 10.0
 """Size of the extreme slips, over the same; nodes slide back to their limits from there."""
+SEED = 2008
+"""Seed of the random slips."""
 NEVER_SLIPS = 1e-9
 """Dissipation density over the largest of cycle 1 below which a node does not slip."""
 FAILED = "failed"
@@ -104,9 +107,9 @@ def steady_states(
     starts: int = 41,
     safe: Array | None = None,
     solver: SolverOptions | None = None,
-    seed: int = 0,
+    until: str = "limit",
 ) -> SteadyStates:
-    """Play one history from many initial slips until it is steady.
+    """Play one history from many initial slips, each to the limit of infinitely many cycles.
 
     Args:
         system: the condensed body.
@@ -115,7 +118,7 @@ def steady_states(
             backward, both ways about the middle), then random ones.
         safe: (N,) a safe slip, as ``shakedown_limits`` returns it.
         solver: method and tolerances; not with a scene.
-        seed: seed of the random slips.
+        until: "limit" of infinitely many cycles, or "steady" within the solver's tolerance.
 
     Raises:
         InputError: no start, or the history has no cycles.
@@ -125,8 +128,8 @@ def steady_states(
         system, history, solver = problem.system, problem.history, problem.solver
     if not history.cycles or starts < 1:
         raise InputError("steady_states: needs a history with cycles, and at least one start")
-    history = replace(history, until_steady=True)
-    named = initial_slips(system, history, starts, safe, seed)
+    history = ended_by(history, until)
+    named = initial_slips(system, history, starts, safe)
     records: list[Record] = []
     errors: dict[str, str] = {}
     for name, slip in named.items():
@@ -154,7 +157,7 @@ def steady_states(
 
 
 def initial_slips(
-    system: ContactSystem, history: History, count: int, safe: Array | None, seed: int
+    system: ContactSystem, history: History, count: int, safe: Array | None
 ) -> dict[str, Array]:
     """Return initial slips by name; the first is rest.
 
@@ -174,7 +177,7 @@ def initial_slips(
     ones = np.ones(n)
     for name, shape in (("forward", ones), ("backward", -ones), ("out", away), ("in", -away)):
         named[name] = EXTREME * unit * shape
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(SEED)
     for k, size in enumerate(np.geomspace(*SIZES, max(count - len(named), 0)), 1):
         named[f"random {k}"] = size * unit * rng.uniform(-1.0, 1.0, n)
     return dict(list(named.items())[:count])

@@ -27,6 +27,7 @@ def steady_states_figure(states: SteadyStates) -> Figure:
             of_kind = kinds == kind
             D = states.dissipation[order][of_kind]
             left.plot(D, rows[of_kind], "o", ms=3, color=colour, label=kind)
+        style.ticks(left.xaxis, 4)
         left.legend(loc="lower right")
         left.set(xlabel="dissipation per cycle of the steady state", ylabel="starts, sorted")
         found = np.unique(states.state)

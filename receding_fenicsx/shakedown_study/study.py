@@ -19,10 +19,10 @@ from receding_fenicsx.interface.shakedown.limits import (
     ShakedownLimits,
     assembled,
     lower_limit,
-    prepared,
     upper_limit,
 )
 from receding_fenicsx.interface.shakedown.margins import LoadRange, Margins, load_range, with_bound
+from receding_fenicsx.interface.shakedown.mean_loads import prepared
 from receding_fenicsx.interface.shakedown.programs import Answer
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
@@ -45,7 +45,7 @@ OPENS_NOTE = (
     "a node unloads at the upper limit, which is that of the closed contact: beyond, the contact "
     "may open and close without slip"
 )
-CYCLES_NOTE = "; what exact cycles from the safe slip find is given apart"
+CYCLES_NOTE = "; what exact cycles from rest and from the safe slip find is given apart"
 ZERO_NOTE = (
     "the lower limit is 0 because some residual slip unloads a node without any range; bound the "
     "slips of interest by [shakedown] largest_slip"
@@ -62,8 +62,8 @@ class ShakedownStudy:
         limits: its limits.
         meshes: number of modelled nodes, lower and upper limit of each mesh, the scene's first.
         diagram: limits over one mean load.
-        by_cycles: interval of lambda in which the safe slip stops protecting, by exact cycles,
-            where a node unloads at the upper limit; else None.
+        by_cycles: interval of lambda in which cycles from rest or the safe slip begin to slip for
+            ever, where a node unloads at the upper limit; else None.
         notes: sentences about the validity of the limits.
     """
 

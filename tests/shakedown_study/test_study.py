@@ -209,7 +209,7 @@ def test_dissipation_of_uncoupled_systems_does_not_depend_on_the_start(seed: int
     limits = rf.shakedown_limits(system, {"mean": 1.0}, [{"range": 1.0}, {"range": -1.0}])
     low, high = from_starts(system, 1.3 * limits.upper, 12).interval
     assert low > 0.0
-    assert high == pytest.approx(low, rel=1e-6)
+    assert high == pytest.approx(low, rel=1e-9)
 
 
 def test_steady_states_need_cycles() -> None:

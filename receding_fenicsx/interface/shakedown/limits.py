@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
@@ -9,9 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, described
-from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
-from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.law import SEPARATION, STICK
+from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.shakedown.margins import (
     BACKWARD,
@@ -20,18 +19,21 @@ from receding_fenicsx.interface.shakedown.margins import (
     Loads,
     Margins,
     load_range,
-    margins_of,
     with_bound,
 )
-from receding_fenicsx.interface.shakedown.programs import BINDS, Answer, dual_bound, minimise
-from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
+from receding_fenicsx.interface.shakedown.mean_loads import REFUSE, largest_margin, prepared
+from receding_fenicsx.interface.shakedown.programs import (
+    BINDS,
+    VANISHES,
+    Answer,
+    dual_bound,
+    minimise,
+)
+from receding_fenicsx.interface.shakedown.residual import margin_residual
+from receding_fenicsx.interface.system import ContactSystem
 
-VANISHES = 1e-9
-"""Sum of a target's margins, over the largest margin of the mean loads, that is zero."""
-MOST_NAMED = 6
-"""Nodes that an error message names."""
-REFUSE, STAY = "refuse", "stay"
-"""Nodes separated under the mean loads: an error, or taken as separated throughout."""
+FREE = 1e-10
+"""Margins that a slip changes, over the largest, below which it is a free motion."""
 PROVED, CONJECTURE = "proved", "conjecture"
 
 
@@ -85,12 +87,21 @@ class ShakedownLimits:
     residual: float
     gap: float
 
+    def binding(self, limit: str) -> str:
+        """Return in words which margins hold the "lower" or the "upper" limit."""
+        held = [active for active in self.active if active.limit == limit]
+        if not held:
+            return "nothing"
+        x, kinds = [active.x for active in held], Counter(active.kind for active in held)
+        text = ", ".join(f"{kind} ({count})" for kind, count in kinds.items())
+        return f"{text} from x = {min(x):.6g} to {max(x):.6g}"
+
     def __repr__(self) -> str:
         """Return the limits and what binds."""
         rows = [
-            ("lower", f"{self.lower:.10g} ({self.lower_is})"),
-            ("upper", f"{self.upper:.10g}{' (a node unloads)' if self.opens else ''}"),
-            *((a.limit, f"{a.kind} at x = {a.x:.6g}, vertex {a.vertex}") for a in self.active),
+            ("lower", f"{self.lower:.10g} ({self.lower_is}); {self.binding('lower')}"),
+            ("upper", f"{self.upper:.10g}; {self.binding('upper')}"),
+            ("opens", f"{self.opens}"),
             ("residual", f"{self.residual:.1e}; gap to the dual bound {self.gap:.1e}"),
         ]
         return described("ShakedownLimits", rows)
@@ -146,76 +157,6 @@ def shakedown_limits(
     upper = upper_limit(margins)
     lower, _ = lower_limit(with_bound(margins, largest_slip), upper)
     return assembled(system, load_range(system, mean, range), margins, upper, lower, away)
-
-
-def prepared(
-    system: ContactSystem, loads: LoadRange, separated: str = REFUSE
-) -> tuple[Margins, NDArray[np.bool_]]:
-    """Return the margins of a range and the separated nodes; refuse what has no limits.
-
-    Raises:
-        InputError: as :func:`shakedown_limits`.
-    """
-    if system.kind == "normal" or not np.any(system.friction.present):
-        raise InputError("shakedown: the scene has no friction; give [contact] friction")
-    if separated not in (REFUSE, STAY):
-        raise InputError(f'separated: "{separated}" is unknown; use "{REFUSE}" or "{STAY}"')
-    away = np.zeros(system.n, dtype=bool)
-    if separated == STAY:
-        away = _mean_state(system, loads.mean).state == SEPARATION
-    margins = margins_of(system, loads, away)
-    held, nodes = _holds_mean(margins)
-    if held:
-        return margins, away
-    reason = "change the mean loads or the friction"
-    if separated == REFUSE:
-        try:
-            away = _mean_state(system, loads.mean).state == SEPARATION
-        except NoEquilibrium as error:
-            reason = str(error)
-        if np.any(away):
-            raise InputError(
-                f"mean: {_named(system, np.flatnonzero(away))} separated under the mean loads; "
-                "press the contact together, or take these nodes as separated throughout by "
-                f'separated = "{STAY}"'
-            )
-    raise InputError(
-        f"mean: no residual slip can hold the mean loads: {_named(system, nodes)} beyond the "
-        f"limit; {reason}"
-    )
-
-
-def _mean_state(system: ContactSystem, mean: Array) -> ContactState:
-    """Return the state under the mean loads, applied to the contact at rest.
-
-    Raises:
-        NoEquilibrium: no contact forces balance them.
-    """
-    n = system.n
-    state = np.where(system.g0 > 0.0, SEPARATION, STICK).astype(np.int8)
-    rest = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
-    return EventPath(system).trace_leg(rest, (np.zeros_like(mean), mean), 0.0).end
-
-
-def _named(system: ContactSystem, nodes: NDArray[np.integer]) -> str:
-    """Return nodes with their positions and a verb, for messages."""
-    names = [f"{i} (x = {system.x[i]:.4g})" for i in nodes[:MOST_NAMED]]
-    more = f" and {len(nodes) - MOST_NAMED} more" if len(nodes) > MOST_NAMED else ""
-    one = len(nodes) == 1
-    return f"node{'' if one else 's'} {', '.join(names)}{more} {'is' if one else 'are'}"
-
-
-def _holds_mean(margins: Margins) -> tuple[bool, NDArray[np.integer]]:
-    """Return whether a residual slip holds the mean loads, and else the nodes that prevent it.
-
-    The largest t <= 1 with G y + c >= t is not negative where one does.
-    """
-    shift = np.hstack([margins.G, np.ones((len(margins.c), 1))])
-    cost = np.append(np.zeros(margins.G.shape[1]), 1.0)
-    # t = 1 - z with z >= 0
-    answer = minimise(cost, shift, margins.c - 1.0)
-    nodes = np.unique(margins.node[answer.multipliers > VANISHES])
-    return answer.value <= 1.0 + VANISHES, nodes
 
 
 def upper_limit(margins: Margins) -> Answer:
@@ -294,12 +235,14 @@ def assembled(
     """
     bounded = np.isfinite(upper.value)
     mu = -upper.value
-    y = upper.z[:-1] if bounded else minimise_slip(margins)
+    y = upper.z[:-1] if bounded else largest_margin(margins).z[:-1]
     if lower is not None and lower.answer.value > mu:
         lower = None
+    # the smallest slip with the same margins: nothing resists a free motion along the plane
+    y = np.linalg.lstsq(margins.G, margins.G @ y, rcond=FREE)[0]
     v = margins.slip(y)
     top = mu * margins.range_scale
-    residual = _residual(system, loads, v, top if bounded else 0.0, away)
+    residual = margin_residual(system, loads, v, top if bounded else 0.0, away)
     if residual > BINDS:
         raise SolveError(f"the safe slip violates margins by {residual:.1e} of the largest force")
     active = list(_active(system, margins, upper, "upper")) if bounded else []
@@ -324,13 +267,6 @@ def assembled(
     )
 
 
-def minimise_slip(margins: Margins) -> Array:
-    """Return a residual slip that is safe for every range, where the range never binds."""
-    shift = np.hstack([margins.G, np.ones((len(margins.c), 1))])
-    cost = np.append(np.zeros(margins.G.shape[1]), 1.0)
-    return minimise(cost, shift, margins.c - 1.0).z[:-1]
-
-
 def _opens(active: Sequence[Active]) -> bool:
     """Return whether a node loses its pressure, or another one touches, at the upper limit."""
     at_upper = [a for a in active if a.limit == "upper"]
@@ -349,33 +285,3 @@ def _active(
         node = int(margins.node[row])
         vertex = int(np.argmin(margins.D[row]))
         yield Active(limit, node, float(system.x[node]), margins.kind[row], vertex)
-
-
-def _residual(
-    system: ContactSystem, loads: LoadRange, v: Array, top: float, away: NDArray[np.bool_]
-) -> float:
-    """Return the largest violation of a margin at all vertices, over the largest nodal force.
-
-    Displacements follow from v, closed gaps and forces that vanish, independently of the programs.
-    """
-    n, K = system.n, system.K
-    loose = ~system.held[:n]
-    known = np.concatenate([~loose | (system.friction.present & ~away), ~away | system.held[n:]])
-    u = np.concatenate([v, np.where(system.held[n:], 0.0, -system.g0)])
-    e = np.flatnonzero(~known)
-    worst, force = 0.0, 0.0
-    for vertex in loads.vertices:
-        load = loads.mean + top * vertex
-        u[e] = 0.0
-        if len(e):
-            u[e] = -np.linalg.solve(K[np.ix_(e, e)], reactions(system, load, u)[e])
-        r = reactions(system, load, u)
-        A, B = system.friction.margins(r[:n], r[n:])
-        slips = known[:n] & loose & ~system.held[n:] & system.friction.present
-        pressed = ~away & ~system.held[n:]
-        margins = np.concatenate([A[slips], B[slips], r[n:][pressed]])
-        gaps = np.diagonal(K)[n:][away] * (u[n:] + system.g0)[away]
-        worst = max(worst, -float(margins.min()), -float(gaps.min(initial=0.0)))
-        worst = max(worst, float(np.abs(r[e]).max(initial=0.0)))
-        force = max(force, float(np.abs(r).max()))
-    return worst / force

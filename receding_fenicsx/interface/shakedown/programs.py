@@ -15,6 +15,8 @@ FEASIBLE = 1e-9
 """Largest violated margin, over the largest one of the mean loads, of an accepted answer."""
 GAP = 1e-8
 """Difference between an answer and its dual bound, over one plus the answer, that is accepted."""
+VANISHES = 1e-9
+"""Sum of a target's margins, over the largest margin of the mean loads, that is zero."""
 INFEASIBLE, UNBOUNDED = 2, 3
 """Verdicts of the solver."""
 BINDS = 1e-7

@@ -10,8 +10,9 @@ import scipy.optimize
 from small import small_system, walker
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.shakedown.limits import lower_limit, prepared, upper_limit
+from receding_fenicsx.interface.shakedown.limits import lower_limit, upper_limit
 from receding_fenicsx.interface.shakedown.margins import load_range
+from receding_fenicsx.interface.shakedown.mean_loads import prepared
 
 Loads = dict[str, float]
 TO_AND_FRO = [{"range": 1.0}, {"range": -1.0}]
