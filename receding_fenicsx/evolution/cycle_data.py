@@ -9,6 +9,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.instants import Event, Instant
 from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.system import ContactSystem, typical_stiffness
+from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 from receding_fenicsx.scene.model import SolverOptions
 
 STEADY_TOLERANCE, LIMIT_TOLERANCE = 1e-8, 1e-10
@@ -58,6 +59,7 @@ class FinishedCycle:
         slip_range: largest range of v over its corners, of nodes that touch at one of them.
         totals: over the history up to its end.
         samples: its samples and events, where they were asked for.
+        uniqueness: whether the path up to its end is the only one.
     """
 
     corners: list[Instant]
@@ -66,6 +68,7 @@ class FinishedCycle:
     slip_range: float
     totals: Totals
     samples: Samples | None = None
+    uniqueness: Uniqueness = Uniqueness()
 
 
 def steady_watch(

@@ -21,6 +21,7 @@ from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactState, Leg
+from receding_fenicsx.interface.uniqueness.watch import Uniqueness, UniquenessWatch
 
 log = logging.getLogger(__name__)
 
@@ -42,6 +43,7 @@ class RunState:
         model: the condensed body in the 2N form of the solvers.
         steady: watch for the steady state.
         solver: the solver, with what it remembers of the legs since the last restart.
+        uniqueness: watch for other paths from the same start.
         position: where the history stands.
         corners: ends of the finished legs of the cycle that is being traced.
     """
@@ -53,6 +55,9 @@ class RunState:
         self.steady = steady_watch(problem.system, problem.solver, cycles)
         self.solver = make_solver(self.model, problem.solver, problem.chooser)
         self.position = self._end_of(len(cycles) - 1)
+        found = cycles[-1].uniqueness if cycles else Uniqueness()
+        in_steps = problem.solver.method != "events"
+        self.uniqueness = UniquenessWatch(self.model, found, in_steps)
         self.corners: list[Instant] = []
         self._images = np.bincount(mirror_of(problem.system).index)
 
@@ -82,7 +87,9 @@ class RunState:
             except SolveError as error:
                 error.args = (f"cycle {number}, leg {k}: {error}",)
                 raise
-            totals = self._totals_after(leg, is_static=self._is_static(number, k))
+            static = self._is_static(number, k)
+            totals = self._totals_after(leg, static)
+            self.uniqueness.add((number, k), self.position.state, (a, b), leg, static)
             self.position = Position(leg.end, b, totals)
             dissipation += leg.dissipation
             self.corners.append(instant(self.problem.system, (number, k, 1.0), b, leg.end))
@@ -97,6 +104,7 @@ class RunState:
             slip_range=float(np.ptp(v[:, touches], axis=0).max(initial=0.0)),
             totals=self.position.totals,
             samples=samples,
+            uniqueness=self.uniqueness.found,
         )
 
     def sample_finished(self) -> None:
@@ -129,6 +137,7 @@ class RunState:
     def _restart_after(self, number: int) -> None:
         self.solver = make_solver(self.model, self.problem.solver, self.problem.chooser)
         self.position = self._end_of(number)
+        self.uniqueness.forget_doubts()
 
     def _end_of(self, number: int) -> Position:
         """Return the end of a finished cycle, or rest for -1."""

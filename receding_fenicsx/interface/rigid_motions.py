@@ -20,7 +20,8 @@ def neutral_motions(rigid: Array, kept: NDArray[np.bool_]) -> Array:
     """
     if rigid.shape[1] == 0:
         return rigid
-    _, size, right = np.linalg.svd(rigid[kept], full_matrices=True)
+    given = rigid[kept]
+    _, size, right = np.linalg.svd(given, full_matrices=len(given) < rigid.shape[1])
     motions = rigid @ right[int(np.count_nonzero(size > RIGID_TOLERANCE)) :].T
     return np.linalg.qr(motions)[0] if motions.size else motions
 

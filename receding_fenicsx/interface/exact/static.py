@@ -61,18 +61,30 @@ def solve_static(segments: Segments, start: ContactState, load: Array) -> Contac
 
 
 def _guess_states(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    return states_by_newton(segments.system, start, load)
+
+
+def states_by_newton(
+    system: ContactSystem, start: ContactState, load: Array, first: int = STICK
+) -> ContactState | None:
     """Solve with whole sets of states, each read from the law's natural map at the last answer.
 
     This is Newton's method for the natural map; it has no proof of convergence with friction.
     Only for a start without gaps, where first contact is where the node is.
+
+    Args:
+        system: the condensed body.
+        start: displacements that slip is counted from.
+        load: (n_loads,) load factors.
+        first: state that all nodes with friction begin with.
     """
-    system, n = segments.system, segments.system.n
+    n = system.n
     if np.any((system.g0 + start.w)[~system.held[n:]] != 0.0):
         return None
     k_t, k_n = local_stiffness(system)
     loose, can_open = ~system.held[:n], ~system.held[n:]
-    state = np.full(n, STICK, dtype=np.int8)
     frictionless = ~system.friction.present
+    state = np.where(loose & ~frictionless, first, STICK).astype(np.int8)
     state[loose & frictionless] = FORWARD
     seen: set[bytes] = set()
     while len(seen) < MAX_STATE_SETS and state.tobytes() not in seen:
@@ -85,15 +97,14 @@ def _guess_states(segments: Segments, start: ContactState, load: Array) -> Conta
         last, state = state, natural_states(system.friction, r[n:], trial, loose, can_open)
         if np.array_equal(state, last):
             state[frictionless & (state != SEPARATION)] = STICK
-            return _accepted(segments, start, load, ContactState(u, r, state))
+            return _accepted(system, start, load, ContactState(u, r, state))
     return None
 
 
 def _accepted(
-    segments: Segments, start: ContactState, load: Array, end: ContactState
+    system: ContactSystem, start: ContactState, load: Array, end: ContactState
 ) -> ContactState | None:
     """Return the end if it satisfies the contact law."""
-    system = segments.system
     scale = largest_force(system, load, end.r, 0.0)
     slip = end.v - start.v
     residual = relative_residual(system, end, slip, local_stiffness(system), scale)
@@ -174,4 +185,4 @@ def end_in_states(
     open_ = np.flatnonzero((state == SEPARATION) & ~system.held[n:])
     u = u0 + drifted(segments, u - u0, state, open_)
     end = ContactState(u, reactions(system, load, u), state)
-    return _accepted(segments, start, load, end)
+    return _accepted(system, start, load, end)

@@ -1,0 +1,250 @@
+"""Uniqueness of a path, leg after leg."""
+
+from __future__ import annotations
+
+from contextlib import suppress
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.exact.jumps import JUMP_STEP
+from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
+from receding_fenicsx.interface.law import SEPARATION
+from receding_fenicsx.interface.lcp.all_solutions import all_solutions
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate, States
+from receding_fenicsx.interface.uniqueness.first_loading import solutions_from_rest
+from receding_fenicsx.interface.uniqueness.instants import Event, Instant, InstantsOfLegs
+
+NAMED_NODES = 8
+"""Largest number of nodes that are named at the first doubt."""
+
+MOST_TOUCHING = 6
+"""Touching nodes of an instant up to which all their sides are judged."""
+
+COUNTED = 8
+"""Instants without certificate whose solutions are counted between two checkpoints."""
+
+TOUCHES = 1e-12
+"""Gap over the largest one, up to which a node without pressure touches."""
+
+
+class _Set:
+    """A set of states as far as definiteness is concerned: which nodes slip where, which are open.
+
+    Attributes:
+        state: (N,) states.
+        slips: (N,) states of the slipping nodes, 0 elsewhere.
+        size: number of slipping nodes.
+        open: the open nodes.
+        key: all of this.
+    """
+
+    __slots__ = ("key", "open", "size", "slips", "state")
+
+    def __init__(self, certificate: Certificate, state: States) -> None:
+        self.state, self.slips = state, np.where(certificate.slips(state), state, 0).astype(np.int8)
+        self.size, self.open = np.count_nonzero(self.slips), (state == SEPARATION).tobytes()
+        self.key = self.slips.tobytes() + self.open
+
+
+class Uniqueness(NamedTuple):
+    """Whether a path is the only one from its start, as far as it has gone.
+
+    Attributes:
+        certified: at every instant the rates are proved to be unique.
+        margin: factor phi by which all friction could grow before definiteness fails, the smallest
+            of all instants; infinite where nothing has slipped.
+        solutions: largest number of rates found at one instant, or states of a static problem.
+        cycle, leg, s: place of the first doubt, -1 without one.
+        nodes: nodes of the first doubt, filled up with -1.
+        static: largest number of solutions found of a static problem, 0 without one.
+        proved: static problems are proved to have no other.
+    """
+
+    certified: bool = True
+    margin: float = np.inf
+    solutions: int = 1
+    cycle: int = -1
+    leg: int = -1
+    s: float = -1.0
+    nodes: tuple[int, ...] = (-1,) * NAMED_NODES
+    static: int = 0
+    proved: bool = True
+
+    def with_doubt(
+        self, place: tuple[int, int, float], nodes: tuple[int, ...], solutions: int = 1
+    ) -> Uniqueness:
+        """Return what remains where an instant is not certified."""
+        changed = self._replace(certified=False, solutions=max(self.solutions, solutions))
+        if not self.certified:
+            return changed
+        named = (nodes + (-1,) * NAMED_NODES)[:NAMED_NODES]
+        return changed._replace(cycle=place[0], leg=place[1], s=place[2], nodes=named)
+
+
+class UniquenessWatch:
+    """Judges the legs of a path one after the other.
+
+    What it remembers of the legs before saves work, and changes no answer but which of the doubtful
+    instants are counted: these are forgotten at checkpoints.
+
+    Attributes:
+        found: uniqueness up to the last leg.
+    """
+
+    def __init__(self, system: ContactSystem, found: Uniqueness, in_steps: bool = False) -> None:
+        """Continue from what was found before.
+
+        Args:
+            system: the condensed body in 2N form.
+            found: uniqueness up to here.
+            in_steps: events are ends of load steps, not the places where states change.
+        """
+        self.found, self.in_steps = found, in_steps
+        self.certificate = Certificate(system)
+        self._instants = InstantsOfLegs(self.certificate)
+        self._definite: dict[bytes, NDArray[np.int8]] = {}
+        self._solved: set[bytes] = set()
+        self._jumps: list[float] = []
+        self._doubtful: list[tuple[bytes, Instant]] = []
+        self._left = COUNTED
+
+    def forget_doubts(self) -> None:
+        """Judge and count doubtful instants anew, as a run does that is resumed here."""
+        for way, instant in self._doubtful:
+            self._instants.forget(way, [instant])
+        self._doubtful, self._left = [], COUNTED
+        self._solved.clear()
+
+    def add(
+        self,
+        place: tuple[int, int],
+        start: ContactState,
+        ends: tuple[Array, Array],
+        leg: Leg,
+        static: bool = False,
+    ) -> None:
+        """Judge a leg.
+
+        Args:
+            place: cycle and leg.
+            start: state at its start.
+            ends: (n_loads,) load factors at its start and at its end.
+            leg: the leg.
+            static: it is one static problem, with slip counted from the start.
+        """
+        system, n, (a, b) = self.certificate.system, self.certificate.system.n, ends
+        self._jumps = [s for s, _ in leg.jumps]
+        for s in self._jumps:
+            changed = {i for at, i, *_ in leg.events if self._is_finite(at)}
+            self.found = self.found.with_doubt((*place, s), tuple(sorted(changed)))
+        state, events, touching = start.state, leg.events, np.zeros(0, dtype=np.intp)
+        crossing = zero_crossing(ends)
+        if crossing is not None:
+            before = [event for event in events if event[0] < crossing]
+            self._rates(place, a - b, (state, before, touching))
+            if np.any(system.g0):
+                self.found = self.found.with_doubt((*place, crossing), ())
+                return
+            start = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
+        if crossing is not None or carries_nothing(start, leg.force_scale):
+            gap = np.where(system.held[n:], 0.0, system.g0 + start.w)
+            near = gap <= TOUCHES * gap.max(initial=0.0)
+            if static or (near.all() and (crossing is not None or not np.any(a))):
+                self._static((*place, crossing or 0.0), start, b, near)
+                state, events = leg.end.state, []
+            else:
+                limits = self.certificate.frictional | self.certificate.smooth
+                touching = np.flatnonzero(near & limits)
+        self._rates(place, b - a, (state, events, touching))
+
+    def _is_finite(self, s: float) -> bool:
+        """Return whether states change at s by a load step or a jump."""
+        return self.in_steps or any(0.0 <= s - at <= 2.0 * JUMP_STEP for at in self._jumps)
+
+    def _static(
+        self, place: tuple[int, int, float], start: ContactState, load: Array, near: NDArray[np.bool_]
+    ) -> None:
+        """Judge a static problem from rest."""
+        key = start.u.tobytes() + load.tobytes()
+        if key in self._solved:
+            return
+        self._solved.add(key)
+        states, proved = solutions_from_rest(self.certificate, start, load, near)
+        count = max(1, len(states))  # the path has found one
+        found = self.found
+        self.found = found._replace(
+            static=max(found.static, count), proved=found.proved and proved
+        )
+        if count > 1:
+            self.found = self.found.with_doubt(place, _differing(states), count)
+
+    def _rates(
+        self,
+        place: tuple[int, int],
+        direction: Array,
+        path: tuple[States, list[Event], NDArray[np.intp]],
+    ) -> None:
+        """Judge the rates along a leg, or a part of it, given as for ``InstantsOfLegs.new``."""
+        way = direction.tobytes()
+        instants = self._instants.new(way, *path, self._is_finite)
+        few = [instant for instant in instants if len(instant.touching) <= MOST_TOUCHING]
+        sets = {id(i): [_Set(self.certificate, state) for state in i.sets(self.certificate)] for i in few}
+        # what large slip zones contain needs no look; sets with the same open nodes share a factor
+        every = {one.key: one for group in sets.values() for one in group}
+        ordered = sorted(every.values(), key=lambda one: (one.open, -one.size))
+        definite = {one.key: self._is_definite(one) for one in ordered}
+        for instant in instants:
+            group = sets.get(id(instant))
+            if group is None or not all(definite[one.key] for one in group):
+                self._doubtful.append((way, instant))
+                self._doubt((*place, instant.s), direction, instant)
+
+    def _is_definite(self, one: _Set) -> bool:
+        """Return whether a set of states is definite; note its margin."""
+        group = self._definite.setdefault(one.open, one.slips[None][:0])
+        if one.size == 0 or np.any(np.all((one.slips == 0) | (group == one.slips), axis=1)):
+            return True
+        passed = self._measured(one.state)
+        if passed:
+            self._definite[one.open] = np.vstack([group, one.slips])
+        return passed
+
+    def _measured(self, state: States) -> bool:
+        """Return whether a set of states is definite, from its margin or a bound of it."""
+        judge, least = self.certificate, self.found.margin
+        if np.isfinite(least) and judge.exceeds(state, least * (1.0 - SAME_MARGIN)):
+            return least > 1.0 + SAME_MARGIN or judge.exceeds(state, 1.0 + SAME_MARGIN)
+        margin, _ = judge.margin(state)
+        self.found = self.found._replace(margin=min(least, margin))
+        return margin > 1.0 + SAME_MARGIN
+
+    def _doubt(self, place: tuple[int, int, float], direction: Array, instant: Instant) -> None:
+        """Count the solutions of an instant whose matrices are not all definite."""
+        judge, states = self.certificate, np.zeros((0, 0), dtype=np.int8)
+        if not len(instant.touching) and judge.is_p_matrix(instant.state):
+            return
+        if self._left:
+            self._left -= 1
+            open_ = instant.state == SEPARATION
+            open_[instant.touching] = False
+            with suppress(np.linalg.LinAlgError):
+                found = all_solutions(
+                    judge.system,
+                    direction @ judge.system.r_star,
+                    instant.undecided(judge),
+                    judge.free(open_),
+                )
+                if found.complete and len(found.states) == 1:
+                    return
+                states = found.states
+        nodes = _differing(states) if len(states) > 1 else judge.margin(instant.state)[1]
+        self.found = self.found.with_doubt(place, nodes, len(states))
+
+
+def _differing(states: NDArray[np.int8]) -> tuple[int, ...]:
+    """Return the nodes whose states differ between solutions."""
+    return tuple(np.flatnonzero(np.any(states != states[0], axis=0)).tolist())
