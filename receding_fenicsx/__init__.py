@@ -84,7 +84,6 @@ if TYPE_CHECKING:
     from receding_fenicsx.interface.system import ContactState as ContactState
     from receding_fenicsx.interface.system import ContactSystem as ContactSystem
     from receding_fenicsx.interface.system import Leg as Leg
-    from receding_fenicsx.interface.system import friction_margin as friction_margin
     from receding_fenicsx.interface.system import reactions as reactions
     from receding_fenicsx.mpi import given as given
     from receding_fenicsx.mpi import on_all as on_all
@@ -190,7 +189,6 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
             "interface.system",
             "Nodal reactions at given loads and displacements, eq. 11",
         ),
-        "friction_margin": ("interface.system", "Largest f |K_tn| / K_tt of single nodes"),
         "read_system": ("output.storage.hdf5", "Read a ContactSystem from an HDF5 file"),
         "write_system": ("output.storage.hdf5", "Write a ContactSystem to an HDF5 file"),
     },
@@ -350,7 +348,6 @@ __all__ = [
     "evolve",
     "export",
     "figures",
-    "friction_margin",
     "from_toml",
     "given",
     "half_width_estimates",

@@ -18,7 +18,6 @@ from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import friction_margin
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.storage import hdf5, summary_file
@@ -136,7 +135,6 @@ def _found(
             meshed = comm.bcast(None if record is None else record.scene)
         if failure is not None:
             extra["failure"] = str(failure)
-        extra["friction_margin"] = mpi.on_root(comm, lambda: friction_margin(mpi.given(system)))
         return Solved(meshed, system, record, failure, extra)
 
     if scene.accuracy.tolerance is not None:

@@ -45,7 +45,7 @@ INTERFACE = (
     ),
     ("gauss_seidel",),
     ("exact",),
-    ("load_steps", "branches", "shakedown"),
+    ("uniqueness", "load_steps", "branches", "shakedown"),
 )
 """Rooms of the interface: modules of its own folder, then its folders."""
 

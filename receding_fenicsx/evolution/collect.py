@@ -12,12 +12,13 @@ from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals
 from receding_fenicsx.evolution.instants import Event, Instant
 from receding_fenicsx.evolution.probing import probes_table
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.record_data import Cycles, Events, States, Steady
+from receding_fenicsx.evolution.record_data import Cycles, Events, PathUniqueness, States, Steady
 from receding_fenicsx.interface.law import MIRRORED, State
 from receding_fenicsx.interface.measures.steady import SteadyWatch
 from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, Mirror, mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 from receding_fenicsx.scene.model import SolverOptions
 
 
@@ -25,7 +26,7 @@ def record_of(
     system: ContactSystem,
     solver: SolverOptions,
     cycles: list[FinishedCycle],
-    unfinished: tuple[list[Instant], Totals] = ([], Totals()),
+    unfinished: tuple[list[Instant], Totals, Uniqueness] = ([], Totals(), Uniqueness()),
     last: Samples | None = None,
 ) -> Record:
     """Return the record of the whole contact.
@@ -34,13 +35,16 @@ def record_of(
         system: the condensed body.
         solver: method and tolerances.
         cycles: the finished cycles.
-        unfinished: ends of the finished legs of a cycle that ended early, and the totals there.
+        unfinished: ends of the finished legs of a cycle that ended early, the totals and the
+            uniqueness there.
         last: samples and events of the last finished cycle, where it has none of its own.
     """
     mirror = mirror_of(system)
     samples = [c.samples for c in cycles if c.samples is not None] + ([last] if last else [])
     corners = [corner for c in cycles for corner in c.corners] + unfinished[0]
-    totals = unfinished[1] if unfinished[0] or not cycles else cycles[-1].totals
+    totals, unique = unfinished[1:]
+    if cycles and not unfinished[0]:
+        totals, unique = cycles[-1].totals, cycles[-1].uniqueness
     events = [event for part in samples for event in part.events]
     return Record(
         **_nodes(system, mirror),
@@ -66,6 +70,23 @@ def record_of(
         jumps=totals.jumps,
         released=mirror.factor * totals.released,
         probes=probes_table(system, corners, samples),
+        uniqueness=_uniqueness(mirror, unique),
+    )
+
+
+def _uniqueness(mirror: Mirror, found: Uniqueness) -> PathUniqueness:
+    """Return the uniqueness of the path, with nodes of the whole contact."""
+    nodes = sorted(j for i in found.nodes if i >= 0 for j, _ in mirror.nodes(i))
+    return PathUniqueness(
+        certified=found.certified,
+        margin=found.margin,
+        solutions=found.solutions,
+        cycle=found.cycle,
+        leg=found.leg,
+        s=found.s,
+        nodes=np.array(nodes, dtype=np.int64),
+        first_loading=found.static,
+        first_loading_proved=found.proved,
     )
 
 

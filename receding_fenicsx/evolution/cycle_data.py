@@ -68,7 +68,7 @@ class FinishedCycle:
     slip_range: float
     totals: Totals
     samples: Samples | None = None
-    uniqueness: Uniqueness = Uniqueness()
+    uniqueness: Uniqueness = field(default_factory=Uniqueness)
 
 
 def steady_watch(

@@ -47,6 +47,9 @@ def text_of(record: RecordData, title: str, edges: Mapping[str, RecordData]) -> 
         ("events", f"{record.n_events}, kept {len(record.events.s)}"),
         ("residual", f"{record.residual_max:.1e}, energy error {record.energy_error_max:.1e}"),
     ]
+    if record.uniqueness is not None:
+        sure = "certified" if record.uniqueness.certified else "not certified"
+        rows.append(("only path", f"{sure}, friction margin {record.uniqueness.margin:.3g}"))
     if steady.change.size:
         rows.append(("last change", f"{steady.change[-1]:.1e} of the largest force"))
     if record.jumps:

@@ -120,7 +120,7 @@ def continue_history(
             if progress is not None and number > 0:
                 progress(number, history.cycles, _message(run, number))
     except SolveError as error:
-        unfinished = run.corners, run.position.totals
+        unfinished = run.corners, run.position.totals, run.uniqueness.found
         error.record = record_of(problem.system, problem.solver, cycles, unfinished)
         error.record.choices = _choices(problem)
         if isinstance(error, NoQuasiStaticContinuation) and problem.solver.method == "events":

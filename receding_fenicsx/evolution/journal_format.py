@@ -7,6 +7,7 @@ legs, then samples, of each cycle) and events.
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import zlib
 from typing import BinaryIO
@@ -17,8 +18,9 @@ from numpy.typing import NDArray
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals
 from receding_fenicsx.evolution.instants import Event, Instant
 from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 
-MAGIC = b"recedingjournal1"
+MAGIC = b"recedingjournal2"
 """First bytes of the file: its kind and its format version."""
 
 TITLE_BYTES = len(MAGIC) + 16
@@ -26,6 +28,9 @@ TITLE_BYTES = len(MAGIC) + 16
 
 HEAD = np.dtype([("cycles", "<i8"), ("instants", "<i8"), ("changes", "<i8"), ("crc", "<u4")])
 TOTALS = np.dtype([(k, np.asarray(v).dtype) for k, v in Totals._field_defaults.items()])
+UNIQUENESS = np.dtype(
+    [(k, np.asarray(v).dtype, np.shape(v)) for k, v in dataclasses.asdict(Uniqueness()).items()]
+)
 EVENT = np.dtype([("cycle", "<i4"), ("node", "<i4"), ("leg", "<i4"), ("old", "i1"), ("new", "i1")])
 
 
@@ -46,7 +51,7 @@ class JournalFormat:
                 ("slip", "<f8", (n,)),
                 ("slip_range", "<f8"),
                 ("totals", TOTALS),
-                ("unused", "i1"),  # so that older checkpoints can be read
+                ("uniqueness", UNIQUENESS),
                 ("kept", "i1"),
                 ("corners", "<i4"),
                 ("samples", "<i4"),
@@ -82,6 +87,7 @@ class JournalFormat:
             for key in ("dissipation", "slip", "slip_range"):
                 row[key] = getattr(cycle, key)
             row["totals"] = tuple(cycle.totals)
+            row["uniqueness"] = dataclasses.astuple(cycle.uniqueness)
             row["kept"] = cycle.samples is not None
             row["corners"], row["samples"] = len(cycle.corners), len(samples.instants)
             row["changes"] = len(samples.events)
@@ -143,6 +149,11 @@ def _event(row: np.void) -> Event:
     )
 
 
+def _uniqueness(row: np.void) -> Uniqueness:
+    values = {key: row[key].tolist() for key in UNIQUENESS.names or ()}
+    return Uniqueness(**{**values, "nodes": tuple(values["nodes"])})
+
+
 def _cycles(
     rows: NDArray[np.void], instants: list[Instant], events: list[Event]
 ) -> list[FinishedCycle]:
@@ -159,6 +170,7 @@ def _cycles(
                 float(row["slip_range"]),
                 Totals(**{key: row["totals"][key].item() for key in Totals._fields}),
                 samples if row["kept"] else None,
+                _uniqueness(row["uniqueness"]),
             )
         )
         del instants[: corners + sampled], events[:count]

@@ -153,6 +153,34 @@ class Limit:
 
 
 @dataclass
+class PathUniqueness:
+    """Whether the path is the only one from its start; see :mod:`receding_fenicsx.interface`.
+
+    Attributes:
+        certified: at every instant the rates are proved to be unique, and no static problem (first
+            loading) was found to have several solutions; of half a model, among mirror-symmetric
+            paths.
+        margin: factor by which all friction could grow before the certificate fails on the path's
+            sets of states; infinite where nothing slips.
+        solutions: largest number of solutions found at one instant.
+        cycle, leg, s: place of the first doubt, -1 without one.
+        nodes: nodes of the first doubt, of the whole contact.
+        first_loading: solutions found of the static problem of a first loading, 0 without one.
+        first_loading_proved: it is proved that there are no others.
+    """
+
+    certified: bool
+    margin: float
+    solutions: int
+    cycle: int
+    leg: int
+    s: float
+    nodes: Ints
+    first_loading: int
+    first_loading_proved: bool
+
+
+@dataclass
 class RecordData:
     """Arrays and numbers of one evolved history.
 
@@ -188,6 +216,7 @@ class RecordData:
         choices: instants with several continuations on the exact path, and the one taken; they are
             looked for where ``solver.branch`` asks for another one than the first.
         limit: limit of infinitely many cycles; None where it was not asked for.
+        uniqueness: whether the path is the only one from its start.
     """
 
     x: Array
@@ -222,6 +251,7 @@ class RecordData:
     doubling: Array | None = None
     choices: tuple[Choice, ...] = ()
     limit: Limit | None = None
+    uniqueness: PathUniqueness | None = None
 
     def start_row(self, cycle: int) -> int | None:
         """Return the turning point from which a cycle starts; None at rest.

@@ -218,18 +218,6 @@ def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
     return load @ system.r_star + system.K @ u
 
 
-def friction_margin(system: ContactSystem) -> float:
-    """Return the largest f |(K_tn)_ii| / (K_tt)_ii over the nodes.
-
-    Below 1 the contact law of each single node has one solution, the other nodes being held.
-    """
-    if system.kind == "normal":
-        return 0.0
-    n, nodes = system.n, np.flatnonzero(~system.held[: system.n])
-    coupling = system.friction.largest[nodes] * np.abs(system.K[nodes, n + nodes])
-    return float((coupling / system.K[nodes, nodes]).max(initial=0.0))
-
-
 def typical_stiffness(system: ContactSystem) -> float:
     """Return the median of the diagonal of K."""
     return float(np.median(np.diagonal(system.K)))

@@ -15,7 +15,7 @@ from receding_fenicsx.interface.residual import (
     reachable,
     round_off,
 )
-from receding_fenicsx.interface.system import ContactSystem, friction_margin, reactions
+from receding_fenicsx.interface.system import ContactSystem, reactions
 
 F = 0.3
 
@@ -159,16 +159,3 @@ def test_load_displacement_goes_over_into_the_frictionless_one() -> None:
     a = evolve(slight, history).turning_points.load_displacement[0, 0]
     b = evolve(eliminate_tangential(none), history).turning_points.load_displacement[0, 0]
     assert abs(a - b) < 1e-6 * abs(b)
-
-
-def test_friction_margin_is_that_of_the_node_where_it_is_largest() -> None:
-    K = np.diag([2.0, 4.0, 5.0, 1.0, 1.0, 1.0])
-    for i, coupling in enumerate((0.5, -1.0, 3.0)):
-        K[i, 3 + i] = K[3 + i, i] = coupling
-    system = small_system(K, {"load": np.zeros(6)}, [0.8, 0.6, 0.1])
-    # f |K_tn| / K_tt: 0.2, 0.15, 0.06
-    assert friction_margin(system) == pytest.approx(0.2)
-    # what is held tangentially has no slip that could feed itself
-    system.held[0] = True
-    assert friction_margin(system) == pytest.approx(0.15)
-    assert friction_margin(eliminate_tangential(replace(system, f=np.zeros(3)))) == 0.0

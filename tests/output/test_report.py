@@ -31,7 +31,6 @@ COSTS = {
     "peak_memory_MB": 321.0,
     "ranks": 2,
     "versions": {"numpy": "1.2.3"},
-    "friction_margin": 0.0684,
 }
 
 

@@ -1,1 +1,37 @@
-"""Uniqueness of a path."""
+r"""Uniqueness of a path: one solution of every rate problem, or several.
+
+1. **Instants** (`instants.InstantsOfLegs`). The rates are decided anew at the start of a leg and
+   wherever states change. The states at the start of the leg and its events tell which nodes are
+   undecided: a slipping node, or one that begins to slip, may slip or stick; one that comes into
+   contact or leaves it may do anything. Only instants that were not met before are looked at.
+2. **Certificate of a set of states** (`definite.Certificate`). Separated nodes, and tangential
+   freedoms without friction, are condensed out of K. On the slipping nodes, with $Q = -c P$, $c =
+   f_\mathrm{forward}$ in forward and $-f_\mathrm{backward}$ in backward slip, $S = \mathrm{sign}\,
+   c$ and $C = \mathrm{diag}(c)$, slip rates $z = S \dot v$ and rates $y$ of the active margin
+   satisfy
+   $$y = q + M z,\quad y \ge 0,\ z \ge 0,\ y \cdot z = 0, \qquad M = S (K_{tt} + C K_{nt}) S .$$
+   If the symmetric part of M is positive definite there is one solution for every q, hence for
+   every load rate.
+3. **Touching nodes** (`Instant.sets`). A node with neither gap nor pressure is given each side:
+   open, forward, backward (a node without friction: closed, open). If all these sets of states are
+   definite there is one solution: with friction reduced to t f, $0 \le t \le 1$, every piece of the
+   piecewise linear law keeps a positive determinant, so that the number of solutions is that
+   without friction, one.
+4. **Margin** (`Certificate.margin`). All friction may grow by
+   $$\varphi = 1 / \lambda_\mathrm{max}(-\mathrm{sym}(C K_{nt}), K_{tt}),$$
+   the smallest over the sets of states. It is computed only for sets that a Cholesky factorisation
+   does not show to have a larger one.
+5. **Few factorisations** (`watch.UniquenessWatch`). A set whose slipping nodes are among those of a
+   definite one, with the same open nodes, is definite with no smaller margin: M is then a principal
+   submatrix.
+6. **Doubt** (`UniquenessWatch._doubt`). Where a set is not definite: all principal minors, for few
+   slipping nodes; then all solutions for the load rate, by `interface.lcp.all_solutions`. The
+   instant is certified if it has exactly one.
+7. **Static problems** (`first_loading.solutions_from_rest`). From rest without gaps all nodes are
+   on all limits. All sets of states of few nodes are tried; for more nodes other solutions are
+   looked for, and not excluded.
+
+What is certified holds for a half model among mirror-symmetric paths, and with load steps for the
+states at their ends. Nodes that reach a friction limit by chance, and stay stuck, are not looked
+at.
+"""

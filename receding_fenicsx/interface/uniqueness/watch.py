@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from typing import NamedTuple
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -50,18 +50,21 @@ class _Set:
         self.key = self.slips.tobytes() + self.open
 
 
-class Uniqueness(NamedTuple):
+@dataclass(frozen=True)
+class Uniqueness:
     """Whether a path is the only one from its start, as far as it has gone.
 
     Attributes:
-        certified: at every instant the rates are proved to be unique.
+        certified: at every instant the rates are proved to be unique, and no static problem was
+            found to have several solutions.
         margin: factor phi by which all friction could grow before definiteness fails, the smallest
             of all instants; infinite where nothing has slipped.
-        solutions: largest number of rates found at one instant, or states of a static problem.
+        solutions: largest number of rates found at one instant, or of solutions of a static
+            problem.
         cycle, leg, s: place of the first doubt, -1 without one.
-        nodes: nodes of the first doubt, filled up with -1.
+        nodes: nodes of the first doubt, at most ``NAMED_NODES``, filled up with -1.
         static: largest number of solutions found of a static problem, 0 without one.
-        proved: static problems are proved to have no other.
+        proved: static problems are proved to have no other solution.
     """
 
     certified: bool = True
@@ -78,11 +81,11 @@ class Uniqueness(NamedTuple):
         self, place: tuple[int, int, float], nodes: tuple[int, ...], solutions: int = 1
     ) -> Uniqueness:
         """Return what remains where an instant is not certified."""
-        changed = self._replace(certified=False, solutions=max(self.solutions, solutions))
+        changed = replace(self, certified=False, solutions=max(self.solutions, solutions))
         if not self.certified:
             return changed
         named = (nodes + (-1,) * NAMED_NODES)[:NAMED_NODES]
-        return changed._replace(cycle=place[0], leg=place[1], s=place[2], nodes=named)
+        return replace(changed, cycle=place[0], leg=place[1], s=place[2], nodes=named)
 
 
 class UniquenessWatch:
@@ -166,7 +169,11 @@ class UniquenessWatch:
         return self.in_steps or any(0.0 <= s - at <= 2.0 * JUMP_STEP for at in self._jumps)
 
     def _static(
-        self, place: tuple[int, int, float], start: ContactState, load: Array, near: NDArray[np.bool_]
+        self,
+        place: tuple[int, int, float],
+        start: ContactState,
+        load: Array,
+        near: NDArray[np.bool_],
     ) -> None:
         """Judge a static problem from rest."""
         key = start.u.tobytes() + load.tobytes()
@@ -176,9 +183,8 @@ class UniquenessWatch:
         states, proved = solutions_from_rest(self.certificate, start, load, near)
         count = max(1, len(states))  # the path has found one
         found = self.found
-        self.found = found._replace(
-            static=max(found.static, count), proved=found.proved and proved
-        )
+        static = max(found.static, count)
+        self.found = replace(found, static=static, proved=found.proved and proved)
         if count > 1:
             self.found = self.found.with_doubt(place, _differing(states), count)
 
@@ -192,7 +198,8 @@ class UniquenessWatch:
         way = direction.tobytes()
         instants = self._instants.new(way, *path, self._is_finite)
         few = [instant for instant in instants if len(instant.touching) <= MOST_TOUCHING]
-        sets = {id(i): [_Set(self.certificate, state) for state in i.sets(self.certificate)] for i in few}
+        judge = self.certificate
+        sets = {id(i): [_Set(judge, state) for state in i.sets(judge)] for i in few}
         # what large slip zones contain needs no look; sets with the same open nodes share a factor
         every = {one.key: one for group in sets.values() for one in group}
         ordered = sorted(every.values(), key=lambda one: (one.open, -one.size))
@@ -219,7 +226,7 @@ class UniquenessWatch:
         if np.isfinite(least) and judge.exceeds(state, least * (1.0 - SAME_MARGIN)):
             return least > 1.0 + SAME_MARGIN or judge.exceeds(state, 1.0 + SAME_MARGIN)
         margin, _ = judge.margin(state)
-        self.found = self.found._replace(margin=min(least, margin))
+        self.found = replace(self.found, margin=min(least, margin))
         return margin > 1.0 + SAME_MARGIN
 
     def _doubt(self, place: tuple[int, int, float], direction: Array, instant: Instant) -> None:

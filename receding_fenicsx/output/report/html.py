@@ -13,7 +13,6 @@ from receding_fenicsx.output.report import html_elements as html
 from receding_fenicsx.output.report.corner_stress import corner_lines
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.text import (
-    FRICTION_MARGIN,
     extremes_of,
     fitted,
     headline_points,
@@ -24,6 +23,7 @@ from receding_fenicsx.output.report.text import (
     zones_header,
     zones_shown,
 )
+from receding_fenicsx.output.report.uniqueness import uniqueness_line
 from receding_fenicsx.output.storage.summary_file import read_summary
 
 FIRST_CYCLES = 20
@@ -180,7 +180,7 @@ def _cycles(summary: Mapping[str, Any]) -> str:
 
 
 def _checks(summary: Mapping[str, Any]) -> str:
-    """Return residual, energy balance, friction margin and space errors."""
+    """Return residual, energy balance, uniqueness and space errors."""
     rows = [
         [
             "largest residual of the contact and friction conditions, over the largest nodal force",
@@ -188,9 +188,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
         ],
         ["largest relative error of a leg's energy balance", f"{summary['energy_error_max']:.2e}"],
     ]
-    margin = summary.get("friction_margin")
-    if margin is not None:
-        rows.append([FRICTION_MARGIN, f"{margin:.3g}"])
+    rows += [[head, words] for head, words in uniqueness_line(summary)]
     rows += [[words, error] for words, error in accuracy.error_rows(summary)]
     steady = summary["steady"]
     if steady.get("dissipation_limit"):

@@ -21,6 +21,7 @@ from receding_fenicsx.output.report.half_widths import (
     half_widths,
 )
 from receding_fenicsx.output.report.limit import limit_summary
+from receding_fenicsx.output.report.uniqueness import uniqueness_summary
 from receding_fenicsx.reference.ahn_barber import paper_table
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.history.harmonic import DEFAULT_TOLERANCE, is_straight
@@ -73,6 +74,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "limit_without_slip": _limit_ranges(record),
         **_polygon(record),
         **limit_summary(record),
+        **uniqueness_summary(record),
         "residual_max": float(record.residual_max),
         "energy_error_max": float(record.energy_error_max),
         "events": int(record.n_events),

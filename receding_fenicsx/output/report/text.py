@@ -9,6 +9,7 @@ from typing import Any
 from receding_fenicsx.output.report.accuracy import error_rows, way_lines
 from receding_fenicsx.output.report.corner_stress import corner_lines
 from receding_fenicsx.output.report.limit import limit_lines
+from receding_fenicsx.output.report.uniqueness import uniqueness_line
 from receding_fenicsx.scene.units import in_unit
 
 EXTREMES = ("p_max", "q_min", "q_max")
@@ -33,10 +34,6 @@ UNIT_OF_COLUMN = {
     **dict.fromkeys(("p_max", "|q|_max", "p max", "q min", "q max"), "stress"),
 }
 """Unit of a column; other columns have none."""
-FRICTION_MARGIN = (
-    "largest f |K_tn| / K_tt of single nodes (below 1: unique answer of each node with the others "
-    "held; no proof for all nodes together)"
-)
 
 
 def run_table(summary: Mapping[str, Any]) -> str:
@@ -161,12 +158,11 @@ def polygon_line(summary: Mapping[str, Any]) -> list[str]:
 
 
 def _checks(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines on friction limit, friction margin, residual and number of steps."""
+    """Return lines on friction limit, uniqueness, residual and number of steps."""
     lines = []
     if ranges := limit_ranges(summary):
         lines.append(f"friction limit reached without slip in the last cycle: x from {ranges}")
-    if summary.get("friction_margin") is not None:
-        lines.append(f"{FRICTION_MARGIN}: {summary['friction_margin']:.3g}")
+    lines += [f"{head}: {words}" for head, words in uniqueness_line(summary)]
     lines.append(
         f"largest residual {summary['residual_max']:.1e}, events {summary['events']}, "
         f"sweeps {summary['sweeps']}"

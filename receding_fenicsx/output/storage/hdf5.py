@@ -17,7 +17,15 @@ from receding_fenicsx.atomic import new_hdf5
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import system_for
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.record_data import Cycles, Events, Limit, Probes, States, Steady
+from receding_fenicsx.evolution.record_data import (
+    Cycles,
+    Events,
+    Limit,
+    PathUniqueness,
+    Probes,
+    States,
+    Steady,
+)
 from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
 from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene
@@ -37,6 +45,7 @@ GROUPS: dict[str, type] = {
     "steady": Steady,
     "probes": Probes,
     "limit": Limit,
+    "uniqueness": PathUniqueness,
 }
 """Tables of a Record; each has its own group. Records without probes, or
 without a limit, have no group for them."""
