@@ -102,7 +102,8 @@ def test_load_steps_and_unknown_rules_are_refused() -> None:
 
 def test_a_limited_tree_says_that_there_may_be_more() -> None:
     tree = rf.branches(*two_nodes(), most=2)
-    assert len(tree) == 2 and not tree.complete and "there may be more" in str(tree)
+    assert len(tree) == 2 and tree.limited and not tree.complete
+    assert "2 branches (there are more)" in str(tree)
 
 
 def test_branches_are_those_that_all_sets_of_states_lead_to() -> None:

@@ -48,12 +48,18 @@ class BranchTree:
 
     Attributes:
         branches: the branches.
-        complete: no other branch exists: neither was the number of branches limited, nor were there
-            instants at which not all continuations could be searched.
+        unsure: cycle, leg and s of instants at which not all continuations could be searched.
+        limited: the number of branches was limited, there are more.
     """
 
     branches: tuple[Branch, ...]
-    complete: bool
+    unsure: tuple[tuple[int, int, float], ...]
+    limited: bool
+
+    @property
+    def complete(self) -> bool:
+        """Whether no other branch exists."""
+        return not self.unsure and not self.limited
 
     def __len__(self) -> int:
         """Return the number of branches."""
@@ -69,8 +75,14 @@ class BranchTree:
 
     def __str__(self) -> str:
         """Return a line for each branch: choices taken, how far it goes, dissipation."""
-        whole = "all" if self.complete else "there may be more"
-        lines = [f"{len(self)} branches ({whole})"]
+        whole = "there are more" if self.limited else "all"
+        if self.unsure:
+            cycle, leg, s = self.unsure[0]
+            whole = (
+                f"there may be more: at {len(self.unsure)} instants not all continuations were "
+                f"searched, first in cycle {cycle}, leg {leg}, at s = {s:.6g}"
+            )
+        lines = [f"{len(self)} branch{'es' if len(self) > 1 else ''} ({whole})"]
         for k, branch in enumerate(self.branches):
             record = branch.record
             total = record.dissipation_first_loading + float(record.cycles.dissipation.sum())
@@ -116,19 +128,19 @@ def branches(
         raise InputError(f"branches: most must be at least 1, not {most}")
     waiting: deque[dict[Key, int]] = deque([{}])
     found: list[Branch] = []
-    complete = True
+    unsure: set[tuple[int, int, float]] = set()
     while waiting and len(found) < most:
         taken = waiting.popleft()
         chooser = Chooser(taken=taken)
         found.append(_follow(replace(problem, chooser=chooser)))
-        complete = complete and not chooser.unsure
+        unsure |= chooser.unsure
         before: dict[Key, int] = {}
         for key in sorted(chooser.log):
             choice = chooser.log[key]
             if key not in taken:
                 waiting += [before | {key: k + 1} for k in range(1, choice.solutions)]
             before[key] = choice.taken
-    return BranchTree(tuple(found), complete and not waiting)
+    return BranchTree(tuple(found), tuple(sorted(unsure)), limited=bool(waiting))
 
 
 def _problem(
