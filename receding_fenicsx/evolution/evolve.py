@@ -16,7 +16,7 @@ from receding_fenicsx.evolution.limit.jump import LimitSearch, Progress
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState
-from receding_fenicsx.interface.branches.choice import Choice, Chooser
+from receding_fenicsx.interface.branches.choice import NO_CHOICE, Choice, Chooser
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History, ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
@@ -124,7 +124,9 @@ def continue_history(
         error.record = record_of(problem.system, problem.solver, cycles, unfinished)
         error.record.choices = _choices(problem)
         if isinstance(error, NoQuasiStaticContinuation) and problem.solver.method == "events":
-            error.args = (f"{error}; {_choices_before(problem)}",)
+            found = error.record.uniqueness
+            text = NO_CHOICE if found and found.certified else _choices_before(problem)
+            error.args = (f"{error}; {text}",)
         raise
     last = None if search is not None and search.steady is not None else run.sample_last()
     record = record_of(problem.system, problem.solver, cycles, last=last)

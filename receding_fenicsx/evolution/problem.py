@@ -10,7 +10,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE
 from receding_fenicsx.evolution.prepare import has_probes_of, system_for
-from receding_fenicsx.interface.branches.choice import FIRST, Chooser
+from receding_fenicsx.interface.branches.choice import Chooser, chooser_for
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import check_range, check_system
 from receding_fenicsx.scene.history import History, check_history, from_scene
@@ -145,10 +145,5 @@ def _checked(
     if not np.all(np.isfinite(v)):
         raise InputError(f"initial_slip of node {np.argmin(np.isfinite(v))} is not finite")
     v[system.held[:n]] = 0.0
-    return Problem(system, history, solver, output, v, _chooser(solver))
-
-
-def _chooser(solver: SolverOptions) -> Chooser | None:
-    """Return the chooser for ``solver.branch``, None for the first continuation found."""
     check_branch(solver)
-    return None if solver.branch == FIRST else Chooser(solver.branch)
+    return Problem(system, history, solver, output, v, chooser_for(solver.branch))

@@ -11,6 +11,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.instants import Instant, instant, rest_state
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.solvers import make_solver
+from receding_fenicsx.interface.branches.choice import chooser_for
 from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
@@ -70,7 +71,11 @@ def state_at(
         if s > 0.0:
             # load steps of the same size as in the recorded path
             steps = max(1, math.ceil(s * solver.steps_per_leg))
-            tracer = make_solver(frictional_form(system), replace(solver, steps_per_leg=steps))
+            chooser = chooser_for(solver.branch, record.choices)
+            if chooser is not None:
+                chooser.enter(cycle, leg)
+            options = replace(solver, steps_per_leg=steps)
+            tracer = make_solver(frictional_form(system), options, chooser)
             state = tracer.trace_leg(start, (a, load), scale).end
     return instant(system, where, load, state)
 

@@ -28,6 +28,8 @@ SAME_DISSIPATION = 1e-9
 SAME_PLACE = 1e-9
 """Part of a leg within which the same continuations are one choice."""
 
+NO_CHOICE = "no choice between several continuations was made on the way"
+
 LISTED = 3
 """Choices that a message names at most."""
 
@@ -218,7 +220,7 @@ class Chooser:
                 f"(first in cycle {cycle}, leg {leg}, at s = {s:.6g})"
             )
         if not self.log:
-            return "no choice between several continuations was made on the way"
+            return NO_CHOICE
         parts = [
             f"cycle {c.cycle}, leg {c.leg}, s = {c.s:.6g} (nodes {list(c.nodes)[:LISTED]}, "
             f"{c.taken} of {c.solutions})"
@@ -229,6 +231,17 @@ class Chooser:
             f"choices between several continuations were made before, in {'; '.join(parts)}{more}: "
             "another one may go on (solver.branch, or rf.branches for all)"
         )
+
+
+def chooser_for(rule: str | int, choices: tuple[Choice, ...] = ()) -> Chooser | None:
+    """Return a chooser with a rule that repeats given choices; None for the first continuation."""
+    if rule == FIRST and not choices:
+        return None
+    taken: dict[Key, int] = {}
+    for choice in choices:
+        number = sum(key[:2] == (choice.cycle, choice.leg) for key in taken)
+        taken[choice.cycle, choice.leg, number] = choice.taken
+    return Chooser(rule, taken)
 
 
 def _option_of(segments: Segments, y: Array, state: States, segment: Segment) -> _Option:

@@ -13,6 +13,7 @@ from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
 from receding_fenicsx.interface.measures.steady import limit_of_decay
 from receding_fenicsx.interface.measures.zones import contact_zones
 from receding_fenicsx.output.plots.touching import limit_without_slip
+from receding_fenicsx.output.report.choices import choices_summary
 from receding_fenicsx.output.report.corner_stress import corners_of
 from receding_fenicsx.output.report.half_widths import (
     contact_betas,
@@ -75,6 +76,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         **_polygon(record),
         **limit_summary(record),
         **uniqueness_summary(record),
+        **choices_summary(record),
         "residual_max": float(record.residual_max),
         "energy_error_max": float(record.energy_error_max),
         "events": int(record.n_events),
