@@ -1,0 +1,101 @@
+"""Uniqueness that a record tells: small contacts of known answers, symmetry, methods, scale."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from models import block_system
+from small import cyclic, small_system, table
+
+from receding_fenicsx.errors import NoQuasiStaticContinuation
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record_data import PathUniqueness
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.output.report.uniqueness import uniqueness_line, uniqueness_summary
+from receding_fenicsx.scene.model import SolverOptions
+
+THREE = small_system([[1.0, 0.9], [0.9, 1.0]], {"press": [1.3, 1.0]}, 1.5)
+"""One node that may stick, slip backward or open under its first load."""
+
+
+def found(system: ContactSystem, *args: object) -> PathUniqueness:
+    unique = evolve(system, *args).uniqueness  # type: ignore[arg-type]
+    assert unique is not None
+    return unique
+
+
+def test_the_node_of_three_solutions_is_told_to_have_three() -> None:
+    record = evolve(THREE, table(THREE, [0.0, 1.0]))
+    unique = record.uniqueness
+    assert unique is not None and not unique.certified
+    assert (unique.solutions, unique.first_loading, unique.first_loading_proved) == (3, 3, True)
+    assert (unique.cycle, unique.leg, unique.s, unique.nodes.tolist()) == (0, 0, 0.0, [0])
+    told = {"method": "events", **uniqueness_summary(record)}
+    ((_, words),) = uniqueness_line(told)
+    assert "not certified, in doubt from cycle 0, leg 0, s = 0 at nodes 0; 3 found" in words
+
+
+def test_two_uncoupled_nodes_that_branch_at_their_first_load() -> None:
+    K = np.kron([[2.0, 1.5], [1.5, 2.0]], np.eye(2))
+    system = small_system(K, {"a": [1.0, 2.0, 0.5, 2.0], "b": [0.5, 0.0, 0.0, 0.0]}, 2.0)
+    history = table(system, [(0, 0), (1, 0), (0, 1), (0, 0), (1, 0)])
+    with pytest.raises(NoQuasiStaticContinuation) as caught:
+        evolve(system, history)
+    unique = caught.value.record.uniqueness  # type: ignore[union-attr]
+    # the branches part at node 0, as the first load is applied
+    assert (unique.certified, unique.solutions, unique.nodes.tolist()) == (False, 2, [0])
+    assert (unique.cycle, unique.leg, unique.s) == (0, 0, 0.0)
+
+
+def test_rates_of_a_touching_node_are_counted_where_the_certificate_fails() -> None:
+    # the same node, resting in its place by a load that only holds it: a rate problem, g0 beside it
+    K = np.kron([[1.0, 0.9], [0.9, 1.0]], np.eye(2))
+    system = small_system(K, {"press": [1.3, 0.0, 1.0, 1.0]}, 1.5, g0=[0.0, 100.0])
+    unique = found(system, table(system, [0.0, 1.0]))
+    assert (unique.certified, unique.solutions, unique.first_loading) == (False, 3, 0)
+    assert unique.nodes.tolist() == [0]
+
+
+def test_the_block_is_certified_whole_and_half_and_the_whole_has_no_larger_margin() -> None:
+    half, whole = block_system(20, 10), block_system(40, 10, half=False)
+    a, b = found(half, cyclic(3)), found(whole, cyclic(3))
+    assert a.certified and b.certified and a.solutions == b.solutions == 1
+    # slip modes of the whole body include the mirror-symmetric ones
+    assert 1.0 < b.margin <= a.margin * (1.0 + 1e-6)
+    assert not a.first_loading_proved and a.first_loading == 1
+
+
+def test_margin_in_friction_scales_with_it_where_the_states_stay() -> None:
+    # backward slip of one node: 2 - phi f .8 = 0
+    system = small_system([[2.0, 0.8], [0.8, 1.0]], {"P": [0.0, 1.0], "Q": [1.0, 0.0]}, 0.5)
+    history = table(system, [(0, 0), (1, 0), (1, 1)])
+    for f in (0.1, 0.2, 0.4):
+        unique = found(replace(system, f=np.array([f])), history)
+        assert unique.certified and unique.margin == pytest.approx(2.5 / f, rel=1e-12)
+    scaled = replace(system, K=system.K * 2.0**30, r_star=system.r_star * 2.0**30)
+    assert found(scaled, history).margin == found(system, history).margin
+
+
+def test_without_friction_the_answer_is_proved_to_be_the_only_one() -> None:
+    system = block_system(20, 10, f=0.0)
+    unique = found(system, cyclic(1))
+    assert unique.certified and unique.first_loading_proved and unique.margin == np.inf
+
+
+def test_load_steps_certify_the_states_at_their_ends() -> None:
+    system = block_system(20, 10)
+    steps = found(system, cyclic(2), SolverOptions(method="gauss-seidel", steps_per_leg=20))
+    exact = found(system, cyclic(2))
+    assert steps.certified and exact.certified
+    # every state at the end of a step lies on the exact path, to the width of a step
+    assert steps.margin == pytest.approx(exact.margin, rel=0.05)
+
+
+def test_a_jump_is_a_doubt() -> None:
+    K = np.kron([[2.0, 1.5], [1.5, 2.0]], np.eye(1))
+    system = small_system(K, {"a": [1.0, 0.5], "b": [0.5, 0.0]}, 2.0)
+    history = table(system, [(0, 0), (1, 0), (0, 1)])
+    record = evolve(system, history, SolverOptions(on_jump="static"))
+    assert record.jumps and record.uniqueness is not None and not record.uniqueness.certified
