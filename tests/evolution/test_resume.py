@@ -95,7 +95,10 @@ def test_interrupted_run_leaves_a_usable_record_and_goes_on_bitwise(
         assert not any(text.startswith(("mesh", "assemble", "condense")) for text in heard)
         assert [t.split()[2] for t in heard if "cycle" in t] == ["11", "12", "13", "14"]
         same_bits(out, whole)
-        assert "failure" not in read_summary(out / "summary.json")
+        told = read_summary(out / "summary.json")
+        assert "failure" not in told
+        assert told["uniqueness"] == read_summary(whole / "summary.json")["uniqueness"]
+        assert told["uniqueness"]["margin"] > 1.0
     comm.Barrier()
 
 
