@@ -5,7 +5,7 @@ three meshes i < j < k show the order p of
 
     |a_k - a_j| / |a_j - a_i| = (r_k^p - r_j^p) / (r_j^p - r_i^p),
 
-and with the median p of all triples, limited to [1/2, 2], the error of a_0 is taken to be
+and with the median p of all triples, limited to [1/2, 7/4], the error of a_0 is taken to be
 
     e = max |a_i - a_j| / (r_j^p - r_i^p)  over all pairs of meshes.
 
@@ -32,7 +32,7 @@ MIN_RATIO = 1.4
 """Smallest ratio of the sizes of two meshes that are compared."""
 FARTHEST = 8.5
 """Largest ratio of the size of a mesh to the finest that is used."""
-ORDERS = (0.5, 2.0)
+ORDERS = (0.5, 1.75)
 """Range of orders that an estimate assumes."""
 SEARCHED_ORDERS = (-2.0, 8.0)
 """Range in which the order of three meshes is searched for."""

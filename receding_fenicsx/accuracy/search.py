@@ -26,16 +26,16 @@ from receding_fenicsx.scene.options import LOCAL_NUMBERS
 
 log = logging.getLogger(__name__)
 
-FIRST_ELEMENTS = 16
+FIRST_ELEMENTS = 24
 """Contact elements of the first mesh, or the least that fit the scene."""
-FIRST_RATIO = 2.0
+FIRST_RATIO = 2.5
 """Ratio of the elements of the first meshes, from which the orders are seen."""
 MIN_LEVELS = 3
 """Smallest number of meshes of an accepted estimate."""
-RATIOS = (1.5, 2.2)
+RATIOS = (1.6, 2.8)
 """Smallest and largest ratio of the elements of two successive meshes: smaller ones repeat work,
 larger ones leave the estimate without meshes to compare with."""
-AIM = 0.8
+AIM = 0.75
 """Part of the tolerance that a predicted mesh aims at."""
 MOST_NODES = 8000
 """Largest number of contact nodes: the condensed stiffness takes 2 GB."""

@@ -245,5 +245,5 @@ def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Pat
     study.run(searching(block(), 1e-3, *numbers), out, replace(PLAIN, resume=True), COMM)
     if COMM.rank == 0:
         way = summary_of(out)["accuracy"]["way"]
-        assert [level["elements"] for level in way[:2]] == [16, 32]
+        assert [level["elements"] for level in way[:2]] == [24, 60]
         assert summary_of(out)["accuracy"]["met"]
