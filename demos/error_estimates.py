@@ -4,8 +4,9 @@
 three coarser meshes. How good is the estimate?
 
 **Equations.** With numbers a_i on meshes coarser by r_i, the estimate is e = max |a_i - a_j| /
-(r_j - r_i) over the pairs of which one is twice as coarse as the other. Limits come from computed
-values (frictionless block) or from the finest meshes of two element families.
+(r_j^p - r_i^p) over all pairs, p the median of the orders that three meshes show, limited to
+[1/2, 7/4], and to 1 where a zone is not resolved. Limits come from computed values (frictionless
+block) or from the finest meshes of two element families.
 
 **What to look for.** For 26 scenes on several meshes: one point for each number, mesh and scene,
 and the share of points whose true error is within twice the estimate. The hardest scenes are
@@ -169,10 +170,10 @@ COMPUTED = {
 }
 """Limits known without finite elements."""
 
-COVERED = 0.97
+COVERED = 0.95
 """Share of pairs whose true error must be within twice the estimate (and the floor): of all pairs,
 of those that confirm, of pressures on the axis and of dissipations under the polygon."""
-MEDIAN = (1.0, 6.0)
+MEDIAN = (1.0, 10.0)
 """Range of the median of estimate over true error."""
 ROUND_OFF = 1e-9
 """Relative error below which no estimate is compared."""
@@ -196,8 +197,8 @@ def pairs(name: str) -> Iterator[dict[str, Any]]:
         record = solve(coarse)
         spacing = float(np.diff(record.x).max())
         for number, found in rf.space_errors(coarse, record, solve).items():
-            if number not in one or number not in two:
-                continue  # no such zone in the limit
+            if number not in one or number not in two or not np.isfinite(found.error):
+                continue  # no such zone in the limit, or a number without limit
             a, b = one[number], two[number]
             limit, unsure = 0.5 * (a.value + b.value), abs(a.value - b.value)
             if "width" in number:
@@ -224,12 +225,12 @@ def draw(rows: list[dict[str, Any]], folder: Path) -> None:
         for k, number in enumerate(dict.fromkeys(row["number"] for row in rows)):
             own = [row for row in rows if row["number"] == number and row["limit"] and row["told"]]
             axes.loglog(
-                [max(row["true"] / row["limit"], 1e-7) for row in own],
-                [max(row["estimate"] / row["limit"], 1e-7) for row in own],
-                "os^vD"[k],
+                [max(row["true"] / abs(row["limit"]), 1e-7) for row in own],
+                [max(row["estimate"] / abs(row["limit"]), 1e-7) for row in own],
+                "os^vD"[k % 5],
                 ms=2.6,
                 mew=0,
-                color=rf.style.SERIES_COLOURS[k],
+                color=rf.style.SERIES_COLOURS[k % 6],
                 label=number.replace("_", " "),
             )
         ends = np.array([1e-7, 1.0])

@@ -61,7 +61,8 @@ def error_over_time(search: Mapping[str, Any]) -> Figure:
     )
     axes.set(xlabel="seconds since the start", ylabel="2 × estimated relative error")
     axes.set_xlim(seconds[0] / 1.5, seconds[-1] * 1.5)
-    axes.set_ylim(0.3 * search["tolerance"], None)
+    if not any(e["relative"] for level in way for e in level["numbers"].values()):
+        axes.set_ylim(0.1 * search["tolerance"], 10.0 * search["tolerance"])
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     figure.legend(loc="outside lower left", fontsize=7.5, labelspacing=0.2, borderpad=0.1)
