@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import resource
 import sys
-from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import long_run, mpi
 from receding_fenicsx.accuracy import space_errors
-from receding_fenicsx.accuracy.in_folder import Solved, within_tolerance
+from receding_fenicsx.accuracy.in_folder import Solved, draw_way, within_tolerance
 from receding_fenicsx.bulk.from_scene import condensed, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.evolve import evolve
@@ -22,7 +20,7 @@ from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
-from receding_fenicsx.output.storage.run_folder import SYSTEM, run_folder
+from receding_fenicsx.output.storage.run_folder import SYSTEM, shared_folder
 from receding_fenicsx.pictures import Drawing, Wanted, drawing_modules
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.scene.validate import validate
@@ -100,7 +98,7 @@ def run(
     comm = comm or world()
     timer = Timer(options.progress if comm.rank == 0 else None)
     with (
-        _folder(comm, out, scene, options) as folder,
+        shared_folder(comm, out, scene, options.overwrite, options.resume) as folder,
         Drawing(comm, _wanted(out, options), timer.say) as drawing,
     ):
         found = _found(scene, comm, timer, folder, options)
@@ -114,7 +112,7 @@ def run(
                 if failure is None or isinstance(failure, ToleranceNotMet):
                     drawing.draw(found.scene, found.system, record, folder)
                     if options.pictures and "accuracy" in found.extra:
-                        mpi.on_root(comm, lambda: _draw_search(folder, found.extra["accuracy"]))
+                        mpi.on_root(comm, lambda: draw_way(mpi.given(folder), found.extra))
             _write_summary(comm, folder, text, timer)
             mpi.on_root(comm, lambda: _write_report(folder, record))
     if failure is not None:
@@ -256,21 +254,6 @@ def _headlines(scene: Scene, comm: MPI.Comm) -> Record | None:
     return mpi.on_root(comm, lambda: evolve(mpi.given(system), bare))
 
 
-@contextmanager
-def _folder(
-    comm: MPI.Comm, out: str | Path | None, scene: Scene, options: RunOptions
-) -> Iterator[Path | None]:
-    """Open and close the run's folder on rank 0; its errors are raised on all ranks."""
-    if out is None:
-        yield None
-        return
-    with ExitStack() as stack:
-        opened = run_folder(Path(out), scene, options.overwrite, options.resume)
-        folder = mpi.on_root(comm, lambda: stack.enter_context(opened))
-        yield folder
-        mpi.on_root(comm, stack.close)
-
-
 def _costs(comm: MPI.Comm, timer: Timer) -> dict[str, Any]:
     """Timings, memory of all ranks together, versions; collective."""
     from receding_fenicsx import environment
@@ -290,12 +273,6 @@ def _write_record(folder: Path | None, record: Record | None) -> None:
     place, found = mpi.given(folder), mpi.given(record)
     hdf5.write_record(place / "record.h5", found, overwrite=True)
     write_probes(place / PROBES, found)
-
-
-def _draw_search(folder: Path | None, search: dict[str, Any]) -> None:
-    with drawing_modules():
-        from receding_fenicsx.output.plots.accuracy_plots import draw_search
-    draw_search(search, mpi.given(folder) / "figures")
 
 
 def _write_report(folder: Path | None, record: Record | None) -> None:

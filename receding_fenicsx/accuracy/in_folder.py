@@ -21,6 +21,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.accuracy import unmet
 from receding_fenicsx.output.storage.hdf5 import read_system
 from receding_fenicsx.output.storage.run_folder import SEARCH, SYSTEM, forget_system
+from receding_fenicsx.pictures import drawing_modules
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.timing import Say
 
@@ -86,6 +87,13 @@ def within_tolerance(
     if not found.met:
         last.failure = ToleranceNotMet(unmet(last.extra))
     return last
+
+
+def draw_way(folder: Path, extra: dict[str, Any]) -> None:
+    """Draw the search of a run among its figures."""
+    with drawing_modules():
+        from receding_fenicsx.output.plots.accuracy_plots import draw_search
+    draw_search(extra["accuracy"], folder / "figures")
 
 
 class _Attempts:

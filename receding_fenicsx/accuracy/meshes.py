@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import replace
 from typing import TypeVar
 
-from receding_fenicsx.bulk.mesh.user_mesh import takes_elements
+from receding_fenicsx.bulk.mesh.geo_words import takes_elements
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate_bodies import MOST_REFINEMENTS

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 import pickle
-import re
 import signal
 import subprocess
 import sys
@@ -22,6 +21,7 @@ from scipy.sparse.csgraph import connected_components
 
 from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.curved_edges import arcs_of
+from receding_fenicsx.bulk.mesh.geo_words import words_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
 from receding_fenicsx.bulk.mesh.graded_file import mesh_refined
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides, with_radii
@@ -83,28 +83,6 @@ def read_user_mesh(body: Body, options: MeshOptions, axisymmetric: bool = False)
     if isinstance(found, Exception):
         raise found
     return found
-
-
-def takes_elements(body: Body) -> bool:
-    """Return whether a body's file is a .geo file that takes ``contact_elements``."""
-    path = Path(body.mesh or "")
-    return path.suffix == ".geo" and "contact_elements" in _words(path)
-
-
-def _words(path: Path) -> set[str]:
-    """Return the words of a .geo file, and of the .geo files that it includes."""
-    words: set[str] = set()
-    read, todo = set(), [path]
-    while todo:
-        file = todo.pop()
-        if file in read or not file.is_file():
-            continue
-        read.add(file)
-        text = file.read_text(encoding="utf-8", errors="replace")
-        words |= set(re.findall(r"[A-Za-z_]\w*", text))
-        included = re.findall(r'(?:Include|Merge)\s*"([^"]+\.geo)"', text)
-        todo += [(file.parent / name).resolve() for name in included]
-    return words
 
 
 def _environment() -> dict[str, str]:
@@ -187,7 +165,7 @@ def _check_parameters(body: Body, path: Path, where: str, is_geo: bool) -> None:
         raise InputError(
             f"{where}: parameters are for .geo files; leave them out, or give the .geo file"
         )
-    words = _words(path)
+    words = words_of(path)
     for name in body.parameters:
         if name not in words and not words & {"Include", "Merge"}:
             close = nearest(name, words)

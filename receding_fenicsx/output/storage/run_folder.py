@@ -10,9 +10,10 @@ import fcntl
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from receding_fenicsx.atomic import check_folder, new_file, sync, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
@@ -20,12 +21,16 @@ from receding_fenicsx.evolution.corners import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.storage.hdf5 import read_record, read_system
 from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.scene.identity import FREE_WHEN_FINISHED, FREE_WHEN_RESUMED, difference
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.options import SAMPLES_PER_LEG
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 SYSTEM, SCENE = "system.h5", "scene.toml"
 """File names of the condensed system and of the scene in a run folder."""
@@ -95,6 +100,24 @@ def run_folder(
         raise
     finally:
         os.close(lock)
+
+
+@contextmanager
+def shared_folder(
+    comm: MPI.Comm, path: str | Path | None, scene: Scene, overwrite: bool, resume: bool
+) -> Iterator[Path | None]:
+    """Open and close a run's folder on rank 0; its errors are raised on all ranks.
+
+    ``path`` None yields None.
+    """
+    if path is None:
+        yield None
+        return
+    with ExitStack() as stack:
+        opened = run_folder(Path(path), scene, overwrite, resume)
+        folder = on_root(comm, lambda: stack.enter_context(opened))
+        yield folder
+        on_root(comm, stack.close)
 
 
 def _check_not_interrupted(part: Path) -> None:
