@@ -210,8 +210,10 @@ def _animate(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 def _contact_nodes(scene: Scene) -> int:
     """Count the contact nodes; for a mesh file or two bodies the mesh is made and checked."""
     plain = len(scene.contacts) == 1 and scene.contacts[0].span is None
-    if scene.body.is_half_plane and len(scene.bodies) == sum(b.is_half_plane for b in scene.bodies):
-        return len(scene.contacts) * (scene.mesh.contact_elements + 1)
+    if any(body.is_half_plane for body in scene.bodies):
+        from receding_fenicsx.bulk.half_planes.body import count_nodes
+
+        return count_nodes(scene)
     if plain and scene.body.mesh is None and not scene.others and not scene.axisymmetric:
         return scene.mesh.degree * scene.mesh.contact_elements + 1
     from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of

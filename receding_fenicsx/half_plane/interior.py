@@ -29,65 +29,66 @@ Complexes = NDArray[np.complex128]
 
 
 def point_values(
-    surface: Surface, material: HalfPlaneMaterial, points: Array, datum: float
+    surface: Surface, material: HalfPlaneMaterial, points: Array, datum: float, tractions: Complexes
 ) -> Array:
-    """Return values at points that unit nodal tractions cause.
+    """Return displacements and stresses at points under nodal tractions.
 
     Args:
         surface: nodes of the half-plane in its own axes.
         material: elastic constants.
         points: (m, 2) points in its own axes, y >= 0.
         datum: depth of the point at which displacements by the resultant vanish.
+        tractions: (N, k) nodal tractions q + i p in its own axes.
 
     Returns:
-        (m, 6, 2N) values [u_x, u_y, s_xx, s_yy, s_zz, s_xy] in the half-plane's own axes, of nodal
-        tractions [q; p]; displacements are relative to the datum.
+        (m, 6, k) values [u_x, u_y, s_xx, s_yy, s_zz, s_xy] in its own axes; displacements are
+        relative to the datum.
     """
     shortest = float(np.diff(surface.x[surface.elements], axis=1).min())
     z = points[:, 0] + 1j * np.maximum(points[:, 1], NEAREST * shortest)
     cauchy, slope, logs = _integrals(surface, z)
-    mu, kappa = material.mu, material.kappa
+    over = -0.5 / np.pi * tractions
+    Phi, Psi = cauchy @ over, cauchy @ np.conj(over)
     twist = -2j * z.imag[:, None]
-    # what q = 1 and p = 1 cause, which are q + i p = 1 and i
-    found = []
-    for unit in (1.0, 1j):
-        Phi, Phi_slope = -unit / (2.0 * np.pi) * cauchy, -unit / (2.0 * np.pi) * slope
-        Psi = -np.conj(unit) / (2.0 * np.pi) * cauchy
-        total, deviator = 4.0 * Phi.real, 2.0 * (twist * Phi_slope - Phi - Psi)
-        moved = -unit / (2.0 * np.pi) * (kappa * logs + np.conj(logs)) + twist * np.conj(Phi)
-        level = unit * (kappa + 1.0) / (2.0 * np.pi) * np.log(datum) + np.conj(unit) / np.pi
-        moved = (moved + level * surface.weight) / (2.0 * mu)
-        found.append(
-            [
-                moved.real,
-                moved.imag,
-                0.5 * (total - deviator.real),
-                0.5 * (total + deviator.real),
-                material.nu_out * total,
-                0.5 * deviator.imag,
-            ]
-        )
-    return np.concatenate([np.stack(part, axis=1) for part in found], axis=2)
+    total, deviator = 4.0 * Phi.real, 2.0 * (twist * (slope @ over) - Phi - Psi)
+    moved = material.kappa * (logs @ over) + np.conj(logs) @ over + twist * np.conj(Phi)
+    resultant = surface.weight @ over
+    level = (material.kappa + 1.0) * np.log(datum) * resultant + 2.0 * np.conj(resultant)
+    moved = (moved - level) / (2.0 * material.mu)
+    return np.stack(
+        [
+            moved.real,
+            moved.imag,
+            0.5 * (total - deviator.real),
+            0.5 * (total + deviator.real),
+            material.nu_out * total,
+            0.5 * deviator.imag,
+        ],
+        axis=1,
+    )
 
 
 def _integrals(surface: Surface, z: Complexes) -> tuple[Complexes, Complexes, Complexes]:
     """Return (m, N) integrals of phi_j / (z - s), its z-derivative, and phi_j ln((z - s) / i)."""
-    cauchy, slope, logs = (np.zeros((len(z), len(surface.x)), dtype=complex) for _ in range(3))
-    for low, high in surface.elements:
-        a, b = surface.x[low], surface.x[high]
-        h = b - a
-        to_a, to_b = z - a, z - b
-        # ln(z / i) has its cut below the half-plane
-        log_a, log_b = np.log(to_a / 1j), np.log(to_b / 1j)
-        between = log_a - log_b
-        rising = to_a * between / h - 1.0
-        cauchy[:, high] += rising
-        cauchy[:, low] += between - rising
-        slope[:, high] += between / h - 1.0 / to_b
-        slope[:, low] += 1.0 / to_a - between / h
-        # antiderivatives of the logarithm
-        first = to_b * (log_b - 1.0)
-        second = (to_b**2 * (log_b - 1.5) - to_a**2 * (log_a - 1.5)) / (2.0 * h)
-        logs[:, high] += -first - second
-        logs[:, low] += to_a * (log_a - 1.0) + second
-    return cauchy, slope, logs
+    low, high = surface.elements.T
+    h = surface.x[high] - surface.x[low]
+    to_node = z[:, None] - surface.x
+    # ln(z / i) has its cut below the half-plane
+    log = np.log(to_node / 1j)
+    square = 0.5 * to_node**2 * (log - 1.5)
+    to_a, to_b = to_node[:, low], to_node[:, high]
+    between = (log[:, low] - log[:, high]) / h
+    rising = to_a * between - 1.0
+    second = (square[:, high] - square[:, low]) / h
+    of_low = (
+        between * h - rising,
+        1.0 / to_a - between,
+        to_a * (log[:, low] - 1.0) + second,
+    )
+    of_high = (rising, between - 1.0 / to_b, -to_b * (log[:, high] - 1.0) - second)
+    found = np.zeros((3, len(z), len(surface.x)), dtype=complex)
+    for part, below, above in zip(found, of_low, of_high, strict=True):
+        # a node is the lower end of one element at most, and the upper end of one
+        part[:, low] += below
+        part[:, high] += above
+    return found[0], found[1], found[2]

@@ -87,6 +87,9 @@ def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
     found = []
     for contact in scene.contacts:
         sides = [scene.find_edge(e) for e in (contact.edge, contact.against) if e is not None]
+        # a half-plane takes the nodes of its partner, or of the first of two half-planes
+        sides = [side for side in sides if not side[0].is_half_plane] or sides[:1]
+        contact = contact if len(sides) > 1 else replace(contact, against=None)
         if not scene.mesh.refine or body not in [owner for owner, _ in sides]:
             continue
         own = next(name for owner, name in sides if owner == body)

@@ -12,7 +12,8 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.join_bodies import CondensedBody
-from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh, contact_nodes_of
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.half_plane.far_field import CondensedHalfPlane, FarField, condense_far_field
@@ -25,7 +26,8 @@ from receding_fenicsx.half_plane.stiffness import (
     surface_of,
 )
 from receding_fenicsx.mpi import given
-from receding_fenicsx.scene.model import FREE, Scene
+from receding_fenicsx.scene.model import FREE, Contact, Refinement, Scene
+from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.rectangle_edges import contact_samples
 
 STRAIGHT = 1e-9
@@ -151,6 +153,15 @@ def half_plane_of(
     return HalfPlane(scene, comm, contact, size, surface, side, datum, far)
 
 
+def count_nodes(scene: Scene) -> int:
+    """Return the number of contact nodes of a scene with half-planes; no communication."""
+    for body in scene.bodies:
+        if not body.is_half_plane:
+            return sum(contact_nodes_of(part_of(scene, body)))
+    owner = scene.find_edge(scene.contacts[0].edge)[0]
+    return len(_own_nodes(part_of(scene, owner)).x)
+
+
 def _surface(contact: ContactNodes, order: int) -> Surface:
     """Return the surface of contact nodes between which elements of some order lie."""
     along = np.einsum("nc,nc->n", contact.points, contact.tangent)
@@ -163,7 +174,7 @@ def _surface(contact: ContactNodes, order: int) -> Surface:
 
 def _own_nodes(scene: Scene) -> ContactNodes:
     """Return the contact nodes of a half-plane that is the only or the first body."""
-    x = [contact_samples(scene, contact) for contact in scene.contacts]
+    x = [_positions(scene, contact) for contact in scene.contacts]
     below = scene.contacts[0].edge == "top"
     along, count = np.concatenate(x), len(np.concatenate(x))
     points = np.stack([along + scene.body.position[0], np.full(count, scene.body.position[1])], 1)
@@ -186,6 +197,19 @@ def _own_nodes(scene: Scene) -> ContactNodes:
         constraints=np.zeros((0, 3)),
         null=modes,
     )
+
+
+def _positions(scene: Scene, contact: Contact) -> Array:
+    """Return the positions of the nodes on one contact edge."""
+    even = contact_samples(scene, contact)
+    places = [place for place in scene.mesh.refine if place.edge in (None, contact.edge)]
+    if not places:
+        return even
+    ends = float(even[0]), float(even[-1])
+    size = (ends[1] - ends[0]) / scene.mesh.contact_elements
+    # a node in the middle, which most profiles touch first
+    places.append(Refinement(size, 0.5 * (ends[0] + ends[1]), 2.0))
+    return graded(ends, Base(np.array(ends), np.array([size])), places)
 
 
 def _pivot(points: Array) -> Array:

@@ -14,7 +14,7 @@ from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.rigid_motions import motions
 from receding_fenicsx.bulk.stress import Stresses, named_stresses
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.half_plane.interior import point_values
+from receding_fenicsx.half_plane.interior import Complexes, point_values
 from receding_fenicsx.scene.model import Contact
 
 WINDOW = (2.0, 1.0)
@@ -63,9 +63,11 @@ def value_rows(part: HalfPlane, points: Array, labels: list[str]) -> Array:
             raise InputError(
                 f"{label}: ({point[0]:g}, {point[1]:g}) lies outside the half-plane; move it inside"
             )
-    of_forces, of_motion = _forces_and_motion(part, points)
     found = part.condensed
     n = len(found.K)
+    unit = np.eye(n // 2)
+    of_forces = _values(part, points, np.hstack([unit, 1j * unit]))
+    of_motion = _motion(part, points)
     rows = np.empty((len(points), 6, n + len(found.r_star)))
     rows[..., :n] = of_forces @ found.K
     rows[..., n:] = of_forces @ found.r_star.T
@@ -77,37 +79,36 @@ def value_rows(part: HalfPlane, points: Array, labels: list[str]) -> Array:
 def values_at(part: HalfPlane, points: Array, load: Array, u: Array) -> Array:
     """Return (m, 6) values [u_x, u_y, s_xx, s_yy, s_zz, s_xy] at points of the half-plane."""
     found = part.condensed
-    forces = found.K @ u + found.r_star.T @ load
-    motion = found.motion[0] @ u + found.motion[1] @ load
-    values = np.empty((len(points), 6))
-    for first in range(0, len(points), BLOCK_POINTS):
-        some = slice(first, first + BLOCK_POINTS)
-        of_forces, of_motion = _forces_and_motion(part, points[some])
-        values[some] = of_forces @ forces
-        values[some, :2] += of_motion @ motion
-    return values
+    Q, P = np.split(found.K @ u + found.r_star.T @ load, 2)
+    forces = (Q + 1j * P)[:, None]
+    blocks = [points[k : k + BLOCK_POINTS] for k in range(0, len(points), BLOCK_POINTS)]
+    values = np.concatenate([_values(part, block, forces)[..., 0] for block in blocks])
+    values[:, :2] += _motion(part, points) @ (found.motion[0] @ u + found.motion[1] @ load)
+    return np.asarray(values)
 
 
-def _forces_and_motion(part: HalfPlane, points: Array) -> tuple[Array, Array]:
-    """Return values at points for unit contact forces (m, 6, 2N) and far motions (m, 2, 3)."""
+def _values(part: HalfPlane, points: Array, forces: Complexes) -> Array:
+    """Return values (m, 6, k) at points for nodal forces Q + i P (N, k), the far field at rest."""
     contact, side = part.contact, part.side
     axes = side * np.stack([contact.tangent[0], contact.normal[0]])
     apart = points - contact.points[0]
-    own = np.stack([apart @ axes[0] + contact.points[0] @ axes[0], apart @ axes[1]], axis=1)
+    own = np.stack([points @ axes[0], apart @ axes[1]], axis=1)
     surface = part.surface
     if side < 0:
         surface = replace(surface, x=-surface.x, elements=surface.elements[:, ::-1])
-    rows = point_values(surface, part.material, own, part.datum)
-    # forces on the body in its own axes, over the nodes' weights
-    rows = rows * (side / np.tile(contact.weight, 2))
-    turned = np.empty_like(rows)
-    turned[:, :2] = np.einsum("ac,mak->mck", axes, rows[:, :2])
-    stress = rows[:, [[2, 5], [5, 3]]]
-    found = np.einsum("ac,mabk,bd->mcdk", axes, stress, axes)
-    turned[:, 2], turned[:, 3], turned[:, 4] = found[:, 0, 0], found[:, 1, 1], rows[:, 4]
-    turned[:, 5] = found[:, 0, 1]
-    pivot = 0.5 * (contact.points.min(axis=0) + contact.points.max(axis=0))
-    return turned, motions(points, pivot, part.size)
+    tractions = side * forces / contact.weight[:, None]
+    values = point_values(surface, part.material, own, part.datum, tractions)
+    turned = values.copy()
+    turned[:, :2] = np.einsum("ac,mak->mck", axes, values[:, :2])
+    stress = np.einsum("ac,mabk,bd->mcdk", axes, values[:, [[2, 5], [5, 3]]], axes)
+    turned[:, 2], turned[:, 3], turned[:, 5] = stress[:, 0, 0], stress[:, 1, 1], stress[:, 0, 1]
+    return turned
+
+
+def _motion(part: HalfPlane, points: Array) -> Array:
+    """Return displacements (m, 2, 3) of points in the motions of the far field."""
+    places = part.contact.points
+    return motions(points, 0.5 * (places.min(axis=0) + places.max(axis=0)), part.size)
 
 
 def window_fields(
