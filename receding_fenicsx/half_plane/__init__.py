@@ -23,10 +23,11 @@ Mechanics (1985), sections 2.2 to 2.4 and eq. (5.57).
 3. `stiffness.surface_stiffness` returns $A = B^T D^{-1} B$: tractions $\tau$ with
    $D \tau + B R a = B u$ carry the nodal forces $r = B^T \tau$. With $B_{ij} = \int \varphi_i N_j$
    (the work of $\tau$ on the displacement interpolated by shape functions $N_j$) this is a
-   Galerkin method. Its compliance of a wave of number $k$ is exact up to $+ (k h)^2 / 6$, that with
-   the weights $B = \mathrm{diag}(m_i)$ up to $- (k h)^2 / 6$. On elements of order 1 the mean of
-   both is used, whose error is of order $(k h)^4$ on equal elements. Both are symmetric on any
-   nodes; collocation is not, and has the error $- (k h)^2 / 12$.
+   Galerkin method: symmetric on any nodes, which collocation is not. The error of its compliance of
+   a wave of number $k$ is $+ (k h)^2 / 6$; that with the weights $B = \mathrm{diag}(m_i)$ is
+   $- (k h)^2 / 6$, that of collocation $- (k h)^2 / 12$. On elements of order 1,
+   $B_{ij} = \int (\varphi_i \varphi_j + \tfrac{1}{12} h^2 \varphi_i' \varphi_j') dx$ with the
+   shortest length $h$ makes it one of order $(k h)^4$ where elements have this length.
 4. `far_field.condense_far_field` eliminates the free motions $a$ of the far field, where
    $R^T r$ balances the force $F$ far away:
    $K = A - A R (R^T A R)^{-1} R^T A$ and $r^* = -A R (R^T A R)^{-1} F$.

@@ -135,7 +135,12 @@ def compliance(surface: Surface, material: HalfPlaneMaterial, side: int, datum: 
 
 
 class SurfaceStiffness:
-    """A = B^T D^-1 B, and the tractions of given displacements."""
+    """Stiffness of the nodes of a surface, the far field at rest.
+
+    Attributes:
+        A: (2N, 2N) stiffness B^T D^-1 B.
+        tractions: (2N, 2N) nodal tractions D^-1 B of unit displacements.
+    """
 
     def __init__(self, surface: Surface, D: Array) -> None:
         """Factor D.
@@ -147,19 +152,16 @@ class SurfaceStiffness:
         self.D, self.B = D, np.zeros((2 * n, 2 * n))
         self.B[:n, :n] = self.B[n:, n:] = surface.B
         try:
-            self.factor = cho_factor(D, lower=True)
+            factor = cho_factor(D, lower=True)
         except LinAlgError:
             raise SolveError(
                 "the compliance of the half-plane's surface is not positive definite; choose a "
                 "deeper datum"
             ) from None
-        A = self.B.T @ self.tractions(np.eye(2 * n))
+        self.tractions = np.asarray(cho_solve(factor, self.B))
+        A = self.B.T @ self.tractions
         self.A = 0.5 * (A + A.T)
 
-    def tractions(self, u: Array) -> Array:
-        """Return nodal tractions (2N, k) D^-1 B u."""
-        return np.asarray(cho_solve(self.factor, self.B @ u))
-
-    def moved_by(self, D: Array, tractions: Array) -> Array:
-        """Return the nodal displacements (2N, k) under tractions by another compliance D."""
-        return np.asarray(np.linalg.solve(self.B.T, D @ tractions))
+    def moved_by(self, D: Array) -> Array:
+        """Return the displacements (2N, 2N) by a compliance D under the tractions of unit ones."""
+        return np.asarray(np.linalg.solve(self.B, D @ self.tractions))

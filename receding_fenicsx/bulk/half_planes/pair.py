@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.join_bodies import BALANCE_TOLERANCE, JoinedBodies
 from receding_fenicsx.bulk.rigid_motions import scaled
@@ -70,10 +69,9 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
     b_on_u = np.where(follows, -on_u, 0.0)
     b_on_loads = np.where(follows, moved[0].T - on_loads, moved[1].T)
 
-    def back(u: Array, motion: Array, own: Array) -> Array:
-        tractions = stiffness.tractions(u - modes @ motion)
-        return modes @ own - stiffness.moved_by(b.compliance, tractions)
-
+    # u_b = -moved (u - R a) + R a_b
+    moved_b = stiffness.moved_by(b.compliance)
+    turned = moved_b @ modes
     return JoinedBodies(
         found.K,
         found.r_star,
@@ -81,8 +79,5 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
         relative.sign,
         np.zeros(count, dtype=bool),
         scaled(modes[:, free]),
-        (
-            back(np.eye(count), on_u, b_on_u),
-            back(np.zeros((count, n)), on_loads, b_on_loads),
-        ),
+        (turned @ on_u - moved_b + modes @ b_on_u, turned @ on_loads + modes @ b_on_loads),
     )
