@@ -203,3 +203,45 @@ def test_what_a_half_plane_cannot_be_is_told_in_one_line(change: str, told: str)
 def test_two_free_half_planes_are_an_error() -> None:
     with pytest.raises(rf.InputError, match="moves both half-planes together"):
         rf.condense(rf.from_toml(PAIR.replace(SUPPORT, "")))
+
+
+PUNCH_STICK = closed_forms.PUNCH_STICK["plane strain"]
+
+
+@pytest.mark.parametrize(("nu", "f"), [(0.0, 0.5), (0.3, 0.2)])
+def test_flat_punch_with_friction_sticks_where_spence_says(nu: float, f: float) -> None:
+    """Known from the coupled integral equations; the last stuck node is within one spacing."""
+    text = ONE.replace("width = 3.0", "width = 2.0").replace('"x**2 / 100"', "0.0")
+    record = rf.run(rf.from_toml(text, [f"material.poisson={nu}", f"contact.friction={f}"]))
+    if record is None:
+        return
+    stick = np.abs(record.x[record.turning_points.state[0] == rf.State.STICK]).max()
+    spacing = record.x[1] - record.x[0]
+    assert abs(stick - PUNCH_STICK[nu, f]) <= spacing
+
+
+def test_cylinders_of_different_materials_stick_by_dundurs_beta() -> None:
+    """A pair with the beta of nu = 0.3 on a rigid plane has the same c / a (Spence 1975).
+
+    With c1 ~ (1 - nu^2) / E and c2 ~ (1 - 2 nu)(1 + nu) / E, beta is (c2a - c2b) / (c1a + c1b) / 2.
+    """
+    beta, nu_b = 0.5 * (1.0 - 0.6) / 0.7, 0.45
+    # body a: nu = 0, E = 1, so that its c1 = c2 = 1
+    compliance = (1.0 - 2.0 * beta) / (
+        2.0 * beta * (1.0 - nu_b**2) + (1.0 - 2.0 * nu_b) * (1.0 + nu_b)
+    )
+    materials = f"[material.lower]\nyoung = {1.0 / compliance}\npoisson = {nu_b}\n"
+    text = PAIR.replace("[material]\n", materials + "[material]\n").replace("2.4", "2.2")
+    changes = ["material.young=1.0", "material.poisson=0.0", "contact.friction=0.2"]
+    # Hertz's a^2 = 4 P R / (pi E*), to be 1, with 1 / E* = c1a + c1b
+    radius = np.pi / 4.0 / (1.0 + compliance * (1.0 - nu_b**2)) / 0.01
+    changes += [f"contact.initial_gap=x**2 / {2.0 * radius}", "load.P.force=[0.0, -0.01]"]
+    changes += ["history.rows=[[1.0, 0.0], [1.0, 1e-9]]", "history.cycle_rows=[]"]
+    record = rf.run(rf.from_toml(text, changes))
+    if record is None:
+        return
+    state = record.turning_points.state[0]
+    stick = np.abs(record.x[state == rf.State.STICK]).max()
+    touching = np.abs(record.x[state != rf.State.SEPARATION]).max()
+    assert abs(touching - 1.0) < 0.03
+    assert abs(stick / touching - PUNCH_STICK[0.3, 0.2]) < 1.5 * (record.x[1] - record.x[0])
