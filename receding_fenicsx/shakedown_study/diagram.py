@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.shakedown.limits import Certificates, lower_limit, upper_limit
 from receding_fenicsx.interface.shakedown.margins import Margins
 from receding_fenicsx.interface.shakedown.programs import minimise
@@ -17,7 +18,7 @@ POINTS, MANY_NODES, FEW_POINTS = 25, 60, 9
 """Mean loads of a diagram; fewer where more than ``MANY_NODES`` nodes need a program each."""
 BEYOND = 1.5
 """Part of the range at the upper limit by which the mean varies where no limit bounds it."""
-INSIDE = 1e-6
+INSIDE = 1e-3
 """Distance of the outermost means from those that just can be held, over their interval."""
 
 
@@ -28,7 +29,7 @@ class Diagram:
     Attributes:
         load: name of the load.
         mean: (n,) its mean load factors.
-        lower, upper: (n,) limits.
+        lower, upper: (n,) limits; NaN where they were not found.
         given: the mean load factor of the scene.
     """
 
@@ -60,13 +61,17 @@ def means(margins: Margins, load: int, width: float) -> Array:
 
 
 def limits_at(margins: Margins, load: int, changes: Sequence[float]) -> list[tuple[float, float]]:
-    """Return both limits for changes of one mean load."""
+    """Return both limits for changes of one mean load; NaN where a program fails its checks."""
     found = []
     proofs: Certificates = {}
     for change in changes:
         moved = replace(margins, c=margins.c + change * margins.by_load[:, load])
-        upper = upper_limit(moved)
-        lower, proofs = lower_limit(moved, upper, None, proofs)
+        try:
+            upper = upper_limit(moved)
+            lower, proofs = lower_limit(moved, upper, None, proofs)
+        except SolveError:
+            found.append((np.nan, np.nan))
+            continue
         top = -upper.value
         low = top if lower is None else min(lower.answer.value, top)
         found.append((low * margins.range_scale, top * margins.range_scale))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -47,8 +48,8 @@ OPENS_NOTE = (
 )
 CYCLES_NOTE = "; what exact cycles from rest and from the safe slip find is given apart"
 ZERO_NOTE = (
-    "the lower limit is 0 because some residual slip unloads a node without any range; bound the "
-    "slips of interest by [shakedown] largest_slip"
+    "the lower limit is 0 because some residual slip unloads a node, or lets one touch, without "
+    "any range; bound the slips of interest by [shakedown] largest_slip"
 )
 """Sentences about the validity of the limits."""
 
@@ -113,7 +114,9 @@ def shakedown(
     if elements >= FEWEST_ELEMENTS and all(body.mesh is None for body in scene.bodies):
         with timer("second mesh"):
             coarse = study.condense(scaled(scene, elements), comm, whole=True)
-            meshes.append(_limits(scene, coarse, comm)[0])
+            # the same on all ranks: a coarse mesh may not hold the mean loads
+            with suppress(InputError):
+                meshes.append(_limits(scene, coarse, comm)[0])
     with timer("diagram"):
         diagram = _diagram(scene, margins, limits, comm)
 

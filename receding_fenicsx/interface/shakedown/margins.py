@@ -19,6 +19,9 @@ FORWARD, BACKWARD, UNLOADS, TOUCHES = "forward slip", "backward slip", "unloads"
 HULL_TOLERANCE = 1e-9
 """Distance of the mean load from the polygon of the range, over the range, that is none."""
 
+UNCOUPLED = 1e-10
+"""Change of pressures by residual slip, over that of tangential forces, that is round-off."""
+
 Loads = Mapping[str, float]
 """Load factors by the names of their loads; loads that are not named have the factor 0."""
 
@@ -177,7 +180,7 @@ def margins_of(
         np.ones(m),
         1.0,
         n,
-        bool(np.any(r[n + np.flatnonzero(pressed), :m])),
+        bool(np.abs(r[n:][pressed, :m]).max() > UNCOUPLED * np.abs(r[nodes, :m]).max()),
     )
     return _scaled(bare, stiffness[nodes])
 

@@ -132,7 +132,7 @@ def _polished(x: Array, G: Array, c: Array, is_equation: NDArray[np.bool_], top:
     margins = G @ x + c
     rows = np.flatnonzero(is_equation | (np.abs(margins) <= BINDS))
     z = x.copy()
-    z[-1] = next((end for end in (0.0, top) if abs(x[-1] - end) <= BINDS), x[-1])
+    z[-1] = next((end for end in (0.0, top) if abs(x[-1] - end) <= FEASIBLE), x[-1])
     # the last unknown stays where it is at one of its bounds
     moving = slice(None) if 0.0 < z[-1] < top else slice(0, -1)
     if len(rows):
