@@ -18,8 +18,10 @@ from receding_fenicsx.scene.rectangle_edges import is_cylinder
 ZONE_RATIO = 2.0
 """Size of the elements of the coarse run over that at zone ends: they move in a cycle, and smaller
 elements at a few of their positions gain little."""
-CORNER_RATIO = 1000.0
+CORNER_RATIO = 100.0
 """Size of the elements of the coarse run over that at corners, where tractions may be singular."""
+GROWTH = 1.5
+"""Growth of the elements away from these places: slower ones cost nodes and gain little."""
 UNLOADED = 1e-9
 """Largest nodal force of a turning point, over the record's, at which zone ends mean nothing."""
 
@@ -29,7 +31,7 @@ def refined_at_zone_ends(
     record: Record,
     ratio: float = ZONE_RATIO,
     corner_ratio: float = CORNER_RATIO,
-    growth: float | None = None,
+    growth: float = GROWTH,
 ) -> Scene:
     """Return a scene with smaller elements where zones end in a coarser run of it, and at corners.
 
@@ -42,7 +44,7 @@ def refined_at_zone_ends(
         record: a record of the scene, on this or on another mesh.
         ratio: size of the largest contact elements of the record over that at zone ends.
         corner_ratio: the same at corners.
-        growth: of the new places; default: that of the mesh.
+        growth: size ratio of neighbouring elements away from the new places.
 
     Raises:
         InputError: a ratio is not positive, or the record belongs to other contact edges.

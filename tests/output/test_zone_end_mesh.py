@@ -1,0 +1,78 @@
+"""Meshes graded by a coarser run: where they are fine, and what they gain."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import receding_fenicsx as rf
+
+DEMOS = Path(__file__).parents[2] / "demos"
+BARE = rf.OutputOptions(samples_per_leg=1, cycles=())
+
+
+def played(scene: rf.Scene) -> rf.Record:
+    """Play a scene on this rank alone."""
+    system = rf.condense(scene, MPI.COMM_SELF)
+    assert system is not None
+    return rf.evolve(system, replace(scene, output=BARE))
+
+
+def sheared(f: float, elements: int) -> rf.Scene:
+    """The sheared block with its load scaled to the friction."""
+    overrides = [f"contact.friction={f}", f"load.Q.force=[{2 * f}, 0.0]", "history.cycles=1"]
+    mesh = f"mesh.contact_elements={elements}"
+    return rf.read_scene(DEMOS / "sheared_block.toml", [*overrides, mesh])
+
+
+@pytest.mark.parametrize("f", [0.5, 0.8])
+def test_graded_corners_need_less_than_half_the_nodes(f: float) -> None:
+    scene = sheared(f, 40)
+    fine = sheared(f, 80)
+    limit = played(replace(fine, mesh=replace(fine.mesh, refine=(rf.Refinement(1e-5),))))
+    equal = played(sheared(f, 160))
+    better = played(rf.refined_at_zone_ends(scene, played(scene)))
+    exact, of_equal, of_better = (r.cycles.dissipation[0] for r in (limit, equal, better))
+    assert len(better.x) <= 0.5 * len(equal.x)
+    assert abs(of_better - exact) < abs(of_equal - exact)
+
+
+def test_places_lie_at_zone_ends_and_at_corners_that_touch() -> None:
+    scene = rf.read_scene(DEMOS / "block.toml", ["history.cycles=1", "mesh.contact_elements=80"])
+    record = played(scene)
+    graded = rf.refined_at_zone_ends(scene, record, ratio=4.0)
+    size = 4.0 / 80 / 4.0
+    # the block's ends lift off
+    assert [place.size for place in graded.mesh.refine] == pytest.approx(
+        [size] * len(graded.mesh.refine)
+    )
+    first = rf.summarise(record)["turning_points"][0]
+    for end in first["zone_ends"]:
+        inside = (
+            place.span[0] - 2 * size <= abs(end["value"]) <= place.span[1] + 2 * size
+            for place in graded.mesh.refine
+        )
+        assert any(inside)
+    corner = sheared(0.8, 16)
+    places = rf.refined_at_zone_ends(corner, played(corner), corner_ratio=50.0).mesh.refine
+    ends = [place.at for place in places if place.size == pytest.approx(2.0 / 16 / 50.0)]
+    assert np.allclose(np.sort(np.array(ends, dtype=float)), [-1.0, 1.0])
+    with pytest.raises(rf.InputError, match="must be positive"):
+        rf.refined_at_zone_ends(scene, record, ratio=0.0)
+    # what was refined before stays
+    kept = replace(scene, mesh=replace(scene.mesh, refine=(rf.Refinement(0.01, 0.5),)))
+    assert rf.refined_at_zone_ends(kept, record).mesh.refine[0] == rf.Refinement(0.01, 0.5)
+
+
+def test_every_edge_of_a_scene_gets_its_own_places() -> None:
+    overrides = ["mesh.contact_elements=12", "mesh.growth=1.6", "history.cycles=1"]
+    scene = rf.read_scene(DEMOS / "dovetail.toml", overrides)
+    graded = rf.refined_at_zone_ends(scene, played(scene), corner_ratio=20.0)
+    assert {place.edge for place in graded.mesh.refine} == {"blade.right", "blade.left"}
+    better = played(graded)
+    assert len(better.x) > 2 * 25 and better.residual_max < 1e-10
