@@ -104,7 +104,9 @@ def continue_history(
     cycles, history = journal.cycles, problem.history
     run = RunState(problem, cycles)
     run.sample_finished()
-    search = LimitSearch(problem) if history.until_limit else None
+    # the limit is searched along the first continuation only
+    searches = history.until_limit and problem.chooser is None
+    search = LimitSearch(problem) if searches else None
     try:
         for number in range(len(cycles), problem.last_cycle + 1):
             if run.steady.cycle >= 0 and (history.until_steady or search is not None):

@@ -10,7 +10,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE
 from receding_fenicsx.evolution.prepare import has_probes_of, system_for
-from receding_fenicsx.interface.branches.choice import Chooser, chooser_for
+from receding_fenicsx.interface.branches.choice import FIRST, Chooser, chooser_for
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import check_range, check_system
 from receding_fenicsx.scene.history import History, check_history, from_scene
@@ -146,4 +146,9 @@ def _checked(
         raise InputError(f"initial_slip of node {np.argmin(np.isfinite(v))} is not finite")
     v[system.held[:n]] = 0.0
     check_branch(solver)
+    if history.until_limit and solver.branch != FIRST:
+        raise InputError(
+            "[solver] branch: the limit of infinitely many cycles is that of the first "
+            'continuation; use history.until = "steady", or branch = "first"'
+        )
     return Problem(system, history, solver, output, v, chooser_for(solver.branch))

@@ -1,6 +1,7 @@
 """All branches of a history: worked examples, and every set of states tried by other code."""
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -111,6 +112,12 @@ def test_load_steps_and_unknown_rules_are_refused() -> None:
             rf.evolve(system, history, options)
     with pytest.raises(rf.InputError, match="follows all branches"):
         rf.branches(system, history, solver=rf.SolverOptions(method="gauss-seidel"))
+    loop = history.path[[1, 2, 1]]
+    endless = replace(history, path=history.path[:2], loop=loop, cycles=3, until_limit=True)
+    with pytest.raises(rf.InputError, match="follows no limit"):
+        rf.branches(system, endless)
+    with pytest.raises(rf.InputError, match="limit of infinitely many cycles is that of the first"):
+        rf.evolve(system, endless, rf.SolverOptions(branch=2))
     with pytest.raises(rf.InputError, match="most must be at least 1"):
         rf.branches(system, history, most=0)
 

@@ -124,6 +124,10 @@ def branches(
             'branches: follows all branches by method "events"; leave out solver.method and '
             "solver.branch"
         )
+    if problem.history.until_limit:
+        raise InputError(
+            'branches: follows no limit of infinitely many cycles; use until = "steady"'
+        )
     if most < 1:
         raise InputError(f"branches: most must be at least 1, not {most}")
     waiting: deque[dict[Key, int]] = deque([{}])
