@@ -48,6 +48,8 @@ def error_over_time(search: Mapping[str, Any]) -> Figure:
         if last[name]["relative"] is None:
             label += " (not converging)"
         axes.loglog(seconds, doubled, f"{marker}-", color=colour, label=label)
+    if not any(e["relative"] for level in way for e in level["numbers"].values()):
+        axes.set_ylim(0.1 * search["tolerance"], 10.0 * search["tolerance"])
     axes.axhline(search["tolerance"], **style.GUIDE)
     axes.annotate(
         "tolerance",
@@ -61,8 +63,6 @@ def error_over_time(search: Mapping[str, Any]) -> Figure:
     )
     axes.set(xlabel="seconds since the start", ylabel="2 × estimated relative error")
     axes.set_xlim(seconds[0] / 1.5, seconds[-1] * 1.5)
-    if not any(e["relative"] for level in way for e in level["numbers"].values()):
-        axes.set_ylim(0.1 * search["tolerance"], 10.0 * search["tolerance"])
     axes.xaxis.set_minor_formatter(NullFormatter())
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     figure.legend(loc="outside lower left", fontsize=7.5, labelspacing=0.2, borderpad=0.1)
