@@ -43,7 +43,7 @@ def test_two_uncoupled_nodes_that_branch_at_their_first_load() -> None:
     history = table(system, [(0, 0), (1, 0), (0, 1), (0, 0), (1, 0)])
     with pytest.raises(NoQuasiStaticContinuation) as caught:
         evolve(system, history)
-    unique = caught.value.record.uniqueness  # type: ignore[union-attr]
+    unique = caught.value.record.uniqueness  # type: ignore[attr-defined]
     # the branches part at node 0, as the first load is applied
     assert (unique.certified, unique.solutions, unique.nodes.tolist()) == (False, 2, [0])
     assert (unique.cycle, unique.leg, unique.s) == (0, 0, 0.0)
