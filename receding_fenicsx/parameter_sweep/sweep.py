@@ -94,6 +94,10 @@ def sweep(
     _check_workers(workers, measure, options, comm)
 
     def prepare() -> SweepKind:
+        if scene.accuracy.tolerance is not None:
+            raise InputError(
+                "[accuracy] tolerance: a sweep solves all its cases on the scene's mesh; omit it"
+            )
         return SweepKind(scene, grid_of(scene, over, options.folder), _identity(measure))
 
     if alone:

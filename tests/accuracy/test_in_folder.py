@@ -21,6 +21,7 @@ from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.output.storage.hdf5 import read_record
 from receding_fenicsx.output.storage.run_folder import SEARCH
 from receding_fenicsx.output.storage.summary_file import read_summary
+from receding_fenicsx.parameter_sweep.sweep import sweep
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
@@ -247,3 +248,8 @@ def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Pat
         way = summary_of(out)["accuracy"]["way"]
         assert [level["elements"] for level in way[:2]] == [24, 60]
         assert summary_of(out)["accuracy"]["met"]
+
+
+def test_a_sweep_does_not_leave_a_tolerance_aside_without_a_word(shared_tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="tolerance: a sweep solves all its cases"):
+        sweep(searching(block(), 1e-2), {"contact.friction": [0.1]}, shared_tmp_path / "sweep")
