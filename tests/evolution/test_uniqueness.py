@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
 from models import block_system
 from small import cyclic, small_system, table
 
-from receding_fenicsx.errors import NoQuasiStaticContinuation
-from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.errors import NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.evolution.evolve import continue_history, evolve
+from receding_fenicsx.evolution.journal import Journal
+from receding_fenicsx.evolution.problem import problem_of_history
+from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import PathUniqueness
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.report.uniqueness import uniqueness_line, uniqueness_summary
@@ -43,7 +46,9 @@ def test_two_uncoupled_nodes_that_branch_at_their_first_load() -> None:
     history = table(system, [(0, 0), (1, 0), (0, 1), (0, 0), (1, 0)])
     with pytest.raises(NoQuasiStaticContinuation) as caught:
         evolve(system, history)
-    unique = caught.value.record.uniqueness  # type: ignore[attr-defined]
+    assert isinstance(caught.value.record, Record)
+    unique = caught.value.record.uniqueness
+    assert unique is not None
     # the branches part at node 0, as the first load is applied
     assert (unique.certified, unique.solutions, unique.nodes.tolist()) == (False, 2, [0])
     assert (unique.cycle, unique.leg, unique.s) == (0, 0, 0.0)
@@ -91,6 +96,34 @@ def test_load_steps_certify_the_states_at_their_ends() -> None:
     assert steps.certified and exact.certified
     # every state at the end of a step lies on the exact path, to the width of a step
     assert steps.margin == pytest.approx(exact.margin, rel=0.05)
+
+
+def test_a_run_with_doubts_tells_the_same_when_it_is_resumed() -> None:
+    doubts = 0
+    for seed in range(12):
+        rng = np.random.default_rng(seed)
+        n = 2 + seed % 2
+        G = rng.standard_normal((2 * n, 3 * n))
+        couple = np.diag(rng.uniform(0.3, 1.0, n) * rng.choice([-1.0, 1.0], n))
+        K = 0.1 * G @ G.T / n + 1.02 * np.eye(2 * n) + np.kron([[0, 1], [1, 0]], couple)
+        press = np.concatenate([1.5 * rng.standard_normal(n), rng.uniform(0.3, 1.5, n)])
+        loads = {"p": press, "q": rng.standard_normal(2 * n)}
+        system = small_system(K, loads, rng.uniform(0.5, 4.0, n))
+        history = table(system, [(0, 0), (1, 0)], [(1, 0), (1, 0.8), (1, -0.8), (1, 0)], 4)
+        problem = problem_of_history(system, history, SolverOptions(on_jump="static"))
+        journal, resumed = Journal(2), Journal(2)
+        try:
+            whole = continue_history(problem, journal).uniqueness
+        except SolveError:
+            continue
+        resumed.cycles = list(journal.cycles[:3])
+        again = continue_history(problem, resumed).uniqueness
+        assert whole is not None and again is not None
+        for field in fields(PathUniqueness):
+            one, other = (getattr(a, field.name) for a in (whole, again))
+            np.testing.assert_array_equal(one, other)
+        doubts += not whole.certified
+    assert doubts > 0
 
 
 def test_a_jump_is_a_doubt() -> None:
