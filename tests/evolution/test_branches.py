@@ -2,6 +2,7 @@
 
 import re
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -172,3 +173,11 @@ def test_looking_for_branches_changes_no_path_without_any() -> None:
             a, b = (getattr(r.turning_points, name) for r in (plain, branch.record))
             assert np.abs(a - b).max() <= 1e-12 * np.abs(a).max()
         assert np.array_equal(plain.turning_points.state, branch.record.turning_points.state)
+
+
+def test_choices_are_read_back_from_a_file(tmp_path: Path) -> None:
+    system = node_of_three_solutions()
+    record = rf.branches(system, table(system, [[0.0], [1.0]]))[1].record
+    rf.write_record(tmp_path / "record.h5", record)
+    again = rf.read_record(tmp_path / "record.h5")
+    assert len(record.choices) == 1 and again.choices == record.choices

@@ -27,6 +27,7 @@ from receding_fenicsx.evolution.record_data import (
     Steady,
 )
 from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
+from receding_fenicsx.output.storage.choices import choices_of, text_of
 from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml
@@ -50,6 +51,9 @@ GROUPS: dict[str, type] = {
 """Tables of a Record; each has its own group. Records without probes, or
 without a limit, have no group for them."""
 
+CHOICES = "choices"
+"""Instants with several continuations, as JSON in an attribute; a record without it has none."""
+
 COMPRESSED_SIZE = 4096
 """Number of values from which an array is compressed (without loss)."""
 
@@ -71,7 +75,9 @@ def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
             value = getattr(record, field.name)
             if value is None:
                 continue
-            if field.name in GROUPS:
+            if field.name == CHOICES:
+                file.attrs[CHOICES] = text_of(value)
+            elif field.name in GROUPS:
                 group = file.create_group(field.name)
                 for inner in dataclasses.fields(value):
                     _write(group, inner.name, getattr(value, inner.name))
@@ -88,7 +94,9 @@ def read_record(path: Path) -> Record:
     with _open(path, RECORD) as file:
         values: dict[str, Any] = {}
         for field in dataclasses.fields(Record):
-            if field.name in GROUPS:
+            if field.name == CHOICES:
+                values[CHOICES] = choices_of(file.attrs.get(CHOICES, "[]"))
+            elif field.name in GROUPS:
                 if field.default is None and field.name not in file:
                     continue
                 kind = GROUPS[field.name]
