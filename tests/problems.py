@@ -154,7 +154,14 @@ def oblique(p: Problem) -> Problem:
     return replace(p, system=system, solver=solver, tags=(*p.tags, "oblique"))
 
 
-FAMILIES = {"plain": lambda p: p, "directed": directed, "oblique": oblique}
+def limited(p: Problem) -> Problem:
+    """Return a problem on the exact path until the limit of infinitely many cycles."""
+    history = replace(p.history, cycles=30, until_limit=len(p.history.loop) > 0)
+    solver = replace(p.solver, method="events")
+    return replace(p, history=history, solver=solver, tags=(*p.tags, "limit"))
+
+
+FAMILIES = {"plain": lambda p: p, "directed": directed, "oblique": oblique, "limit": limited}
 """What becomes of the problem of a number, by name."""
 
 

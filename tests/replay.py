@@ -24,6 +24,8 @@ LAW = 1e-11
 """Violation of a law, over the largest force, that is let pass."""
 HELD_SHARE = 0.01
 """Part of the held reactions sum lambda r* that counts as force where nothing presses."""
+LIMIT = 1e-8
+"""Slip of the limit cycle, over the largest displacement, that is let pass."""
 ENERGY = 1e-10
 """Error of an energy, over the energies that are moved, that is let pass."""
 RELEASED = 1e-6
@@ -198,6 +200,8 @@ def replay(system: Any, history: Any, record: Any) -> Replay:
     legs = list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True))
     for row, (cycle, number) in enumerate(legs):
         if number == 0:
+            if cycle > 0 and record.limit is not None and cycle == record.limit.cycle:
+                u, state = _limit_start(run, u, state)
             totals, start = Totals(np.zeros(n)), (u, state)
         leg = _leg(run, (cycle, number), u, state, row, (force, noise))
         force, noise = leg.force, leg.noise
@@ -213,6 +217,18 @@ def replay(system: Any, history: Any, record: Any) -> Replay:
     if len(all_totals) == len(set(ends.cycle.tolist())):
         _check_sums(run, all_totals)
     return run
+
+
+def _limit_start(run: Replay, u: Array, state: Array) -> tuple[Array, Array]:
+    """Return where the limit cycle starts: where it ends, less its slip, after a jump."""
+    record, ends = run.record, run.record.turning_points
+    if not record.limit.jumped:
+        return u, state
+    slip = record.cycles.slip_increment[-1]
+    size = float(np.abs(slip).max(initial=0.0))
+    if size > LIMIT * float(np.abs(ends.v).max()):
+        run.object("the limit", "its cycle does not repeat itself", size)
+    return np.concatenate([ends.v[-1] - slip, ends.w[-1]]).astype(np.longdouble), ends.state[-1]
 
 
 def _leg(
@@ -251,7 +267,8 @@ def _check_places(run: Replay) -> None:
     legs += [(cycle, leg) for cycle in range(1, history.cycles + 1) for leg in loop]
     ends = record.turning_points
     found = list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True))
-    cut = len(found) < len(legs) and not history.until_steady
+    early = history.until_steady or (record.limit is not None and record.limit.reached)
+    cut = len(found) < len(legs) and not early
     if found != legs[: len(found)] or cut or np.any(ends.s != 1.0):
         run.object("record", "its turning points are not the ends of the history's legs")
 

@@ -6,17 +6,22 @@ from pathlib import Path
 import numpy as np
 import pytest
 from models import block_system
+from problems import limited, play, problem
+from replay import replay
 from small import cyclic, small_system, table
 
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.evolution.evolve import continue_history, evolve
+from receding_fenicsx.evolution.journal import Journal, JournalFile
+from receding_fenicsx.evolution.limit import jump
 from receding_fenicsx.evolution.limit.uniqueness import is_p_matrix
+from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.storage.hdf5 import read_record, write_record
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import ended_by, from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
 
 BLOCK = block_system(40, 20)
@@ -119,3 +124,52 @@ def test_bad_input_is_refused_in_one_line() -> None:
         evolve(BLOCK, cyclic(50), SolverOptions(steady_tolerance=1e-15), until="limit")
     with pytest.raises(InputError, match="needs cycles"):
         evolve(BLOCK, replace(cyclic(50), loop=np.zeros((0, 1))), until="limit")
+
+
+def test_no_limit_of_random_problems_breaks_a_law(monkeypatch: pytest.MonkeyPatch) -> None:
+    # small problems repeat themselves soon: the search begins at once, before they do
+    monkeypatch.setattr(jump, "FIRST_SEARCH", 1)
+    found = 0
+    for number in range(25):
+        p = limited(problem(number))
+        try:
+            record = play(p)
+        except (SolveError, InputError):
+            continue
+        found += record.limit is not None and record.limit.jumped
+        assert replay(p.system, p.history, record).found == [], number
+    assert found > 5
+
+
+def test_a_node_that_would_slip_back_has_no_limit_by_the_search(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # this history and the search from its first cycle lead to different steady cycles
+    monkeypatch.setattr(jump, "FIRST_SEARCH", 1)
+    p = limited(problem(213))
+    record, plain = play(p), evolve(p.system, replace(p.history, until_limit=False), p.solver)
+    assert record.limit is not None and record.limit.reached
+    assert np.isclose(record.cycles.dissipation[-1], plain.cycles.dissipation[-1], rtol=1e-9)
+
+
+def test_an_interrupted_history_resumes_to_the_same_limit(tmp_path: Path) -> None:
+    problem_ = problem_of_history(BLOCK, ended_by(cyclic(200), "limit"))
+    whole = continue_history(problem_, Journal(1))
+
+    def stop(cycle: int, *_: object) -> None:
+        if cycle == 2:
+            raise KeyboardInterrupt
+
+    journal = JournalFile(tmp_path / "journal.bin", BLOCK, 1)
+    with pytest.raises(KeyboardInterrupt):
+        continue_history(problem_, journal, stop)
+    journal.write()
+    journal.close()
+    again = JournalFile(tmp_path / "journal.bin", BLOCK, 1)
+    assert len(again.cycles) == 3
+    resumed = continue_history(problem_, again)
+    again.close()
+    for key in ("v", "w", "P", "Q", "state"):
+        a, b = (getattr(r.turning_points, key) for r in (resumed, whole))
+        assert np.array_equal(a, b), key
+    assert resumed.limit == whole.limit
