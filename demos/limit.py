@@ -175,8 +175,8 @@ def main() -> None:
     jumped = sum(bool(j) for j in table["jumped"])
     print(
         f"map of {len(table.rows)} limits: {time.monotonic() - begin:.0f} s on "
-        f"{options.processes or 1} processes; {jumped} found by a search, {len(table.failed)} failed; "
-        f"figure in {options.out}"
+        f"{options.processes or 1} processes; {jumped} found by a search, {len(table.failed)} "
+        f"failed; figure in {options.out}"
     )
 
 
