@@ -11,6 +11,7 @@ are exact. Stops are collected and added up many at once, to save time.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +20,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.law import FORWARD
-from receding_fenicsx.interface.residual import law_residual, local_stiffness, reachable
+from receding_fenicsx.interface.residual import law_residual, reachable
 
 EVENT_RESIDUAL = 1e-11
 """Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
@@ -27,8 +28,18 @@ EVENT_RESIDUAL = 1e-11
 STOPS_AT_ONCE = 512
 """Stops after which they are added up."""
 
-Watch = Callable[[Array, Array, float], NDArray[np.intp]]
-"""Returns nodes to report, from displacements (k, 2N), load factors (k, n_loads), force scale."""
+
+class Watch(NamedTuple):
+    """Quantities outside the contact of a path that have to stay positive.
+
+    Attributes:
+        rows: (k, 2N + n_loads) the quantities, as forces, from displacements and load factors.
+        reached: returns nodes to report, from displacements (k, 2N), load factors (k, n_loads) and
+            the force scale.
+    """
+
+    rows: Array
+    reached: Callable[[Array, Array, float], NDArray[np.intp]]
 
 
 class Sums:
@@ -53,32 +64,40 @@ class Sums:
             segments: rates in known sets of states.
             point: the start.
             check_all: evaluate the residual afresh at every stop.
-            watch: called with every stop.
+            watch: looks at every stop.
         """
         n = segments.system.n
         self.segments, self.system, self.problem = segments, segments.system, point.problem
         self.force_scale, self.check_all, self.watch = point.problem.force_scale, check_all, watch
-        self.stiffness = local_stiffness(self.system)
+        self.stiffness = segments.stiffness
         self.gaps = bool(np.any(self.system.g0))
         self.dissipation, self.residual, self.excess = np.zeros(n), 0.0, 0.0
         self.work = np.zeros(len(self.system.r_star))
         self.start = point.y[: 2 * n] - np.concatenate([np.zeros(n), self.system.g0])
         self.watched = np.zeros(0, dtype=np.intp)
-        self._stops = [(point.s, point.y.copy(), point.state)]
+        self.restart(point.s, point.y, point.state)
 
     @property
     def state(self) -> States:
         """(N,) states on the way to the last stop."""
-        return self._stops[-1][2]
+        return self._states[-1]
 
     def restart(self, s: float, y: Array, state: States) -> None:
         """Continue from a corrected point, with quantities y (4N,) and states."""
-        self._stops = [(s, y.copy(), state)]
+        self._s, self._y, self._states = [np.array([s])], [y[None].copy()], [state]
+        self._verified = [True]
 
     def add_stop(self, s: float, y: Array, state: States) -> None:
         """Record a stop: its place, the quantities y (4N,), the states on the way there."""
-        self._stops.append((s, y.copy(), state))
-        if len(self._stops) > STOPS_AT_ONCE:
+        self.add_stops(np.array([s]), y[None].copy(), [state])
+
+    def add_stops(self, s: Array, y: Array, states: list[States], verified: bool = False) -> None:
+        """Record several stops, s (k,) and y (k, 4N); ``verified``: nothing there is suspected."""
+        self._s.append(s)
+        self._y.append(y)
+        self._states += states
+        self._verified += [verified] * len(states)
+        if len(self._states) > STOPS_AT_ONCE:
             self.add_up()
 
     def add_up(self, at_end: bool = False) -> None:
@@ -87,30 +106,40 @@ class Sums:
         Args:
             at_end: the last stop is the leg's end, which is checked once its round-off is removed.
         """
-        if len(self._stops) == 1:  # nothing new
+        if len(self._states) == 1:  # nothing new
             return
         n, system, (a, b) = self.system.n, self.system, self.problem.ends
-        s = np.array([stop[0] for stop in self._stops])[:, None]
-        y = np.concatenate([stop[1] for stop in self._stops]).reshape(-1, 4 * n)
+        s, y = np.concatenate(self._s)[:, None], np.concatenate(self._y)
         u, load = y[:, : 2 * n], (1.0 - s) * a + s * b
         if self.gaps:
             u = u - np.concatenate([np.zeros(n), system.g0])
-        of_A, of_B = self.segments.shares
-        twice_Q = 2.0 * of_A * y[:, 2 * n : 3 * n] - 2.0 * of_B * y[:, 3 * n :]
         slip = u[1:, :n] - u[:-1, :n]
-        dissipation = -0.25 * np.einsum("ij,ij->j", twice_Q[1:] + twice_Q[:-1], slip)
-        self.dissipation += np.where(self.segments.frictional, dissipation, 0.0)
+        self._add_dissipation(y[:, 2 * n :], slip)
         stroke = np.diff(u @ system.r_star.T, axis=0)
         self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
-        if self.watch is not None:
-            reported = self.watch(u[1:], load[1:], self.force_scale)
+        doubtful = np.flatnonzero(~np.array(self._verified))
+        if self.watch is not None and len(doubtful):
+            reported = self.watch.reached(u[doubtful], load[doubtful], self.force_scale)
             self.watched = np.union1d(self.watched, reported)
         if at_end:
-            y, u, load, slip = y[:-1], u[:-1], load[:-1], slip[:-1]
-        if len(slip) and (self.check_all or self._suspected_error(y, load) > EVENT_RESIDUAL):
-            states = np.array([stop[2] for stop in self._stops[1 : len(u)]])
-            self._check(u[1:], load[1:], slip, states)
-        self._stops = self._stops[-1:]
+            u, load, slip, doubtful = u[:-1], load[:-1], slip[:-1], doubtful[doubtful < len(slip)]
+        suspected = self.check_all or (
+            len(doubtful) and self._error(y[doubtful], load[doubtful]) > EVENT_RESIDUAL
+        )
+        if len(slip) and suspected:
+            self._check(u[1:], load[1:], slip, np.array(self._states[1 : len(u)]))
+        self._s, self._y = [self._s[-1][-1:]], [self._y[-1][-1:]]
+        self._states, self._verified = self._states[-1:], [True]
+
+    def _add_dissipation(self, margins: Array, slip: Array) -> None:
+        """Add the dissipation of slips (k, N) between margins [A, B] (k + 1, 2N)."""
+        n, (of_A, of_B) = self.system.n, self.segments.shares
+        twice = margins[1:] + margins[:-1]
+        by_A = np.einsum("ij,ij->j", twice[:, :n], slip)
+        by_B = np.einsum("ij,ij->j", twice[:, n:], slip)
+        # Q = a A - b B
+        dissipation = 0.5 * (of_B * by_B - of_A * by_A)
+        self.dissipation += np.where(self.segments.frictional, dissipation, 0.0)
 
     def accepted(self, u: Array) -> float:
         """Return the residual that is accepted at displacements u, over the force scale so far.
@@ -121,13 +150,13 @@ class Sums:
         accepted = (reachable(self.system, at, self.force_scale) for at in (self.start, u))
         return max(EVENT_RESIDUAL, *accepted)
 
-    def _suspected_error(self, y: Array, load: Array) -> float:
-        """Return the largest error over all stops, over the force scale, at little cost.
+    def _error(self, y: Array, load: Array) -> float:
+        """Return the largest error over several stops, over the force scale, at little cost.
 
         It is the amount by which a limit is passed, or by which Q and P do not belong to u.
         """
         n = self.system.n
-        passed = -float((y[1:, n:].min(axis=0) * self.segments.weight[n:]).min())
+        passed = -float((y[:, n:].min(axis=0) * self.segments.weight[n:]).min())
         return max(passed, self.segments.balance.error(y, load)) / self.force_scale
 
     def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:

@@ -58,3 +58,9 @@ class BalanceCheck:
         """
         errors = y @ self._on_y + load @ self._on_load
         return float(np.abs(errors if of_rates else errors - self._of_gaps).max())
+
+    def errors(self, y: Array, load: Array) -> Array:
+        """Return the largest of the sums at each of k instants, y (k, 4N), load (k, n_loads)."""
+        errors = y @ self._on_y + load @ self._on_load - self._of_gaps
+        largest: Array = np.abs(errors).max(axis=1)
+        return largest

@@ -18,6 +18,7 @@ from contextlib import suppress
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import Sums
 from receding_fenicsx.interface.exact.drift import drifting
@@ -39,7 +40,11 @@ LIMIT_APPROACH = 1e-9
 
 
 class ConsistentStates:
-    """Finds consistent states at the present point of a path."""
+    """Finds consistent states at the present point of a path.
+
+    Attributes:
+        by_rates: the last ones were found by their rates alone.
+    """
 
     def __init__(
         self,
@@ -61,6 +66,7 @@ class ConsistentStates:
         a, b = point.problem.ends
         self.direction = b - a
         self.on_limit = segments.limit * point.problem.force_scale
+        self.by_rates = False
 
     def find(self, hit: int | None = None) -> Segment:
         """Change states until no node on a limit is driven across it; return the rates.
@@ -88,6 +94,7 @@ class ConsistentStates:
                 segment = segments.at(state, self.direction)
                 violating = self.violations(segment)
                 if len(violating) == 0:
+                    self.by_rates = True
                     return segment
                 rounds += 1
                 if rounds > SIMULTANEOUS_ROUNDS:
@@ -150,12 +157,12 @@ class ConsistentStates:
         """
         scale = self.sums.force_scale
         if nodes is None:
-            nodes = self.segments.undecided(self.point.y, states, self.on_limit).nodes
+            nodes = undecided_nodes(self.segments, self.point.y, states, self.on_limit).nodes
         return explain(self.segments, self.point, states, scale, nodes, exhausted)
 
     def _decide(self, before: States) -> Segment:
         """Decide the nodes on limits by linear complementarity."""
-        point = self.point
+        point, self.by_rates = self.point, False
         if point.s >= self.equilibrium_ends - LIMIT_APPROACH:
             raise self.error(before)
         segment, exhausted = self._pivoted(before)
@@ -219,7 +226,7 @@ class ConsistentStates:
     def rate_problem(self, before: States) -> tuple[Undecided, NDArray[np.intp]]:
         """Return the nodes on limits, and the degrees of freedom that move freely."""
         segments, system, n = self.segments, self.segments.system, self.segments.system.n
-        undecided = segments.undecided(self.point.y, before, self.on_limit)
+        undecided = undecided_nodes(segments, self.point.y, before, self.on_limit)
         free_v = np.flatnonzero(~system.held[:n] & ~segments.frictional)
         decided_open = (before == SEPARATION) & ~np.isin(np.arange(n), undecided.nodes)
         open_n = np.flatnonzero(decided_open & ~system.held[n:])
@@ -246,3 +253,25 @@ class ConsistentStates:
         y[n : 2 * n][~open_] = 0.0
         self.sums.restart(point.s, y, before)
         return True
+
+
+def undecided_nodes(segments: Segments, y: Array, state: States, limit: Array) -> Undecided:
+    """Return the nodes that sit on a limit, sorted by which limit.
+
+    Args:
+        segments: of the condensed body.
+        y: (4N,) quantities.
+        state: (N,) states.
+        limit: (4N,) distance from a limit up to which a node sits on it.
+    """
+    n, frictional = segments.system.n, segments.frictional
+    on = (y <= limit).reshape(4, n)
+    contact = state != SEPARATION
+    touching = np.where(contact, on[2] & (on[3] | ~frictional), on[1])
+    F = frictional & contact & ~touching
+    return Undecided(
+        np.flatnonzero(F & ((state == FORWARD) | (on[2] & (state == STICK)))),
+        np.flatnonzero(F & ((state == BACKWARD) | (on[3] & (state == STICK)))),
+        np.flatnonzero(frictional & touching),
+        np.flatnonzero(segments.smooth & touching),
+    )

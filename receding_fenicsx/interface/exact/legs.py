@@ -9,10 +9,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import FORWARD, STICK
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
 
 Event = tuple[float, int, int, int]
 """Place s on the leg, node, old state, new state."""
+
+
+Change = tuple[int, int, int]
+"""Node, old state, new state."""
 
 
 class Chooser(Protocol):
@@ -137,18 +142,53 @@ class PathPoint:
         return ContactState(u, r, self.state.copy())
 
 
+class Course:
+    """What a walk notes on its way.
+
+    Attributes:
+        sample_at: places at which states are still to be stored.
+        samples: states stored so far, with their places.
+        events: changes of state so far.
+        stops: displacements at the start and at the events, where samples are asked for.
+    """
+
+    def __init__(self, problem: LegProblem) -> None:
+        """Stand at the start of a leg."""
+        self.sample_at = list(problem.samples)
+        self.samples: list[tuple[float, ContactState]] = []
+        self.events: list[Event] = []
+        self.stops = [(problem.s_start, problem.start.u)] if problem.samples else []
+
+    def add_events(self, s: float, made: list[Change]) -> None:
+        """Note changes of state at s."""
+        self.events += [(s, *change) for change in made]
+
+    def sample(self, point: PathPoint, q: Array, s_to: float) -> None:
+        """Store the states asked for up to ``s_to``, where quantities change at rates q (4N,)."""
+        while self.sample_at and self.sample_at[0] <= s_to:
+            s = self.sample_at.pop(0)
+            self.samples.append((s, point.extrapolated(s, point.y + (s - point.s) * q)))
+
+
 def evenly_spaced(samples: int) -> tuple[float, ...]:
     """Return so many places on a leg, the last one at s = 1."""
     return tuple(j / samples for j in range(1, samples + 1))
 
 
+def changed_nodes(old: NDArray[np.int8], new: NDArray[np.int8]) -> list[Change]:
+    """Return the changes between two sets of states."""
+    nodes = (old != new).nonzero()[0]
+    return list(zip(nodes.tolist(), old[nodes].tolist(), new[nodes].tolist(), strict=True))
+
+
 def changes(s: float, old: NDArray[np.int8], new: NDArray[np.int8]) -> list[Event]:
     """Return the events between two sets of states at one place of a leg."""
-    nodes = (old != new).nonzero()[0]
-    return [
-        (s, *change)
-        for change in zip(nodes.tolist(), old[nodes].tolist(), new[nodes].tolist(), strict=True)
-    ]
+    return [(s, *change) for change in changed_nodes(old, new)]
+
+
+def only_stick(made: list[Change], besides: int = -1) -> bool:
+    """Return whether all changes are from slip to stick, ``besides`` one node left out."""
+    return all((old >= FORWARD and new == STICK) or i == besides for i, old, new in made)
 
 
 def unchanged(problem: LegProblem) -> Leg:

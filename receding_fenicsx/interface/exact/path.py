@@ -202,7 +202,7 @@ class EventPath:
                 # at the end itself only round-off decides: left to the next leg
                 walk.point.s = 1.0
                 leg = walk.stop_here()
-                leg.samples += [(s, leg.end) for s in walk.sample_at]
+                leg.samples += [(s, leg.end) for s in walk.course.sample_at]
                 return leg
             if self.on_jump != "static" or not resolved:
                 raise

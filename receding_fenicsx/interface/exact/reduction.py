@@ -21,6 +21,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.exact.accumulate import Watch
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import LIMIT_TOLERANCE, Segments
 from receding_fenicsx.interface.exact.walk import Walk
@@ -105,7 +106,7 @@ class Reduction:
             start=self.shrink(problem.start),
             ends=(np.append(a, 1.0), np.append(b, 1.0)),
         )
-        walk = Walk(self.segments, reduced, check_all, watch=self.leaving)
+        walk = Walk(self.segments, reduced, check_all, watch=Watch(self.watched, self.leaving))
         walk.run(1.0)
         leg = walk.finish()
         if len(walk.sums.watched):

@@ -10,9 +10,10 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.accumulate import Sums
+from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
 from receding_fenicsx.interface.exact.legs import Event, PathPoint
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments
 from receding_fenicsx.interface.residual import REACHABLE_AT_MOST, ROUND_OFFS, residual_at_rest
@@ -70,12 +71,31 @@ class RoundOff:
         if self._events >= self._interval:
             self.remove_if_grown()
 
+    def balanced(self, s: Array, y: Array) -> NDArray[np.bool_]:
+        """Return at which of several instants there is no suspicion and nothing would be removed.
+
+        Args:
+            s: (k,) places.
+            y: (k, 4N) quantities there.
+        """
+        a, b = self._point.problem.ends
+        load = (1.0 - s[:, None]) * a + s[:, None] * b
+        accepted = min(self._accepted(), EVENT_RESIDUAL * self._sums.force_scale)
+        return self._segments.balance.errors(y, load) <= accepted
+
+    def note_balanced(self) -> None:
+        """Note that the imbalance has been measured at the last event, and is accepted."""
+        self._events, self._interval = 0, min(2 * self._interval, MEASURING_INTERVAL)
+
+    def _accepted(self) -> float:
+        """Return the imbalance up to which none is removed."""
+        least = IMBALANCE_TOLERANCE * self._sums.force_scale
+        return max(least, IMBALANCE_GROWTH * self._after_refinement)
+
     def remove_if_grown(self) -> None:
         """Remove the imbalance if it has grown; measure it the more often the faster it grows."""
         self._events = 0
-        grown = self.imbalance() > max(
-            IMBALANCE_TOLERANCE * self._sums.force_scale, IMBALANCE_GROWTH * self._after_refinement
-        )
+        grown = self.imbalance() > self._accepted()
         interval = self._interval // 2 if grown else 2 * self._interval
         self._interval = min(max(interval, 1), MEASURING_INTERVAL)
         if grown:

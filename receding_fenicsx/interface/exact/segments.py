@@ -10,21 +10,17 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 from math import sqrt
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.balance import BalanceCheck
+from receding_fenicsx.interface.exact.legs import Change
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.tableau import (
-    A,
-    B,
-    Tableau,
-    limit_distances,
-)
+from receding_fenicsx.interface.exact.tableau import A, B, Tableau, limit_distances
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
-from receding_fenicsx.interface.lcp.contact import Undecided
 from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.rigid_motions import (
     RIGID_TOLERANCE,
@@ -56,14 +52,31 @@ REFINEMENTS_BEFORE_REBUILD = 0.05
 """Refinements, over the number of contact freedoms, that take as long as a new tableau."""
 
 SMALL_FRICTION = 0.1
-"""Friction below which the tolerance of the margins A and B is reduced in proportion to it: both
-are small because f is, and only a node without pressure may count as on both limits at once."""
+"""Friction below which the tolerance of A and B is reduced in proportion to it: both are small
+because f is, and only a node without pressure may count as on both limits at once."""
 
 TINY_FRICTION = 1e-3
 """Friction below which the rates A + B of slipping nodes are computed from P itself."""
 
 CACHE_BYTES = 2**26
 """Memory for the rates of sets of states that have been met before."""
+
+
+class Following(NamedTuple):
+    """What came of an event: label of the quantity at its limit, states and rates after it."""
+
+    label: int
+    state: States
+    segment: Segment
+    changes: list[Change]
+
+
+@dataclass
+class Pace:
+    """How many known events to replay at once, and after how many to try again."""
+
+    longest: int = 16
+    pause: int = 0
 
 
 @dataclass(slots=True)
@@ -75,15 +88,18 @@ class Segment:
         falling: labels of quantities that must stay >= 0 and fall.
         time: (len(falling),) -1 / rate of each.
         reversed_nodes: slipping nodes whose rate contradicts their state.
-        next: by the label of the quantity that reached its limit, what came of it: states, segment
-            and change (node, old, new).
+        next: what came of the events met here by their labels, of the start of a leg by -1.
+        last: what came of the event met last.
+        row: q and the rates of the quantities that are watched; None until first replayed.
     """
 
     q: Array
     falling: NDArray[np.intp]
     time: Array
     reversed_nodes: NDArray[np.intp]
-    next: dict[int, tuple[States, Segment, tuple[int, int, int]]] = field(default_factory=dict)
+    next: dict[int, Following] = field(default_factory=dict)
+    last: Following | None = None
+    row: Array | None = None
 
 
 class Segments:
@@ -95,11 +111,13 @@ class Segments:
         smooth: (N,) nodes without friction, or held tangentially.
         weight: (4N,) brings every entry of y to the size of a nodal force.
         limit: (4N,) distance from a limit, per unit of force scale, up to which a node sits on it.
+        stiffness: local stiffnesses, tangential and normal.
         friction: coefficients of friction.
         shares: (N,) factors a, b of Q = a A - b B.
         balance: check that forces and displacements belong together.
         trials: sets of states whose rates were computed.
         refinements: refinements of rates since the tableau was made.
+        pace: how many events to replay at once.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
     """
@@ -113,7 +131,8 @@ class Segments:
         self.smooth = normal & ~self.frictional
         f = system.friction.mean
         force = 1.0 / np.maximum(1.0, f)
-        stiffness = np.concatenate(local_stiffness(system))
+        self.stiffness = local_stiffness(system)
+        stiffness = np.concatenate(self.stiffness)
         self._pin = float(stiffness.max())
         self.weight = np.concatenate([stiffness, force, force])
         scale = np.where(self.frictional, np.minimum(1.0, f / SMALL_FRICTION), 1.0)
@@ -126,6 +145,7 @@ class Segments:
         self.lifts_freely = has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
+        self.pace = Pace()
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
         self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
@@ -190,8 +210,14 @@ class Segments:
         made = self._make(state, direction)
         self._known[key] = made
         if len(self._known) * 2 * made.q.nbytes > CACHE_BYTES:
-            self._known.popitem(last=False)[1].next.clear()
+            oldest = self._known.popitem(last=False)[1]
+            oldest.next.clear()
+            oldest.last = None
         return made
+
+    def known(self, state: States, direction: Array) -> Segment | None:
+        """Return the same if they are remembered."""
+        return self._known.get((state.tobytes(), direction.tobytes()))
 
     def _make(self, state: States, direction: Array) -> Segment:
         q = self._rates(state, direction)
@@ -268,23 +294,3 @@ class Segments:
         gap = np.where(contact & (self.frictional | self.smooth), 0.0, self.system.g0 + state.w)
         # a gap keeps its round-off: times the stiffness it would be a force out of balance
         return np.concatenate([state.v, gap, forward, backward])
-
-    def undecided(self, y: Array, state: States, limit: Array) -> Undecided:
-        """Return the nodes that sit on a limit, sorted by which limit.
-
-        Args:
-            y: (4N,) quantities.
-            state: (N,) states.
-            limit: (4N,) distance from a limit up to which a node sits on it.
-        """
-        n = self.system.n
-        on = (y <= limit).reshape(4, n)
-        contact = state != SEPARATION
-        touching = np.where(contact, on[2] & (on[3] | ~self.frictional), on[1])
-        F = self.frictional & contact & ~touching
-        return Undecided(
-            np.flatnonzero(F & ((state == FORWARD) | (on[2] & (state == STICK)))),
-            np.flatnonzero(F & ((state == BACKWARD) | (on[3] & (state == STICK)))),
-            np.flatnonzero(self.frictional & touching),
-            np.flatnonzero(self.smooth & touching),
-        )

@@ -116,6 +116,7 @@ class Tableau:
         self.frictional = loose & normal & system.friction.present
         self.smooth = normal & ~self.frictional
         self.free_v = loose & ~self.frictional
+        self._limited = self.frictional | self.smooth
         # pivots are compared with 1: displacements are multiplied by a typical stiffness, a power
         # of two, so that the unit of the stiffness changes no digit
         diagonal = np.abs(np.diagonal(system.K))
@@ -169,7 +170,7 @@ class Tableau:
 
     def _different(self, one: NDArray[np.int8], other: NDArray[np.int8]) -> NDArray[np.intp]:
         """Return the nodes that are in different states, those without any limit left out."""
-        return np.flatnonzero((one != other) & (self.frictional | self.smooth))
+        return ((one != other) & self._limited).nonzero()[0]
 
     def _exchanges(
         self, nodes: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]

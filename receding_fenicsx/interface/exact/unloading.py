@@ -10,8 +10,10 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.accumulate import Sums
+from receding_fenicsx.interface.exact.segments import EPSILON, Segments
 from receding_fenicsx.interface.law import STICK
+from receding_fenicsx.interface.residual import ROUND_OFFS
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 UNLOADED_FORCE = 1e-11
@@ -83,3 +85,14 @@ def displacements_at_rest(segments: Segments, end: ContactState) -> Array:
         u[:n] = (end.v[stuck] if stuck.any() else end.v).mean()
     u[:n][system.held[:n]] = end.v[system.held[:n]]
     return u
+
+
+def keeps_limits(segments: Segments, sums: Sums, y: Array) -> bool:
+    """Return whether y (4N,) at the end of unloading passes limits by round-off at most."""
+    n, weight = segments.system.n, segments.weight
+    # gaps keep the round-off of the displacements at the start of the leg
+    at_start = float(np.abs(sums.start * weight[: 2 * n]).max())
+    allowed = UNLOADED_FORCE * sums.force_scale
+    gaps = max(allowed, ROUND_OFFS * EPSILON * at_start)
+    passed = y * weight
+    return bool(passed[2 * n :].min() >= -allowed and passed[n : 2 * n].min() >= -gaps)

@@ -7,19 +7,26 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Watch
+from receding_fenicsx.interface.exact.chain import START_OF_LEG, Replay
 from receding_fenicsx.interface.exact.consistency import ConsistentStates
-from receding_fenicsx.interface.exact.legs import Event, LegProblem, PathPoint, changes
+from receding_fenicsx.interface.exact.legs import (
+    Course,
+    LegProblem,
+    PathPoint,
+    changed_nodes,
+    only_stick,
+)
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.round_off import RoundOff, displacement_uncertainty
-from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments
+from receding_fenicsx.interface.exact.segments import Following, Segment, Segments
 from receding_fenicsx.interface.exact.unloading import (
-    UNLOADED_FORCE,
     UNLOADING_EVENTS,
     UNLOADING_REFINEMENTS,
     UNLOADING_ROUND_OFF,
     displacements_at_rest,
+    keeps_limits,
 )
-from receding_fenicsx.interface.residual import ROUND_OFFS, residual_at_rest
+from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.system import ContactState, Leg
 
 SIMULTANEOUS = 1e-9
@@ -41,10 +48,8 @@ class Walk:
         states: search for consistent states.
         sums: dissipation, work and residual so far.
         round_off: imbalance of displacements and forces.
-        sample_at: places at which states are still to be stored.
-        samples: states stored so far, with their places.
-        events: changes of state so far.
-        stops: displacements at the start and at the events, where samples are asked for.
+        course: samples, events and stops so far.
+        replay: passes known events many at once.
     """
 
     def __init__(
@@ -74,10 +79,8 @@ class Walk:
         self.sums = Sums(segments, self.point, check_all, watch)
         self.states = ConsistentStates(segments, self.point, self.sums, equilibrium_ends)
         self.round_off = RoundOff(segments, self.point, self.sums)
-        self.sample_at = list(problem.samples)
-        self.samples: list[tuple[float, ContactState]] = []
-        self.events: list[Event] = []
-        self.stops = [(problem.s_start, start.u)] if problem.samples else []
+        self.course = Course(problem)
+        self.replay = Replay(segments, self.point, self.sums, self.round_off)
         self._accept_round_off = accept_round_off
         self._unloading = not np.any(problem.ends[1])
         self._trials_before = segments.trials
@@ -93,7 +96,15 @@ class Walk:
         point, y = self.point, self.point.y
         segment = self._consistent()
         looked_at = True
+        # towards complete unloading every event is looked at
+        replayed_to = s_end - (UNLOADING_EVENTS if self._unloading else END_TOLERANCE)
         while True:
+            at = point.s
+            following = self.replay.follow(segment, replayed_to, self.course)
+            if following is not None:
+                segment, looked_at = following, False
+                if point.s - at <= SIMULTANEOUS:
+                    self._check_progress()
             times = y[segment.falling] * segment.time
             k = int(times.argmin()) if len(times) else -1
             first = float(times[k]) if k >= 0 else np.inf
@@ -107,14 +118,13 @@ class Walk:
                     self._end_at(unloaded, segment, s_end)
                     return
             ds = s_end - point.s if last else max(first, 0.0)
-            if self.sample_at and self.sample_at[0] <= point.s + ds:
-                self._sample(segment, point.s + ds)
+            self.course.sample(point, segment.q, point.s + ds)
             self._advance(segment, ds)
             if last:
                 point.s = s_end
                 return
             if self.problem.samples:
-                self.stops.append((point.s, point.displacements(y)))
+                self.course.stops.append((point.s, point.displacements(y)))
             if ds <= SIMULTANEOUS:
                 self._check_progress()
             segment, looked_at = self._event(int(segment.falling[k]), segment)
@@ -128,29 +138,19 @@ class Walk:
         if left - first > UNLOADING_EVENTS:
             return None
         y = self.point.y + left * segment.q
-        if left - first <= UNLOADING_ROUND_OFF and self._keeps_limits(y):
+        if left - first <= UNLOADING_ROUND_OFF and keeps_limits(self.segments, self.sums, y):
             return y
         if np.any(self.problem.load(s_end)):
             return None
         # the round-off of large displacements before is no error at the end
         y = self.segments.margins(self.round_off.refined(s_end, y, UNLOADING_REFINEMENTS))
-        return y if self._keeps_limits(y) else None
-
-    def _keeps_limits(self, y: Array) -> bool:
-        """Return whether quantities at the end of unloading pass limits by round-off at most."""
-        n, weight = self.system.n, self.segments.weight
-        # gaps keep the round-off of the displacements at the start of the leg
-        at_start = float(np.abs(self.sums.start * weight[: 2 * n]).max())
-        allowed = UNLOADED_FORCE * self.sums.force_scale
-        gaps = max(allowed, ROUND_OFFS * EPSILON * at_start)
-        passed = y * weight
-        return bool(passed[2 * n :].min() >= -allowed and passed[n : 2 * n].min() >= -gaps)
+        return y if keeps_limits(self.segments, self.sums, y) else None
 
     def _end_at(self, y: Array, segment: Segment, s_end: float) -> None:
         """Move on to the end of unloading, where the quantities (4N,) are given."""
-        self._sample(segment, float(np.nextafter(s_end, 0.0)))
+        self.course.sample(self.point, segment.q, float(np.nextafter(s_end, 0.0)))
         self.point.y[:], self.point.s = y, s_end
-        self._sample(segment, s_end)
+        self.course.sample(self.point, segment.q, s_end)
         self.sums.add_stop(s_end, self.point.y, self.point.state)
 
     def _advance(self, segment: Segment, ds: float) -> None:
@@ -161,24 +161,20 @@ class Walk:
         self.sums.add_stop(point.s, y, point.state)
 
     def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
-        """Pass the event at which a quantity reached its limit.
-
-        Returns:
-            The rates after it, and whether all nodes on limits have been looked at.
-        """
+        """Pass an event; return the rates after it, and whether all on limits were looked at."""
         point, states = self.point, self.states
         point.y[label] = 0.0
         if self.problem.chooser is not None:
             following = self._consistent(label)
             self.round_off.count_event()
             return following, True
-        known = segment.next.get(label)
+        known = segment.last = segment.next.get(label)
         if known is not None:
-            point.state, following, change = known
-            self.events.append((point.s, *change))
+            point.state = known.state
+            self.course.add_events(point.s, known.changes)
             self.round_off.count_event()
-            return following, False
-        before = point.state
+            return known.segment, False
+        before, i = point.state, label % len(point.state)
         point.state = before.copy()
         states.change([label])
         try:
@@ -187,22 +183,34 @@ class Walk:
         except SingularExchange:
             alone = False
         if alone:
-            i = label % len(before)
-            change = i, int(before[i]), int(point.state[i])
-            self.events.append((point.s, *change))
-            # where others change too they may sit on limits by chance: not to be repeated
-            segment.next[label] = point.state, following, change
+            made = [(i, int(before[i]), int(point.state[i]))]
+            self.course.add_events(point.s, made)
         else:
             point.state = before
             following = self._consistent(label)
+            made = changed_nodes(before, point.state)
+        # others that sit on limits by chance are not to be repeated, those that cease to slip are
+        if alone or (states.by_rates and only_stick(made, i)):
+            segment.next[label] = segment.last = Following(label, point.state, following, made)
         self.round_off.count_event()
         return following, True
 
     def _consistent(self, hit: int | None = None) -> Segment:
         """Bring the states to consistent ones; return their rates."""
-        before = self.point.state
-        segment = self.states.find(hit)
-        self.events += changes(self.point.s, before, self.point.state)
+        point, states, before = self.point, self.states, self.point.state
+        afresh = hit is None and self.problem.chooser is None
+        first = self.segments.known(before, states.direction) if afresh else None
+        if first is not None and len(first.reversed_nodes):
+            turned = first.next.get(START_OF_LEG)
+            if turned is not None and len(states.violations(turned.segment)) == 0:
+                point.state = turned.state
+                self.course.add_events(point.s, turned.changes)
+                return turned.segment
+        segment = states.find(hit)
+        made = changed_nodes(before, point.state)
+        self.course.add_events(point.s, made)
+        if first is not None and states.by_rates and only_stick(made):
+            first.next[START_OF_LEG] = Following(START_OF_LEG, point.state, segment, made)
         return segment
 
     def _check_progress(self) -> None:
@@ -213,14 +221,6 @@ class Walk:
         self._events_here += 1
         if self._events_here > EVENTS_WITHOUT_PROGRESS * self.system.n:
             raise self.states.error(point.state, np.zeros(0, dtype=np.intp))
-
-    def _sample(self, segment: Segment, s_to: float) -> None:
-        """Store the states asked for on the present segment."""
-        point = self.point
-        while self.sample_at and self.sample_at[0] <= s_to:
-            s = self.sample_at.pop(0)
-            y = point.y + (s - point.s) * segment.q
-            self.samples.append((s, point.extrapolated(s, y)))
 
     def stop_here(self) -> Leg:
         """Return the leg up to the place where the path ends.
@@ -255,16 +255,16 @@ class Walk:
         if at_rest:
             u = displacements_at_rest(self.segments, end)
             end = ContactState(u, np.zeros_like(u), end.state)
-            self.samples += [(s, end) for s in self.sample_at]
+            self.course.samples += [(s, end) for s in self.course.sample_at]
         return Leg(
             end=end,
             dissipation=sums.dissipation,
             work=float(sums.work.sum()),
             residual=residual,
             force_scale=sums.force_scale,
-            samples=self.samples,
-            events=self.events,
-            stops=self.stops,
+            samples=self.course.samples,
+            events=self.course.events,
+            stops=self.course.stops,
         )
 
     def _refined_end(self) -> ContactState:
@@ -296,4 +296,5 @@ class Walk:
             return False
         states = self.problem.start, end
         scale = self.sums.force_scale
-        return residual <= displacement_uncertainty(self.segments, states, self.events, scale)
+        events = self.course.events
+        return residual <= displacement_uncertainty(self.segments, states, events, scale)
