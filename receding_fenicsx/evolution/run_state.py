@@ -205,7 +205,7 @@ class RunState:
             residual=max(before.residual, leg.residual),
             energy_error=max(before.energy_error, error),
             sweeps=before.sweeps + leg.sweeps,
-            events=before.events + int(sum(self._images[event[1]] for event in leg.events)),
+            events=before.events + int(self._images[[event[1] for event in leg.events]].sum()),
             jumps=before.jumps + len(leg.jumps),
             released=before.released + sum(energy for _, energy in leg.jumps),
         )

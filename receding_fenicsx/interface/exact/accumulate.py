@@ -80,25 +80,31 @@ class Sums:
     @property
     def state(self) -> States:
         """(N,) states on the way to the last stop."""
-        return self._states[-1]
+        return self._stops[-1][2]
 
     def restart(self, s: float, y: Array, state: States) -> None:
         """Continue from a corrected point, with quantities y (4N,) and states."""
-        self._s, self._y, self._states = [np.array([s])], [y[None].copy()], [state]
-        self._verified = [True]
+        self._stops = [(s, y.copy(), state)]
 
     def add_stop(self, s: float, y: Array, state: States) -> None:
         """Record a stop: its place, the quantities y (4N,), the states on the way there."""
-        self.add_stops(np.array([s]), y[None].copy(), [state])
-
-    def add_stops(self, s: Array, y: Array, states: list[States], verified: bool = False) -> None:
-        """Record several stops, s (k,) and y (k, 4N); ``verified``: nothing there is suspected."""
-        self._s.append(s)
-        self._y.append(y)
-        self._states += states
-        self._verified += [verified] * len(states)
-        if len(self._states) > STOPS_AT_ONCE:
+        self._stops.append((s, y.copy(), state))
+        if len(self._stops) > STOPS_AT_ONCE:
             self.add_up()
+
+    def add_verified(self, s: Array, y: Array, states: list[States]) -> None:
+        """Add up stops at which nothing is suspected, nor any watched quantity near its limit.
+
+        Args:
+            s: (k + 1,) place of the last stop, and of k more.
+            y: (k + 1, 4N) quantities there.
+            states: k states on the way to each.
+        """
+        self.add_up()
+        u, load, slip = self._integrate(s[:, None], y)
+        if self.check_all:
+            self._check(u[1:], load[1:], slip, np.array(states))
+        self.restart(float(s[-1]), y[-1], states[-1])
 
     def add_up(self, at_end: bool = False) -> None:
         """Add up the stops since the last time, and check their residuals.
@@ -106,40 +112,38 @@ class Sums:
         Args:
             at_end: the last stop is the leg's end, which is checked once its round-off is removed.
         """
-        if len(self._states) == 1:  # nothing new
+        if len(self._stops) == 1:  # nothing new
             return
+        s = np.array([stop[0] for stop in self._stops])[:, None]
+        y = np.concatenate([stop[1] for stop in self._stops]).reshape(-1, 4 * self.system.n)
+        u, load, slip = self._integrate(s, y)
+        if self.watch is not None:
+            reported = self.watch.reached(u[1:], load[1:], self.force_scale)
+            self.watched = np.union1d(self.watched, reported)
+        if at_end:
+            y, u, load, slip = y[:-1], u[:-1], load[:-1], slip[:-1]
+        if len(slip) and (self.check_all or self._suspected_error(y, load) > EVENT_RESIDUAL):
+            states = np.array([stop[2] for stop in self._stops[1 : len(u)]])
+            self._check(u[1:], load[1:], slip, states)
+        self._stops = self._stops[-1:]
+
+    def _integrate(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Add dissipation and work between stops; return displacements, loads and slips there."""
         n, system, (a, b) = self.system.n, self.system, self.problem.ends
-        s, y = np.concatenate(self._s)[:, None], np.concatenate(self._y)
         u, load = y[:, : 2 * n], (1.0 - s) * a + s * b
         if self.gaps:
             u = u - np.concatenate([np.zeros(n), system.g0])
         slip = u[1:, :n] - u[:-1, :n]
-        self._add_dissipation(y[:, 2 * n :], slip)
-        stroke = np.diff(u @ system.r_star.T, axis=0)
-        self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
-        doubtful = np.flatnonzero(~np.array(self._verified))
-        if self.watch is not None and len(doubtful):
-            reported = self.watch.reached(u[doubtful], load[doubtful], self.force_scale)
-            self.watched = np.union1d(self.watched, reported)
-        if at_end:
-            u, load, slip, doubtful = u[:-1], load[:-1], slip[:-1], doubtful[doubtful < len(slip)]
-        suspected = self.check_all or (
-            len(doubtful) and self._error(y[doubtful], load[doubtful]) > EVENT_RESIDUAL
-        )
-        if len(slip) and suspected:
-            self._check(u[1:], load[1:], slip, np.array(self._states[1 : len(u)]))
-        self._s, self._y = [self._s[-1][-1:]], [self._y[-1][-1:]]
-        self._states, self._verified = self._states[-1:], [True]
-
-    def _add_dissipation(self, margins: Array, slip: Array) -> None:
-        """Add the dissipation of slips (k, N) between margins [A, B] (k + 1, 2N)."""
-        n, (of_A, of_B) = self.system.n, self.segments.shares
-        twice = margins[1:] + margins[:-1]
+        of_A, of_B = self.segments.shares
+        twice = y[1:, 2 * n :] + y[:-1, 2 * n :]
         by_A = np.einsum("ij,ij->j", twice[:, :n], slip)
         by_B = np.einsum("ij,ij->j", twice[:, n:], slip)
         # Q = a A - b B
         dissipation = 0.5 * (of_B * by_B - of_A * by_A)
         self.dissipation += np.where(self.segments.frictional, dissipation, 0.0)
+        stroke = np.diff(u @ system.r_star.T, axis=0)
+        self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
+        return u, load, slip
 
     def accepted(self, u: Array) -> float:
         """Return the residual that is accepted at displacements u, over the force scale so far.
@@ -150,13 +154,13 @@ class Sums:
         accepted = (reachable(self.system, at, self.force_scale) for at in (self.start, u))
         return max(EVENT_RESIDUAL, *accepted)
 
-    def _error(self, y: Array, load: Array) -> float:
-        """Return the largest error over several stops, over the force scale, at little cost.
+    def _suspected_error(self, y: Array, load: Array) -> float:
+        """Return the largest error over all stops, over the force scale, at little cost.
 
         It is the amount by which a limit is passed, or by which Q and P do not belong to u.
         """
         n = self.system.n
-        passed = -float((y[:, n:].min(axis=0) * self.segments.weight[n:]).min())
+        passed = -float((y[1:, n:].min(axis=0) * self.segments.weight[n:]).min())
         return max(passed, self.segments.balance.error(y, load)) / self.force_scale
 
     def _check(self, u: Array, load: Array, slip: Array, states: NDArray[np.int8]) -> None:

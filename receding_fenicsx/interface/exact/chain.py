@@ -16,8 +16,8 @@ last one by itself.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from itertools import pairwise
+from operator import is_
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,6 +45,9 @@ SHORTEST, LONGEST = 8, 256
 WORTH_WHILE = 8
 """Events passed by a replay below which further ones are put off."""
 
+KEPT_CHAINS = 8
+"""Chains whose stacked rates are kept."""
+
 LONGEST_PAUSE = 32
 """Events after which a replay is tried again at most."""
 
@@ -52,21 +55,33 @@ PASSED_BY_ROUND_OFF = 8.0
 """Round-offs of the force scale by which a falling quantity may pass its limit at an event."""
 
 
-@dataclass(frozen=True)
-class Stretch:
-    """Verified events of a chain.
+class Chain:
+    """Segments that followed one another last.
 
     Attributes:
-        s: (m,) places of the events.
-        y: (m, 4N) quantities there.
-        segments: m segments that lead to them.
-        following: what came of each event.
+        segments: k segments.
+        following: what came of the event at the end of each.
+        labels: (k,) quantities that reached their limits.
+        rows: (k, 4N + watched) rates.
+        changes: (node, old, new) of all changes of state, in order.
+        event_of: (number of changes,) the event of each.
     """
 
-    s: Array
-    y: Array
-    segments: list[Segment]
-    following: list[Following]
+    def __init__(self, segments: list[Segment], following: list[Following]) -> None:
+        """Stack the rates."""
+        self.segments, self.following = segments, following
+        self.labels = np.array([step.label for step in following])
+        self.rows = np.concatenate([segment.row for segment in segments])
+        self.rows = self.rows.reshape(len(segments), -1)
+        self.changes = [change for step in following for change in step.changes]
+        self.event_of = np.repeat(
+            np.arange(len(following)), [len(step.changes) for step in following]
+        )
+
+    def matches(self, following: list[Following]) -> bool:
+        """Return whether this is the chain of the given events."""
+        known = self.following
+        return len(known) == len(following) and all(map(is_, known, following))
 
 
 class Replay:
@@ -109,29 +124,50 @@ class Replay:
         Returns:
             The rates after the last event passed; None where none was.
         """
-        segments, point = self._segments, self._point
+        point = self._point
         self._wait -= 1
         if self._wait > 0:
             return None
-        chain, following = _foreseen(segment, segments.pace.longest)
-        if len(chain) < SHORTEST:
+        chain = self._foreseen(segment)
+        if chain is None:
             return None
-        passed = self._verified(chain, following, s_end)
-        m = len(passed.s)
-        self._adapt(m, len(chain))
+        s, y = self._verified(chain, s_end)
+        m = len(s)
+        self._adapt(m, len(chain.labels))
         if m == 0:
             return None
-        states = [point.state, *(step.state for step in passed.following)]
-        self._note(passed, states, course)
-        self._sums.add_stops(passed.s, passed.y, states[:-1], verified=True)
-        last = passed.following[-1]
-        point.s, point.state, point.y[:] = float(passed.s[-1]), last.state, passed.y[-1]
+        last = chain.following[m - 1]
+        states = [point.state, *(step.state for step in chain.following[:m])]
+        stops = np.concatenate([[point.s], s])
+        self._note(chain, s, y[1:], states, course)
+        self._sums.add_verified(stops, y, states[:-1])
+        point.s, point.state, point.y[:] = float(s[-1]), last.state, y[-1]
         # what has reached its limit and stays there is exactly zero
-        reached = np.array([step.label for step in passed.following])
-        zero = point.y[reached] <= self._passed[reached]
-        point.y[reached[zero]] = 0.0
+        reached = chain.labels[:m]
+        point.y[reached[point.y[reached] <= self._passed[reached]]] = 0.0
         self._round_off.note_balanced()
         return last.segment
+
+    def _foreseen(self, segment: Segment) -> Chain | None:
+        """Return the chain of segments that followed one another last; None if it is too short."""
+        longest, known = self._segments.pace.longest, self._segments.chains
+        start, step, segments = segment, segment.last, []
+        following: list[Following] = []
+        while step is not None and len(following) < longest:
+            segments.append(segment)
+            following.append(step)
+            segment = step.segment
+            step = segment.last
+        if len(following) < SHORTEST:
+            return None
+        chain = known.pop(id(start), None)
+        if chain is None or not chain.matches(following):
+            self._complete(segments)
+            chain = Chain(segments, following)
+        known[id(start)] = chain
+        if len(known) > KEPT_CHAINS:
+            del known[next(iter(known))]
+        return chain
 
     def _adapt(self, passed: int, foreseen: int) -> None:
         """Adapt the length of the next replay, and how long to wait for it."""
@@ -145,46 +181,46 @@ class Replay:
         else:
             pace.pause //= 4
 
-    def _note(self, passed: Stretch, states: list[States], course: Course) -> None:
+    def _note(
+        self, chain: Chain, places: Array, y: Array, states: list[States], course: Course
+    ) -> None:
         """Note events, samples and stops; move the point to the event before the last sample."""
-        point, s = self._point, passed.s.tolist()
-        course.events += [
-            (at, *change)
-            for at, step in zip(s, passed.following, strict=True)
-            for change in step.changes
-        ]
+        point, s, of = self._point, places.tolist(), chain.event_of
+        of = of[: np.searchsorted(of, len(s))]
+        made = zip(places[of].tolist(), chain.changes, strict=False)
+        course.events += [(at, *change) for at, change in made]
         if course.stops:
-            course.stops += [
-                (at, point.displacements(y)) for at, y in zip(s, passed.y, strict=True)
-            ]
+            course.stops += [(at, point.displacements(row)) for at, row in zip(s, y, strict=True)]
         while course.sample_at and course.sample_at[0] <= s[-1]:
-            k = int(np.searchsorted(passed.s, course.sample_at[0]))
+            k = int(np.searchsorted(places, course.sample_at[0]))
             if k > 0:
-                point.s, point.y[:], point.state = s[k - 1], passed.y[k - 1], states[k]
-            course.sample(point, passed.segments[k].q, s[k])
+                point.s, point.y[:], point.state = s[k - 1], y[k - 1], states[k]
+            course.sample(point, chain.segments[k].q, s[k])
 
-    def _verified(self, chain: list[Segment], following: list[Following], s_end: float) -> Stretch:
-        """Return the events of a chain up to the first one that does not hold."""
-        point = self._point
-        self._complete(chain)
-        labels = np.array([step.label for step in following])
-        rows = np.concatenate([segment.row for segment in chain]).reshape(len(chain), -1)
+    def _verified(self, chain: Chain, s_end: float) -> tuple[Array, Array]:
+        """Return the events of a chain up to the first one that does not hold.
+
+        Returns:
+            (m,) places of the events, and (m + 1, 4N) quantities at the present point and at them.
+        """
+        point, rows, labels = self._point, chain.rows, chain.labels
+        s, y = np.zeros(0), point.y[None]
         h, singular = dtrtrs(rows[:, labels], -point.y[labels], trans=1)
-        m = 0
-        if not singular:
-            s = point.s + h.cumsum()
-            m = _leading((h >= 0.0) & (s < s_end))
-        if m:
-            y = self._summed(h[:m], rows[:m], labels[:m])
-            m = self._within_limits(y, chain)
-        if m:
-            y = y[:m, : 4 * len(point.state)]
-            m = _leading(self._round_off.balanced(s[:m], y))
-            if m == 0:
-                self._round_off.remove_if_grown()
-        if not m:
-            return Stretch(np.zeros(0), np.zeros((0, 0)), [], [])
-        return Stretch(s[:m], y[:m], chain[:m], following[:m])
+        if singular:
+            return s, y
+        places = point.s + h.cumsum()
+        m = _leading((h >= 0.0) & (places < s_end))
+        if m == 0:
+            return s, y
+        y = self._summed(h[:m], rows[:m], labels[:m])
+        m = self._within_limits(y[1:], chain)
+        s, y = places[:m], y[: m + 1, : 4 * len(point.state)]
+        if m == 0:
+            return s, y
+        m = _leading(self._round_off.balanced(s, y[1:]))
+        if m == 0:
+            self._round_off.remove_if_grown()
+        return s[:m], y[: m + 1]
 
     def _complete(self, chain: list[Segment]) -> None:
         """Add the rates of the watched quantities to the segments that lack them."""
@@ -200,19 +236,20 @@ class Replay:
             segment.row = row.copy()
 
     def _summed(self, h: Array, rows: Array, labels: Array) -> Array:
-        """Return all quantities at the events, the watched ones last."""
+        """Return all quantities at the present point and at the events, the watched ones last."""
         point = self._point
-        y = h[:, None] * rows
-        y[0, : len(point.y)] += point.y
+        y = np.empty((len(h) + 1, rows.shape[1]))
+        y[0, : len(point.y)] = point.y
         if self._watch is not None:
             now = np.concatenate([point.displacements(point.y), point.load])
-            y[0, len(point.y) :] += self._watch.rows @ now
+            y[0, len(point.y) :] = self._watch.rows @ now
+        np.multiply(h[:, None], rows, out=y[1:])
         for before, row in pairwise(y):
             row += before
-        y[np.arange(len(y)), labels] = 0.0
+        y[np.arange(1, len(y)), labels] = 0.0
         return y
 
-    def _within_limits(self, y: Array, chain: list[Segment]) -> int:
+    def _within_limits(self, y: Array, chain: Chain) -> int:
         """Return how many events are reached before a quantity has passed its limit."""
         n = len(self._point.state)
         low = y[:, n:] < self._floor
@@ -221,22 +258,9 @@ class Replay:
             if passed[-1] >= 3 * n or np.any(y[k, n + passed] < self._lowest[passed]):
                 return k
             # what falls too slowly to count as falling may pass by as much as counts as on a limit
-            if np.isin(n + passed, chain[k].falling).any():
+            if np.isin(n + passed, chain.segments[k].falling).any():
                 return k
         return len(y)
-
-
-def _foreseen(segment: Segment, longest: int) -> tuple[list[Segment], list[Following]]:
-    """Return the chain of segments that followed one another last, and what came of each."""
-    chain: list[Segment] = []
-    following: list[Following] = []
-    step = segment.last
-    while step is not None and len(chain) < longest:
-        chain.append(segment)
-        following.append(step)
-        segment = step.segment
-        step = segment.last
-    return chain, following
 
 
 def _leading(holds: NDArray[np.bool_]) -> int:

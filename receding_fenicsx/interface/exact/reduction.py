@@ -111,7 +111,7 @@ class Reduction:
         leg = walk.finish()
         if len(walk.sums.watched):
             return walk.sums.watched
-        end = self.expand(leg.end, b)
+        end, nodes = self.expand(leg.end, b), self.nodes.tolist()
         dissipation = np.zeros(n)
         dissipation[self.nodes] = leg.dissipation
         scale = max(leg.force_scale, float(np.abs(end.r).max()))
@@ -123,7 +123,7 @@ class Reduction:
             residual=residual,
             force_scale=scale,
             samples=[(s, self.expand(state, problem.load(s))) for s, state in leg.samples],
-            events=[(s, int(self.nodes[i]), old, new) for s, i, old, new in leg.events],
+            events=[(s, nodes[i], old, new) for s, i, old, new in leg.events],
             stops=[(s, self.displacements(u, problem.load(s))) for s, u in leg.stops],
         )
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 from math import sqrt
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -118,6 +118,7 @@ class Segments:
         trials: sets of states whose rates were computed.
         refinements: refinements of rates since the tableau was made.
         pace: how many events to replay at once.
+        chains: stacked chains of segments, by the identity of the first.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
     """
@@ -146,6 +147,7 @@ class Segments:
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
         self.pace = Pace()
+        self.chains: dict[int, Any] = {}
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
         self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
