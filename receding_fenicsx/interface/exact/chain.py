@@ -85,7 +85,11 @@ class Chain:
 
 
 class Replay:
-    """Replays chains of known segments along one leg."""
+    """Replays chains of known segments along one leg.
+
+    Attributes:
+        active: whether to replay at all; not where every event is to be passed by itself.
+    """
 
     def __init__(
         self, segments: Segments, point: PathPoint, sums: Sums, round_off: RoundOff
@@ -104,7 +108,7 @@ class Replay:
         a, b = point.problem.ends
         self._direction = b - a
         self._watch: Watch | None = sums.watch
-        self._wait = 0
+        self.active, self._wait = True, 0
         n_watched = 0 if sums.watch is None else len(sums.watch.rows)
         self._passed = PASSED_BY_ROUND_OFF * EPSILON * scale / segments.weight
         # what has to stay above it: gap, A, B, then the watched quantities
@@ -126,7 +130,7 @@ class Replay:
         """
         point = self._point
         self._wait -= 1
-        if self._wait > 0:
+        if self._wait > 0 or not self.active:
             return None
         chain = self._foreseen(segment)
         if chain is None:
