@@ -77,9 +77,10 @@ def record_of(
 def _uniqueness(mirror: Mirror, found: Uniqueness) -> PathUniqueness:
     """Return the uniqueness of the path, with nodes of the whole contact."""
     nodes = sorted(j for i in found.nodes if i >= 0 for j, _ in mirror.nodes(i))
+    known = found.certified or found.cycle >= 0
     return PathUniqueness(
         certified=found.certified,
-        margin=found.margin,
+        margin=found.margin if known else np.nan,
         solutions=found.solutions,
         cycle=found.cycle,
         leg=found.leg,

@@ -2,7 +2,7 @@
 
 The file begins with a title: its kind, its format version, and the numbers of nodes and loads. Each
 block is a head (counts and a checksum) and three tables of fixed rows: cycles, instants (ends of
-legs, then samples, of each cycle) and events.
+legs, then samples, of each cycle) and events. Files of format 1, without uniqueness, are read too.
 """
 
 from __future__ import annotations
@@ -18,10 +18,13 @@ from numpy.typing import NDArray
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals
 from receding_fenicsx.evolution.instants import Event, Instant
 from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.interface.uniqueness.watch import Uniqueness
+from receding_fenicsx.interface.uniqueness.watch import UNKNOWN, Uniqueness
 
 MAGIC = b"recedingjournal2"
 """First bytes of the file: its kind and its format version."""
+
+OLDER_MAGIC = b"recedingjournal1"
+"""First bytes of files without uniqueness."""
 
 TITLE_BYTES = len(MAGIC) + 16
 """Length of the title."""
@@ -41,17 +44,18 @@ class JournalFormat:
         title: first bytes of the file.
     """
 
-    def __init__(self, system: ContactSystem) -> None:
-        """Lay out the tables for a system."""
+    def __init__(self, system: ContactSystem, magic: bytes = MAGIC) -> None:
+        """Lay out the tables for a system, in the format that begins with ``magic``."""
         n, loads = system.n, len(system.load_names)
-        self.title = MAGIC + np.array((n, loads), "<i8").tobytes()
+        self.title = magic + np.array((n, loads), "<i8").tobytes()
+        unique = ("uniqueness", UNIQUENESS) if magic == MAGIC else ("unused", "i1")
         self._cycle = np.dtype(
             [
                 ("dissipation", "<f8", (n,)),
                 ("slip", "<f8", (n,)),
                 ("slip_range", "<f8"),
                 ("totals", TOTALS),
-                ("uniqueness", UNIQUENESS),
+                unique,
                 ("kept", "i1"),
                 ("corners", "<i4"),
                 ("samples", "<i4"),
@@ -149,7 +153,10 @@ def _event(row: np.void) -> Event:
     )
 
 
-def _uniqueness(row: np.void) -> Uniqueness:
+def _uniqueness(cycle: np.void) -> Uniqueness:
+    if "uniqueness" not in (cycle.dtype.fields or ()):
+        return UNKNOWN
+    row = cycle["uniqueness"]
     values = {key: row[key].tolist() for key in UNIQUENESS.names or ()}
     return Uniqueness(**{**values, "nodes": tuple(values["nodes"])})
 
@@ -170,7 +177,7 @@ def _cycles(
                 float(row["slip_range"]),
                 Totals(**{key: row["totals"][key].item() for key in Totals._fields}),
                 samples if row["kept"] else None,
-                _uniqueness(row["uniqueness"]),
+                _uniqueness(row),
             )
         )
         del instants[: corners + sampled], events[:count]

@@ -161,9 +161,10 @@ class PathUniqueness:
             loading) was found to have several solutions; of half a model, among mirror-symmetric
             paths.
         margin: factor by which all friction could grow before the certificate fails on the path's
-            sets of states; infinite where nothing slips.
+            sets of states; infinite where nothing slips, nan where not all states were judged.
         solutions: largest number of solutions found at one instant.
-        cycle, leg, s: place of the first doubt, -1 without one.
+        cycle, leg, s: place of the first doubt, -1 without one, and where the path is not certified
+            because its first cycles were not judged.
         nodes: nodes of the first doubt, of the whole contact.
         first_loading: solutions found of the static problem of a first loading, 0 without one.
         first_loading_proved: it is proved that there are no others.

@@ -16,7 +16,7 @@ from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import PathUniqueness
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.report.uniqueness import uniqueness_line, uniqueness_summary
+from receding_fenicsx.output.report.uniqueness import uniqueness_lines, uniqueness_summary
 from receding_fenicsx.scene.model import SolverOptions
 
 THREE = small_system([[1.0, 0.9], [0.9, 1.0]], {"press": [1.3, 1.0]}, 1.5)
@@ -36,8 +36,11 @@ def test_the_node_of_three_solutions_is_told_to_have_three() -> None:
     assert (unique.solutions, unique.first_loading, unique.first_loading_proved) == (3, 3, True)
     assert (unique.cycle, unique.leg, unique.s, unique.nodes.tolist()) == (0, 0, 0.0, [0])
     told = {"method": "events", **uniqueness_summary(record)}
-    ((_, words),) = uniqueness_line(told)
-    assert "not certified, in doubt from cycle 0, leg 0, s = 0 at nodes 0; 3 found" in words
+    lines = dict(uniqueness_lines(told))
+    assert lines["only path from its start"] == "not certified"
+    assert lines["first doubt"] == (
+        "cycle 0, leg 0, s = 0, nodes 0; at most 3 solutions found at one instant"
+    )
 
 
 def test_two_uncoupled_nodes_that_branch_at_their_first_load() -> None:

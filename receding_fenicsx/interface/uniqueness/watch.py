@@ -61,7 +61,8 @@ class Uniqueness:
             of all instants; infinite where nothing has slipped.
         solutions: largest number of rates found at one instant, or of solutions of a static
             problem.
-        cycle, leg, s: place of the first doubt, -1 without one.
+        cycle, leg, s: place of the first doubt, -1 without one. A path that is not certified and
+            has no such place is ``UNKNOWN``: it began before uniqueness was judged.
         nodes: nodes of the first doubt, at most ``NAMED_NODES``, filled up with -1.
         static: largest number of solutions found of a static problem, 0 without one.
         proved: static problems are proved to have no other solution.
@@ -86,6 +87,10 @@ class Uniqueness:
             return changed
         named = (nodes + (-1,) * NAMED_NODES)[:NAMED_NODES]
         return replace(changed, cycle=place[0], leg=place[1], s=place[2], nodes=named)
+
+
+UNKNOWN = Uniqueness(certified=False, proved=False)
+"""Uniqueness of a path that was not judged."""
 
 
 class UniquenessWatch:

@@ -23,7 +23,7 @@ from receding_fenicsx.output.report.text import (
     zones_header,
     zones_shown,
 )
-from receding_fenicsx.output.report.uniqueness import uniqueness_line
+from receding_fenicsx.output.report.uniqueness import uniqueness_lines
 from receding_fenicsx.output.storage.summary_file import read_summary
 
 FIRST_CYCLES = 20
@@ -188,7 +188,7 @@ def _checks(summary: Mapping[str, Any]) -> str:
         ],
         ["largest relative error of a leg's energy balance", f"{summary['energy_error_max']:.2e}"],
     ]
-    rows += [[head, words] for head, words in uniqueness_line(summary)]
+    rows += [[head, words] for head, words in uniqueness_lines(summary)]
     rows += [[words, error] for words, error in accuracy.error_rows(summary)]
     steady = summary["steady"]
     if steady.get("dissipation_limit"):

@@ -9,7 +9,7 @@ from typing import Any
 from receding_fenicsx.output.report.accuracy import error_rows, way_lines
 from receding_fenicsx.output.report.corner_stress import corner_lines
 from receding_fenicsx.output.report.limit import limit_lines
-from receding_fenicsx.output.report.uniqueness import uniqueness_line
+from receding_fenicsx.output.report.uniqueness import uniqueness_lines
 from receding_fenicsx.scene.units import in_unit
 
 EXTREMES = ("p_max", "q_min", "q_max")
@@ -162,7 +162,7 @@ def _checks(summary: Mapping[str, Any]) -> list[str]:
     lines = []
     if ranges := limit_ranges(summary):
         lines.append(f"friction limit reached without slip in the last cycle: x from {ranges}")
-    lines += [f"{head}: {words}" for head, words in uniqueness_line(summary)]
+    lines += [f"{head}: {words}" for head, words in uniqueness_lines(summary)]
     lines.append(
         f"largest residual {summary['residual_max']:.1e}, events {summary['events']}, "
         f"sweeps {summary['sweeps']}"
@@ -175,10 +175,8 @@ def _paper(summary: Mapping[str, Any]) -> list[str]:
     lines = []
     for row in summary.get("paper") or []:
         verdict = {True: "agrees", False: "DIFFERS", None: "too few cycles"}[row["agrees"]]
-        lines += [
-            f"paper: {row['quantity']}: {_value(row['paper'])}",
-            f"       here {_value(row['ours'])}: {verdict}",
-        ]
+        here = f"here {_value(row['ours'])}: {verdict}"
+        lines.append(f"paper: {row['quantity']}: {_value(row['paper'])}; {here}")
     return lines
 
 

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from receding_fenicsx.evolution.record import Record
 
 CERTIFICATE = "only path from its start"
@@ -23,7 +25,7 @@ def uniqueness_summary(record: Record) -> dict[str, Any]:
     }
     told = {
         "certified": bool(found.certified),
-        "margin": float(found.margin),  # null in the file where nothing slips
+        "margin": float(found.margin),  # null in the file where it is not finite
         "solutions": int(found.solutions),
         "where": {**place, "nodes": found.nodes.tolist()} if found.cycle >= 0 else None,
         "first_loading": static if found.first_loading else None,
@@ -32,8 +34,8 @@ def uniqueness_summary(record: Record) -> dict[str, Any]:
     return {"uniqueness": told}
 
 
-def uniqueness_line(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
-    """Return what a run says of uniqueness, as head and words; nothing without it."""
+def uniqueness_lines(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
+    """Return what a run says of uniqueness, a head and words for each fact; nothing without it."""
     found = summary.get("uniqueness")
     if found is None:
         return []
@@ -43,15 +45,21 @@ def uniqueness_line(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         words += " at the ends of load steps"
     if found["symmetric_paths_only"]:
         words += ", among mirror-symmetric paths"
+    if not found["certified"] and place is None:
+        words = "not known, an earlier version that did not judge it played the first cycles"
+    lines = [(CERTIFICATE, words)]
     if place is not None:
         nodes = ", ".join(map(str, place["nodes"]))
-        at = f" at nodes {nodes}" if nodes else ""
-        words += f", in doubt from cycle {place['cycle']}, leg {place['leg']}, s = {place['s']:.6g}"
-        words += f"{at}; {found['solutions']} found at one instant"
-    if margin is not None and margin < float("inf"):
-        words += f"; rates unique up to {margin:.3g} times the friction"
+        at = f", nodes {nodes}" if nodes else ""
+        words = f"cycle {place['cycle']}, leg {place['leg']}, s = {place['s']:.6g}{at}; at most "
+        lines.append(("first doubt", f"{words}{_solutions(found['solutions'])} at one instant"))
+    if margin is not None and np.isfinite(margin):
+        lines.append(("friction margin", f"proof holds up to {margin:.3g} times the friction"))
     if static is not None:
-        several = f"{static['solutions']} solution{'s' if static['solutions'] > 1 else ''}"
-        rest = "proved" if static["proved"] else "others not excluded"
-        words += f"; first loading: {several}, {rest}"
-    return [(CERTIFICATE, words)]
+        rest = "proved to be all" if static["proved"] else "others not excluded"
+        lines.append(("first loading", f"{_solutions(static['solutions'])}, {rest}"))
+    return lines
+
+
+def _solutions(count: int) -> str:
+    return f"{count} solution{'' if count == 1 else 's'} found"
