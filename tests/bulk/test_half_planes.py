@@ -164,6 +164,20 @@ def test_probes_of_a_pair_on_the_axis_are_hertz() -> None:
     assert abs(values[4, 1]) < 1e-3 * abs(values[3, 1])
 
 
+@pytest.mark.parametrize(("force", "warned"), [(-1.0, False), (-16.0, True)])
+def test_contact_that_the_surface_cuts_off_is_a_warning(force: float, warned: bool) -> None:
+    """Contact half width 0.54, or 2.15 on a surface that ends at 1.5."""
+    changes = [f"load.P.force=[0.0, {force}]", "mesh.contact_elements=20"]
+    record = rf.run(rf.from_toml(ONE, changes))
+    punch = rf.run(rf.from_toml(ONE, [*changes, "contact.initial_gap=0.0"]))
+    if record is None or punch is None:
+        return
+    found = rf.summarise(record)
+    assert [("at x = -1.5 and 1.5" in line) for line in found["warnings"]] == [True] * warned
+    assert ("enlarge width" in rf.run_table(found)) == warned
+    assert not rf.summarise(punch)["warnings"]
+
+
 @pytest.mark.parametrize("degree", [1, 2])
 def test_block_on_a_half_plane(degree: int) -> None:
     """Pressure and dissipation within the errors of one block: its elements and its truncation."""

@@ -150,6 +150,43 @@ def test_fit_at_corners_that_slip(f: float) -> None:
     assert seen == {-1.0, 1.0}
 
 
+@pytest.mark.parametrize("f", [0.0, 0.3])
+@pytest.mark.parametrize("surface", ["bottom", "top"])
+def test_ends_of_a_punch_on_a_half_plane_are_straight_angles(surface: str, f: float) -> None:
+    """Under a flat punch tractions are d^m, m = -1/2 without friction; Spence's slip else."""
+    text = f"""[body]
+shape = "half-plane"
+width = 2.0
+[material]
+poisson = 0.0
+[mesh]
+contact_elements = 40
+refine = [{{size = 1e-5, growth = 1.2}}]
+[contact]
+edge = "{surface}"
+friction = {f}
+[[load]]
+name = "P"
+edge = "far"
+platen = true
+force = [0.0, {-1.0 if surface == "bottom" else 1.0}]
+[history]
+kind = "monotonic"
+"""
+    record = rf.run(rf.from_toml(text))
+    if record is None:
+        return
+    found = corners_of(record, -1)
+    # the surface moves inwards under the punch; beta' = (1 - 2 nu) / (2 (1 - nu)) = 1/2
+    exact = -0.5 + np.arctan(0.5 * f) / np.pi
+    assert found["p_max_singular"]
+    assert [corner["angle"] for corner in found["corners"]] == [180.0, 180.0]
+    for corner in found["corners"]:
+        assert (corner["state"] == "contact") == (f == 0.0)
+        assert corner["exponent"] == pytest.approx(exact, abs=1e-9)
+        assert corner["fitted"] == pytest.approx(exact, rel=0.01)
+
+
 def test_corner_without_pressure_is_not_told() -> None:
     scene = rf.read_scene(DEMOS / "block.toml", ["history.cycles=1", "mesh.contact_elements=40"])
     system = rf.condense(scene)

@@ -13,6 +13,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
+from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
 from receding_fenicsx.output.report.half_widths import tractions
 from receding_fenicsx.reference.corners import corner_exponent, kolosov
 from receding_fenicsx.scene.rectangle_edges import edge_range
@@ -32,8 +33,8 @@ def corners_of(record: Record, row: int) -> dict[str, Any]:
 
     Returns:
         ``corners``: for each the position, the state, the angle of the body, the exponent by the
-        closed form (real part; None for another angle than those of rectangles on a rigid plane)
-        and the fitted one; ``p_max_singular`` where stresses are infinite. Nothing where no end
+        closed form (real part; None where no rectangle or half-plane touches a rigid plane) and
+        the fitted one; ``p_max_singular`` where stresses are infinite. Nothing where no end
         of the contact edge touches.
     """
     at = tractions(record, row)
@@ -46,10 +47,11 @@ def corners_of(record: Record, row: int) -> dict[str, Any]:
         angle = _angle(record, float(record.x[k]))
         fitted = corner_exponent_fit(at, side)
         exact = None if angle is None else _exponent(record, k, side, state, angle)
+        slides = state == State.STICK and not record.friction[k].present
         found.append(
             {
                 "x": float(record.x[k]),
-                "state": STATE_NAMES[state],
+                "state": FRICTIONLESS_CONTACT if slides else STATE_NAMES[state],
                 "angle": angle,
                 "exponent": exact,
                 "fitted": fitted,
@@ -76,6 +78,8 @@ def _angle(record: Record, x: float) -> float | None:
     body, _ = scene.find_edge(contact.edge)
     if contact.against is not None or body.mesh is not None:
         return None
+    if body.is_half_plane:
+        return 180.0
     low, high = edge_range(scene, contact.edge)
     near = AT_CORNER * (high - low)
     return 90.0 if x < low + near or x > high - near else 180.0

@@ -22,6 +22,7 @@ from receding_fenicsx.output.report.half_widths import (
     half_widths,
 )
 from receding_fenicsx.output.report.limit import limit_summary
+from receding_fenicsx.output.report.surface_ends import cut_off_warnings
 from receding_fenicsx.output.report.uniqueness import uniqueness_summary
 from receding_fenicsx.reference.ahn_barber import paper_table
 from receding_fenicsx.scene.history import from_scene
@@ -83,7 +84,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "jumps": {"count": int(record.jumps), "energy_released": float(record.released)},
         "sweeps": int(record.sweeps),
         "paper": paper_table(record),
-        "warnings": warnings(scene) if scene else [],
+        "warnings": [*(warnings(scene) if scene else []), *cut_off_warnings(record)],
         **_units(scene),
         **(extra or {}),
     }
