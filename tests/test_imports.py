@@ -45,7 +45,8 @@ INTERFACE = (
     ),
     ("gauss_seidel",),
     ("exact",),
-    ("uniqueness", "load_steps", "branches", "shakedown"),
+    ("uniqueness", "load_steps", "shakedown"),
+    ("branches",),
 )
 """Rooms of the interface: modules of its own folder, then its folders."""
 

@@ -3,9 +3,11 @@
 **Choices** (``choice.Chooser``), on the exact path, at every event and turning point:
 
 1. The path finds consistent states as always (``exact.consistency``): the *first* continuation.
-2. ``lcp.all_solutions`` finds all solutions of the rate problem of the nodes on limits. From rest,
+2. If the sets of states of the nodes on limits are definite (``uniqueness``), the rates are
+   proved to be unique, and nothing is searched.
+3. ``lcp.all_solutions`` finds all solutions of the rate problem of the nodes on limits. From rest,
    where all grows in proportion, it finds all solutions of the static problem.
-3. Each is a continuation if its rates violate no limit. Where there are several, a rule takes one:
+4. Each is a continuation if its rates violate no limit. Where there are several, a rule takes one:
    the first, the one of least or most dissipation -Q dv (where Q = 0, of -dQ dv / 2), or the n-th.
    The choice is noted: ``choice.Choice``.
 

@@ -15,8 +15,13 @@ from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Segment, Segments, States
 from receding_fenicsx.interface.exact.static import end_in_states, static_problem
 from receding_fenicsx.interface.exact.tableau import A, B
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.all_solutions import SAME_RATES, all_solutions
-from receding_fenicsx.interface.system import ContactState
+from receding_fenicsx.interface.lcp.contact import Undecided
+from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate
+from receding_fenicsx.interface.uniqueness.instants import Instant
+from receding_fenicsx.interface.uniqueness.watch import MOST_TOUCHING
 
 FIRST, LEAST, MOST = "first", "least dissipation", "most dissipation"
 RULES = (FIRST, LEAST, MOST)
@@ -94,6 +99,8 @@ class Chooser:
         self.unsure: set[tuple[int, int, float]] = set()
         self._leg, self._number = (0, 0), 0
         self._last: tuple[float, list[_Option]] | None = None
+        self._certificate: Certificate | None = None
+        self._certified: dict[bytes, bool] = {}
 
     def enter(self, cycle: int, leg: int) -> None:
         """Begin a leg; what is noted of it is forgotten."""
@@ -116,7 +123,7 @@ class Chooser:
         segments, point = found.segments, found.point
         undecided, free = found.rate_problem(before)
         place = (*self._leg, point.problem.place(point.s))
-        if not len(undecided.nodes):
+        if not len(undecided.nodes) or self._is_certified(segments.system, before, undecided):
             return segment
         try:
             held = found.direction @ segments.system.r_star
@@ -145,6 +152,21 @@ class Chooser:
             point.state = ways[number][1].state
             _set_limits(segments, point.y, found.on_limit, undecided.nodes)
         return ways[number][0]
+
+    def _is_certified(self, system: ContactSystem, before: States, undecided: Undecided) -> bool:
+        """Return whether the rates are proved to be unique: all sets of states are definite."""
+        touching = np.concatenate([undecided.touching, undecided.smooth])
+        if len(touching) > MOST_TOUCHING:
+            return False
+        state = np.where(before == SEPARATION, SEPARATION, STICK).astype(np.int8)
+        state[undecided.forward], state[undecided.backward] = FORWARD, BACKWARD
+        state[touching] = STICK
+        key = state.tobytes() + touching.tobytes()
+        if key not in self._certified:
+            judge = self._certificate = self._certificate or Certificate(system)
+            sets = Instant(0.0, state, touching, (0, 0)).sets(judge)
+            self._certified[key] = all(judge.exceeds(one, 1.0 + SAME_MARGIN) for one in sets)
+        return self._certified[key]
 
     def choose_static(
         self, segments: Segments, problem: LegProblem, end: ContactState
