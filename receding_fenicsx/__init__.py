@@ -59,6 +59,8 @@ if TYPE_CHECKING:
     from receding_fenicsx.evolution.branching.tree import BranchTree as BranchTree
     from receding_fenicsx.evolution.branching.tree import branches as branches
     from receding_fenicsx.evolution.evolve import evolve as evolve
+    from receding_fenicsx.evolution.limit.starts import SteadyStates as SteadyStates
+    from receding_fenicsx.evolution.limit.starts import steady_states as steady_states
     from receding_fenicsx.evolution.moment import recovered_tractions as recovered_tractions
     from receding_fenicsx.evolution.probe_history import ProbeHistory as ProbeHistory
     from receding_fenicsx.evolution.record import Record as Record
@@ -136,8 +138,6 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.validate import validate as validate
     from receding_fenicsx.scene.validate import warnings as scene_warnings
     from receding_fenicsx.shakedown_study.cycles import range_history as range_history
-    from receding_fenicsx.shakedown_study.starts import SteadyStates as SteadyStates
-    from receding_fenicsx.shakedown_study.starts import steady_states as steady_states
     from receding_fenicsx.shakedown_study.starts_figure import (
         steady_states_figure as steady_states_figure,
     )
@@ -267,9 +267,9 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "shakedown": ("shakedown_study.study", "Limits of a scene, on two meshes, with diagram"),
         "ShakedownStudy": ("shakedown_study.study", "Result of shakedown"),
         "range_history": ("shakedown_study.cycles", "History round the corners of a load range"),
-        "steady_states": ("shakedown_study.starts", "Steady states from many initial slips"),
+        "steady_states": ("evolution.limit.starts", "Steady states from many initial slips"),
         "steady_states_figure": ("shakedown_study.starts_figure", "Figure of these"),
-        "SteadyStates": ("shakedown_study.starts", "Their dissipation, kinds and zones"),
+        "SteadyStates": ("evolution.limit.starts", "Their dissipation, kinds and zones"),
     },
     "Known solutions": {
         "reference": ("reference:", "closed_forms, fretting, layer, ahn_barber (modules)"),

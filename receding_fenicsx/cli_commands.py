@@ -88,6 +88,7 @@ def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
                 system_file=options.system,
                 pdf=options.pdf,
                 error=options.error,
+                starts=options.starts,
                 progress=say,
             )
             with contextlib.suppress(ToleranceNotMet):  # raised below, after the table
@@ -112,9 +113,10 @@ def _is_finished(options: argparse.Namespace, scene: Scene, comm: MPI.Comm) -> b
     if options.system is not None:
         raise InputError("--resume and --system: the run has its own system; give one of them")
     finished: bool = comm.bcast(mpi.on_root(comm, lambda: is_finished(out, scene)))
-    if finished and options.error:
+    if finished and (options.error or options.starts):
         raise InputError(
-            f"{out}: the run is finished, --error needs a new one; give --overwrite, not --resume"
+            f"{out}: the run is finished, --{'error' if options.error else 'starts'} needs a new "
+            "one; give --overwrite, not --resume"
         )
     if is_root(comm) and not has_run(out):
         print(f"{PROGRAM}: {out}: nothing to resume, starting from rest", file=sys.stderr)

@@ -74,6 +74,14 @@ def _run(added: argparse.ArgumentParser) -> None:
         help="solve on three coarser meshes too and estimate the discretisation error in space",
     )
     added.add_argument(
+        "--starts",
+        type=int,
+        default=0,
+        metavar="N",
+        help='find the limit (until = "limit") from N initial slips too: rest, four extreme ones, '
+        "then random ones; report how far they differ",
+    )
+    added.add_argument(
         "--tolerance",
         type=float,
         metavar="E",

@@ -7,13 +7,18 @@ import ctypes.util
 import os
 import platform
 import re
+import resource
 import shutil
 import subprocess
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from importlib import import_module, metadata
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
 
 TESTED_DOLFINX = ("0.5", "0.11")
 """Releases of DOLFINx that the test suite runs with."""
@@ -67,6 +72,19 @@ def versions() -> dict[str, str]:
     """Return the versions of all requirements that are installed."""
     found = {f.name: f.version for f in _modules()}
     return {name: version for name, version in found.items() if version is not None}
+
+
+def costs(comm: MPI.Comm, seconds: Mapping[str, float]) -> dict[str, Any]:
+    """Return timings, memory of all ranks together, and versions, for a summary; collective."""
+    # Linux counts in kB, macOS in bytes
+    unit = 2.0**20 if sys.platform == "darwin" else 2.0**10
+    memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit)
+    return {
+        "ranks": comm.size,
+        "timings": dict(seconds),
+        "peak_memory_MB": memory,
+        "versions": versions(),
+    }
 
 
 def examine() -> list[Finding]:

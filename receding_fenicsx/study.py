@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import resource
-import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +16,7 @@ from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
+from receding_fenicsx.output.report.starts import check_starts, limit_with_starts
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
 from receding_fenicsx.output.storage.run_folder import SYSTEM, shared_folder
@@ -47,6 +46,7 @@ class RunOptions:
             supports, used instead of condensing again; the body is not meshed.
         pdf: draw the figures as PDF too.
         error: solve on coarser meshes too, and estimate the space errors of the headline numbers.
+        starts: number of initial slips from which the limit is found too; 0: only the scene's own.
         tolerance: choose the mesh by the errors of the numbers, as ``accuracy.tolerance`` of the
             scene, which it replaces.
         progress: called on rank 0 with a text about each stage and each cycle.
@@ -59,6 +59,7 @@ class RunOptions:
     system_file: str | Path | None = None
     pdf: bool = False
     error: bool = False
+    starts: int = 0
     tolerance: float | None = None
     progress: Say | None = None
 
@@ -91,6 +92,7 @@ def run(
     if options.tolerance is not None:
         scene = replace(scene, accuracy=replace(scene.accuracy, tolerance=options.tolerance))
     validate(scene)
+    check_starts(scene, options.starts)
     if scene.accuracy.tolerance is not None and options.system_file is not None:
         raise InputError("--system: a search for a tolerance makes its own systems; leave it out")
     if options.error and scene.accuracy.tolerance is None:
@@ -102,6 +104,8 @@ def run(
         Drawing(comm, _wanted(out, options), timer.say) as drawing,
     ):
         found = _found(scene, comm, timer, folder, options)
+        if options.starts and found.failure is None:
+            found.extra.update(_starts(found, comm, timer, options.starts))
         record, failure = found.record, found.failure
         if out is not None:
             # written before the pictures too, which may fail
@@ -144,6 +148,17 @@ def _found(
                 found.scene, found.record, lambda coarse: _headlines(coarse, comm)
             )
     return found
+
+
+def _starts(found: Solved, comm: MPI.Comm, timer: Timer, count: int) -> dict[str, Any]:
+    """Return the limits from further initial slips, on rank 0; collective."""
+    with timer("starts"):
+
+        def limits() -> dict[str, Any]:
+            system, record = mpi.given(found.system), mpi.given(found.record)
+            return limit_with_starts(system, found.scene, record, count)
+
+        return mpi.on_root(comm, limits) or {}
 
 
 def _evolved(
@@ -254,21 +269,6 @@ def _headlines(scene: Scene, comm: MPI.Comm) -> Record | None:
     return mpi.on_root(comm, lambda: evolve(mpi.given(system), bare))
 
 
-def _costs(comm: MPI.Comm, timer: Timer) -> dict[str, Any]:
-    """Timings, memory of all ranks together, versions; collective."""
-    from receding_fenicsx import environment
-
-    # Linux counts in kB, macOS in bytes
-    unit = 2.0**20 if sys.platform == "darwin" else 2.0**10
-    memory = comm.allreduce(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit)
-    return {
-        "ranks": comm.size,
-        "timings": dict(timer.seconds),
-        "peak_memory_MB": memory,
-        "versions": environment.versions(),
-    }
-
-
 def _write_record(folder: Path | None, record: Record | None) -> None:
     place, found = mpi.given(folder), mpi.given(record)
     hdf5.write_record(place / "record.h5", found, overwrite=True)
@@ -285,7 +285,9 @@ def _write_summary(
     comm: MPI.Comm, folder: Path | None, text: dict[str, Any] | None, timer: Timer
 ) -> None:
     """Write the summary with timings and memory of the run so far; collective."""
-    costs = _costs(comm, timer)
+    from receding_fenicsx import environment
+
+    costs = environment.costs(comm, timer.seconds)
 
     def write() -> None:
         file = mpi.given(folder) / "summary.json"

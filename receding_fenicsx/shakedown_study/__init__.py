@@ -11,7 +11,7 @@ r"""Shakedown of a scene: limits of a load range, their diagram, and steady stat
    linear programs no longer decide.
    :func:`~receding_fenicsx.shakedown_study.cycles.limit_by_cycles` then plays exact cycles from
    rest and from the safe slip, and bisects.
-5. :func:`~receding_fenicsx.shakedown_study.starts.steady_states` plays one history from many
+5. :func:`~receding_fenicsx.evolution.limit.starts.steady_states` plays one history from many
    initial slips and collects dissipation, kind and slipping nodes of each steady state.
 6. :mod:`~receding_fenicsx.shakedown_study.folder` writes ``shakedown.json``, ``safe_slip.csv`` (a
    profile for ``history.initial_slip``) and the diagram.

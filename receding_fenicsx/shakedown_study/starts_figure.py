@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 
+from receding_fenicsx.evolution.limit.starts import SteadyStates
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.shakedown_study.starts import SteadyStates
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

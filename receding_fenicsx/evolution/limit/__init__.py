@@ -25,7 +25,8 @@ open, and forget what was before, or stick for good. The limit, from top to bott
    with the residuals and energies of any other. It is accepted only if it repeats itself as a
    steady cycle does (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`).
 8. **Uniqueness** (`uniqueness.is_unique`): whether the derivatives of the margins in the drifts
-   are a P-matrix.
+   are a P-matrix. This is about the drifts from one start.
+9. **Other starts** (`starts.steady_states`): the limits from many initial slips.
 
 :func:`~receding_fenicsx.evolution.limit.search.find_limit` takes a system, a state at the start of
 a cycle and the loop, and returns the limit that belongs to it, whatever the state came from.

@@ -1,4 +1,8 @@
-"""Whether the limit depends on the slips from which the cycles began."""
+"""Whether the drifts of a contact have one limit only.
+
+The nodes that stick for good keep the slips from which they began. Other initial slips may lead to
+other limits, also where the drifts have one limit only.
+"""
 
 from __future__ import annotations
 

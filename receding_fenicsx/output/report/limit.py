@@ -40,6 +40,10 @@ def limit_lines(summary: Mapping[str, Any]) -> list[str]:
     limit = summary.get("limit")
     if limit is None:
         return []
+    return [*_found_lines(limit), *_starts_lines(limit.get("starts"))]
+
+
+def _found_lines(limit: Mapping[str, Any]) -> list[str]:
     if not limit["reached"]:
         return [f"limit of infinitely many cycles: not reached; {limit['reason']}"]
     if not limit["jumped"]:
@@ -49,6 +53,23 @@ def limit_lines(summary: Mapping[str, Any]) -> list[str]:
         f"{limit['cycles_played']} played cycles, shown as cycle {limit['cycle']}, residual "
         f"{limit['residual']:.1e}"
     ]
-    unique = {True: "does not depend on the start", False: "may depend on the start"}
-    words = unique.get(limit["unique"], "is not known to be independent of the start")
-    return [*lines, f"the limit {words}: {limit['reason']}"]
+    unique = {True: "the drifts have one limit only", False: "the drifts may have other limits"}
+    words = unique.get(limit["unique"], "whether the drifts have other limits is not known")
+    return [*lines, f"{words}: {limit['reason']}"]
+
+
+def _starts_lines(starts: Mapping[str, Any] | None) -> list[str]:
+    """Return a line on the limits from further initial slips, if they were asked for."""
+    if starts is None:
+        return []
+    kinds = ", ".join(f"{count} {kind}" for kind, count in starts["kinds"].items())
+    words = "do not differ" if starts["same"] else "differ"
+    line = f"limits from {starts['count']} initial slips {words}: {kinds}"
+    if starts["dissipation"] is not None:
+        low, high = starts["dissipation"]
+        spread = "" if starts["spread"] is None else f" (spread {starts['spread']:.2g})"
+        line += f"; dissipation per cycle {low:.6g} to {high:.6g}{spread}"
+    if len(starts["zones"]) > 1:
+        nodes = f"{starts['nodes_that_differ']} of {starts['nodes']} nodes"
+        line += f"; {len(starts['zones'])} arrangements of zones, which differ at {nodes}"
+    return [line]

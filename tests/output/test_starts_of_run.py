@@ -1,0 +1,102 @@
+"""Limits of a run from many initial slips: command, summary, report, bad input."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from small import small_system
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+from receding_fenicsx.output.report.limit import limit_lines
+from receding_fenicsx.output.report.starts import starts_summary
+
+SCENE = """
+[body]
+width = 4.0
+[mesh]
+contact_elements = 8
+degree = 1
+[contact]
+friction = 0.35
+[[load]]
+name = "p0"
+edge = "top"
+span = [-1.0, 1.0]
+pressure = 1.0
+[history]
+cycles = 200
+until = "limit"
+"""
+
+
+@pytest.fixture
+def scene(tmp_path: Path) -> Path:
+    file = tmp_path / "scene.toml"
+    file.write_text(SCENE)
+    return file
+
+
+def test_a_run_reports_the_limits_from_many_starts(
+    scene: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "out"
+    assert cli.main(["run", str(scene), "--out", str(out), "--starts=6", "--pictures=none"]) == 0
+    limit = json.loads((out / "summary.json").read_text())["limit"]
+    starts, record = limit["starts"], rf.read_record(out / "record.h5")
+    assert starts["count"] == 6 == sum(starts["kinds"].values())
+    assert sum(zones["starts"] for zones in starts["zones"]) == 6
+    # rest is among the starts, so that the run's own limit lies between
+    low, high = starts["dissipation"]
+    assert low <= record.cycles.dissipation[-1] * (1 + 1e-9) and limit["dissipation"] <= high
+    assert starts["spread"] == pytest.approx(1.0 - low / high)
+    assert "limits from 6 initial slips" in capsys.readouterr().out
+    assert "limits from 6 initial slips" in (out / "report.html").read_text()
+    assert cli.main(["run", str(scene), "--out", str(out), "--resume", "--starts=1"]) == 2
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["--starts=1"], "give at least 2"),
+        (["--starts=-3"], "give at least 2"),
+        (["--starts=5", "--set", 'history.until="steady"'], 'needs [history] until = "limit"'),
+        (["--set", 'history.kind="monotonic"'], "needs cycles"),
+        (["--set", "history.cycles=4"], "raise cycles"),
+        (["--set", "solver.steady_tolerance=1e-15"], "below the round-off"),
+    ],
+)
+def test_bad_input_of_limits_ends_with_one_line_and_code_2(
+    scene: Path,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    words: str,
+) -> None:
+    out = tmp_path / "out"
+    assert cli.main(["run", str(scene), "--out", str(out), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert words in error and error.count("\n") == 1
+    assert not out.exists()
+
+
+def spread_of(coupling: float) -> dict[str, Any]:
+    K_tn = coupling * np.array([[0.4, 0.8], [-0.8, -0.4]])
+    K = np.block([[np.array([[2, -1], [-1, 2]]), K_tn], [K_tn.T, np.array([[3, -1], [-1, 3]])]])
+    system = small_system(K, {"mean": [0, 0, 1, 1], "range": [1, 0.5, 0, 0.5]}, 0.5)
+    # between the limits of shakedown, 8/19 and 12/23, with coupling; above both without
+    factor = 0.99 * 12 / 23 if coupling else 0.9
+    history = rf.range_history(system, {"mean": 1.0}, [{"range": 1.0}, {"range": -1.0}], factor)
+    return starts_summary(rf.steady_states(system, history, 21))
+
+
+def test_coupled_starts_differ_and_uncoupled_ones_do_not() -> None:
+    differ, same = spread_of(1.0), spread_of(0.0)
+    assert not differ["same"] and differ["kinds"].keys() == {"shakedown", "cyclic slip"}
+    assert same["same"] and same["dissipation"][0] > 0.0
+    (line,) = limit_lines({"limit": {"reached": False, "reason": "", "starts": differ}})[1:]
+    assert line.startswith("limits from 21 initial slips differ: ")
