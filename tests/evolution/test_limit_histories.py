@@ -1,0 +1,85 @@
+"""Limits of infinitely many cycles of other bodies and loads, against plain playing."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from models import pushed_block
+from small import table
+
+import receding_fenicsx as rf
+
+LAP = """
+[[body]]
+name = "upper"
+width = 4.0
+height = 1.0
+position = [0.0, 1.0]
+[[body]]
+name = "lower"
+width = 4.0
+height = 1.0
+[mesh]
+contact_elements = 16
+degree = 1
+[contact]
+edge = "upper.bottom"
+against = "lower.top"
+friction = 0.35
+[[load]]
+name = "press"
+edge = "upper.top"
+span = [-1.0, 1.0]
+pressure = 1.0
+[[load]]
+name = "pull"
+edge = "upper.top"
+span = [-1.0, 1.0]
+traction = [0.1, 0.0]
+[[support]]
+edge = "lower.bottom"
+fix = "xy"
+[history]
+kind = "table"
+columns = ["press", "pull"]
+rows = [[1.0, 0.0]]
+cycle_rows = [[0.6, 0.5], [0.4, -1.0], [1.0, 0.0]]
+cycles = 400
+"""
+
+
+def polygon(corners: int, phase: float) -> np.ndarray:
+    """Return corners of a cycle of press and push, out of phase."""
+    angle = 2.0 * np.pi * (np.arange(corners + 1) % corners) / corners
+    return np.stack([1.0 + 0.4 * np.cos(angle), 0.25 * np.sin(angle + phase)], axis=1)
+
+
+def assert_same(limit: rf.Record, plain: rf.Record) -> None:
+    """Assert that a limit that was searched for is that of plain cycles."""
+    assert limit.limit is not None and limit.limit.jumped, limit.limit
+    assert plain.steady.reached and plain.steady.cycle > limit.limit.cycles_played
+    D, last = limit.cycles.dissipation, plain.cycles.dissipation[-1]
+    assert last > 0.0 and abs(D[-1] - last) < 1e-7 * last
+    v, w = limit.turning_points.v[-1], plain.turning_points.v[-1]
+    assert np.abs(v - w).max() < 1e-6 * np.abs(w).max()
+    assert limit.residual_max < 1e-11
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.5, 1.2])
+def test_the_limit_of_loads_out_of_phase_is_that_of_plain_cycles(phase: float) -> None:
+    system, loop = pushed_block(), polygon(6, phase)
+    history = table(system, [np.zeros(2), loop[0]], loop, 400)
+    solver = rf.SolverOptions(steady_tolerance=1e-10)
+    plain = rf.evolve(system, history, solver, until="steady")
+    assert_same(rf.evolve(system, history, until="limit"), plain)
+
+
+def test_the_limit_of_two_bodies_is_that_of_plain_cycles(tmp_path: Path) -> None:
+    file = tmp_path / "lap.toml"
+    file.write_text(LAP)
+    scene = rf.read_scene(file, ["solver.steady_tolerance=1e-10"])
+    system = rf.condense(scene)
+    if system is None:
+        return
+    plain = rf.evolve(system, scene, until="steady")
+    assert_same(rf.evolve(system, scene, until="limit"), plain)
