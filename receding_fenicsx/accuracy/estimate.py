@@ -70,7 +70,7 @@ class Estimate:
     """A number with its estimated error.
 
     Attributes:
-        value: on the finest mesh.
+        value: on the finest mesh; infinite where the number is singular there.
         error: estimated; NaN where nothing is known, infinite where the number does not converge.
         order: observed order, NaN where fewer than three meshes show it.
         size: what relative errors refer to.
@@ -96,11 +96,15 @@ def estimates_of(levels: Sequence[Level]) -> dict[str, Estimate]:
     finest, *coarser = sorted(levels, key=lambda level: -level.elements)
     found = {}
     for name, number in finest.numbers.items():
+        if math.isinf(number.value):
+            found[name] = Estimate(number.value, math.inf, math.nan, number.size)
+            continue
         values = [(1.0, number.value)]
         for level in coarser:
             ratio = finest.elements / level.elements
-            if name in level.numbers and ratio <= FARTHEST:
-                values.append((ratio, level.numbers[name].value))
+            other = level.numbers.get(name)
+            if other is not None and ratio <= FARTHEST and math.isfinite(other.value):
+                values.append((ratio, other.value))
         order = observed_order(values)
         if is_singular(values, order, number.size):
             error = math.inf

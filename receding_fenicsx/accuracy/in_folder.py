@@ -11,11 +11,12 @@ from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import mpi
 from receding_fenicsx.accuracy.estimate import Level, estimates_of
+from receding_fenicsx.accuracy.meshes import graded_at_ends
 from receding_fenicsx.accuracy.numbers import Number
 from receding_fenicsx.accuracy.search import search
 from receding_fenicsx.accuracy.space_errors import level_of, shown, warning
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
+from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, contact_sizes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.accuracy import unmet
@@ -69,6 +70,9 @@ def within_tolerance(
     Returns:
         The run of the last mesh, with the summary's keys on its errors and on the search.
     """
+    if scene.accuracy.grading:
+        sizes = comm.bcast(mpi.on_root(comm, lambda: contact_sizes_of(scene)))
+        scene = graded_at_ends(scene, sizes)
     attempts = _Attempts(scene, comm, folder, run, say)
     known = comm.bcast(mpi.on_root(comm, attempts.known))
     try:

@@ -9,19 +9,23 @@ elements, so that nodes match.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
 from receding_fenicsx.bulk.mesh.geo_words import takes_elements
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.validate_bodies import MOST_REFINEMENTS
+from receding_fenicsx.scene.model import Refinement, Scene
+from receding_fenicsx.scene.validate_bodies import MIN_REFINED_GROWTH, MOST_REFINEMENTS
 
 T = TypeVar("T")
 
 LARGEST_GROWTH = 3.0
 """Largest growth of a mesh."""
+CORNER_RATIO = 100.0
+"""Size of the elements of a graded edge over that at its ends."""
+GRADED_ELEMENTS = 24
+"""Contact elements with which a graded edge has a growth of 2."""
 MIN_ELEMENTS = 8
 """Smallest number of contact elements of a mesh."""
 SEARCH_RATIO = 1.6
@@ -47,7 +51,11 @@ def scaled(scene: Scene, elements: int) -> Scene:
     growth = grown(mesh.growth)
     if not is_refined(scene):
         places = tuple(
-            replace(place, size=factor * place.size, growth=place.growth and grown(place.growth))
+            replace(
+                place,
+                size=factor * place.size,
+                growth=place.growth and max(grown(place.growth), MIN_REFINED_GROWTH),
+            )
             for place in mesh.refine
         )
         mesh = replace(mesh, contact_elements=elements, growth=growth, refine=places)
@@ -57,6 +65,35 @@ def scaled(scene: Scene, elements: int) -> Scene:
     if any(body.mesh is None for body in scene.bodies):
         mesh = replace(mesh, contact_elements=elements, growth=growth)
     return replace(scene, mesh=mesh)
+
+
+def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
+    """Return a scene whose meshes are graded towards the ends of its contact edges.
+
+    In all meshes of the family the elements there are smaller than the others by the same ratio,
+    and grow away from them at a rate whose distance from 1 is in proportion to their size.
+
+    Args:
+        scene: a scene; one with a place at "ends" is returned as it is.
+        sizes: length of the elements on each contact edge.
+
+    Raises:
+        InputError: a mesh file cannot be graded.
+    """
+    if is_refined(scene):
+        raise InputError(
+            "[accuracy] grading: this mesh file is refined uniformly; leave grading out, or give a "
+            ".geo file that takes contact_elements"
+        )
+    places = scene.mesh.refine
+    if any(place.at == "ends" for place in places):
+        return scene
+    growth = min(1.0 + GRADED_ELEMENTS / scene.mesh.contact_elements, LARGEST_GROWTH)
+    places += tuple(
+        Refinement(size / CORNER_RATIO, "ends", growth, contact.edge)
+        for contact, size in zip(scene.contacts, sizes, strict=True)
+    )
+    return replace(scene, mesh=replace(scene.mesh, refine=places))
 
 
 def doublings(scene: Scene) -> list[int]:

@@ -6,6 +6,7 @@ Of several contact edges, loads and probes each has numbers of its own, with its
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 
@@ -16,6 +17,7 @@ from receding_fenicsx.evolution.record import DISSIPATION_ROUND_OFF, Record
 from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
 from receding_fenicsx.interface.measures.zone_ends import zone_end
 from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, stick_zone
+from receding_fenicsx.output.report.corner_stress import corners_of
 from receding_fenicsx.output.report.half_widths import contact_betas, estimates, tractions
 
 FITTED_PART = 1.0 / 3.0
@@ -30,7 +32,7 @@ class Number:
     """A headline number.
 
     Attributes:
-        value: its value.
+        value: its value; infinite where it is singular.
         known_to: what it is known to on its own mesh.
         scale: what its relative error refers to; 0 stands for the value itself.
     """
@@ -76,7 +78,8 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
     if not mean > 0.0:
         return
     yield "centre_pressure", Number(float(centre), scale=max(abs(float(centre)), mean))
-    yield "largest_pressure", Number(float(p.max()))
+    singular = corners_of(record, row).get("p_max_singular", False)
+    yield "largest_pressure", Number(math.inf if singular else float(p.max()))
     betas, length = contact_betas(record), float(x[-1] - x[0])
     for name, width in estimates(record, row, betas).items():
         if width is not None and width["value"] > 0.0:

@@ -84,7 +84,7 @@ class Search:
                     "seconds": level.seconds,
                     "numbers": {
                         name: {
-                            "value": None if math.isnan(e.value) else e.value,
+                            "value": e.value if math.isfinite(e.value) else None,
                             "error": e.error if math.isfinite(e.error) else None,
                             "relative": e.relative if math.isfinite(e.error) else None,
                             "converges": e.error != math.inf,
@@ -218,6 +218,16 @@ def _is_met(asked: Mapping[str, Estimate], tolerance: float) -> bool:
 
 def _hopeless(way: Sequence[Mapping[str, Estimate]]) -> str:
     """Return why no mesh will do: a number does not converge on two meshes running."""
+    infinite = [
+        n
+        for n, e in way[-1].items()
+        if len(way) > 1 and e.value == math.inf and n in way[-2] and way[-2][n].value == math.inf
+    ]
+    if infinite:
+        return (
+            f"{', '.join(infinite)} does not converge: singular, stresses are infinite at a corner "
+            "in contact; ask for other numbers"
+        )
     if len(way) < MIN_LEVELS + 1:
         return ""
     names = [

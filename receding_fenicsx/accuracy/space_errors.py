@@ -123,11 +123,11 @@ def shown(estimates: dict[str, Estimate]) -> dict[str, dict[str, Any]]:
     """Return estimates for the summary: value, error and order, None where not known."""
     return {
         name: {
-            "value": e.value,
+            "value": e.value if math.isfinite(e.value) else None,
             "error": e.error if math.isfinite(e.error) else None,
             "order": None if math.isnan(e.order) else e.order,
             "converges": e.error < math.inf if not math.isnan(e.error) else None,
-            "size": e.size,
+            "size": e.size if math.isfinite(e.size) else None,
         }
         for name, e in estimates.items()
     }

@@ -266,8 +266,10 @@ class AccuracyOptions:
         numbers: names of the numbers. Default: all but the ends of zones and the largest pressure.
             A name without brackets stands for that number of all edges, loads or probes.
         budget_seconds: no mesh is begun that would end later, by prediction.
+        grading: the meshes are graded towards the ends of the contact edges, for sharp corners.
     """
 
     tolerance: float | None = None
     numbers: tuple[str, ...] = ()
     budget_seconds: float = 600.0
+    grading: bool = False

@@ -90,6 +90,8 @@ def check_accuracy(scene: Scene) -> None:
         if options.tolerance >= 1.0:
             raise InputError("[accuracy] tolerance: is relative; must be below 1")
     check_positive(options.budget_seconds, "[accuracy] budget_seconds")
+    if options.grading and scene.mesh.cell != "triangle":
+        raise InputError('[accuracy] grading: is for triangles; use cell = "triangle"')
     owners = {
         "load": scene.load_names,
         "probe": tuple(probe.name for probe in scene.probes),

@@ -15,6 +15,7 @@ from receding_fenicsx.accuracy.estimate import Level
 from receding_fenicsx.accuracy.numbers import Number
 from receding_fenicsx.accuracy.search import Search, search
 from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.output.report.accuracy import way_lines
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 
@@ -94,6 +95,17 @@ def test_a_singular_number_ends_the_search_in_plain_words() -> None:
     )
     assert not found.met and len(found.levels) == 4
     assert "largest_pressure does not converge in order (singular" in found.reason
+
+
+def test_an_infinite_number_ends_the_search_on_its_second_mesh() -> None:
+    solve = made_up(largest_pressure=lambda _: math.inf, centre_pressure=lambda n: 1.0 / n)
+    found = search(scene_of(1e-3, "largest_pressure"), solve)
+    assert not found.met and len(found.levels) == 2
+    assert "largest_pressure does not converge: singular" in found.reason
+    table = "\n".join(way_lines({"accuracy": found.shown()}))
+    assert "largest_pressure  singular  does not converge" in table and " inf " not in table
+    # it does not hinder the search for other numbers
+    assert search(scene_of(1e-1, "centre_pressure"), solve).met
 
 
 def test_the_budget_ends_a_search_before_a_mesh_that_would_exceed_it() -> None:

@@ -114,6 +114,22 @@ def contact_nodes_of(scene: Scene) -> list[int]:
     return counts
 
 
+def contact_sizes_of(scene: Scene) -> list[float]:
+    """Return the mean length of the elements on each contact edge; no communication.
+
+    Raises:
+        InputError: a mesh that cannot serve the scene.
+    """
+    meshes = [_raw(part_of(scene, body), scene.axisymmetric) for body in scene.bodies]
+    sizes = []
+    for contact, found in zip(scene.contacts, find_interfaces(scene, meshes, False), strict=True):
+        body, edge = scene.find_edge(contact.edge)
+        mesh = meshes[scene.bodies.index(body)]
+        ends = mesh.points[mesh.edges[edge][found.facets]]
+        sizes.append(float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean()))
+    return sizes
+
+
 def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...]:
     """Mesh the scene's bodies: rectangles graded from their contact edge, or the user's meshes.
 

@@ -7,8 +7,10 @@ from typing import Any
 
 WAY_HEAD = ["elements", "nodes", "number", "value", "estimate", "relative", "seconds"]
 """Columns of the table of a search."""
-SINGULAR = "does not converge in order"
+DIVERGES = "does not converge in order"
 """Estimate of a number that moves on without end."""
+SINGULAR = "singular"
+"""Value of a number that is infinite."""
 
 
 def error_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
@@ -17,10 +19,11 @@ def error_rows(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     for name, found in (summary.get("errors") or {}).items():
         error = "unknown" if found["error"] is None else f"{found['error']:.1e}"
         if found.get("converges") is False:
-            error = SINGULAR
+            error = DIVERGES
         order = found.get("order")
         seen = "" if order is None else f" (observed order {order:.1f})"
-        words = f"{name.replace('_', ' ')} {found['value']:.6g}, estimated space error"
+        value = SINGULAR if found["value"] is None else f"{found['value']:.6g}"
+        words = f"{name.replace('_', ' ')} {value}, estimated space error"
         rows.append((words, f"{error}{seen}"))
     if "errors_warning" in summary:
         rows.append(("space errors:", summary["errors_warning"]))
@@ -41,7 +44,8 @@ def way_rows(summary: Mapping[str, Any]) -> list[list[str]]:
                 "-" if found[key] is None else f"{found[key]:.1e}" for key in ("error", "relative")
             )
             if not found["converges"]:
-                error = SINGULAR
+                error = DIVERGES
+                value = SINGULAR if found["value"] is None else value
             rows.append([*mesh, name, value, error, relative, seconds])
             mesh, seconds = ["", ""], ""
     return rows

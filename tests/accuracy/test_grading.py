@@ -1,0 +1,92 @@
+"""Searches on meshes graded towards sharp corners, and numbers that are singular there."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import receding_fenicsx as rf
+from receding_fenicsx import study
+from receding_fenicsx.accuracy.meshes import graded_at_ends, scaled
+from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
+from receding_fenicsx.errors import InputError, ToleranceNotMet
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import read_scene
+
+DEMOS = Path(__file__).parents[2] / "demos"
+COMM = MPI.COMM_WORLD
+PLAIN = study.RunOptions(pictures=False)
+
+
+def sheared(*overrides: str) -> Scene:
+    """The sheared block without samples, friction .8: its corners stick."""
+    scene = read_scene(
+        DEMOS / "sheared_block.toml",
+        [
+            "history.cycles=1",
+            "contact.friction=0.8",
+            "load.Q.force=[1.6, 0.0]",
+            "output.samples_per_leg=1",
+            "output.cycles=[]",
+            *overrides,
+        ],
+    )
+    return replace(scene, history=replace(scene.history, until=None))
+
+
+def test_graded_search_has_true_errors_within_its_tolerance(shared_tmp_path: Path) -> None:
+    """Its second mesh against the third, 2.5 times finer; equal elements are five times worse."""
+    options = replace(
+        sheared().accuracy, tolerance=2e-2, numbers=("dissipation_first_cycle",), grading=True
+    )
+    out = shared_tmp_path / "run"
+    record = study.run(replace(sheared(), accuracy=options), out, PLAIN)
+    if record is None:
+        return
+    way = json.loads((out / "summary.json").read_text())["accuracy"]["way"]
+    _, found, last = (level["numbers"]["dissipation_first_cycle"] for level in way)
+    exact = record.cycles.dissipation[0]
+    assert last["value"] == exact and 2.0 * last["relative"] <= 2e-2
+    assert 0.0 < abs(found["value"] - exact) <= 2.0 * found["error"]
+    equal = sheared(f"mesh.contact_elements={way[1]['nodes'] // 4 * 2}")
+    system = rf.condense(equal, MPI.COMM_SELF)
+    assert system is not None
+    of_equal = rf.evolve(system, equal).cycles.dissipation[0]
+    assert 5.0 * abs(found["value"] - exact) < abs(of_equal - exact)
+
+
+def test_the_largest_pressure_at_a_sharp_corner_is_called_singular(shared_tmp_path: Path) -> None:
+    scene = sheared("accuracy.numbers=['largest_pressure']", "accuracy.tolerance=1e-2")
+    with pytest.raises(ToleranceNotMet, match="largest_pressure does not converge: singular"):
+        study.run(scene, shared_tmp_path / "run", PLAIN)
+    if COMM.rank == 0:
+        summary = json.loads((shared_tmp_path / "run" / "summary.json").read_text())
+        assert len(summary["accuracy"]["way"]) == 2
+        assert summary["errors"]["largest_pressure"]["value"] is None
+        assert summary["errors"]["largest_pressure"]["converges"] is False
+
+
+def test_sizes_of_a_graded_family_are_in_proportion() -> None:
+    scene = sheared()
+    (size,) = contact_sizes_of(scene)
+    assert size == pytest.approx(2.0 / 64)
+    graded = graded_at_ends(scene, [size])
+    (place,) = graded.mesh.refine
+    assert place.at == "ends" and place.size == pytest.approx(size / 100.0)
+    coarse = scaled(graded, 24).mesh.refine[0]
+    assert coarse.growth == pytest.approx(2.0) and coarse.size == pytest.approx(2.0 / 2400)
+    assert graded_at_ends(graded, [size]) == graded
+    inclined = read_scene(DEMOS / "dovetail.toml")
+    sizes = contact_sizes_of(inclined)
+    assert len(sizes) == len(inclined.contacts) and np.all(np.array(sizes) > 0.0)
+
+
+def test_what_cannot_be_graded_is_refused() -> None:
+    with pytest.raises(InputError, match="grading: is for triangles"):
+        study.run(sheared("accuracy.grading=true", "mesh.cell='quadrilateral'"), None, PLAIN)
