@@ -82,7 +82,8 @@ class Certificate:
         """Return K'_tt and C K'_nt of the slipping nodes.
 
         Raises:
-            np.linalg.LinAlgError: what moves freely has a motion without stiffness.
+            np.linalg.LinAlgError: what moves freely, or together with a slipping node, has a motion
+                without stiffness.
         """
         system, slips = self.system, self.slipping(state)
         n, K = system.n, system.K
@@ -93,6 +94,9 @@ class Certificate:
             half = sla.solve_triangular(factor, K[np.ix_(free, rows)], lower=True)
             t, w = half[:, : len(slips)], half[:, len(slips) :]
             K_tt, K_nt = K_tt - t.T @ t, K_nt - w.T @ t
+        # what remains of a motion without stiffness is round-off
+        if np.any(np.diagonal(K_tt) <= SINGULAR * np.diagonal(K)[slips]):
+            raise np.linalg.LinAlgError
         return K_tt, system.friction[slips].at_slip(state[slips])[:, None] * K_nt
 
     def _condensed(self, open_: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:

@@ -64,6 +64,19 @@ def test_a_slide_that_nothing_resists_has_no_margin() -> None:
     assert Certificate(system).margin(np.array([FORWARD, STICK], dtype=np.int8))[0] == np.inf
 
 
+def test_a_node_that_drags_an_open_one_along_a_free_slide_has_no_certificate() -> None:
+    # the open node is condensed out, and what is left of the stiffness is zero
+    k = 1.0 / 3.0
+    K = np.zeros((4, 4))
+    K[:2, :2], K[2:, 2:] = [[k, -k], [-k, k]], np.eye(2)
+    system = small_system(K, {"a": [0, 0, 1, 1]}, 0.5, rigid=[[1, 1, 0, 0]])
+    for scale in (1.0, 1e-9, 1e9):
+        judge = Certificate(replace(system, K=scale * K))
+        state = np.array([FORWARD, SEPARATION], dtype=np.int8)
+        assert judge.margin(state)[0] == 0.0
+        assert not judge.is_p_matrix(state) and not judge.exceeds(state, 1.0)
+
+
 def random_instant(seed: int) -> tuple[ContactSystem, Certificate, Instant]:
     """Return a contact of up to four nodes, frictionless and held ones among them, in any state."""
     rng = np.random.default_rng(seed)
