@@ -134,7 +134,7 @@ def continue_history(
     record = record_of(problem.system, problem.solver, cycles, last=last)
     record.choices = _choices(problem)
     if search is not None:
-        search.tell(record)
+        search.tell(record, cycles)
     return record
 
 

@@ -173,3 +173,16 @@ def test_an_interrupted_history_resumes_to_the_same_limit(tmp_path: Path) -> Non
         a, b = (getattr(r.turning_points, key) for r in (resumed, whole))
         assert np.array_equal(a, b), key
     assert resumed.limit == whole.limit
+
+
+def test_a_resumed_history_says_the_same_of_a_search_before_it() -> None:
+    steps = SolverOptions(method="gauss-seidel", steps_per_leg=4)
+    problem_ = problem_of_history(block_system(6, 3), ended_by(cyclic(9), "limit"), steps)
+    journal = Journal(1)
+    whole = continue_history(problem_, journal)
+    again = Journal(1)
+    again.cycles = journal.cycles[:9]
+    resumed = continue_history(problem_, again)
+    assert whole.limit is not None and resumed.limit is not None
+    assert not whole.limit.reached and "events" in whole.limit.reason
+    assert resumed.limit.reason == whole.limit.reason

@@ -43,6 +43,7 @@ class LimitSearch:
         self.problem = problem
         self.limit = Limit(False, -1, 0, 0, np.nan, -1, "the search has not begun")
         self.steady: Steady | None = None
+        self._last = 0
 
     def is_due(self, number: int) -> bool:
         """Return whether the limit is searched for before a cycle is played."""
@@ -51,6 +52,7 @@ class LimitSearch:
 
     def found(self, cycles: list[FinishedCycle], progress: Progress | None) -> bool:
         """Search for the cycle that repeats itself; add it to the finished ones if it was found."""
+        self._last = len(cycles)
         try:
             cycle = self._cycle(cycles)
         except (NoLimit, SolveError) as error:
@@ -102,7 +104,7 @@ class LimitSearch:
         self.steady = Steady(True, number, watch.kind, watch.period, change)
         return cycle
 
-    def tell(self, record: Record) -> None:
+    def tell(self, record: Record, cycles: list[FinishedCycle]) -> None:
         """Add the limit to the record, and its steady state where the search has found it."""
         last = len(record.cycles.dissipation)
         if self.steady is not None:
@@ -111,9 +113,18 @@ class LimitSearch:
             why = "the cycles repeated themselves as they were played"
             self.limit = Limit(True, last, last, 0, float("nan"), -1, why)
         else:
+            self._repeat_last(cycles)
             why = f"{self.limit.reason}; raise [history] cycles"
             self.limit = replace(self.limit, cycles_played=last, reason=why)
         record.limit = self.limit
+
+    def _repeat_last(self, cycles: list[FinishedCycle]) -> None:
+        """Repeat the last search where it was made before the run was resumed: for its reason."""
+        last = max((n for n in range(len(cycles)) if self.is_due(n)), default=0)
+        if last > self._last:
+            before = self.limit
+            if self.found(cycles[:last], None):  # a history that began without a search
+                self.limit, self.steady = before, None
 
     def _watch(
         self, begin: Instant, cycles: list[FinishedCycle], cycle: FinishedCycle
