@@ -217,3 +217,6 @@ def test_steady_states_need_cycles() -> None:
     history = rf.History(system.load_names, np.array([[0.0, 0.0], [1.0, 0.0]]), np.zeros((0, 2)))
     with pytest.raises(rf.InputError, match="needs a history with cycles"):
         rf.steady_states(system, history)
+    history = rf.History(system.load_names, np.eye(2), np.array([[0.0, 1.0], [1.0, 1.0]]), 3)
+    with pytest.raises(rf.InputError, match="at least one start"):
+        rf.steady_states(system, history, 2.5)  # type: ignore[arg-type]

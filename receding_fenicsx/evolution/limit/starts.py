@@ -126,7 +126,7 @@ def steady_states(
     if isinstance(history, Scene):
         problem = problem_of_scene(system, history)
         system, history, solver = problem.system, problem.history, problem.solver
-    if not history.cycles or starts < 1:
+    if not history.cycles or not isinstance(starts, int) or starts < 1:
         raise InputError("steady_states: needs a history with cycles, and at least one start")
     history = ended_by(history, until)
     named = initial_slips(system, history, starts, safe)

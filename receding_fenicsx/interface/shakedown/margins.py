@@ -116,13 +116,18 @@ def load_range(system: ContactSystem, mean: Loads, vertices: Sequence[Loads]) ->
 
 def _factors(system: ContactSystem, loads: Loads, where: str) -> Array:
     """Return load factors (n_loads,) by the names of the system's loads."""
+    if not isinstance(loads, Mapping):
+        raise InputError(f"{where}: must be load factors by name, {{name: number}}, not {loads!r}")
     unknown = [name for name in loads if name not in system.load_names]
     if unknown:
         raise InputError(
             f"{where}: '{unknown[0]}' is not a load of the scene; its loads are "
             f"{', '.join(system.load_names)}"
         )
-    values = np.array([float(loads.get(name, 0.0)) for name in system.load_names])
+    try:
+        values = np.array([float(loads.get(name, 0.0)) for name in system.load_names])
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: load factors must be numbers, not {dict(loads)}") from None
     if not np.all(np.isfinite(values)):
         raise InputError(f"{where}: load factors have to be finite, not {dict(loads)}")
     return values

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -248,10 +249,13 @@ def test_bounded_slips_raise_a_lower_limit_of_zero() -> None:
         ({"mean": 1.0}, [{"range": 1.0}], "not among its convex combinations"),
         ({}, TO_AND_FRO, "do not press the contact"),
         ({"mean": float("nan")}, TO_AND_FRO, "have to be finite"),
+        ({"mean": "a"}, TO_AND_FRO, "must be numbers"),
+        ("mean", TO_AND_FRO, "must be load factors by name"),
+        ({"mean": 1.0}, {"range": 1.0}, "must be load factors by name"),
         ({"mean": -1.0}, TO_AND_FRO, "separated under the mean loads"),
     ],
 )
-def test_bad_input_is_one_line(mean: Loads, corners: list[Loads], words: str) -> None:
+def test_bad_input_is_one_line(mean: Any, corners: Any, words: str) -> None:
     with pytest.raises(rf.InputError) as caught:
         rf.shakedown_limits(two_nodes(), mean, corners)
     assert words in str(caught.value)
