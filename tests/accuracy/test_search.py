@@ -15,6 +15,7 @@ from receding_fenicsx.accuracy.estimate import Level
 from receding_fenicsx.accuracy.numbers import Number
 from receding_fenicsx.accuracy.search import Search, search
 from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.output.plots.accuracy_plots import error_over_time
 from receding_fenicsx.output.report.accuracy import way_lines
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
@@ -168,3 +169,24 @@ def test_an_interrupted_search_goes_on_as_if_undisturbed() -> None:
     for known in left:
         again = search(scene_of(1e-3), solve, known)
         assert again.levels == whole.levels and again.way == whole.way
+
+
+@pytest.mark.parametrize(("seconds", "labels"), [((0.8, 1.6), ["1", "2"]), ((1, 99), ["1", "10"])])
+def test_time_axis_of_a_search_has_two_labels_at_least(
+    seconds: tuple[float, float], labels: list[str]
+) -> None:
+    way = [
+        {"seconds": s, "numbers": {"centre_pressure": {"relative": e}}}
+        for s, e in zip(seconds, (1e-2, 1e-3), strict=True)
+    ]
+    figure = error_over_time({"tolerance": 1e-2, "way": way})
+    figure.canvas.draw()
+    axis = figure.axes[0].xaxis
+    low, high = figure.axes[0].get_xlim()
+    ticks = zip(
+        [*axis.get_majorticklocs(), *axis.get_minorticklocs()],
+        [*axis.get_majorticklabels(), *axis.get_minorticklabels()],
+        strict=True,
+    )
+    shown = {label.get_text() for at, label in ticks if low <= at <= high} - {""}
+    assert shown >= set(labels)

@@ -118,7 +118,7 @@ def test_dissipation_of_cattaneo_and_mindlin() -> None:
 def test_error_of_the_dissipation_falls_with_the_second_power() -> None:
     """Root mean square over places of the zones' ends between the nodes."""
     errors = []
-    for elements in (40, 80, 160):
+    for elements in (40, 160):
         found = [0.0]
         for width in np.linspace(2.2, 2.5, 7):
             changes = [f"body.{name}.width={width}" for name in ("upper", "lower")]
@@ -127,8 +127,8 @@ def test_error_of_the_dissipation_falls_with_the_second_power() -> None:
             if record is not None:
                 found.append(record.cycles.dissipation[-1] / SHEARED.dissipation() - 1.0)
         errors.append(np.sqrt(np.mean(np.square(found))))
-    assert errors[2] < 5e-4
-    assert errors[2] <= 0.15 * errors[0]
+    assert errors[1] < 5e-4
+    assert errors[1] <= 0.15 * errors[0]
 
 
 def test_a_pair_on_a_stiff_half_plane_is_one_on_a_rigid_plane() -> None:

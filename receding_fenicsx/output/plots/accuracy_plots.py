@@ -18,6 +18,8 @@ from receding_fenicsx.output.plots.saving import drawing, save
 MARKERS = "os^vDP"
 HEIGHT, LEGEND_ROW = 2.5, 0.15
 """Height in inches of the figure without its legend, and of a row of that."""
+LABELLED_RANGE = 100.0
+"""Ratio of times below which ticks between the powers of ten have labels."""
 SHOWN = 12
 """Largest number of numbers that are drawn: those with the largest errors on the last mesh."""
 
@@ -63,7 +65,12 @@ def error_over_time(search: Mapping[str, Any]) -> Figure:
     )
     axes.set(xlabel="seconds since the start", ylabel="2 × estimated relative error")
     axes.set_xlim(seconds[0] / 1.5, seconds[-1] * 1.5)
+    axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
+    if seconds[-1] < LABELLED_RANGE * seconds[0]:
+        axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        axes.xaxis.set_minor_formatter("{x:g}")
+        axes.tick_params(axis="x", which="both", pad=4.0)
     axes.yaxis.set_major_locator(LogLocator(numticks=8))
     figure.legend(loc="outside lower left", fontsize=7.5, labelspacing=0.2, borderpad=0.1)
     return figure
