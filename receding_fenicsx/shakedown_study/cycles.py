@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.errors import SolveError
+from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.measures.steady import SHAKEDOWN
 from receding_fenicsx.interface.shakedown.margins import Loads, load_range
@@ -39,6 +39,8 @@ def range_history(
         factor: lambda.
         cycles: most cycles; the history ends before when it is steady.
     """
+    if not isinstance(factor, int | float) or not np.isfinite(factor):
+        raise InputError(f"range_history: factor must be a finite number, not {factor!r}")
     loads = load_range(system, mean, range)
     corners = loads.mean + factor * loads.vertices
     path = np.vstack([np.zeros_like(loads.mean), corners[:1]])

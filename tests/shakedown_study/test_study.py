@@ -220,3 +220,5 @@ def test_steady_states_need_cycles() -> None:
     history = rf.History(system.load_names, np.eye(2), np.array([[0.0, 1.0], [1.0, 1.0]]), 3)
     with pytest.raises(rf.InputError, match="at least one start"):
         rf.steady_states(system, history, 2.5)  # type: ignore[arg-type]
+    with pytest.raises(rf.InputError, match="factor must be a finite number"):
+        rf.range_history(system, {}, [], float("nan"))
