@@ -138,10 +138,10 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.validate import validate as validate
     from receding_fenicsx.scene.validate import warnings as scene_warnings
     from receding_fenicsx.shakedown_study.cycles import range_history as range_history
-    from receding_fenicsx.shakedown_study.starts_figure import (
+    from receding_fenicsx.shakedown_study.figures import (
         steady_states_figure as steady_states_figure,
     )
-    from receding_fenicsx.shakedown_study.study import ShakedownStudy as ShakedownStudy
+    from receding_fenicsx.shakedown_study.result import ShakedownStudy as ShakedownStudy
     from receding_fenicsx.shakedown_study.study import shakedown as shakedown
     from receding_fenicsx.study import RunOptions as RunOptions
     from receding_fenicsx.study import condense as condense
@@ -265,10 +265,10 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "ShakedownLimits": ("interface.shakedown.limits", "Limits, safe slip, what binds"),
         "ShakedownOptions": ("scene.model", "Load range of a scene: mean and corners"),
         "shakedown": ("shakedown_study.study", "Limits of a scene, on two meshes, with diagram"),
-        "ShakedownStudy": ("shakedown_study.study", "Result of shakedown"),
+        "ShakedownStudy": ("shakedown_study.result", "Result of shakedown"),
         "range_history": ("shakedown_study.cycles", "History round the corners of a load range"),
         "steady_states": ("evolution.limit.starts", "Steady states from many initial slips"),
-        "steady_states_figure": ("shakedown_study.starts_figure", "Figure of these"),
+        "steady_states_figure": ("shakedown_study.figures", "Figure of these"),
         "SteadyStates": ("evolution.limit.starts", "Their dissipation, kinds and zones"),
     },
     "Known solutions": {

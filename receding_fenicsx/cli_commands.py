@@ -146,14 +146,14 @@ def _sweep(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
 
 def _shakedown(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx.scene.toml_file import read_scene
-    from receding_fenicsx.shakedown_study import command
+    from receding_fenicsx.shakedown_study.study import shakedown
 
     scene = read_scene(options.scene, options.overrides)
     comm = _require_mpi(comm)
     with _Progress(comm, options.verbose) as say:
-        text = command.run(scene, options, comm, say)
-    if text:
-        print(text)
+        found = shakedown(scene, options.out, options.overwrite, comm, say)
+    if found is not None:
+        print(f"{found}\nwritten to {options.out}")
 
 
 def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:

@@ -9,7 +9,6 @@ from typing import Any, NoReturn
 
 from receding_fenicsx import __version__
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.shakedown_study.command import arguments as shakedown_arguments
 
 PROGRAM = "receding-fenicsx"
 
@@ -133,7 +132,8 @@ def _sweep(added: argparse.ArgumentParser) -> None:
 
 def _shakedown(added: argparse.ArgumentParser) -> None:
     _scene(added)
-    shakedown_arguments(added)
+    added.add_argument("--out", required=True, metavar="DIR", help="output folder")
+    added.add_argument("--overwrite", action="store_true", help="replace an earlier study")
     _verbose(added)
 
 

@@ -19,8 +19,8 @@ CYCLES = 400
 """Most cycles of one verdict; a contact that is not steady then counts as slipping."""
 RESOLUTION = 1e-3
 """Width of the interval at which bisection ends, over lambda_2 of the closed contact."""
-LARGEST_FACTOR = 4.0
-"""Largest range that is tried, over the upper limit of the closed contact."""
+FACTORS = (1.0, 2.0, 4.0)
+"""Ranges that are tried, over the upper limit of the closed contact, before bisection."""
 
 
 def range_history(
@@ -73,7 +73,7 @@ def limit_by_cycles(
         system: the condensed body.
         mean: load factors of the mean loads, by name.
         range: changes of the load factors at the corners of the range at lambda = 1.
-        upper: lambda_2 of the closed contact.
+        upper: lambda_2 of the closed contact, positive.
         safe: (N,) safe slip of the closed contact.
     """
 
@@ -81,11 +81,13 @@ def limit_by_cycles(
         history = range_history(system, mean, range, factor)
         return any(shakes_down(system, history, start) for start in (safe, None))
 
-    low, high = 0.0, upper
-    while ends(high):
-        low, high = high, 2.0 * high
-        if high > LARGEST_FACTOR * upper:
-            return low, np.inf
+    low = 0.0
+    for high in (factor * upper for factor in FACTORS):
+        if not ends(high):
+            break
+        low = high
+    else:
+        return low, np.inf
     while high - low > RESOLUTION * max(high, upper):
         middle = 0.5 * (low + high)
         low, high = (middle, high) if ends(middle) else (low, middle)

@@ -3,21 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.errors import SolveError
+from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.interface.shakedown.limits import Certificates, lower_limit, upper_limit
 from receding_fenicsx.interface.shakedown.margins import Margins
 from receding_fenicsx.interface.shakedown.programs import minimise
 
 POINTS, MANY_NODES, FEW_POINTS = 25, 60, 9
 """Mean loads of a diagram; fewer where more than ``MANY_NODES`` nodes need a program each."""
-BEYOND = 1.5
-"""Part of the range at the upper limit by which the mean varies where no limit bounds it."""
 INSIDE = 1e-3
 """Distance of the outermost means from those that just can be held, over their interval."""
 
@@ -61,52 +59,17 @@ def means(margins: Margins, load: int, width: float) -> Array:
 
 
 def limits_at(margins: Margins, load: int, changes: Sequence[float]) -> list[tuple[float, float]]:
-    """Return both limits for changes of one mean load; NaN where a program fails its checks."""
+    """Return both limits for changes of one mean load; NaN where they were not found."""
     found = []
     proofs: Certificates = {}
     for change in changes:
         moved = replace(margins, c=margins.c + change * margins.by_load[:, load])
-        try:
+        low = top = np.nan
+        # a point whose programs fail, or that no slip holds, is left out of the diagram
+        with suppress(SolveError, InputError):
             upper = upper_limit(moved)
-            lower, proofs = lower_limit(moved, upper, None, proofs)
-        except SolveError:
-            found.append((np.nan, np.nan))
-            continue
-        top = -upper.value
-        low = top if lower is None else min(lower.answer.value, top)
+            top = -upper.value if upper.value < np.inf else np.nan
+            lower, proofs = lower_limit(moved, upper, certificates=proofs)
+            low = top if lower is None else min(lower.value, top)
         found.append((low * margins.range_scale, top * margins.range_scale))
     return found
-
-
-def draw(diagram: Diagram, path: Path) -> None:
-    """Draw a diagram: mean load along, load range up."""
-    import matplotlib as mpl
-
-    from receding_fenicsx.output.plots import style
-    from receding_fenicsx.output.plots.saving import save
-
-    x, lower, upper = diagram.mean, diagram.lower, diagram.upper
-    with mpl.rc_context(style.RC):
-        figure = style.new_figure(style.COLUMN, 2.9)
-        axes = figure.subplots()
-        top = 1.25 * float(upper[np.isfinite(upper)].max(initial=0.0)) or 1.0
-        high = np.minimum(upper, top)
-        axes.fill_between(x, 0.0, np.minimum(lower, top), color=SAFE, lw=0)
-        axes.fill_between(x, np.minimum(lower, top), high, color=DEPENDS, lw=0)
-        axes.plot(x, upper, color="black", label=r"$\lambda_2$")
-        axes.plot(x, lower, color="black", ls=(0, (4, 2)), label=r"$\lambda_1$")
-        axes.axvline(diagram.given, **style.GUIDE)
-        entries = [
-            mpl.patches.Patch(fc="white", ec="black", lw=0.4, label="slips for ever"),
-            mpl.patches.Patch(fc=DEPENDS, ec="black", lw=0.4, label="depends on the start"),
-            mpl.patches.Patch(fc=SAFE, ec="black", lw=0.4, label="shakes down"),
-        ]
-        handles = [*axes.get_legend_handles_labels()[0], *entries]
-        figure.legend(handles=handles, loc="outside upper center", ncols=3, columnspacing=1.0)
-        axes.set(xlim=(x.min(), x.max()) if len(x) > 1 else None, ylim=(0.0, top))
-        axes.set(xlabel=f"mean load factor of {diagram.load}", ylabel=r"load range $\lambda$")
-        save(figure, path)
-
-
-SAFE, DEPENDS = "#bdbdbd", "#e6e6e6"
-"""Fill of the regions in which the contact shakes down, and in which it depends on the start."""

@@ -10,63 +10,67 @@ from typing import Any
 
 import numpy as np
 
-from receding_fenicsx.arrays import Array
-from receding_fenicsx.atomic import make_folder, unwritable
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.atomic import check_folder, make_folder, publish_folder, unwritable
+from receding_fenicsx.environment import versions
+from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.output.plots.saving import save
 from receding_fenicsx.output.storage.summary_file import write_summary
-from receding_fenicsx.shakedown_study.diagram import Diagram, draw
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.shakedown_study.figures import diagram_figure
+from receding_fenicsx.shakedown_study.result import ShakedownStudy
 
 SUMMARY, SLIP, PICTURE, SCENE = "shakedown.json", "safe_slip.csv", "shakedown.png", "scene.toml"
 """Names of the files."""
 
 
-def check(path: Path, overwrite: bool) -> None:
-    """Raise InputError unless the folder of a study may be created at ``path``.
-
-    Raises:
-        InputError: something else is there, or an earlier study that may not be replaced.
-    """
-    if not path.exists():
-        return
-    if not path.is_dir():
-        raise InputError(f"{path}: is a file; give a new folder")
-    if not any(path.iterdir()):
-        return
-    if not (path / SUMMARY).is_file():
-        raise InputError(f"{path}: is not the folder of a shakedown study; choose another folder")
-    if not overwrite:
-        raise InputError(f"{path}: already exists; choose another folder or give --overwrite")
-
-
-def write(
-    path: Path,
-    scene_toml: str,
-    summary: Mapping[str, Any],
-    slip: tuple[Array, Array] | None,
-    diagram: Diagram,
-) -> None:
-    """Write a study beside its folder and rename it.
-
-    Args:
-        path: the folder.
-        scene_toml: text of the scene.
-        summary: content of ``shakedown.json``.
-        slip: positions and values of the safe slip; None writes no profile.
-        diagram: the diagram.
-    """
+def write(path: Path, scene: Scene, result: ShakedownStudy, seconds: Mapping[str, float]) -> None:
+    """Write a study beside its folder and rename it; several edges have no profile of safe slip."""
+    path, system = Path(os.path.abspath(path)), result.system
     beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     make_folder(beside)
     try:
-        write_summary(beside / SUMMARY, summary)
-        (beside / SCENE).write_text(scene_toml, encoding="utf-8")
-        if slip is not None:
-            columns = np.column_stack(slip)
+        write_summary(beside / SUMMARY, _summary(scene, result) | {"timings": dict(seconds)})
+        (beside / SCENE).write_text(to_toml(scene), encoding="utf-8")
+        if len(np.unique(system.edges)) == 1:
+            columns = np.column_stack([mirror_of(system).odd(system.x), result.limits.safe_slip])
             np.savetxt(beside / SLIP, columns, "%.17g", ",", header="x,value", comments="")
-        draw(diagram, beside / PICTURE)
-        if path.exists():
-            shutil.rmtree(path)
-        os.replace(beside, path)
+        save(diagram_figure(result.diagram), beside / PICTURE)
+        check_folder(path, True, SUMMARY)
+        publish_folder(beside, path)
     except OSError as error:
         raise unwritable(path, error) from None
     finally:
         shutil.rmtree(beside, ignore_errors=True)
+
+
+def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
+    """Return the content of ``shakedown.json``, but for the timings."""
+    limits, options, diagram = result.limits, scene.shakedown, result.diagram
+    return {
+        "title": scene.title,
+        "mean": options.mean,
+        "range": list(options.range),
+        "modelled_nodes": result.system.n,
+        "symmetry": "half" if result.system.half else "none",
+        "lower": limits.lower,
+        "lower_is": limits.lower_is,
+        "upper": limits.upper,
+        "opens": limits.opens,
+        "active": [vars(active) for active in limits.active],
+        "largest_slip": options.largest_slip,
+        "separated": result.system.x[limits.separated].tolist(),
+        "safe_slip": limits.safe_slip.tolist(),
+        "residual": limits.residual,
+        "gap": limits.gap,
+        "meshes": [dict(zip(("nodes", "lower", "upper"), m, strict=True)) for m in result.meshes],
+        "by_cycles": result.by_cycles,
+        "diagram": {
+            "load": diagram.load,
+            "mean": diagram.mean.tolist(),
+            "lower": diagram.lower.tolist(),
+            "upper": diagram.upper.tolist(),
+        },
+        "notes": list(result.notes),
+        "versions": versions(),
+    }

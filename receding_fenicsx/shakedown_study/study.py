@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,9 +10,8 @@ import numpy as np
 
 from receding_fenicsx import mpi, study
 from receding_fenicsx.accuracy.meshes import scaled
-from receding_fenicsx.environment import versions
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.atomic import check_folder
+from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.interface.shakedown.limits import (
     CONJECTURE,
     ShakedownLimits,
@@ -27,10 +24,10 @@ from receding_fenicsx.interface.shakedown.mean_loads import prepared
 from receding_fenicsx.interface.shakedown.programs import Answer
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import to_toml
-from receding_fenicsx.shakedown_study import folder
 from receding_fenicsx.shakedown_study.cycles import limit_by_cycles
 from receding_fenicsx.shakedown_study.diagram import Diagram, limits_at, means
+from receding_fenicsx.shakedown_study.folder import SUMMARY, write
+from receding_fenicsx.shakedown_study.result import ShakedownStudy
 from receding_fenicsx.timing import Say, Timer
 
 if TYPE_CHECKING:
@@ -52,28 +49,6 @@ ZERO_NOTE = (
     "any range; bound the slips of interest by [shakedown] largest_slip"
 )
 """Sentences about the validity of the limits."""
-
-
-@dataclass(frozen=True)
-class ShakedownStudy:
-    """Result of :func:`shakedown`.
-
-    Attributes:
-        system: the condensed system.
-        limits: its limits.
-        meshes: number of modelled nodes, lower and upper limit of each mesh, the scene's first.
-        diagram: limits over one mean load.
-        by_cycles: interval of lambda in which cycles from rest or the safe slip begin to slip for
-            ever, where a node unloads at the upper limit; else None.
-        notes: sentences about the validity of the limits.
-    """
-
-    system: ContactSystem
-    limits: ShakedownLimits
-    meshes: tuple[tuple[int, float, float], ...]
-    diagram: Diagram
-    by_cycles: tuple[float, float] | None
-    notes: tuple[str, ...]
 
 
 def shakedown(
@@ -104,36 +79,35 @@ def shakedown(
     if not options.mean or not options.range:
         raise InputError("[shakedown]: mean and range are missing; give the load factors of both")
     if out is not None:
-        mpi.on_root(comm, lambda: folder.check(Path(out), overwrite))
+        mpi.on_root(comm, lambda: check_folder(Path(out), overwrite, SUMMARY))
     # whole: a contact without friction is refused as such
     system = study.condense(scene, comm, timer.say, whole=True)
     with timer("limits"):
         limits, margins = _limits(scene, system, comm)
-    meshes = [limits]
+    meshes, failure = [limits], ""
     elements = 2 * (scene.mesh.contact_elements // 4)
     if elements >= FEWEST_ELEMENTS and all(body.mesh is None for body in scene.bodies):
         with timer("second mesh"):
-            coarse = study.condense(scaled(scene, elements), comm, whole=True)
-            # the same on all ranks: a coarse mesh may not hold the mean loads
-            with suppress(InputError):
+            try:
+                coarse = study.condense(scaled(scene, elements), comm, whole=True)
                 meshes.append(_limits(scene, coarse, comm)[0])
+            except RecedingError as error:  # the same on all ranks; the scene's own limits stand
+                failure = f"no limits on a mesh of {elements} contact elements: {error}"
     with timer("diagram"):
         diagram = _diagram(scene, margins, limits, comm)
 
     def finish() -> ShakedownStudy:
         own, found = mpi.given(system), mpi.given(limits)
         cycles = None
-        if found.opens and not np.any(own.g0 > 0.0):
+        if found.opens and found.upper > 0.0 and not np.any(own.g0 > 0.0):
             with timer("cycles"):
                 start = found.safe_slip_modelled
                 cycles = limit_by_cycles(own, options.mean, options.range, found.upper, start)
         sizes = tuple((len(m.separated), m.lower, m.upper) for m in map(mpi.given, meshes))
-        result = ShakedownStudy(own, found, sizes, diagram, cycles, _notes(own, found))
+        notes = _notes(own, found, cycles is not None) + ((failure,) if failure else ())
+        result = ShakedownStudy(own, found, sizes, diagram, cycles, notes)
         if out is not None:
-            summary = summarise(scene, result) | {"timings": dict(timer.seconds)}
-            x = mirror_of(own).odd(own.x) if own.half else own.x
-            slip = None if len(np.unique(own.edges)) > 1 else (x, found.safe_slip)
-            folder.write(Path(out), to_toml(scene), summary, slip, diagram)
+            write(Path(out), scene, result, timer.seconds)
         return result
 
     return mpi.on_root(comm, finish)
@@ -156,7 +130,7 @@ def _limits(
     bounded = with_bound(margins, options.largest_slip)
     part = mpi.on_all(comm, lambda: lower_limit(bounded, upper, mine)[0])
     parts = [found for found in comm.allgather(part) if found is not None]
-    lower = min(parts, key=lambda found: found.answer.value, default=None)
+    lower = min(parts, key=lambda found: found.value, default=None)
 
     def end() -> ShakedownLimits:
         return assembled(mpi.given(system), loads, margins, upper, lower, away)
@@ -189,7 +163,7 @@ def _diagram(
     return Diagram(name, own + changes, both[:, 0], both[:, 1], own)
 
 
-def _notes(system: ContactSystem, limits: ShakedownLimits) -> tuple[str, ...]:
+def _notes(system: ContactSystem, limits: ShakedownLimits, played: bool) -> tuple[str, ...]:
     """Return sentences about what the limits are limits of."""
     notes = []
     if np.any(limits.separated) or np.any(system.g0 > 0.0):
@@ -197,40 +171,9 @@ def _notes(system: ContactSystem, limits: ShakedownLimits) -> tuple[str, ...]:
     if system.half:
         notes.append("half of the body is modelled: the limits are those of mirror-symmetric slip")
     if limits.opens:
-        notes.append(OPENS_NOTE + ("" if np.any(system.g0 > 0.0) else CYCLES_NOTE))
+        notes.append(OPENS_NOTE + (CYCLES_NOTE if played else ""))
     if limits.lower == 0.0:
         notes.append(ZERO_NOTE)
     elif limits.lower_is == CONJECTURE:
         notes.append("the lower limit is proved for two nodes only; for more it is a conjecture")
     return tuple(notes)
-
-
-def summarise(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
-    """Return the content of ``shakedown.json``."""
-    limits, options, diagram = result.limits, scene.shakedown, result.diagram
-    return {
-        "title": scene.title,
-        "mean": options.mean,
-        "range": list(options.range),
-        "modelled_nodes": result.system.n,
-        "symmetry": "half" if result.system.half else "none",
-        "lower": limits.lower,
-        "lower_is": limits.lower_is,
-        "upper": limits.upper,
-        "opens": limits.opens,
-        "active": [vars(active) for active in limits.active],
-        "largest_slip": options.largest_slip,
-        "separated": result.system.x[limits.separated].tolist(),
-        "residual": limits.residual,
-        "gap": limits.gap,
-        "meshes": [dict(zip(("nodes", "lower", "upper"), m, strict=True)) for m in result.meshes],
-        "by_cycles": result.by_cycles,
-        "diagram": {
-            "load": diagram.load,
-            "mean": diagram.mean.tolist(),
-            "lower": diagram.lower.tolist(),
-            "upper": diagram.upper.tolist(),
-        },
-        "notes": list(result.notes),
-        "versions": versions(),
-    }

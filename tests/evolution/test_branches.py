@@ -163,12 +163,13 @@ def test_branches_are_those_that_all_sets_of_states_lead_to() -> None:
 
 
 def test_looking_for_branches_changes_no_path_without_any() -> None:
-    for seed in (0, 5, 10, 23):
+    # all sets of states of five nodes are tried, those of six by the sides of the cone
+    for seed, n in ((0, 6), (0, 5), (5, 5), (10, 5), (23, 5)):
         rng = np.random.default_rng(seed)
-        G = rng.standard_normal((12, 18))
-        loads = {"press": [*rng.standard_normal(6), *rng.uniform(1, 2, 6)]}
-        loads["shear"] = rng.standard_normal(12).tolist()
-        system = small_system(G @ G.T / 12, loads, 0.2)
+        G = rng.standard_normal((2 * n, 3 * n))
+        loads = {"press": [*rng.standard_normal(n), *rng.uniform(1, 2, n)]}
+        loads["shear"] = rng.standard_normal(2 * n).tolist()
+        system = small_system(G @ G.T / (2 * n), loads, 0.2)
         history = table(system, [[0, 0], [1, 0.3], [1, -0.5], [1, 0.5], [0.7, 0]])
         plain = rf.evolve(system, history)
         (branch,) = rf.branches(system, history)

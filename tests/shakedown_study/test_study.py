@@ -14,7 +14,9 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.shakedown_study.starts_figure import steady_states_figure
+from receding_fenicsx.evolution.limit import starts
+from receding_fenicsx.shakedown_study import study
+from receding_fenicsx.shakedown_study.figures import steady_states_figure
 
 SCENE = """
 title = "sheared block"
@@ -81,7 +83,13 @@ def test_command_writes_what_the_next_run_can_start_from(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     file, out = scene_file(shared_tmp_path), shared_tmp_path / "study"
-    assert cli.main(["shakedown", file, "--out", str(out)]) == 0
+    if root:  # an earlier study
+        out.mkdir()
+        (out / "shakedown.json").write_text("{}")
+    MPI.COMM_WORLD.Barrier()
+    assert cli.main(["shakedown", file, "--out", str(out)]) == 2
+    assert "already exists" in capsys.readouterr().err or not root
+    assert cli.main(["shakedown", file, "--out", str(out), "--overwrite"]) == 0
     printed = capsys.readouterr().out
     summary = json.loads((out / "shakedown.json").read_text())
     assert (f"upper limit   {summary['upper']:.6g}" in printed) == root
@@ -93,6 +101,8 @@ def test_command_writes_what_the_next_run_can_start_from(
     }
     assert [mesh["nodes"] for mesh in summary["meshes"]] == [17, 9]
     assert summary["residual"] < 1e-9
+    profile = np.loadtxt(out / "safe_slip.csv", delimiter=",", skiprows=1)
+    assert summary["safe_slip"] == profile[:, 1].tolist()
     diagram = summary["diagram"]
     middle = int(np.argmin(np.abs(diagram["mean"])))
     assert diagram["load"] == "shear"
@@ -105,8 +115,6 @@ def test_command_writes_what_the_next_run_can_start_from(
     record = rf.run(rf.read_scene(file, changes))
     if record is not None:
         assert np.all(record.cycles.dissipation == 0.0)
-    assert cli.main(["shakedown", file, "--out", str(out)]) == 2
-    assert cli.main(["shakedown", file, "--out", str(out), "--overwrite"]) == 0
 
 
 @pytest.mark.parametrize(
@@ -135,7 +143,7 @@ def test_folder_of_something_else_is_not_replaced(shared_tmp_path: Path) -> None
         (shared_tmp_path / "notes.txt").write_text("mine")
     MPI.COMM_WORLD.Barrier()
     scene = rf.from_toml(SCENE)
-    with pytest.raises(rf.InputError, match="is not the folder of a shakedown study"):
+    with pytest.raises(rf.InputError, match=r"is not a folder with shakedown\.json"):
         rf.shakedown(scene, shared_tmp_path, overwrite=True)
 
 
@@ -174,22 +182,21 @@ def from_starts(system: rf.ContactSystem, factor: float, count: int = 41) -> rf.
 
 def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only() -> None:
     lower, upper = 8 / 19, 12 / 23
-    counts = [
-        from_starts(two_nodes(), factor).slips_for_ever
+    found = [
+        from_starts(two_nodes(), factor)
         for factor in (0.99 * lower, 1.02 * lower, 0.99 * upper, 1.01 * upper)
     ]
+    counts = [states.slips_for_ever for states in found]
     assert counts[0] == 0
     assert 0 < counts[1] < counts[2] < 41
     assert counts[3] == 41
-
-
-def test_every_start_is_in_the_interval_and_the_safe_one_dissipates_nothing() -> None:
-    states = from_starts(two_nodes(), 0.99 * 12 / 23)
+    # below the upper limit the safe start dissipates nothing
+    states = found[2]
     low, high = states.interval
     assert low == 0.0 < high
-    assert states.dissipation[states.names.index("safe")] == 0.0
     assert states.counts.keys() == {"shakedown", "cyclic slip"}
     row = states.rows()[states.names.index("safe")]
+    assert row["dissipation"] == 0.0
     assert row["zones"] == [("stick", 0.0, 1.0)]
     figure = steady_states_figure(states)
     assert figure.axes[0].get_xlabel().startswith("dissipation")
@@ -210,6 +217,40 @@ def test_dissipation_of_uncoupled_systems_does_not_depend_on_the_start(seed: int
     low, high = from_starts(system, 1.3 * limits.upper, 12).interval
     assert low > 0.0
     assert high == pytest.approx(low, rel=1e-9)
+
+
+def test_direction_of_slip_between_turning_points_is_that_of_the_displacement() -> None:
+    system = two_nodes()
+    loads = {"mean": 1.0}, [{"range": 1.0}, {"range": -1.0}]
+    record = rf.evolve(system, rf.range_history(system, *loads, 0.6), until="limit")
+    table = record.turning_points
+    stuck = np.full_like(table.state, rf.State.STICK)
+    found = [
+        starts._states(
+            replace(record, turning_points=replace(table, state=stuck, v=sign * table.v))
+        )
+        for sign in (1.0, -1.0)
+    ]
+    slips = record.cycles.dissipation_density[-1] > 0.0
+    assert np.any(slips)
+    assert np.all((found[0] == rf.State.STICK) == ~slips)
+    both = {rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP}
+    assert all({a, b} == both for a, b in zip(*(states[slips] for states in found), strict=True))
+
+
+def test_study_in_the_current_folder_tells_why_there_is_no_second_mesh(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refused(scene: rf.Scene, elements: int) -> rf.Scene:
+        raise rf.InputError(f"no vertices at {elements}")
+
+    monkeypatch.setattr(study, "scaled", refused)
+    monkeypatch.chdir(shared_tmp_path)
+    found = rf.shakedown(rf.from_toml(SCENE), ".")
+    if found is not None:
+        assert len(found.meshes) == 1
+        assert "no limits on a mesh of 8 contact elements: no vertices at 8" in found.notes
+        assert (shared_tmp_path / "shakedown.json").is_file()
 
 
 def test_steady_states_need_cycles() -> None:

@@ -28,18 +28,26 @@ class Branch:
 
     Attributes:
         record: of the whole path, or up to the leg on which it ends.
-        choices: the choices made on it; ``taken`` of each is the continuation's number, from 1.
         failure: why it ends before the end of the history, "" where it does not.
     """
 
     record: Record
-    choices: tuple[Choice, ...]
     failure: str
+
+    @property
+    def choices(self) -> tuple[Choice, ...]:
+        """The choices made on it; ``taken`` of each is the continuation's number, from 1."""
+        return self.record.choices
 
     @property
     def taken(self) -> tuple[int, ...]:
         """Number of the continuation taken at each choice, from 1."""
         return tuple(choice.taken for choice in self.choices)
+
+    @property
+    def name(self) -> str:
+        """The choices in words."""
+        return ", ".join(f"{c.taken} of {c.solutions}" for c in self.choices) or "no choice"
 
 
 @dataclass(frozen=True)
@@ -87,8 +95,7 @@ class BranchTree:
             record = branch.record
             total = record.dissipation_first_loading + float(record.cycles.dissipation.sum())
             end = f"ends: {branch.failure}" if branch.failure else "goes all the way"
-            taken = ", ".join(f"{c.taken} of {c.solutions}" for c in branch.choices) or "no choice"
-            lines.append(f"branch {k}: {taken}; dissipation {total:.6g}; {end}")
+            lines.append(f"branch {k}: {branch.name}; dissipation {total:.6g}; {end}")
         return "\n".join(lines)
 
 
@@ -136,7 +143,13 @@ def branches(
     while waiting and len(found) < most:
         taken = waiting.popleft()
         chooser = Chooser(taken=taken)
-        found.append(_follow(replace(problem, chooser=chooser)))
+        problem = replace(problem, chooser=chooser)
+        try:
+            found.append(Branch(continue_history(problem, Journal()), ""))
+        except SolveError as error:
+            if not isinstance(error.record, Record):
+                raise
+            found.append(Branch(error.record, str(error)))
         unsure |= chooser.unsure
         before: dict[Key, int] = {}
         for key in sorted(chooser.log):
@@ -164,15 +177,3 @@ def _problem(
     if solver is not None or output is not None:
         raise InputError("branches: a scene brings its own solver and output")
     return problem_of_scene(system, history)
-
-
-def _follow(problem: Problem) -> Branch:
-    """Play the history with given choices."""
-    failure = ""
-    try:
-        record = continue_history(problem, Journal())
-    except SolveError as error:
-        if not isinstance(error.record, Record):
-            raise
-        record, failure = error.record, str(error)
-    return Branch(record, record.choices, failure)

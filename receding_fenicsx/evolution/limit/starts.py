@@ -17,6 +17,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import NOT_REACHED
 from receding_fenicsx.interface.measures.zones import zones
+from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactSystem, reactions
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.history.polyline import ended_by
@@ -167,9 +168,8 @@ def initial_slips(
     n, friction = system.n, system.friction
     loads = np.vstack([history.path, history.loop])
     P = np.array([reactions(system, load, np.zeros(2 * n))[n:] for load in loads]).max(axis=0)
-    stiffness = np.diagonal(system.K)[:n]
-    stiff = np.where(stiffness > 0.0, stiffness, max(float(stiffness.max()), 1.0))
-    unit = float((friction.largest * np.maximum(P, 0.0) / stiff).max(initial=0.0)) or 1.0
+    stiffness = local_stiffness(system)[0]
+    unit = float((friction.largest * np.maximum(P, 0.0) / stiffness).max()) or 1.0
     away = np.sign(system.x - 0.5 * (system.x.min() + system.x.max()))
     named = {"rest": np.zeros(n)}
     if safe is not None:
@@ -189,13 +189,17 @@ def _states(record: Record) -> NDArray[np.int8]:
     state = np.full(len(record.x), State.STICK, dtype=np.int8)
     if not len(cycles.dissipation):
         return state
-    last = table.state[table.cycle == len(cycles.dissipation)]
+    cycle = len(cycles.dissipation)
+    last = table.state[table.cycle == cycle]
     density = cycles.dissipation_density
     slips = density[-1] > NEVER_SLIPS * density.max()
     for rows in last:
         moving = np.isin(rows, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
         state = np.where(moving & slips, rows, state)
     opens = np.any(last == State.SEPARATION, axis=0)
-    # a node that slips between the turning points only
-    state = np.where(slips & (state == State.STICK), np.int8(State.FORWARD_SLIP), state)
+    # a node that slips between the turning points only: v moves by slip alone
+    moves = np.diff(table.v[np.flatnonzero(table.cycle == cycle)[0] - 1 :][: len(last) + 1], axis=0)
+    largest = np.take_along_axis(moves, np.abs(moves).argmax(axis=0)[None], axis=0)[0]
+    between = np.where(largest >= 0.0, State.FORWARD_SLIP, State.BACKWARD_SLIP)
+    state = np.where(slips & (state == State.STICK), between, state)
     return np.where(opens & ~slips, np.int8(State.SEPARATION), state).astype(np.int8)

@@ -33,10 +33,8 @@ from receding_fenicsx.interface.branches.sign_radius import (
 )
 from receding_fenicsx.interface.law import SEPARATION, STATE_NAMES
 from receding_fenicsx.interface.mirror import mirror_of
+from receding_fenicsx.interface.residual import NO_STIFFNESS
 from receding_fenicsx.interface.system import ContactSystem
-
-NO_STIFFNESS = 1e-11
-"""Smallest eigenvalue of K_tt, over the largest, up to which a motion has no stiffness."""
 
 
 @dataclass(frozen=True)

@@ -83,7 +83,7 @@ def all_solutions(
     problem = _Problem(*args)
     tried, complete = problem.candidates()
     if not complete:
-        by_covers = [states[None, list(may)] for states in states_by_covers(*args)]
+        by_covers = (states[None, list(may)] for states in states_by_covers(*args))
         tried = chain(tried, by_covers)
     found = problem.distinct(tried)
     states = np.zeros((len(found), system.n), dtype=np.int8)
@@ -167,7 +167,8 @@ class _Problem:
         for cover in _covers(len(pairs)):
             z = lemke.solve(M, q, [cover])
             if z is not None:
-                found.append(np.where(_among(m, pairs, z > 0.0), sides, states).astype(np.int8))
+                found.append(states.copy())
+                found[-1][pairs[z > 0.0]] = sides[pairs[z > 0.0]]
             if definite and found:
                 break
         return [np.array(found)] if found else [], definite and bool(found)
@@ -194,13 +195,6 @@ def _covers(m: int) -> Array:
     """Return covering vectors of Lemke's method, (COVERS, m)."""
     random = np.random.default_rng(0).uniform(0.1, 1.0, (COVERS - 1, m))
     return np.vstack([np.ones(m), random])
-
-
-def _among(m: int, pairs: Indices, chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """Return (m,) whether a node is one of the chosen pairs."""
-    among = np.zeros(m, dtype=bool)
-    among[pairs[chosen]] = True
-    return among
 
 
 def _is_definite(M: Array) -> bool:

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, described
-from receding_fenicsx.errors import SolveError
+from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.shakedown.margins import (
     BACKWARD,
@@ -107,14 +107,6 @@ class ShakedownLimits:
         return described("ShakedownLimits", rows)
 
 
-@dataclass(frozen=True)
-class Lower:
-    """Answer of :func:`lower_limit`, with the rows that vanish together there."""
-
-    answer: Answer
-    rows: tuple[int, ...]
-
-
 Certificates = dict[int, Array]
 """Multipliers of the targets' programs; they stay valid when the mean loads change."""
 
@@ -153,10 +145,11 @@ def shakedown_limits(
         >>> limits.lower, limits.upper, limits.lower_is
         (0.5, 0.5, 'proved')
     """
-    margins, away = prepared(system, load_range(system, mean, range), separated)
+    loads = load_range(system, mean, range)
+    margins, away = prepared(system, loads, separated)
     upper = upper_limit(margins)
     lower, _ = lower_limit(with_bound(margins, largest_slip), upper)
-    return assembled(system, load_range(system, mean, range), margins, upper, lower, away)
+    return assembled(system, loads, margins, upper, lower, away)
 
 
 def upper_limit(margins: Margins) -> Answer:
@@ -175,7 +168,7 @@ def lower_limit(
     upper: Answer,
     targets: Iterable[int] | None = None,
     certificates: Certificates | None = None,
-) -> tuple[Lower | None, Certificates]:
+) -> tuple[Answer | None, Certificates]:
     """Return the smallest mu at which all margins of a target may vanish; None where none can.
 
     For each node the pair of vertices (k, l) in A_ik = B_il = 0 is that of the smallest changes, so
@@ -188,7 +181,16 @@ def lower_limit(
         upper: answer of :func:`upper_limit`.
         targets: numbers of the targets to look at; all when left out.
         certificates: multipliers of another mean load, tried before any program is solved.
+
+    Raises:
+        InputError: no slip within the bounds of :func:`with_bound` holds the mean loads.
+        SolveError: a program does not pass its checks.
     """
+    bounded = len(margins.c) > len(margins.kind)
+    if bounded and largest_margin(margins).value > 1.0 + VANISHES:
+        raise InputError(
+            "largest_slip: no residual slip below it holds the mean loads; give a larger one"
+        )
     G = np.hstack([margins.G, margins.d[:, None]])
     cost = np.append(np.zeros(margins.G.shape[1]), 1.0)
     top, best, proofs = -upper.value, None, dict(certificates or {})
@@ -208,7 +210,7 @@ def lower_limit(
             continue
         found = minimise(cost, G, margins.c, top, rows)
         if found.value < top or (best is None and np.isfinite(found.value)):
-            top, best = found.value, Lower(found, rows)
+            top, best = found.value, found
         if top <= VANISHES:
             break
     return best, proofs
@@ -225,7 +227,7 @@ def assembled(
     loads: LoadRange,
     margins: Margins,
     upper: Answer,
-    lower: Lower | None,
+    lower: Answer | None,
     away: NDArray[np.bool_],
 ) -> ShakedownLimits:
     """Return the limits in the units of the load factors, checked afresh against eq. (11).
@@ -236,7 +238,7 @@ def assembled(
     bounded = np.isfinite(upper.value)
     mu = -upper.value
     y = upper.z[:-1] if bounded else largest_margin(margins).z[:-1]
-    if lower is not None and lower.answer.value > mu:
+    if lower is not None and lower.value > mu:
         lower = None
     # the smallest slip with the same margins: nothing resists a free motion along the plane
     y = np.linalg.lstsq(margins.G, margins.G @ y, rcond=FREE)[0]
@@ -245,16 +247,14 @@ def assembled(
     residual = margin_residual(system, loads, v, top if bounded else 0.0, away)
     if residual > BINDS:
         raise SolveError(f"the safe slip violates margins by {residual:.1e} of the largest force")
-    active = list(_active(system, margins, upper, "upper")) if bounded else []
-    answers = [upper] if bounded else []
-    if lower is not None:
-        active = [*_active(system, margins, lower.answer, "lower", lower.rows), *active]
-        answers.append(lower.answer)
+    answers = {"lower": lower, "upper": upper if bounded else None}
+    found = {limit: answer for limit, answer in answers.items() if answer is not None}
+    active = [each for limit in found for each in _active(system, margins, found[limit], limit)]
     proved = not margins.coupled or (
         len(margins.nodes) <= 2 and 2 * len(margins.nodes) == len(margins.c)
     )
     return ShakedownLimits(
-        top if lower is None else lower.answer.value * margins.range_scale,
+        top if lower is None else lower.value * margins.range_scale,
         top,
         mirror_of(system).odd(v),
         v,
@@ -263,7 +263,7 @@ def assembled(
         _opens(active),
         away,
         residual,
-        max((abs(a.value - a.bound) / (1.0 + abs(a.value)) for a in answers), default=0.0),
+        max((abs(a.value - a.bound) / (1.0 + abs(a.value)) for a in found.values()), default=0.0),
     )
 
 
@@ -276,12 +276,13 @@ def _opens(active: Sequence[Active]) -> bool:
 
 
 def _active(
-    system: ContactSystem, margins: Margins, answer: Answer, limit: str, rows: Sequence[int] = ()
+    system: ContactSystem, margins: Margins, answer: Answer, limit: str
 ) -> Iterable[Active]:
-    """Yield the margins that hold an answer: those with a multiplier, and given ones."""
+    """Yield the margins that hold an answer: those with a multiplier, and its equations."""
     size = float(np.abs(answer.multipliers).max(initial=0.0))
     holding = np.flatnonzero(np.abs(answer.multipliers) > BINDS * size)
-    for row in np.union1d(holding[holding < len(margins.c)], np.array(rows, dtype=int)):
+    equations = np.array(answer.equations, dtype=int)
+    for row in np.union1d(holding[holding < len(margins.c)], equations):
         node = int(margins.node[row])
         vertex = int(np.argmin(margins.D[row]))
         yield Active(limit, node, float(system.x[node]), margins.kind[row], vertex)

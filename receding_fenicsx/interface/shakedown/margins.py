@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactSystem
 
 FORWARD, BACKWARD, UNLOADS, TOUCHES = "forward slip", "backward slip", "unloads", "touches"
@@ -20,7 +21,7 @@ HULL_TOLERANCE = 1e-9
 """Distance of the mean load from the polygon of the range, over the range, that is none."""
 
 UNCOUPLED = 1e-10
-"""Change of pressures by residual slip, over that of tangential forces, that is round-off."""
+"""Change of pressures and gaps by residual slip, over that of shear, that is round-off."""
 
 Loads = Mapping[str, float]
 """Load factors by the names of their loads; loads that are not named have the factor 0."""
@@ -56,7 +57,7 @@ class Margins:
         slip_scale: (m,) residual slip per unit of y.
         range_scale: lambda per unit of mu.
         n: number of contact nodes of the model.
-        coupled: whether residual slip changes a pressure.
+        coupled: whether residual slip changes a pressure or a gap.
     """
 
     G: Array
@@ -171,6 +172,8 @@ def margins_of(
         ]
     )
     m, q, p = len(nodes), len(others), len(gaps)
+    # pressures and gaps, as forces, that a residual slip changes
+    normal = np.vstack([r[n:][pressed, :m], rows[len(rows) - p :, :m]])
     kind = (FORWARD,) * m + (BACKWARD,) * m + (UNLOADS,) * q + (TOUCHES,) * p
     targets = [(i, m + i) for i in range(m)] + [(2 * m + i,) for i in range(q + p)]
     bare = Margins(
@@ -185,9 +188,9 @@ def margins_of(
         np.ones(m),
         1.0,
         n,
-        bool(np.abs(r[n:][pressed, :m]).max() > UNCOUPLED * np.abs(r[nodes, :m]).max()),
+        bool(np.abs(normal).max() > UNCOUPLED * np.abs(r[nodes, :m]).max()),
     )
-    return _scaled(bare, stiffness[nodes])
+    return _scaled(bare, local_stiffness(system)[0][nodes])
 
 
 def _affine(system: ContactSystem, nodes: Ints, away: NDArray[np.bool_]) -> tuple[Array, Array]:
@@ -239,8 +242,6 @@ def _scaled(bare: Margins, stiffness: Array) -> Margins:
     force, change = float(np.abs(bare.c).max()), float(np.abs(bare.D).max())
     if force == 0.0:
         raise InputError("mean: its loads do not press the contact; add the load that does")
-    # a node that only rigid motions move has no stiffness of its own
-    stiffness = np.where(stiffness > 0.0, stiffness, max(float(stiffness.max()), 1.0))
     slip, size = force / stiffness, force / change if change else 1.0
     return replace(
         bare,

@@ -35,12 +35,14 @@ class Answer:
         value: the smallest value; inf when no z is feasible, -inf when there is none.
         bound: value that the multipliers prove to be a lower bound.
         multipliers: (rows,) not negative (of any sign at rows that are equations).
+        equations: rows that were made to vanish.
     """
 
     z: Array
     value: float
     bound: float
     multipliers: Array
+    equations: tuple[int, ...] = ()
 
 
 def minimise(
@@ -124,7 +126,8 @@ def _answer(
     z = _polished(found.x, G, c, is_equation, top)
     multipliers = _refined(multipliers, cost, G, is_equation, 0.0 < z[-1] < top)
     bound = dual_bound(multipliers, cost, G, c, top, z)
-    return Answer(z, float(cost @ z), bound, multipliers)
+    equations = tuple(np.flatnonzero(is_equation).tolist())
+    return Answer(z, float(cost @ z), bound, multipliers, equations)
 
 
 def _polished(x: Array, G: Array, c: Array, is_equation: NDArray[np.bool_], top: float) -> Array:

@@ -77,9 +77,7 @@ def _draw_branch(axes: Axes, number: int, branch: Branch, path: tuple[Array, Arr
     load, moved = path
     colour = style.SERIES_COLOURS[number % len(style.SERIES_COLOURS)]
     width = max(WIDEST * THINNER**number, LEAST_WIDTH)
-    taken = ", ".join(f"{c.taken} of {c.solutions}" for c in branch.choices) or "no choice"
-    ends = ", then ends" if branch.failure else ""
-    label = f"branch {number}: {taken}{ends}"
+    label = f"branch {number}: {branch.name}{', then ends' if branch.failure else ''}"
     axes.plot(moved, load, color=colour, lw=width, label=label, solid_capstyle="round")
     if branch.failure:
         axes.plot(moved[-1:], load[-1:], "x", color=colour, ms=8.0, mew=1.6, zorder=5)
@@ -97,8 +95,7 @@ def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
     if not critical.mode.any():
         raise InputError("slip_mode: no slip mode was found; the contact has no coupling")
     whole, n = mirror_of(system), system.n
-    x = np.where(whole.left, -1.0, 1.0) * system.x[whole.index]
-    v, w = whole.odd(critical.mode[:n]), whole.even(critical.mode[n:])
+    x, v, w = whole.odd(system.x), whole.odd(critical.mode[:n]), whole.even(critical.mode[n:])
     signs = whole.odd(critical.signs)
     weight = whole.total(system.weight)
     safe = np.where(weight > 0.0, weight, np.inf)
@@ -113,12 +110,10 @@ def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
         if open_.max() > OPENS:
             above.fill_between(x, 0.0, open_, color="#c3cad3", label="$w$, open nodes")
         for sign, state in ((1.0, State.FORWARD_SLIP), (-1.0, State.BACKWARD_SLIP)):
-            on = signs == sign
+            look = {"color": style.STATE_COLOURS[state], "lw": 1.6}
+            above.vlines(x[signs == sign], 0.0, v[signs == sign], **look)
             name = "forward" if sign > 0.0 else "backward"
-            above.vlines(x[on], 0.0, v[on], color=style.STATE_COLOURS[state], lw=1.6)
-            above.plot(
-                [], [], color=style.STATE_COLOURS[state], lw=1.6, label=f"$v$, {name} assumed"
-            )
+            above.plot([], [], label=f"$v$, {name} assumed", **look)
         above.plot(x, np.where(signs == 0.0, np.nan, v), color="#000000", lw=0.7)
         above.axhline(0.0, **style.GUIDE)
         above.set_ylabel("displacement / largest")

@@ -10,12 +10,12 @@ import fcntl
 import os
 import shutil
 from collections.abc import Iterator
-from contextlib import ExitStack, contextmanager, suppress
+from contextlib import ExitStack, contextmanager
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from receding_fenicsx.atomic import check_folder, new_file, sync, unwritable
+from receding_fenicsx.atomic import check_folder, new_file, publish_folder, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.corners import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
@@ -88,7 +88,8 @@ def run_folder(
     try:
         yield part
         try:
-            _publish(part, path, overwrite or earlier is not None)
+            check_folder(path, overwrite or earlier is not None)
+            publish_folder(part, path)
         except OSError as error:
             raise unwritable(path, error) from None
     except BaseException as error:
@@ -256,15 +257,3 @@ def _clear(folder: Path) -> None:
             shutil.rmtree(item)
         else:
             item.unlink()
-
-
-def _publish(part: Path, path: Path, overwrite: bool) -> None:
-    """Rename the finished working folder to its final name."""
-    check_folder(path, overwrite)
-    old = part.with_name(f".{path.absolute().name}.{os.getpid()}.old")
-    if path.exists():
-        os.replace(path, old)
-    os.replace(part, path)
-    with suppress(OSError):
-        sync(part.parent)
-    shutil.rmtree(old, ignore_errors=True)
