@@ -6,6 +6,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import SLIP_SIGN
+from receding_fenicsx.interface.rigid_motions import TOO_FAR
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 OPEN_SCALE = 1e-2
@@ -47,11 +48,6 @@ tipping over, would let pass anything."""
 def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
     """Return the relative residual that is accepted for round-off."""
     return min(ROUND_OFFS * round_off(system, u, force_scale), REACHABLE_AT_MOST)
-
-
-TOO_FAR = 1e10
-"""Displacement, as a force over the largest nodal force, beyond which the round-off of a stiffness
-that vanishes carries the loads, and nothing else does."""
 
 
 def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float) -> bool:

@@ -10,6 +10,10 @@ from receding_fenicsx.arrays import Array
 RIGID_TOLERANCE = 1e-8
 """Distance from a unit rigid motion within which a motion of the contact is rigid."""
 
+TOO_FAR = 1e10
+"""Displacement, as a force over the largest nodal force, beyond which the round-off of a stiffness
+that vanishes carries the loads, and nothing else does."""
+
 
 def neutral_motions(rigid: Array, kept: NDArray[np.bool_]) -> Array:
     """Return (2N, k) orthonormal rigid motions that leave the kept freedoms where they are.

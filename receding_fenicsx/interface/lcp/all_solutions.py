@@ -34,6 +34,7 @@ from receding_fenicsx.interface.lcp.contact import (
     states_by_covers,
     with_smooth_freedoms,
 )
+from receding_fenicsx.interface.rigid_motions import TOO_FAR
 from receding_fenicsx.interface.system import ContactSystem
 
 TRIED_AT_ONCE = 2**10
@@ -98,6 +99,7 @@ class _Problem:
         S: (2m, 2m) stiffness condensed to them, order [v; w]; a smooth node's v does not matter.
         s: (2m,) reactions with no further displacement.
         friction: (m,) coefficients.
+        stiffness: the largest one of a freedom of the body.
         may: states that each node may take.
         smooth: (m,) nodes without friction pair.
     """
@@ -111,6 +113,7 @@ class _Problem:
         S, s = condensed(system, r0, undecided, open_dofs)
         self.S, self.s = with_smooth_freedoms(S, s, len(undecided.smooth))
         self.friction: Friction = system.friction[nodes]
+        self.stiffness = float(np.diagonal(system.K).max(initial=0.0))
 
     def candidates(self) -> tuple[Iterator[NDArray[np.int8]], bool]:
         """Return (k, m) sets of states that may be solutions, and whether there are no others."""
@@ -174,8 +177,12 @@ class _Problem:
         return [np.array(found)] if found else [], definite and bool(found)
 
     def distinct(self, tried: Iterator[NDArray[np.int8]]) -> NDArray[np.int8]:
-        """Return those sets of states that are solutions, one for each different u."""
+        """Return those sets of states that are solutions, one for each different u.
+
+        Where the round-off of a stiffness that vanishes carries the loads there is no solution.
+        """
         k = np.abs(np.diagonal(self.S))
+        far = TOO_FAR * float(np.abs(self.s).max(initial=0.0))
         kept: list[NDArray[np.int8]] = []
         rates: list[Array] = []
         for states in tried:
@@ -183,6 +190,8 @@ class _Problem:
                 self.S, self.s, self.friction, states, self.may, self.smooth
             )
             for state, u in zip(*found, strict=True):
+                if self.stiffness * float(np.abs(u).max(initial=0.0)) > far:
+                    continue
                 x = self.S @ u + self.s
                 scale = max(float(np.abs(k * u).max()), float(np.abs(x).max()))
                 if all(np.abs(k * (u - other)).max() > SAME_RATES * scale for other in rates):

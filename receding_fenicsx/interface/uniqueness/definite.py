@@ -27,7 +27,8 @@ from receding_fenicsx.interface.system import ContactSystem
 States = NDArray[np.int8]
 
 SINGULAR = 1e-11
-"""Pivot of a Cholesky factorisation, over the diagonal entry, below which it counts as zero."""
+"""Pivot of a Cholesky factorisation over the diagonal entry, or coupling over the stiffness, below
+which it counts as zero."""
 
 SAME_MARGIN = 1e-9
 """Relative difference of margins that is not resolved."""
@@ -142,7 +143,7 @@ class Certificate:
         last = len(slips) - 1
         size, mode = sla.eigh(-0.5 * (X + X.T), K_tt, subset_by_index=[last, last])
         # below this the eigenvalue is round-off
-        if size[0] <= np.finfo(float).eps * len(slips):
+        if size[0] <= SINGULAR:
             return np.inf, ()
         large = np.abs(mode[:, 0])
         leading = slips[large >= LEADING * large.max()]

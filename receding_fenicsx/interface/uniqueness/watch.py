@@ -58,7 +58,8 @@ class Uniqueness:
         certified: at every instant the rates are proved to be unique, and no static problem was
             found to have several solutions.
         margin: factor phi by which all friction could grow before definiteness fails, the smallest
-            of all instants; infinite where nothing has slipped.
+            of all instants; infinite where nothing has slipped. Sets of states in which something
+            slips without stiffness have none: their solutions are counted.
         solutions: largest number of rates found at one instant, or of solutions of a static
             problem.
         cycle, leg, s: place of the first doubt, -1 without one. A path that is not certified and
@@ -231,7 +232,8 @@ class UniquenessWatch:
         if np.isfinite(least) and judge.exceeds(state, least * (1.0 - SAME_MARGIN)):
             return least > 1.0 + SAME_MARGIN or judge.exceeds(state, 1.0 + SAME_MARGIN)
         margin, _ = judge.margin(state)
-        self.found = replace(self.found, margin=min(least, margin))
+        if margin > 0.0:  # what slips without stiffness does so whatever the friction
+            self.found = replace(self.found, margin=min(least, margin))
         return margin > 1.0 + SAME_MARGIN
 
     def _doubt(self, place: tuple[int, int, float], direction: Array, instant: Instant) -> None:

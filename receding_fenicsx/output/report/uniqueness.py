@@ -54,7 +54,9 @@ def uniqueness_lines(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         words = f"cycle {place['cycle']}, leg {place['leg']}, s = {place['s']:.6g}{at}; at most "
         lines.append(("first doubt", f"{words}{_solutions(found['solutions'])} at one instant"))
     if margin is not None and np.isfinite(margin):
-        lines.append(("friction margin", f"proof holds up to {margin:.3g} times the friction"))
+        where = "elsewhere the " if margin > 1.0 and not found["certified"] else ""
+        words = f"{where}proof holds up to {margin:.3g} times the friction"
+        lines.append(("friction margin", words))
     if static is not None:
         rest = "proved to be all" if static["proved"] else "others not excluded"
         lines.append(("first loading", f"{_solutions(static['solutions'])}, {rest}"))

@@ -26,6 +26,16 @@ def test_the_node_of_three_solutions_sticks_slips_back_or_opens() -> None:
     assert found.complete
 
 
+@pytest.mark.parametrize("size", [2e-15, -2e-15, 1e-13])
+@pytest.mark.parametrize("scale", [1.0, 2.0**40])
+def test_round_off_of_a_free_slide_carries_no_load(size: float, scale: float) -> None:
+    # pressed down, a body that only friction holds sticks: slip would leave Q = -f P unbalanced
+    K = scale * np.array([[size, 0.0], [0.0, 1.0]])
+    system = small_system(K, {"press": [0.0, 1.0]}, 0.5)
+    found = all_solutions(system, system.r_star[0], Undecided(NONE, NONE, np.arange(1), NONE), NONE)
+    assert found.states.tolist() == [[STICK]] and found.complete
+
+
 def random_system(seed: int, n: int, f: float) -> tuple[ContactSystem, Undecided]:
     rng = np.random.default_rng(seed)
     G = rng.standard_normal((2 * n, 3 * n + 1))
