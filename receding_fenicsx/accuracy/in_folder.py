@@ -16,7 +16,6 @@ from receding_fenicsx.accuracy.numbers import Number
 from receding_fenicsx.accuracy.search import search
 from receding_fenicsx.accuracy.space_errors import level_of, shown, warning
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, contact_sizes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.accuracy import unmet
@@ -71,6 +70,8 @@ def within_tolerance(
         The run of the last mesh, with the summary's keys on its errors and on the search.
     """
     if scene.accuracy.grading:
+        from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
+
         sizes = comm.bcast(mpi.on_root(comm, lambda: contact_sizes_of(scene)))
         scene = graded_at_ends(scene, sizes)
     attempts = _Attempts(scene, comm, folder, run, say)
@@ -120,6 +121,8 @@ class _Attempts:
             self.last = self.run(scene)
         except InputError:
             if not self.checked:
+                from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
+
                 # a scene that no mesh can serve
                 mpi.on_root(self.comm, lambda: contact_nodes_of(self.scene))
                 self.checked = True

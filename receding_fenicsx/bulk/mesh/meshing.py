@@ -7,6 +7,7 @@ are multiplied by a power of two has the same mesh to the bit.
 from __future__ import annotations
 
 import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -102,15 +103,11 @@ def contact_nodes_of(scene: Scene) -> list[int]:
     Raises:
         InputError: a mesh that cannot serve the scene.
     """
-    half = scene.axisymmetric
-    meshes = [_raw(part_of(scene, body), half) for body in scene.bodies]
     degree, counts = scene.mesh.degree, []
-    for contact, found in zip(scene.contacts, find_interfaces(scene, meshes, False), strict=True):
-        body, edge = scene.find_edge(contact.edge)
-        mesh = meshes[scene.bodies.index(body)]
-        x = mesh.points[mesh.edges[edge][found.facets], 0]
+    for ends in _contact_elements(scene):
+        x = ends[..., 0]
         on_axis = scene.axisymmetric and bool(x.min() <= STRAIGHT_TOLERANCE * x.max())
-        counts.append(degree * len(found.facets) + 1 - int(on_axis and degree == 2))
+        counts.append(degree * len(ends) + 1 - int(on_axis and degree == 2))
     return counts
 
 
@@ -120,14 +117,17 @@ def contact_sizes_of(scene: Scene) -> list[float]:
     Raises:
         InputError: a mesh that cannot serve the scene.
     """
+    lengths = (ends[:, 1] - ends[:, 0] for ends in _contact_elements(scene))
+    return [float(np.linalg.norm(length, axis=1).mean()) for length in lengths]
+
+
+def _contact_elements(scene: Scene) -> Iterator[Array]:
+    """Yield the ends (n, 2, dim) of the elements on each contact edge of the whole scene."""
     meshes = [_raw(part_of(scene, body), scene.axisymmetric) for body in scene.bodies]
-    sizes = []
     for contact, found in zip(scene.contacts, find_interfaces(scene, meshes, False), strict=True):
         body, edge = scene.find_edge(contact.edge)
         mesh = meshes[scene.bodies.index(body)]
-        ends = mesh.points[mesh.edges[edge][found.facets]]
-        sizes.append(float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).mean()))
-    return sizes
+        yield mesh.points[mesh.edges[edge][found.facets]][:, :2]
 
 
 def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...]:
