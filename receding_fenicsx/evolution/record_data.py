@@ -132,7 +132,8 @@ class Limit:
     Attributes:
         reached: True when a cycle that repeats itself was found, played and checked.
         cycle: its number in the record, the last one; -1 when not reached.
-        cycles_played: cycles played in all, with and without frozen nodes, from cycle 1.
+        cycles_played: cycles played from cycle 1, with and without frozen nodes; those of searches
+            that found nothing are not counted.
         newton_steps: Newton steps.
         residual: change of the forces over the cycle, or natural map of drifts and margins, over
             the largest force; the larger one. NaN without a search.

@@ -6,6 +6,7 @@ it keeps the inequalities of section 2 of Ahn & Barber (2008).
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from itertools import islice, product
 
@@ -34,7 +35,7 @@ def count(choices: Choices) -> int:
     """Return the number of sets of states, ``UNCOUNTED`` where there are as many or more."""
     if not choices:
         return 0
-    return int(min(float(np.prod([float(len(c)) for c in choices])), float(UNCOUNTED)))
+    return min(math.prod(len(c) for c in choices), UNCOUNTED)
 
 
 def exhaust(
