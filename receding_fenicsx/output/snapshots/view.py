@@ -221,6 +221,8 @@ def units_of(bulk: Bodies, fields: list[Fields], load: Array, symbol: str = "") 
     size, _ = _size(bulk, fields[0])
     largest = max(float(np.linalg.norm(f.displacement, axis=1).max()) for f in fields)
     factor = _round_down(LARGEST_DISPLACEMENT * size / largest) if largest > 0.0 else 1.0
+    if all(body.is_half_plane for body in bulk.scene.bodies) and len(bulk.scene.bodies) > 1:
+        factor = min(factor, 1.0)  # the gap between them is not drawn, they would overlap
     pressure, own = pressure_of(bulk.scene, bulk.load_names)
     traction = pressure * abs(float(load[0])) if own else 0.0
     return Units(factor, traction, symbol or own) if traction else Units(factor, 1.0, "")
