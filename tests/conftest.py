@@ -51,6 +51,9 @@ COLLECTION_WAIT_SECONDS = 60.0
 PASSED, SKIPPED, FAILED = range(3)
 OUTCOMES: tuple[Literal["passed", "skipped", "failed"], ...] = ("passed", "skipped", "failed")
 
+SERIAL_FOLDERS = [Path(__file__).parent / name for name in ("half_plane", "interface", "reference")]
+"""Folders whose tests work on arrays, or compare whole runs with closed forms: on one rank only."""
+
 comm = MPI.COMM_WORLD.Dup()
 stderr_stream = sys.__stderr__
 """Set to the terminal's own stream once pytest has configured its capture."""
@@ -167,6 +170,17 @@ def paused_after(dump: Callable[..., None]) -> Callable[..., None]:
     return dump_and_pause
 
 
+def pytest_runtest_setup(item: pytest.Item) -> None:
+    """Skip what one rank can show: its module is serial, or it carries the mark ``one_rank``."""
+    if comm.size > 1 and (is_serial(item.path) or item.get_closest_marker("one_rank")):
+        pytest.skip("one process is enough")
+
+
+def is_serial(path: Path) -> bool:
+    """Return whether a test module lies in one of the folders for one rank."""
+    return any(folder in SERIAL_FOLDERS for folder in path.parents)
+
+
 def pytest_collectreport(report: pytest.CollectReport) -> None:
     """Remember what could not be collected."""
     if report.failed:
@@ -279,6 +293,14 @@ def pytest_sessionfinish(session: pytest.Session, exitstatus: int) -> Generator[
 def shared_tmp_path(tmp_path: Path) -> Path:
     """A temporary folder that is the same one on every rank."""
     return Path(comm.bcast(str(tmp_path)))
+
+
+@pytest.fixture
+def gmsh_here(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let gmsh read files in this process: to start another takes longer than most meshes."""
+    from receding_fenicsx.bulk.mesh import user_mesh
+
+    monkeypatch.setattr(user_mesh, "_mesh_in_child", user_mesh._mesh)
 
 
 @pytest.fixture

@@ -31,6 +31,8 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.units import Units
 
+pytestmark = pytest.mark.one_rank
+
 ROOT = Path(__file__).parent.parent
 
 

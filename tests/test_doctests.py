@@ -5,6 +5,8 @@ from importlib import import_module
 
 import pytest
 
+pytestmark = pytest.mark.one_rank
+
 MODULES = (
     "bulk.join_bodies",
     "interface.law",

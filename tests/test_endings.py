@@ -36,7 +36,6 @@ from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
 from receding_fenicsx.scene.validate import validate
 
 comm = MPI.COMM_WORLD
-alone = pytest.mark.skipif(comm.size > 1, reason="one process is enough")
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 
 SCENE = """
@@ -207,7 +206,7 @@ def test_run_cannot_take_the_place_of_a_root(
         ("summary.json", b'{"turning_points": 3}', "summary.json: is not a summary of a run"),
     ],
 )
-@alone
+@pytest.mark.one_rank
 def test_damaged_run_is_not_resumed_and_leaves_nothing_beside_it(
     name: str,
     content: bytes | None,
@@ -266,7 +265,7 @@ for limit in limits:
 """
 
 
-@alone
+@pytest.mark.one_rank
 def test_full_disk_ends_in_one_line_and_the_run_can_be_gone_on_with(tmp_path: Path) -> None:
     scene, system = tmp_path / "scene.toml", tmp_path / "system.h5"
     scene.write_text(SCENE)
@@ -303,7 +302,7 @@ def test_full_disk_ends_in_one_line_and_the_run_can_be_gone_on_with(tmp_path: Pa
         assert np.array_equal(getattr(one.turning_points, key), getattr(two.turning_points, key))
 
 
-@alone
+@pytest.mark.one_rank
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="the system has no full device")
 def test_output_into_a_full_file_is_an_error(tmp_path: Path) -> None:
     scene = write(tmp_path / "scene.toml", SCENE)
@@ -349,7 +348,7 @@ class Page(HTMLParser):
         self.text += data
 
 
-@alone
+@pytest.mark.one_rank
 def test_figures_and_report_bear_commands_in_names_of_loads(tmp_path: Path) -> None:
     from receding_fenicsx.output.plots import figures
 

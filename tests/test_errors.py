@@ -4,6 +4,8 @@ import pytest
 
 from receding_fenicsx import mpi
 
+pytestmark = pytest.mark.one_rank
+
 LOOK = 1e-6
 """Seconds that a look takes."""
 

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.one_rank
+
 PACKAGE = "receding_fenicsx"
 ROOT = Path(__file__).parents[1] / PACKAGE
 

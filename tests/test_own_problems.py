@@ -12,6 +12,8 @@ import pytest
 
 import receding_fenicsx as rf
 
+pytestmark = pytest.mark.one_rank
+
 ROOT = Path(__file__).parents[1]
 
 PAD = """

@@ -12,9 +12,9 @@ import tomllib
 from importlib import metadata
 from pathlib import Path
 
-from mpi4py import MPI
-
 import pytest
+
+pytestmark = pytest.mark.one_rank
 
 ROOT = Path(__file__).parents[1]
 PYPROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
@@ -92,7 +92,6 @@ LEFT = shutil.ignore_patterns(".*", "*.egg-info", "build", "dist", "results", "_
 NEEDED = int(PYPROJECT["build-system"]["requires"][0].partition(">=")[2])
 
 
-@pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="builds and installs once")
 @pytest.mark.skipif(
     int(metadata.version("setuptools").split(".")[0]) < NEEDED,
     reason=f"setuptools >= {NEEDED} is not there; see the extra 'test'",

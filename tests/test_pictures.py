@@ -72,7 +72,7 @@ def test_errors_of_the_process_that_draws_arrive_in_one_line(shared_tmp_path: Pa
     on_root(COMM, check)
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+@pytest.mark.one_rank
 def test_process_that_draws_ends_with_its_parent() -> None:
     code = (
         "import time\n"
@@ -100,7 +100,7 @@ def test_process_that_draws_ends_with_its_parent() -> None:
     pytest.fail("the process is still there")
 
 
-@pytest.mark.skipif(COMM.size > 1, reason="one process is enough")
+@pytest.mark.one_rank
 def test_run_without_pictures_loads_no_drawing_library(tmp_path: Path) -> None:
     code = (
         "import json, sys\n"

@@ -14,6 +14,8 @@ import pytest
 
 import receding_fenicsx as rf
 
+pytestmark = pytest.mark.one_rank
+
 ROOT = Path(__file__).parent.parent
 PACKAGE = "receding_fenicsx"
 INNER_PARTS = ("benchmark_condensation", "benchmark_interface")

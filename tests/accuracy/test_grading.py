@@ -40,6 +40,7 @@ def sheared(*overrides: str) -> Scene:
     return replace(scene, history=replace(scene.history, until=None))
 
 
+@pytest.mark.one_rank
 def test_graded_search_has_true_errors_within_its_tolerance(shared_tmp_path: Path) -> None:
     """Its second mesh against the third, 2.5 times finer; equal elements are five times worse."""
     options = replace(

@@ -20,6 +20,8 @@ from receding_fenicsx.output.report.accuracy import way_lines
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 
+pytestmark = pytest.mark.one_rank
+
 DEMOS = Path(__file__).parents[2] / "demos"
 
 

@@ -395,6 +395,7 @@ def test_lost_rigid_motions_would_be_noticed(monkeypatch: pytest.MonkeyPatch) ->
         system_of(block(), route="solve")
 
 
+@pytest.mark.one_rank
 def test_nothing_is_left_behind() -> None:
     """PETSc's objects count references that petsc4py alone would keep: 8 MB a body here."""
 

@@ -101,6 +101,7 @@ def test_cylinder_on_a_plane_without_friction_is_hertz(edge: str) -> None:
     assert np.isclose(record.turning_points.load_displacement[0, 0], known, rtol=1e-4)
 
 
+@pytest.mark.one_rank
 def test_dissipation_of_cattaneo_and_mindlin() -> None:
     """With 161 nodes, and shear that leaves the pressure alone exactly."""
     scene = rf.from_toml(PAIR)
@@ -115,6 +116,7 @@ def test_dissipation_of_cattaneo_and_mindlin() -> None:
     assert np.abs(system.K @ system.rigid).max() < 1e-14 * size
 
 
+@pytest.mark.one_rank
 def test_error_of_the_dissipation_falls_with_the_second_power() -> None:
     """Root mean square over places of the zones' ends between the nodes."""
     errors = []
@@ -143,6 +145,7 @@ def test_a_pair_on_a_stiff_half_plane_is_one_on_a_rigid_plane() -> None:
     assert np.any(one.K[: one.n, one.n :])
 
 
+@pytest.mark.one_rank
 def test_probes_of_a_pair_on_the_axis_are_hertz() -> None:
     """Stresses below the middle, at the surface of both bodies, and the datum at rest."""
     probe = (
@@ -222,6 +225,7 @@ def test_two_free_half_planes_are_an_error() -> None:
 PUNCH_STICK = closed_forms.PUNCH_STICK["plane strain"]
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize(("nu", "f"), [(0.0, 0.5), (0.3, 0.2)])
 def test_flat_punch_with_friction_sticks_where_spence_says(nu: float, f: float) -> None:
     """Known from the coupled integral equations; the last stuck node is within one spacing."""
@@ -234,6 +238,7 @@ def test_flat_punch_with_friction_sticks_where_spence_says(nu: float, f: float) 
     assert abs(stick - PUNCH_STICK[nu, f]) <= spacing
 
 
+@pytest.mark.one_rank
 def test_cylinders_of_different_materials_stick_by_dundurs_beta() -> None:
     """A pair with the beta of nu = 0.3 on a rigid plane has the same c / a (Spence 1975).
 

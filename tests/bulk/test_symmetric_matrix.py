@@ -7,6 +7,8 @@ import pytest
 
 from receding_fenicsx.bulk.symmetric_matrix import TILE, norm, symmetrise, turn
 
+pytestmark = pytest.mark.one_rank
+
 SIZES = [2, 2 * TILE, 3 * TILE + 38]
 """One tile, whole tiles, and a part of one at the end."""
 

@@ -19,6 +19,8 @@ from receding_fenicsx.interface.branches.choice import Chooser
 from receding_fenicsx.interface.law import BACKWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.all_solutions import Solutions, all_solutions
 
+pytestmark = pytest.mark.one_rank
+
 PLACE = 1e-6
 """Part of a leg within which two places are one."""
 

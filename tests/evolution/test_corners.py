@@ -52,6 +52,7 @@ def fretting(loads: dict[str, Harmonic], **options: Any) -> Record:
     return evolve(system, replace(scene, history=harmonic(loads, **options)))
 
 
+@pytest.mark.one_rank
 def test_fretting_in_phase_dissipates_what_cattaneo_and_mindlin_say() -> None:
     record = fretting(IN_PHASE)
     known = CattaneoMindlin(HERTZ, 0.5, 0.3).dissipation()
@@ -73,6 +74,7 @@ def test_fretting_in_phase_dissipates_what_cattaneo_and_mindlin_say() -> None:
     np.testing.assert_allclose(fine.cycles.dissipation, record.cycles.dissipation, rtol=1e-10)
 
 
+@pytest.mark.one_rank
 def test_fretting_out_of_phase_meets_its_tolerance() -> None:
     """Against a polygon of 600 other corners, made here."""
     scene, system = cylinders()
@@ -150,6 +152,7 @@ def stepped(steps: int = 40_000) -> float:
     return total
 
 
+@pytest.mark.one_rank
 def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
     scene, system = spring()
     known = stepped()
@@ -167,6 +170,7 @@ def test_error_of_the_polygon_falls_with_the_square_of_the_corners() -> None:
     assert refined.history.corners == doubling[-1, 0]
 
 
+@pytest.mark.one_rank
 def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, system = spring()
     monkeypatch.setattr(corners, "MOST_CORNERS", 64)
@@ -175,6 +179,7 @@ def test_tolerance_out_of_reach_is_an_error(monkeypatch: pytest.MonkeyPatch) -> 
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.one_rank
 def test_polygon_that_fails_is_the_one_that_is_run(monkeypatch: pytest.MonkeyPatch) -> None:
     scene, system = spring()
     found = corners._dissipation

@@ -12,6 +12,8 @@ import pytest
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.description import LEFT, STATE_COLOURS, WIDTH
 
+pytestmark = pytest.mark.one_rank
+
 DEMOS = Path(__file__).parents[2] / "demos"
 TABLE: dict[str, list[float]] = {"x": np.arange(1e3).tolist(), "value": np.ones(1000).tolist()}
 

@@ -13,6 +13,8 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
+pytestmark = pytest.mark.one_rank
+
 BLOCK = block_system(40, 20)
 STEPS = SolverOptions(method="gauss-seidel", steps_per_leg=2)
 FIELDS = ("s", "load", "P", "Q", "p", "q", "v", "w", "load_displacement")

@@ -31,6 +31,8 @@ from receding_fenicsx.interface.exact import walk
 from receding_fenicsx.interface.exact.segments import Segment
 from receding_fenicsx.scene.model import OutputOptions
 
+pytestmark = pytest.mark.one_rank
+
 ALL_CASES = (*BLOCK_CASES, *BODY_CASES, *TRIAL_CASES)
 
 

@@ -24,7 +24,7 @@ from receding_fenicsx.output.report.uniqueness import uniqueness_lines, uniquene
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.rank > 0, reason="one process is enough")
+pytestmark = pytest.mark.one_rank
 
 BLOCK = block_system(40, 20)
 GAUSS_SEIDEL = SolverOptions(method="gauss-seidel", steps_per_leg=4)

@@ -24,6 +24,8 @@ from receding_fenicsx.output.storage.hdf5 import read_record, write_record
 from receding_fenicsx.scene.history import ended_by, from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
 
+pytestmark = pytest.mark.one_rank
+
 BLOCK = block_system(40, 20)
 
 

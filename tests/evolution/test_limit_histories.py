@@ -9,6 +9,8 @@ from small import table
 
 import receding_fenicsx as rf
 
+pytestmark = pytest.mark.one_rank
+
 LAP = """
 [[body]]
 name = "upper"

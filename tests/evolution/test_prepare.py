@@ -176,7 +176,7 @@ def test_files_that_cannot_serve_are_refused_in_one_line(
         assert str(system) in captured.err and words in captured.err
 
 
-@pytest.mark.skipif(comm.size > 1, reason="one process is enough")
+@pytest.mark.one_rank
 def test_reuse_needs_neither_dolfinx_nor_petsc_nor_gmsh(system: Path) -> None:
     arguments = ["run", BLOCK, *SMALL, "--system", str(system), "--pictures", "none"]
     code = (

@@ -5,8 +5,6 @@ from dataclasses import fields, replace
 from functools import cache
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 from equations import BACKWARD, FORWARD, OPEN, STICK, Body
@@ -31,28 +29,25 @@ from small import small_system, table
 
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
+
+pytestmark = pytest.mark.one_rank
+
+
+SLOW = {49}
+"""Nearly singular, in load steps: thousands of sweeps. Guides and directions make it no harder."""
 
 
 @pytest.mark.parametrize(
-    ("family", "count", "block"),
-    [("plain", 300, b) for b in range(10)]
-    + [("directed", 80, b) for b in range(4)]
-    + [("oblique", 80, b) for b in range(4)],
+    ("family", "numbers"),
+    [("plain", range(b, 300, 10)) for b in range(10)]
+    + [(family, range(b, 80, 4)) for family in ("directed", "oblique") for b in range(4)],
 )
-def test_accepted_answers_keep_the_laws_and_refusals_are_true(
-    family: str, count: int, block: int
-) -> None:
-    comm, blocks = MPI.COMM_WORLD, 4 if count == 80 else 10
-    numbers = range(block + blocks * comm.rank, count, blocks * comm.size)
-
-    def judged() -> None:
-        found = {number: judge(FAMILIES[family](problem(number))) for number in numbers}
-        bad = {k: o for k, o in found.items() if o.verdict in (WRONG, FALSE)}
-        assert not bad, f"{bad}\n{table_of(found.values())}"
-
-    on_all(comm, judged)
+def test_accepted_answers_keep_the_laws_and_refusals_are_true(family: str, numbers: range) -> None:
+    tried = [number for number in numbers if family == "plain" or number not in SLOW]
+    found = {number: judge(FAMILIES[family](problem(number))) for number in tried}
+    bad = {k: o for k, o in found.items() if o.verdict in (WRONG, FALSE)}
+    assert not bad, f"{bad}\n{table_of(found.values())}"
 
 
 @pytest.mark.parametrize(

@@ -41,6 +41,8 @@ from receding_fenicsx.reference.ahn_barber import is_papers_block, paper_table
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
+pytestmark = pytest.mark.one_rank
+
 BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
 SHORT = ["history.cycles=3", "solver.method=events", "output.samples_per_leg=8"]
 

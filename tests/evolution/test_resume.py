@@ -220,7 +220,7 @@ def test_killed_again_and_again_the_run_ends_in_the_same_bits(
     same_bits(out, whole)
 
 
-@pytest.mark.skipif(comm.size > 1, reason="sends signals to a process of its own")
+@pytest.mark.one_rank
 @pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)])
 def test_signals_leave_a_run_that_can_be_gone_on_with(
     tmp_path: Path, number: signal.Signals, code: int

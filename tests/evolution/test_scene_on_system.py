@@ -9,8 +9,6 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
@@ -21,7 +19,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
 
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process is enough")
+pytestmark = pytest.mark.one_rank
 
 ROOT = Path(__file__).parents[2]
 COARSE = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_leg=3"]

@@ -120,6 +120,7 @@ def test_signal_of_500_points_is_followed_point_by_point(place: Path) -> None:
     assert record.residual_max < 1e-12 and record.energy_error_max < 1e-9
 
 
+@pytest.mark.one_rank
 def test_dissipation_of_a_signal_is_that_of_its_reversals(place: Path) -> None:
     """With one varying load only the reversals count; the closed form is 1 % off by the mesh."""
     scene, system, record = read_run(place / "run")

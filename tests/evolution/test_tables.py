@@ -14,6 +14,8 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.scene.history import History
 
+pytestmark = pytest.mark.one_rank
+
 LOOP = np.array([[1.0], [0.25], [1.0]])
 
 

@@ -29,9 +29,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.study import condense
 
-pytestmark = pytest.mark.skipif(
-    MPI.COMM_WORLD.rank > 0, reason="one rank condenses and evolves by itself"
-)
+pytestmark = pytest.mark.one_rank
 
 F = 0.6
 PRESS = Load("P", "top", platen=True, force=(0.0, -2.0))

@@ -19,6 +19,8 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.report.uniqueness import uniqueness_lines, uniqueness_summary
 from receding_fenicsx.scene.model import SolverOptions
 
+pytestmark = pytest.mark.one_rank
+
 THREE = small_system([[1.0, 0.9], [0.9, 1.0]], {"press": [1.3, 1.0]}, 1.5)
 """One node that may stick, slip backward or open under its first load."""
 

@@ -7,6 +7,8 @@ from small import small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.interface.law import State
 
+pytestmark = pytest.mark.one_rank
+
 
 def test_each_branch_is_a_line_from_rest_and_ends_are_crossed() -> None:
     K = np.kron([[2.0, 1.5], [1.5, 2.0]], np.eye(2))

@@ -20,7 +20,7 @@ from receding_fenicsx.output.storage.fclib import export, write_fclib
 from receding_fenicsx.output.storage.hdf5 import write_system
 from receding_fenicsx.scene.toml_file import read_scene
 
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.rank > 0, reason="one process is enough")
+pytestmark = pytest.mark.one_rank
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 LOAD = np.array([1.0])

@@ -40,6 +40,8 @@ from receding_fenicsx.scene.model import HistoryOptions, Load, OutputOptions, Sc
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.scene.units import Units
 
+pytestmark = pytest.mark.one_rank
+
 PAPER = Scene(loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
 LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
 CYCLIC = ((0.0, 1.0), LOOP, 10)

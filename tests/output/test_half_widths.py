@@ -21,6 +21,8 @@ from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene
 
+pytestmark = pytest.mark.one_rank
+
 BETA = dundurs_beta((2.0, 0.3, "plane strain"))
 KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
 

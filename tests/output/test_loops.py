@@ -17,6 +17,8 @@ from receding_fenicsx.output.plots.loops import loop_of, representative_nodes, s
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions
 
+pytestmark = pytest.mark.one_rank
+
 LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
 CYCLES = 25
 

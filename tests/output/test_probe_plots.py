@@ -13,6 +13,8 @@ import receding_fenicsx as rf
 from receding_fenicsx.interface.system import ProbeMatrix
 from receding_fenicsx.output.plots.figures import draw_all
 
+pytestmark = pytest.mark.one_rank
+
 
 @cache
 def record() -> rf.Record:

@@ -23,6 +23,8 @@ from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.toml_file import to_toml
 
+pytestmark = pytest.mark.one_rank
+
 EMPTY = {"meta", "img", "br"}
 """Elements without an end."""
 SCENE = Scene(title="a < b & c", loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))

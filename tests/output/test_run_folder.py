@@ -4,8 +4,6 @@ import sys
 from dataclasses import replace
 from pathlib import Path
 
-from mpi4py import MPI
-
 import pytest
 
 from receding_fenicsx.environment import child_environment
@@ -15,7 +13,7 @@ from receding_fenicsx.output.storage.run_folder import SCENE, SYSTEM, has_run, p
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
 
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.rank > 0, reason="one process is enough")
+pytestmark = pytest.mark.one_rank
 
 BLOCK_FILE = Path(__file__).parents[2] / "demos" / "block.toml"
 BLOCK = read_scene(BLOCK_FILE)

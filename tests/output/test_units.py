@@ -40,6 +40,8 @@ from receding_fenicsx.scene.model import (
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.scene.units import Units
 
+pytestmark = pytest.mark.one_rank
+
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
 CYCLES = 10
 KINEMATICS = ("plane strain", "axisymmetric")

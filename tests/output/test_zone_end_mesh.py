@@ -12,6 +12,8 @@ import pytest
 
 import receding_fenicsx as rf
 
+pytestmark = pytest.mark.one_rank
+
 DEMOS = Path(__file__).parents[2] / "demos"
 BARE = rf.OutputOptions(samples_per_leg=1, cycles=())
 

@@ -29,7 +29,6 @@ SMALL = ["mesh.contact_elements=10", "history.cycles=2"]
 OVER: dict[str, Any] = {"contact.friction": [0.2, 0.6], "history.minimum": [0.0, 0.25, 0.5]}
 comm = MPI.COMM_WORLD
 Run = Callable[..., Any]
-one_rank = pytest.mark.skipif(comm.size > 1, reason="starts processes by itself")
 
 
 def scene(*changes: str) -> rf.Scene:
@@ -64,7 +63,7 @@ def test_rows_hold_the_numbers_of_single_runs() -> None:
         assert np.all(np.diff(table.grid("dissipation_last_cycle"), axis=1) < 0.0)
 
 
-@one_rank
+@pytest.mark.one_rank
 def test_a_body_is_condensed_once(monkeypatch: pytest.MonkeyPatch) -> None:
     condensed = []
 
@@ -242,7 +241,7 @@ def test_probes_may_move_from_case_to_case() -> None:
             assert table["syy"][k] == sweep_measures.syy(record)["syy"]
 
 
-@one_rank
+@pytest.mark.one_rank
 def test_a_case_whose_process_dies_is_a_row_and_is_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

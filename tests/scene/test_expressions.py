@@ -7,6 +7,8 @@ import pytest
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.expressions import evaluate_expression
 
+pytestmark = pytest.mark.one_rank
+
 
 @pytest.mark.parametrize(
     ("text", "expected"),

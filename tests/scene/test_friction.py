@@ -13,9 +13,10 @@ import pytest
 import receding_fenicsx as rf
 from receding_fenicsx.scene.symmetry import is_mirror_symmetric
 
+pytestmark = pytest.mark.one_rank
+
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 COARSE = ["mesh.contact_elements=24", "history.cycles=2", "output.samples_per_leg=3"]
-alone = pytest.mark.skipif(MPI.COMM_WORLD.size > 1, reason="one process is enough")
 
 
 def block(friction: str, *changes: str) -> rf.Scene:
@@ -80,7 +81,6 @@ def test_half_is_modelled_only_where_forward_is_the_image_of_backward() -> None:
     assert not is_mirror_symmetric(block('{forward = "0.3 + 0.05*x*x", backward = "0.3"}'))
 
 
-@alone
 @pytest.mark.parametrize("method", ["events", "gauss-seidel"])
 def test_the_modelled_half_tells_of_the_whole(method: str, tmp_path: Path) -> None:
     friction = '{forward = "0.4 + 0.1*x", backward = "0.4 - 0.1*x"}'
@@ -108,7 +108,6 @@ def test_the_modelled_half_tells_of_the_whole(method: str, tmp_path: Path) -> No
     assert system.f_backward is not None and np.any(system.f_backward != system.f)
 
 
-@alone
 def test_record_and_figures_of_friction_with_two_directions(tmp_path: Path) -> None:
     scene = block("{forward = 0.4, backward = 0.1}")
     record = rf.run(scene, tmp_path / "run", rf.RunOptions(pictures=True, snapshots=False))
@@ -120,7 +119,6 @@ def test_record_and_figures_of_friction_with_two_directions(tmp_path: Path) -> N
     assert pressed.Q[back] == pytest.approx(0.1 * pressed.P[back], rel=1e-9)
 
 
-@alone
 def test_friction_with_one_direction_adds_no_array_to_the_record(tmp_path: Path) -> None:
     record = rf.run(block("0.3"), tmp_path / "run", rf.RunOptions(pictures=False))
     assert record is not None and record.f_backward is None

@@ -10,6 +10,8 @@ from receding_fenicsx.scene.history import History, from_scene
 from receding_fenicsx.scene.model import Harmonic, HistoryOptions
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
+pytestmark = pytest.mark.one_rank
+
 BODY = """
 [[load]]
 name = "P"

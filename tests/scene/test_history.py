@@ -7,6 +7,8 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.history import History, evenly_spaced, from_scene, leg_number
 from receding_fenicsx.scene.toml_file import from_toml
 
+pytestmark = pytest.mark.one_rank
+
 BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
 BODY = BLOCK[: BLOCK.index("[history]")]
 SHEAR = '[[load]]\nname = "shear"\nedge = "top"\ntraction = [1.0, 0.0]\n'

@@ -8,8 +8,6 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from mpi4py import MPI
-
 import pytest
 
 from receding_fenicsx.errors import InputError
@@ -33,7 +31,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.units import Units
 
-pytestmark = pytest.mark.skipif(MPI.COMM_WORLD.rank > 0, reason="one process is enough")
+pytestmark = pytest.mark.one_rank
 
 FULL = Scene(
     title="all keys set",

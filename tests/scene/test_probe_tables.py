@@ -7,6 +7,8 @@ import pytest
 
 import receding_fenicsx as rf
 
+pytestmark = pytest.mark.one_rank
+
 LOAD = '[[load]]\nname = "p"\nedge = "top"\npressure = 1.0\n'
 ROUND = '[material]\nkinematics = "axisymmetric"\n'
 PAIR = """

@@ -12,6 +12,8 @@ from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
 from receding_fenicsx.scene.validate import warnings
 
+pytestmark = pytest.mark.one_rank
+
 BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
 
 

@@ -6,6 +6,8 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range
 from receding_fenicsx.scene.toml_file import read_scene
 
+pytestmark = pytest.mark.one_rank
+
 DEMOS = Path(__file__).parents[2] / "demos"
 
 

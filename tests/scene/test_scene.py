@@ -18,6 +18,8 @@ from receding_fenicsx.scene.model import (
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
 from receding_fenicsx.scene.validate import validate, warnings
 
+pytestmark = pytest.mark.one_rank
+
 DEMOS = Path(__file__).parents[2] / "demos"
 BLOCK = (DEMOS / "block.toml").read_text()
 

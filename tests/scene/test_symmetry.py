@@ -8,6 +8,8 @@ from receding_fenicsx.scene.symmetry import is_mirror_symmetric
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
 
+pytestmark = pytest.mark.one_rank
+
 BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
 
 

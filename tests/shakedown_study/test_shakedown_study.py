@@ -147,6 +147,7 @@ def test_folder_of_something_else_is_not_replaced(shared_tmp_path: Path) -> None
         rf.shakedown(scene, shared_tmp_path, overwrite=True)
 
 
+@pytest.mark.one_rank
 def test_edges_that_recede_get_their_sentence_and_two_meshes() -> None:
     scene = rf.from_toml(
         SCENE,
@@ -180,6 +181,7 @@ def from_starts(system: rf.ContactSystem, factor: float, count: int = 41) -> rf.
     return rf.steady_states(system, rf.range_history(system, *loads, factor), count, safe)
 
 
+@pytest.mark.one_rank
 def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only() -> None:
     lower, upper = 8 / 19, 12 / 23
     found = [
@@ -238,6 +240,7 @@ def test_direction_of_slip_between_turning_points_is_that_of_the_displacement() 
     assert all({a, b} == both for a, b in zip(*(states[slips] for states in found), strict=True))
 
 
+@pytest.mark.one_rank
 def test_study_in_the_current_folder_tells_why_there_is_no_second_mesh(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

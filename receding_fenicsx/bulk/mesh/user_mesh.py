@@ -16,8 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.sparse import coo_matrix
-from scipy.sparse.csgraph import connected_components
 
 from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.curved_edges import arcs_of
@@ -71,6 +69,13 @@ def read_user_mesh(body: Body, options: MeshOptions, axisymmetric: bool = False)
     if not path.is_file():
         raise InputError(f'[body] mesh: "{path}": no such file; check the path')
     _check_parameters(body, path, where, path.suffix == ".geo")
+    mesh = _mesh_in_child(body, options, axisymmetric)
+    _check_cells(mesh, where)
+    return mesh
+
+
+def _mesh_in_child(body: Body, options: MeshOptions, axisymmetric: bool) -> RawMesh:
+    """Mesh or read the body's file in a process of its own; raise the error it raises there."""
     done = subprocess.run(
         [sys.executable, "-c", CHILD_PROGRAM],
         input=pickle.dumps((body, options, axisymmetric)),
@@ -78,7 +83,7 @@ def read_user_mesh(body: Body, options: MeshOptions, axisymmetric: bool = False)
         env=_environment(),
     )
     if not done.stdout:
-        raise InputError(f"{where}: {_ending(done.returncode)}")
+        raise InputError(f"{_label(Path(str(body.mesh)))}: {_ending(done.returncode)}")
     found: RawMesh | Exception = pickle.loads(done.stdout)
     if isinstance(found, Exception):
         raise found
@@ -149,7 +154,6 @@ def _mesh(body: Body, options: MeshOptions, axisymmetric: bool) -> RawMesh:
             gmsh.model.mesh.refine()
         if options.refine or options.refinements:
             mesh = _collect(gmsh, body, where, scale)
-    _check_cells(mesh, where)
     return mesh
 
 
@@ -289,6 +293,10 @@ def _check_cells(mesh: RawMesh, where: str) -> None:
 
 def _parts(rows: Ints, columns: Ints, n: int) -> tuple[int, Ints]:
     """Return the number of parts of a graph with n nodes and these links, and that of each node."""
+    # gmsh's process does without SciPy: it would take as long to load as gmsh
+    from scipy.sparse import coo_matrix
+    from scipy.sparse.csgraph import connected_components
+
     links = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
     count, part = connected_components(links, directed=False)
     return int(count), part

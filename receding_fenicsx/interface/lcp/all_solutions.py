@@ -37,8 +37,8 @@ from receding_fenicsx.interface.lcp.contact import (
 from receding_fenicsx.interface.rigid_motions import TOO_FAR
 from receding_fenicsx.interface.system import ContactSystem
 
-TRIED_AT_ONCE = 2**10
-"""Sets of states up to which all are tried without looking at sides."""
+TRIED_AT_ONCE = enumerate_states.BATCH
+"""Sets of states up to which all are tried, without looking at sides: those of six nodes."""
 
 MOST_SIDES = 3**6
 """Combinations of sides of touching nodes that are gone through."""

@@ -25,6 +25,8 @@ from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Sc
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.timing import Timer
 
+pytestmark = pytest.mark.usefixtures("gmsh_here")
+
 comm = MPI.COMM_WORLD
 
 
@@ -285,9 +287,6 @@ def test_edge_in_pieces_is_refused(shared_tmp_path: Path) -> None:
         ("SetFactory(", "gmsh cannot use it"),
         ("// nothing\n", "gmsh finds nothing in it"),
         (LINES, "has no cells; is the outline of its surface closed, and does it enclose an area?"),
-        (GEO + "Exit;", "ends gmsh before the mesh is made (Exit); change"),
-        (GEO + 'Error("too thin"); Exit;', "gmsh cannot use it: too thin; mend"),
-        (GEO + 'SystemCall "kill -SEGV $PPID";', "gmsh crashed while reading it (SIGSEGV)"),
         (GEO.replace("Physical Curve", "//"), "it has none, declare Physical Curve"),
         (GEO + "Extrude {0, 0, 1} { Surface{1}; Layers{1}; }", "not plane"),
         (GEO + "Mesh.ElementOrder = 2;", ""),
