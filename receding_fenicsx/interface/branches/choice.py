@@ -21,6 +21,8 @@ from receding_fenicsx.interface.lcp.contact import Undecided
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate
 from receding_fenicsx.interface.uniqueness.instants import Instant
+from receding_fenicsx.interface.uniqueness.patterns import certify
+from receding_fenicsx.interface.uniqueness.sides import Sides
 from receding_fenicsx.interface.uniqueness.watch import MOST_TOUCHING
 
 FIRST, LEAST, MOST = "first", "least dissipation", "most dissipation"
@@ -164,8 +166,9 @@ class Chooser:
         key = state.tobytes() + touching.tobytes()
         if key not in self._certified:
             judge = self._certificate = self._certificate or Certificate(system)
-            sets = Instant(0.0, state, touching, (0, 0)).sets(judge)
-            self._certified[key] = all(judge.exceeds(one, 1.0 + SAME_MARGIN) for one in sets)
+            sides = Sides.of(state)
+            sets = Instant(0.0, sides, tuple(touching.tolist()), (sides, sides)).sets(judge)
+            self._certified[key] = all(certify(judge, [one], 1.0 + SAME_MARGIN) for one in sets)
         return self._certified[key]
 
     def choose_static(

@@ -17,13 +17,13 @@ r"""Uniqueness of a path: one solution of every rate problem, or several.
    definite there is one solution: with friction reduced to t f, $0 \le t \le 1$, every piece of the
    piecewise linear law keeps a positive determinant, so that the number of solutions is that
    without friction, one.
-4. **Margin** (`Certificate.margin`). All friction may grow by
+4. **Few factorisations** (`patterns.certify`). Sets of states of a leg are certified together, by
+   one matrix that contains them all: nodes that slip in given directions, and nodes that open. A
+   group that fails is halved. A set in a pattern that was certified before needs no more work.
+5. **Margin** (`Certificate.margin`). All friction may grow by
    $$\varphi = 1 / \lambda_\mathrm{max}(-\mathrm{sym}(C K_{nt}), K_{tt}),$$
-   the smallest over the sets of states. It is computed only for sets that a Cholesky factorisation
-   does not show to have a larger one.
-5. **Few factorisations** (`watch.UniquenessWatch`). A set whose slipping nodes are among those of a
-   definite one, with the same open nodes, is definite with no smaller margin: M is then a principal
-   submatrix.
+   the smallest over the sets of states. Sets whose margin is larger than ``LARGE_MARGIN`` are
+   measured at the ends of legs only, where slip zones are largest.
 6. **Doubt** (`UniquenessWatch._doubt`). Where a set is not definite: all principal minors, for few
    slipping nodes; then all solutions for the load rate, by `interface.lcp.all_solutions`. The
    instant is certified if it has exactly one.

@@ -23,8 +23,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.rigid_motions import neutral_motions
 from receding_fenicsx.interface.system import ContactSystem
-
-States = NDArray[np.int8]
+from receding_fenicsx.interface.uniqueness.sides import States, bits_of, mask_of
 
 SINGULAR = 1e-11
 """Pivot of a Cholesky factorisation over the diagonal entry, or coupling over the stiffness, below
@@ -47,7 +46,9 @@ class Certificate:
         system: the condensed body in 2N form.
         frictional: (N,) nodes with the full contact law.
         smooth: (N,) nodes without friction, or held tangentially.
+        rubbing: the frictional nodes, as an integer.
         loose: freedoms that move at zero reaction in every set of states.
+        coupling: size of K_tn over that of K_nn.
     """
 
     def __init__(self, system: ContactSystem) -> None:
@@ -58,7 +59,10 @@ class Certificate:
         self.frictional = ~system.held[:n] & normal & system.friction.present
         self.smooth = normal & ~self.frictional
         self.loose = np.flatnonzero(~system.held[:n] & ~self.frictional)
-        self._factor: tuple[bytes, tuple[NDArray[np.intp], Array]] | None = None
+        self.rubbing = bits_of(self.frictional)
+        K_tn, K_nn = (float(np.linalg.norm(K)) for K in (system.K[:n, n:], system.K[n:, n:]))
+        self.coupling = max(K_tn / K_nn, SINGULAR) if K_nn else SINGULAR
+        self._factor: tuple[int, tuple[NDArray[np.intp], Array]] | None = None
 
     def slips(self, state: States) -> NDArray[np.bool_]:
         """Return whether each node slips against friction."""
@@ -87,44 +91,43 @@ class Certificate:
                 without stiffness.
         """
         system, slips = self.system, self.slipping(state)
-        n, K = system.n, system.K
-        free, factor = self._condensed(state == SEPARATION)
-        K_tt, K_nt = K[np.ix_(slips, slips)], K[np.ix_(n + slips, slips)]
-        if len(free) and len(slips):
-            rows = np.concatenate([slips, n + slips])
-            half = sla.solve_triangular(factor, K[np.ix_(free, rows)], lower=True)
-            t, w = half[:, : len(slips)], half[:, len(slips) :]
-            K_tt, K_nt = K_tt - t.T @ t, K_nt - w.T @ t
+        m = len(slips)
+        rows = np.concatenate([slips, system.n + slips])
+        K = self.condensed(rows, m, bits_of(state == SEPARATION))
         # what remains of a motion without stiffness is round-off
-        if np.any(np.diagonal(K_tt) <= SINGULAR * np.diagonal(K)[slips]):
+        if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(system.K)[slips]):
             raise np.linalg.LinAlgError
-        return K_tt, system.friction[slips].at_slip(state[slips])[:, None] * K_nt
+        return K[:m], system.friction[slips].at_slip(state[slips])[:, None] * K[m:]
 
-    def _condensed(self, open_: NDArray[np.bool_]) -> tuple[NDArray[np.intp], Array]:
-        """Return the free freedoms, and the Cholesky factor of their stiffness.
+    def condensed(self, rows: NDArray[np.intp], columns: int, open_: int) -> Array:
+        """Return rows of K', of some open nodes, on the first of these freedoms as columns.
+
+        Raises:
+            np.linalg.LinAlgError: what moves freely has a motion without stiffness.
+        """
+        free, factor = self._free_stiffness(open_)
+        K = self.system.K[rows[:, None], rows[:columns]]
+        if len(free) and len(rows):
+            coupled = self.system.K[free[:, None], rows]
+            half = sla.solve_triangular(factor, coupled, lower=True, check_finite=False)
+            K -= half.T @ half[:, :columns]
+        return K
+
+    def _free_stiffness(self, open_: int) -> tuple[NDArray[np.intp], Array]:
+        """Return the freedoms free where nodes are open, and the factor of their stiffness.
 
         Rigid motions that move nothing but these are kept from moving.
         """
-        key = open_.tobytes()
-        if self._factor is None or self._factor[0] != key:
-            K, free = self.system.K, self.free(open_)
+        if self._factor is None or self._factor[0] != open_:
+            K, free = self.system.K, self.free(mask_of(open_, self.system.n))
             kept = np.ones(len(K), dtype=bool)
             kept[free] = False
             stiffness = K[np.ix_(free, free)]
             motions = neutral_motions(self.system.rigid, kept)[free]
             if motions.shape[1]:
                 stiffness = stiffness + float(np.diagonal(K).max()) * motions @ motions.T
-            self._factor = key, (free, _cholesky(stiffness))
+            self._factor = open_, (free, cholesky(stiffness))
         return self._factor[1]
-
-    def exceeds(self, state: States, margin: float) -> bool:
-        """Return whether the margin of a set of states is larger than a finite one."""
-        try:
-            K_tt, X = self.matrices(state)
-            _cholesky(K_tt + 0.5 * margin * (X + X.T))
-        except np.linalg.LinAlgError:
-            return False
-        return True
 
     def margin(self, state: States) -> tuple[float, tuple[int, ...]]:
         """Return phi of a set of states, and the leading nodes of the critical slip mode.
@@ -137,7 +140,7 @@ class Certificate:
             K_tt, X = self.matrices(state)
             if not len(slips):
                 return np.inf, ()
-            _cholesky(K_tt)
+            cholesky(K_tt)
         except np.linalg.LinAlgError:
             return 0.0, tuple(slips.tolist())
         last = len(slips) - 1
@@ -167,7 +170,7 @@ class Certificate:
         return True
 
 
-def _cholesky(matrix: Array) -> Array:
+def cholesky(matrix: Array) -> Array:
     """Return the lower Cholesky factor.
 
     Raises:

@@ -2,8 +2,8 @@
 
 With every node on all its limits no certificate is known that serves fine meshes. For few nodes all
 sets of states are tried, which is proof. Otherwise Newton's method on sets of states starts from
-several of them, and Lemke's method from several covering vectors: other solutions may be found, but
-are not excluded.
+slip of all nodes either way, and Lemke's method from several covering vectors: other solutions may
+be found, but are not excluded.
 """
 
 from __future__ import annotations
@@ -37,7 +37,11 @@ MOST_COVERED = 40
 
 
 def solutions_from_rest(
-    certificate: Certificate, start: ContactState, load: Array, near: NDArray[np.bool_]
+    certificate: Certificate,
+    start: ContactState,
+    known: States,
+    load: Array,
+    near: NDArray[np.bool_],
 ) -> tuple[NDArray[np.int8], bool]:
     """Find the solutions of a static problem, and say whether there are no others.
 
@@ -46,6 +50,7 @@ def solutions_from_rest(
     Args:
         certificate: of the contact.
         start: state without reactions that slip is counted from.
+        known: (N,) states of the solution that the path has found.
         load: (n_loads,) load factors.
         near: (N,) nodes without gap; others stay open.
 
@@ -69,7 +74,7 @@ def solutions_from_rest(
             found = all_solutions(*problem)
             return np.where(found.states > 0, found.states, others), found.complete
         covers = states_by_covers(*problem) if rubbing.sum() <= MOST_COVERED else iter(())
-        ends = [*_by_newton(certificate, start, load, near), *covers]
+        ends = [known, *_by_newton(certificate, start, load, near), *covers]
     except np.linalg.LinAlgError:
         return np.zeros((0, n), dtype=np.int8), False
     every = [np.where(state > 0, state, others) for state in ends]
@@ -79,9 +84,9 @@ def solutions_from_rest(
 def _by_newton(
     certificate: Certificate, start: ContactState, load: Array, near: NDArray[np.bool_]
 ) -> Iterator[States]:
-    """Yield the states that Newton's method reaches from several sets of states."""
+    """Yield the states that Newton's method reaches where all nodes begin to slip."""
     if near.all():
-        for first in (STICK, FORWARD, BACKWARD):
+        for first in (FORWARD, BACKWARD):
             end = states_by_newton(certificate.system, start, load, first)
             if end is not None:
                 yield end.state

@@ -11,12 +11,13 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.jumps import JUMP_STEP
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
-from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
-from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate, States
+from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate
 from receding_fenicsx.interface.uniqueness.first_loading import solutions_from_rest
 from receding_fenicsx.interface.uniqueness.instants import Event, Instant, InstantsOfLegs
+from receding_fenicsx.interface.uniqueness.patterns import Pattern, certify, grouped, halves
+from receding_fenicsx.interface.uniqueness.sides import Sides, States, mask_of
 
 NAMED_NODES = 8
 """Largest number of nodes that are named at the first doubt."""
@@ -24,30 +25,14 @@ NAMED_NODES = 8
 MOST_TOUCHING = 6
 """Touching nodes of an instant up to which all their sides are judged."""
 
+LARGE_MARGIN = 1.5
+"""Margin beyond which sets of states are measured at the ends of legs only."""
+
 COUNTED = 8
 """Instants without certificate whose solutions are counted between two checkpoints."""
 
 TOUCHES = 1e-12
 """Gap over the largest one, up to which a node without pressure touches."""
-
-
-class _Set:
-    """A set of states as far as definiteness is concerned: which nodes slip where, which are open.
-
-    Attributes:
-        state: (N,) states.
-        slips: (N,) states of the slipping nodes, 0 elsewhere.
-        size: number of slipping nodes.
-        open: the open nodes.
-        key: all of this.
-    """
-
-    __slots__ = ("key", "open", "size", "slips", "state")
-
-    def __init__(self, certificate: Certificate, state: States) -> None:
-        self.state, self.slips = state, np.where(certificate.slips(state), state, 0).astype(np.int8)
-        self.size, self.open = np.count_nonzero(self.slips), (state == SEPARATION).tobytes()
-        self.key = self.slips.tobytes() + self.open
 
 
 @dataclass(frozen=True)
@@ -58,8 +43,9 @@ class Uniqueness:
         certified: at every instant the rates are proved to be unique, and no static problem was
             found to have several solutions.
         margin: factor phi by which all friction could grow before definiteness fails, the smallest
-            of all instants; infinite where nothing has slipped. Sets of states in which something
-            slips without stiffness have none: their solutions are counted.
+            of all instants. Above ``LARGE_MARGIN`` it is the smallest at the ends of legs, where
+            slip zones are largest; infinite where nothing slips there. Sets of states in which
+            something slips without stiffness have none: their solutions are counted.
         solutions: largest number of rates found at one instant, or of solutions of a static
             problem.
         cycle, leg, s: place of the first doubt, -1 without one. A path that is not certified and
@@ -102,6 +88,7 @@ class UniquenessWatch:
 
     Attributes:
         found: uniqueness up to the last leg.
+        indefinite: sets of states met that are not definite.
     """
 
     def __init__(self, system: ContactSystem, found: Uniqueness, in_steps: bool = False) -> None:
@@ -114,10 +101,13 @@ class UniquenessWatch:
         """
         self.found, self.in_steps = found, in_steps
         self.certificate = Certificate(system)
-        self._instants = InstantsOfLegs(self.certificate)
-        self._definite: dict[bytes, NDArray[np.int8]] = {}
+        self._instants = InstantsOfLegs()
+        self._patterns: list[Pattern] = []
+        self.indefinite: set[Sides] = set()
+        self._measured: set[Sides] = set()
         self._solved: set[bytes] = set()
         self._jumps: list[float] = []
+        self._last: dict[bytes, tuple[object, ...]] = {}
         self._doubtful: list[tuple[bytes, Instant]] = []
         self._left = COUNTED
 
@@ -127,6 +117,7 @@ class UniquenessWatch:
             self._instants.forget(way, [instant])
         self._doubtful, self._left = [], COUNTED
         self._solved.clear()
+        self._last.clear()
 
     def add(
         self,
@@ -150,7 +141,7 @@ class UniquenessWatch:
         for s in self._jumps:
             changed = {i for at, i, *_ in leg.events if self._is_finite(at)}
             self.found = self.found.with_doubt((*place, s), tuple(sorted(changed)))
-        state, events, touching = start.state, leg.events, np.zeros(0, dtype=np.intp)
+        state, events, touching = start.state, leg.events, tuple[int, ...]()
         crossing = zero_crossing(ends)
         if crossing is not None:
             before = [event for event in events if event[0] < crossing]
@@ -163,12 +154,16 @@ class UniquenessWatch:
             gap = np.where(system.held[n:], 0.0, system.g0 + start.w)
             near = gap <= TOUCHES * gap.max(initial=0.0)
             if static or (near.all() and (crossing is not None or not np.any(a))):
-                self._static((*place, crossing or 0.0), start, b, near)
+                self._static((*place, crossing or 0.0), (start, leg.end.state), b, near)
                 state, events = leg.end.state, []
             else:
                 limits = self.certificate.frictional | self.certificate.smooth
-                touching = np.flatnonzero(near & limits)
+                touching = tuple(np.flatnonzero(near & limits).tolist())
         self._rates(place, b - a, (state, events, touching))
+        end = Sides.of(leg.end.state).of_nodes(self.certificate.rubbing)
+        if (end.forward or end.backward) and end not in self._measured:
+            self._measured.add(end)
+            self._measure(end)
 
     def _is_finite(self, s: float) -> bool:
         """Return whether states change at s by a load step or a jump."""
@@ -177,16 +172,17 @@ class UniquenessWatch:
     def _static(
         self,
         place: tuple[int, int, float],
-        start: ContactState,
+        path: tuple[ContactState, States],
         load: Array,
         near: NDArray[np.bool_],
     ) -> None:
-        """Judge a static problem from rest."""
+        """Judge a static problem from rest, given with the states at its end."""
+        start, end = path
         key = start.u.tobytes() + load.tobytes()
         if key in self._solved:
             return
         self._solved.add(key)
-        states, proved = solutions_from_rest(self.certificate, start, load, near)
+        states, proved = solutions_from_rest(self.certificate, start, end, load, near)
         count = max(1, len(states))  # the path has found one
         found = self.found
         static = max(found.static, count)
@@ -198,53 +194,83 @@ class UniquenessWatch:
         self,
         place: tuple[int, int],
         direction: Array,
-        path: tuple[States, list[Event], NDArray[np.intp]],
+        path: tuple[States, list[Event], tuple[int, ...]],
     ) -> None:
         """Judge the rates along a leg, or a part of it, given as for ``InstantsOfLegs.new``."""
-        way = direction.tobytes()
+        way, (start, events, touching) = direction.tobytes(), path
+        if not self._jumps and not touching:
+            places = [event[0] for event in events]
+            later = tuple(s > last for last, s in zip([0.0, *places], places, strict=False))
+            leg = start.tobytes(), later, tuple(event[1:] for event in events)
+            if self._last.get(way) == leg:
+                return
+            self._last[way] = leg
         instants = self._instants.new(way, *path, self._is_finite)
         few = [instant for instant in instants if len(instant.touching) <= MOST_TOUCHING]
-        judge = self.certificate
-        sets = {id(i): [_Set(judge, state) for state in i.sets(judge)] for i in few}
-        # what large slip zones contain needs no look; sets with the same open nodes share a factor
-        every = {one.key: one for group in sets.values() for one in group}
-        ordered = sorted(every.values(), key=lambda one: (one.open, -one.size))
-        definite = {one.key: self._is_definite(one) for one in ordered}
+        sets = {id(i): list(i.sets(self.certificate)) for i in few}
+        # directions of slip on the path come before those that nodes on the edge might take
+        slipping = {
+            one: sum(one.forward >> i & 1 or one.backward >> i & 1 for i in instant.touching)
+            for instant in few
+            for one in sets[id(instant)]
+            if one.forward or one.backward
+        }
+        self.judge(sorted(slipping, key=slipping.__getitem__))
         for instant in instants:
-            group = sets.get(id(instant))
-            if group is None or not all(definite[one.key] for one in group):
+            every = sets.get(id(instant))
+            if every is None or not self.indefinite.isdisjoint(every):
                 self._doubtful.append((way, instant))
                 self._doubt((*place, instant.s), direction, instant)
 
-    def _is_definite(self, one: _Set) -> bool:
-        """Return whether a set of states is definite; note its margin."""
-        group = self._definite.setdefault(one.open, one.slips[None][:0])
-        if one.size == 0 or np.any(np.all((one.slips == 0) | (group == one.slips), axis=1)):
-            return True
-        passed = self._measured(one.state)
-        if passed:
-            self._definite[one.open] = np.vstack([group, one.slips])
-        return passed
+    def _is_new(self, one: Sides) -> bool:
+        """Return whether nothing is known of a set of states."""
+        for k, pattern in enumerate(self._patterns):
+            if pattern.holds(one):
+                # the next one is likely to be held by it too
+                self._patterns.insert(0, self._patterns.pop(k))
+                return False
+        return one not in self.indefinite
 
-    def _measured(self, state: States) -> bool:
-        """Return whether a set of states is definite, from its margin or a bound of it."""
+    def judge(self, sets: list[Sides]) -> None:
+        """Certify sets of states in which something slips; note those that are not definite."""
+        for group in grouped(list(filter(self._is_new, sets))):
+            self._judge(group)
+
+    def _judge(self, sets: list[Sides]) -> None:
+        """Certify a group: together, else in halves, at last each alone."""
+        while sets := list(filter(self._is_new, sets)):
+            pattern = certify(self.certificate, sets, LARGE_MARGIN)
+            if pattern is None and len(sets) > 1:
+                for half in halves(sets):
+                    self._judge(half)
+                return
+            if pattern is None:
+                self._measure(sets[0])
+                pattern = certify(self.certificate, sets, 1.0 + SAME_MARGIN)
+            if pattern is None:
+                self.indefinite.add(sets[0])
+            else:
+                self._patterns.insert(0, pattern)
+
+    def _measure(self, one: Sides) -> None:
+        """Lower the margin to that of a set of states, if it is smaller."""
         judge, least = self.certificate, self.found.margin
-        if np.isfinite(least) and judge.exceeds(state, least * (1.0 - SAME_MARGIN)):
-            return least > 1.0 + SAME_MARGIN or judge.exceeds(state, 1.0 + SAME_MARGIN)
-        margin, _ = judge.margin(state)
+        if np.isfinite(least) and certify(judge, [one], least * (1.0 - SAME_MARGIN)):
+            return
+        margin, _ = judge.margin(one.states(judge.system.n))
         if margin > 0.0:  # what slips without stiffness does so whatever the friction
             self.found = replace(self.found, margin=min(least, margin))
-        return margin > 1.0 + SAME_MARGIN
 
     def _doubt(self, place: tuple[int, int, float], direction: Array, instant: Instant) -> None:
         """Count the solutions of an instant whose matrices are not all definite."""
         judge, states = self.certificate, np.zeros((0, 0), dtype=np.int8)
-        if not len(instant.touching) and judge.is_p_matrix(instant.state):
+        state = instant.sides.states(judge.system.n)
+        if not instant.touching and judge.is_p_matrix(state):
             return
         if self._left:
             self._left -= 1
-            open_ = instant.state == SEPARATION
-            open_[instant.touching] = False
+            open_ = mask_of(instant.sides.open, judge.system.n)
+            open_[list(instant.touching)] = False
             with suppress(np.linalg.LinAlgError):
                 found = all_solutions(
                     judge.system,
@@ -255,7 +281,7 @@ class UniquenessWatch:
                 if found.complete and len(found.states) == 1:
                     return
                 states = found.states
-        nodes = _differing(states) if len(states) > 1 else judge.margin(instant.state)[1]
+        nodes = _differing(states) if len(states) > 1 else judge.margin(state)[1]
         self.found = self.found.with_doubt(place, nodes, len(states))
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
@@ -15,6 +16,9 @@ from receding_fenicsx.interface.lcp.contact import choices
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.uniqueness.definite import Certificate
 from receding_fenicsx.interface.uniqueness.instants import Instant, InstantsOfLegs
+from receding_fenicsx.interface.uniqueness.patterns import certify
+from receding_fenicsx.interface.uniqueness.sides import Sides
+from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN, Uniqueness, UniquenessWatch
 
 RATES = 4
 """Load rates for which the solutions of an instant are counted."""
@@ -52,7 +56,8 @@ def test_margin_is_that_of_the_stiffness_with_separated_nodes_condensed_out() ->
         assert np.linalg.eigvalsh(0.5 * (M + M.T))[0] > 0.0
     assert set(nodes) <= {0, 2}
     judge = Certificate(system)
-    assert judge.exceeds(state, 0.9999 * found) and not judge.exceeds(state, 1.0001 * found)
+    assert certify(judge, [Sides.of(state)], 0.9999 * found) is not None
+    assert certify(judge, [Sides.of(state)], 1.0001 * found) is None
 
 
 def test_a_slide_that_nothing_resists_has_no_margin() -> None:
@@ -74,7 +79,7 @@ def test_a_node_that_drags_an_open_one_along_a_free_slide_has_no_certificate() -
         judge = Certificate(replace(system, K=scale * K))
         state = np.array([FORWARD, SEPARATION], dtype=np.int8)
         assert judge.margin(state)[0] == 0.0
-        assert not judge.is_p_matrix(state) and not judge.exceeds(state, 1.0)
+        assert not judge.is_p_matrix(state) and certify(judge, [Sides.of(state)], 1.0) is None
 
 
 def random_instant(seed: int) -> tuple[ContactSystem, Certificate, Instant]:
@@ -94,14 +99,16 @@ def random_instant(seed: int) -> tuple[ContactSystem, Certificate, Instant]:
     kinds = np.array([STICK, SEPARATION, FORWARD, BACKWARD])
     state = rng.choice(kinds, n, p=[0.1, 0.2, 0.35, 0.35]).astype(np.int8)
     state[~judge.frictional & (state > SEPARATION)] = STICK
-    return system, judge, Instant(0.0, state, np.flatnonzero(rng.random(n) < 0.4), (0, 0))
+    touching = tuple(np.flatnonzero(rng.random(n) < 0.4).tolist())
+    return system, judge, Instant(0.0, Sides.of(state), touching, (Sides(), Sides()))
 
 
 def counts(system: ContactSystem, judge: Certificate, instant: Instant, seed: int) -> set[int]:
     """Return the numbers of solutions for several load rates, all sets of states being tried."""
     rng = np.random.default_rng(seed)
     may = choices(instant.undecided(judge))
-    every = [may.get(i, (int(instant.state[i]),)) for i in range(system.n)]
+    state = instant.sides.states(system.n)
+    every = [may.get(i, (int(state[i]),)) for i in range(system.n)]
     found = set()
     for _ in range(RATES):
         loaded = replace(system, r_star=rng.standard_normal((1, 2 * system.n)))
@@ -115,10 +122,10 @@ def test_a_certified_instant_has_one_solution_for_every_load_rate() -> None:
         system, judge, instant = random_instant(seed)
         sets = list(instant.sets(judge))
         found = counts(system, judge, instant, seed)
-        if all(judge.margin(state)[0] > 1.0 + 1e-9 for state in sets):
+        if all(judge.margin(one.states(system.n))[0] > 1.0 + 1e-9 for one in sets):
             assert found == {1}, seed
             tally["certified"] += 1
-        elif not len(instant.touching) and judge.is_p_matrix(instant.state):
+        elif not instant.touching and judge.is_p_matrix(instant.sides.states(system.n)):
             assert found == {1}, seed
         else:
             tally["one" if found == {1} else "others"] += 1
@@ -126,9 +133,63 @@ def test_a_certified_instant_has_one_solution_for_every_load_rate() -> None:
     assert min(tally.values()) > 0, tally
 
 
+def test_every_set_in_a_pattern_has_the_margin_that_one_factorisation_shows() -> None:
+    tally = {"held": 0, "turned": 0, "open and slipping": 0, "refused": 0}
+    for seed in range(60):
+        rng = np.random.default_rng(seed)
+        n = 4
+        G = rng.standard_normal((2 * n, 3 * n))
+        K = rng.uniform(0.02, 0.2) * G @ G.T / n + np.eye(2 * n)
+        system = small_system(K, {"a": np.zeros(2 * n)}, rng.uniform(0.1, 1.5, n))
+        back = rng.uniform(0.1, 1.5, n) if seed % 2 else None
+        judge = Certificate(replace(system, f_backward=back))
+        sides = np.array(list(product((STICK, SEPARATION, FORWARD, BACKWARD), repeat=n)), np.int8)
+        every = [Sides.of(state) for state in sides]
+        group = [every[k] for k in rng.integers(len(every), size=int(rng.integers(1, 6)))]
+        alone = [judge.margin(one.states(n))[0] for one in group]
+        margin = rng.uniform(0.2, 1.1) * min([*alone, 100.0])
+        pattern = certify(judge, group, margin)
+        if pattern is None:
+            tally["refused"] += 1
+            assert len(group) > 1 or alone[0] <= margin
+            continue
+        assert pattern.holds(group[0])
+        for one, state in zip(every, sides, strict=True):
+            if pattern.holds(one):
+                assert judge.margin(state)[0] > margin, (seed, state)
+                tally["held"] += 1
+                turned = one.forward & pattern.backward | one.backward & pattern.forward
+                tally["turned"] += turned != 0
+                tally["open and slipping"] += pattern.may_open != pattern.opened and one.open != 0
+    assert min(tally.values()) > 10, tally
+
+
+def test_sets_judged_together_are_definite_as_each_alone() -> None:
+    tally = {True: 0, False: 0}
+    for seed in range(40):
+        rng = np.random.default_rng(1000 + seed)
+        n = 3
+        G = rng.standard_normal((2 * n, 3 * n))
+        K = rng.uniform(0.02, 0.3) * G @ G.T / n + np.eye(2 * n)
+        K += np.kron([[0, 1], [1, 0]], np.diag(rng.uniform(-0.9, 0.9, n)))
+        system = small_system(K, {"a": np.zeros(2 * n)}, rng.uniform(0.5, 3.0, n))
+        watch = UniquenessWatch(system, Uniqueness())
+        every = product((STICK, SEPARATION, FORWARD, BACKWARD), repeat=n)
+        sets = [Sides.of(np.array(state, np.int8)) for state in every]
+        rng.shuffle(sets)
+        watch.judge(sets)
+        margins = {one: watch.certificate.margin(one.states(n))[0] for one in sets}
+        assert watch.indefinite == {one for one in sets if margins[one] <= 1.0 + 1e-9}, seed
+        lowest = min((m for m in margins.values() if 0.0 < m <= LARGE_MARGIN), default=np.inf)
+        assert watch.found.margin == pytest.approx(lowest, rel=1e-8)
+        for one in sets:
+            tally[one in watch.indefinite] += 1
+    assert min(tally.values()) > 100, tally
+
+
 def test_instants_are_the_start_and_each_place_of_change_and_met_ones_are_left_out() -> None:
     system = small_system(np.eye(6), {"a": np.ones(6)}, 0.5)
-    legs = InstantsOfLegs(Certificate(system))
+    legs = InstantsOfLegs()
     start = np.array([STICK, FORWARD, SEPARATION], dtype=np.int8)
     events = [
         (0.0, 1, FORWARD, STICK),
@@ -137,12 +198,12 @@ def test_instants_are_the_start_and_each_place_of_change_and_met_ones_are_left_o
         (0.5, 1, STICK, FORWARD),
     ]
     found = legs.new(b"x", start, events)
-    states = [(i.s, i.state.tolist(), i.touching.tolist()) for i in found]
+    states = [(i.s, i.sides.states(3).tolist(), i.touching) for i in found]
     assert states == [
-        (0.0, [STICK, FORWARD, SEPARATION], []),
-        (0.2, [BACKWARD, STICK, SEPARATION], []),
-        (0.5, [BACKWARD, FORWARD, SEPARATION], [2]),
+        (0.0, [STICK, FORWARD, SEPARATION], ()),
+        (0.2, [BACKWARD, STICK, SEPARATION], ()),
+        (0.5, [BACKWARD, FORWARD, SEPARATION], (2,)),
     ]
     assert legs.new(b"x", start, events) == []
     assert len(legs.new(b"another direction", start, events)) == 3
-    assert len(list(found[2].sets(legs.certificate))) == 3
+    assert len(list(found[2].sets(Certificate(system)))) == 3

@@ -1,0 +1,182 @@
+r"""Many sets of states certified by one factorisation.
+
+Take nodes that slip or open, each with one direction of slip, and the rows
+
+    v_i = K_t,i + c_i K_n,i   of all of them,    w_i = alpha K_n,i   of those that may open,
+
+on the columns of their tangential and normal freedoms. If the symmetric part of this one matrix is
+positive definite, every set of states in which some of these nodes slip in these directions and
+some of those that may open are open is definite: its matrix is a Schur complement of a principal
+submatrix, and elimination of an open node does not see that the rows v_i and w_i are combinations
+of K_t,i and K_n,i. Nodes that are open in all the sets are condensed out exactly.
+
+Nodes on the edge of contact are judged with slip in either direction. To turn round the slip of one
+node changes one row, and the symmetric part by e k' + k e'; it stays positive definite if
+
+    (a . b + |a| |b|) < 1,   with L a = e,  L b = -k,
+
+L being the Cholesky factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import scipy.linalg as sla
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import BACKWARD, FORWARD
+from receding_fenicsx.interface.uniqueness.definite import SINGULAR, Certificate, cholesky
+from receding_fenicsx.interface.uniqueness.sides import Sides, States, mask_of
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Sets of states that are definite together; sets of nodes are integers as in ``Sides``.
+
+    Attributes:
+        forward, backward: nodes that may slip, and where to.
+        either: nodes of which one at a time may slip the other way.
+        opened: nodes that are open in all of its sets.
+        may_open: nodes that are open in some.
+    """
+
+    forward: int
+    backward: int
+    either: int
+    opened: int
+    may_open: int
+
+    def holds(self, one: Sides) -> bool:
+        """Return whether a set of states is among its sets."""
+        if self.opened & ~one.open or one.open & ~self.may_open:
+            return False
+        other = one.forward & ~self.forward | one.backward & ~self.backward
+        return not other or not (other & ~self.either or other & (other - 1))
+
+
+def turned(pattern: Sides, one: Sides) -> int:
+    """Return the nodes that slip the other way in a set of states."""
+    return pattern.forward & one.backward | pattern.backward & one.forward
+
+
+def joined(pattern: Sides, one: Sides) -> Sides:
+    """Return a pattern with the slipping nodes of a set of states; those it has keep their way."""
+    forward, backward, _ = pattern
+    forward, backward = forward | one.forward & ~backward, backward | one.backward & ~forward
+    return Sides(forward, backward, pattern.open | one.open)
+
+
+def grouped(sets: Sequence[Sides]) -> list[list[Sides]]:
+    """Sort sets of states into groups that share directions of slip but for one node of each."""
+    groups: list[list[Sides]] = []
+    united: list[Sides] = []
+    for one in sets:
+        for k, pattern in enumerate(united):
+            other = turned(pattern, one)
+            if not other & (other - 1):
+                break
+        else:
+            k = len(groups)
+            groups.append([])
+            united.append(Sides())
+        groups[k].append(one)
+        united[k] = joined(united[k], one)
+    return groups
+
+
+def halves(sets: Sequence[Sides]) -> tuple[list[Sides], list[Sides]]:
+    """Split a group of at least two: those with fewer open nodes, and the others."""
+    ranked = sorted(range(len(sets)), key=lambda k: sets[k].open.bit_count())
+    fewer = set(ranked[: len(sets) // 2])
+    few, many = list[Sides](), list[Sides]()
+    for k, one in enumerate(sets):
+        (few if k in fewer else many).append(one)
+    return few, many
+
+
+def certify(judge: Certificate, sets: Sequence[Sides], margin: float) -> Pattern | None:
+    """Certify sets of states with all friction multiplied by a margin.
+
+    Args:
+        judge: certificate of the contact.
+        sets: sets of states, whose slipping nodes are nodes with friction. Directions that differ
+            are those of the first.
+        margin: finite factor.
+
+    Returns:
+        A pattern that holds the first set, and the others unless their turned nodes fail, or None.
+        For a single set None means that it is not definite with this friction.
+    """
+    pattern, either, opened = Sides(), 0, sets[0].open
+    for one in sets:
+        either |= turned(pattern, one)
+        pattern = joined(pattern, one)
+        opened &= one.open
+    varying = pattern.open & ~opened
+    unsigned = varying & judge.rubbing & ~(pattern.forward | pattern.backward)
+    forward, backward = pattern.forward | unsigned, pattern.backward
+    n = judge.system.n
+    state = Sides(forward, backward).states(n)
+    may_open = np.flatnonzero(mask_of(varying, n) & ~judge.system.held[n:])
+    try:
+        matrix, K_n = _matrix(judge, (state, may_open, opened), margin)
+        lower = cholesky(0.5 * (matrix + matrix.T))
+    except np.linalg.LinAlgError:
+        return None
+    if either:
+        may_turn = np.flatnonzero(mask_of(either, n))
+        passed = _may_turn(judge, (state, may_turn), (lower, K_n), margin)
+        either = sum(1 << int(i) for i in may_turn[passed])
+    return Pattern(forward, backward, either, opened, pattern.open)
+
+
+def _matrix(
+    judge: Certificate, nodes: tuple[States, np.ndarray, int], margin: float
+) -> tuple[Array, Array]:
+    """Return the rows v and w, and K_n of the slipping nodes, on the same columns.
+
+    Args:
+        judge: certificate of the contact.
+        nodes: (N,) states, slip in all nodes of the pattern; nodes that may open; those that are
+            open.
+        margin: factor on friction.
+
+    Raises:
+        np.linalg.LinAlgError: something moves without stiffness.
+    """
+    (state, may_open, opened), n = nodes, judge.system.n
+    slips = judge.slipping(state)
+    rows = np.concatenate([slips, n + may_open, n + slips])
+    size, m = len(slips) + len(may_open), len(slips)
+    K = judge.condensed(rows, size, opened)
+    if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(judge.system.K)[rows[:size]]):
+        raise np.linalg.LinAlgError
+    c = margin * judge.system.friction[slips].at_slip(state[slips])
+    matrix = K[:size]
+    matrix[:m] += c[:, None] * K[size:]
+    if size > m:
+        # keeps (1 + alpha) K_tn + C K_nn, the coupling, small against alpha K_nn
+        matrix[m:] *= np.hypot(1.0, np.abs(c).max(initial=0.0) / judge.coupling)
+    return matrix, K[size:]
+
+
+def _may_turn(
+    judge: Certificate,
+    nodes: tuple[States, np.ndarray],
+    factored: tuple[Array, Array],
+    margin: float,
+) -> np.ndarray:
+    """Return whether each of some nodes may slip the other way, alone."""
+    (state, chosen), (lower, K_n) = nodes, factored
+    friction = judge.system.friction[chosen]
+    now = state[chosen]
+    change = friction.at_slip(np.where(now == FORWARD, BACKWARD, FORWARD)) - friction.at_slip(now)
+    at = np.searchsorted(judge.slipping(state), chosen)
+    e, k = np.zeros((len(lower), len(chosen))), (0.5 * margin * change[:, None] * K_n[at]).T
+    e[at, np.arange(len(chosen))] = 1.0
+    a, b = np.hsplit(sla.solve_triangular(lower, np.hstack([e, -k]), lower=True), 2)
+    size = np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0))
+    return np.sum(a * b, axis=0) + size < 1.0 - SINGULAR
