@@ -28,6 +28,10 @@ GRADED_ELEMENTS = 24
 """Contact elements with which a graded edge has a growth of 2."""
 MIN_ELEMENTS = 8
 """Smallest number of contact elements of a mesh."""
+LIMIT_CYCLES = 50
+"""Cycles that a history must allow to be left for its limit, which mostly takes 15."""
+EXACT_PLAYING = (None, "events", "first")
+"""Steady tolerance, method and branch of a history that is left for its limit."""
 SEARCH_RATIO = 1.6
 """Largest ratio to the wanted mesh size in the search for a mesh whose vertices fit the scene."""
 
@@ -94,6 +98,19 @@ def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
         for contact, size in zip(scene.contacts, sizes, strict=True)
     )
     return replace(scene, mesh=replace(scene.mesh, refine=places))
+
+
+def to_limit(scene: Scene) -> Scene:
+    """Return a scene whose cycles end in their limit, where it plays them until they are steady.
+
+    The limit takes fewer cycles, and does not depend on where playing stops. A scene of few cycles,
+    or with a steady tolerance of its own, is returned as it is.
+    """
+    history, solver = scene.history, scene.solver
+    playing = (solver.steady_tolerance, solver.method, solver.branch)
+    if history.until != "steady" or history.cycles < LIMIT_CYCLES or playing != EXACT_PLAYING:
+        return scene
+    return replace(scene, history=replace(scene.history, until="limit"))
 
 
 def doublings(scene: Scene) -> list[int]:

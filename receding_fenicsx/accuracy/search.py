@@ -19,6 +19,7 @@ from receding_fenicsx.accuracy.meshes import (
     first_that_fits,
     is_refined,
     scaled,
+    to_limit,
 )
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.scene.model import Scene
@@ -124,6 +125,7 @@ def search(
     """
     tolerance = scene.accuracy.tolerance
     assert tolerance is not None
+    scene = to_limit(scene)
     found, known = Search(scene, list(levels)), len(levels)
     for k in range(len(found.levels)):
         found.way.append(_asked(scene, found.levels[: k + 1]))

@@ -16,26 +16,40 @@ from receding_fenicsx.accuracy.meshes import (
     first_that_fits,
     is_refined,
     scaled,
+    to_limit,
 )
 from receding_fenicsx.accuracy.numbers import headline
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.scene.model import Scene
 
 FACTORS = (2.0, 2.5, 4.0)
 """Approximate ratios of the mesh sizes. The second mesh is not nested in that of the run."""
 UNRESOLVED_NODES = 2
 """Largest number of nodes of a zone that counts as not resolved."""
+AT_LIMIT = 1e-9
+"""Friction margin over the largest nodal force below which a stuck node is at its limit: whether it
+slips is round-off. So are nodes that drift until they only touch their limit."""
 
 Solve = Callable[[Scene], Record | None]
 """Goes from a scene to its record on rank 0; all ranks call it together, and it raises on all."""
 
 
 def narrowest_zone(record: Record) -> int:
-    """Count the nodes of the narrowest zone at turning points of cycles 0, 1 and the last."""
+    """Count the nodes of the narrowest zone at turning points of cycles 0, 1 and the last.
+
+    Stuck nodes at their friction limit are no zone of their own.
+    """
     table = record.turning_points
     rows = np.isin(table.cycle, (0, 1, table.cycle.max(initial=0)))
-    ends = (np.flatnonzero(np.diff(state, prepend=-1, append=-1)) for state in table.state[rows])
+    P, state = table.P[rows], table.state[rows]
+    margin = np.minimum(*record.friction.margins(table.Q[rows], P))
+    at_limit = (state == State.STICK) & (margin <= AT_LIMIT * P.max(axis=1, initial=0.0)[:, None])
+    ends = (
+        np.flatnonzero(np.diff(own[~none], prepend=-1, append=-1))
+        for own, none in zip(state, at_limit, strict=True)
+    )
     return min((int(np.diff(at).min()) for at in ends), default=len(record.x))
 
 
@@ -88,7 +102,7 @@ def space_errors(scene: Scene, record: Record | None, solve: Solve) -> dict[str,
         limits = most / factor / SEARCH_RATIO, min(most / factor, below)
         try:
             numbers = elements_near(scene, most / factor, limits)
-            found = first_that_fits(scene, numbers, lambda coarser, _: solve(coarser))
+            found = first_that_fits(scene, numbers, lambda coarser, _: solve(to_limit(coarser)))
         except RecedingError:
             if len(levels) == 1:
                 raise

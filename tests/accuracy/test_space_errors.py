@@ -11,7 +11,7 @@ import pytest
 from receding_fenicsx import study
 from receding_fenicsx.accuracy import space_errors
 from receding_fenicsx.accuracy.estimate import Level, estimated_error, estimates_of, observed_order
-from receding_fenicsx.accuracy.meshes import scaled
+from receding_fenicsx.accuracy.meshes import scaled, to_limit
 from receding_fenicsx.accuracy.numbers import Number, headline
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution.evolve import evolve
@@ -348,6 +348,37 @@ def test_a_zone_of_few_nodes_is_named_as_a_reason_for_stairs(
         assert ("errors_warning" in found) == bool(words)
         printed = run_table({**summarise(record), **found})
         assert words in printed and ("do not converge in order" in printed) == bool(words)
+
+
+def test_stuck_nodes_at_their_friction_limit_are_no_zone() -> None:
+    record = solve(scene_of(32))
+    table = record.turning_points
+    state, P, Q = np.full_like(table.state, State.SLIP_FORWARD), table.P + 1.0, table.Q.copy()
+    state[-1, 10] = State.STICK
+    limit = record.friction.forward * P
+    for part, width in ((1.0 - 1e-13, len(record.x)), (0.99, 1)):
+        Q[:] = -limit
+        Q[-1, 10] *= part
+        own = replace(table, state=state, P=P, Q=Q)
+        assert space_errors.narrowest_zone(replace(record, turning_points=own)) == width
+
+
+def test_cycles_played_until_steady_are_left_for_their_limit() -> None:
+    """Only the path's limit, for a history that has the cycles to find it."""
+    steady = read_scene(DEMOS / "block.toml", ["mesh.contact_elements=32"])
+    limit = to_limit(steady)
+    assert limit == replace(steady, history=replace(steady.history, until="limit"))
+    for override in (
+        "history.cycles=20",
+        "solver.steady_tolerance=1e-6",
+        'solver.method="gauss-seidel"',
+        'solver.branch="least dissipation"',
+    ):
+        other = read_scene(DEMOS / "block.toml", [override])
+        assert to_limit(other) == other
+    assert to_limit(scene_of()) == scene_of()
+    played, found = (headline(solve(scene))["dissipation_ratio"] for scene in (steady, limit))
+    assert played.value == pytest.approx(found.value, rel=1e-6)
 
 
 def test_a_run_without_an_answer_on_coarser_meshes_says_so() -> None:

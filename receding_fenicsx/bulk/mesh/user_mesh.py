@@ -6,11 +6,7 @@ that they run in, and a damaged mesh can crash it.
 
 from __future__ import annotations
 
-import os
-import pickle
 import signal
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -21,9 +17,9 @@ from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.curved_edges import arcs_of
 from receding_fenicsx.bulk.mesh.geo_words import words_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model
+from receding_fenicsx.bulk.mesh.gmsh_process import in_fork
 from receding_fenicsx.bulk.mesh.graded_file import mesh_refined
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides, with_radii
-from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import Body, MeshOptions
@@ -36,8 +32,6 @@ MAX_COORDINATE = 1e50
 """Largest coordinate: products of larger ones overflow."""
 CORNERS = {2: 3, 3: 4}
 """Number of corners of triangles and quadrilaterals, by gmsh's element type."""
-CHILD_PROGRAM = "from receding_fenicsx.bulk.mesh.user_mesh import answer; answer()"
-"""Program of the child process in which gmsh reads the file."""
 GMSH_LINE = 1
 """gmsh's element type of a facet with two nodes."""
 HIGHER_ORDER = (
@@ -76,25 +70,13 @@ def read_user_mesh(body: Body, options: MeshOptions, axisymmetric: bool = False)
 
 def _mesh_in_child(body: Body, options: MeshOptions, axisymmetric: bool) -> RawMesh:
     """Mesh or read the body's file in a process of its own; raise the error it raises there."""
-    done = subprocess.run(
-        [sys.executable, "-c", CHILD_PROGRAM],
-        input=pickle.dumps((body, options, axisymmetric)),
-        capture_output=True,
-        env=_environment(),
-    )
-    if not done.stdout:
-        raise InputError(f"{_label(Path(str(body.mesh)))}: {_ending(done.returncode)}")
-    found: RawMesh | Exception = pickle.loads(done.stdout)
+    found, code = in_fork(_mesh, body, options, axisymmetric)
+    if found is None:
+        raise InputError(f"{_label(Path(str(body.mesh)))}: {_ending(code)}")
     if isinstance(found, Exception):
         raise found
+    assert isinstance(found, RawMesh)
     return found
-
-
-def _environment() -> dict[str, str]:
-    """Return the environment of the child process, with this package on its path."""
-    inherited = child_environment()
-    paths = [str(Path(__file__).parents[2]), inherited.get("PYTHONPATH", "")]
-    return inherited | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
 
 
 def _ending(code: int) -> str:
@@ -102,20 +84,6 @@ def _ending(code: int) -> str:
     if code < 0:
         return f"gmsh crashed while reading it ({signal.Signals(-code).name}); mend the file"
     return "ends gmsh before the mesh is made (Exit); change the file or its parameters"
-
-
-def answer() -> None:
-    """Mesh the body that standard input holds; write the mesh, or the error, to standard output."""
-    out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
-    # keep output of commands in a .geo file apart from the answer
-    os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-    found: RawMesh | Exception
-    try:
-        found = _mesh(*pickle.load(sys.stdin.buffer))
-    except Exception as error:
-        found = error
-    pickle.dump(found, out)
-    out.close()
 
 
 def _mesh(body: Body, options: MeshOptions, axisymmetric: bool) -> RawMesh:
