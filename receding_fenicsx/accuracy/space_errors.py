@@ -45,12 +45,14 @@ def narrowest_zone(record: Record) -> int:
     rows = np.isin(table.cycle, (0, 1, table.cycle.max(initial=0)))
     P, state = table.P[rows], table.state[rows]
     margin = np.minimum(*record.friction.margins(table.Q[rows], P))
-    at_limit = (state == State.STICK) & (margin <= AT_LIMIT * P.max(axis=1, initial=0.0)[:, None])
+    round_off = AT_LIMIT * P.max(axis=1, initial=0.0)[:, None]
+    at_limit = record.friction.present & (state == State.STICK) & (margin <= round_off)
     ends = (
         np.flatnonzero(np.diff(own[~none], prepend=-1, append=-1))
         for own, none in zip(state, at_limit, strict=True)
     )
-    return min((int(np.diff(at).min()) for at in ends), default=len(record.x))
+    n = len(record.x)
+    return min((int(np.diff(at).min(initial=n)) for at in ends), default=n)
 
 
 def with_coarser_partner(scene: Scene) -> Scene:

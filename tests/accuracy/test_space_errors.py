@@ -353,10 +353,10 @@ def test_a_zone_of_few_nodes_is_named_as_a_reason_for_stairs(
 def test_stuck_nodes_at_their_friction_limit_are_no_zone() -> None:
     record = solve(scene_of(32))
     table = record.turning_points
-    state, P, Q = np.full_like(table.state, State.SLIP_FORWARD), table.P + 1.0, table.Q.copy()
+    state, P, Q = np.full_like(table.state, State.FORWARD_SLIP), table.P + 1.0, table.Q.copy()
     state[-1, 10] = State.STICK
     limit = record.friction.forward * P
-    for part, width in ((1.0 - 1e-13, len(record.x)), (0.99, 1)):
+    for part, width in ((1.0 - 1e-13, len(record.x) - 1), (0.99, 1)):
         Q[:] = -limit
         Q[-1, 10] *= part
         own = replace(table, state=state, P=P, Q=Q)
