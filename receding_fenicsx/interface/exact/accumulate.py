@@ -42,6 +42,22 @@ class Watch(NamedTuple):
     reached: Callable[[Array, Array, float], NDArray[np.intp]]
 
 
+class Rates(NamedTuple):
+    """Rates of what is summed along k segments.
+
+    Attributes:
+        slip: (k, N) of v.
+        resisting: (k, N) of -Q at nodes with friction, 0 at others.
+        stroke: (k, n_loads) of r*_k . u.
+        imbalance: (k, sums) of the sums of :class:`BalanceCheck`.
+    """
+
+    slip: Array
+    resisting: Array
+    stroke: Array
+    imbalance: Array
+
+
 class Sums:
     """Dissipation, work and residual of a leg under way.
 
@@ -92,19 +108,39 @@ class Sums:
         if len(self._stops) > STOPS_AT_ONCE:
             self.add_up()
 
-    def add_verified(self, s: Array, y: Array, states: list[States]) -> None:
-        """Add up stops at which nothing is suspected, nor any watched quantity near its limit.
+    def rates(self, rows: Array) -> Rates:
+        """Return the rates of the integrals along segments with rates (k, 4N + any) of y."""
+        n, (a, b) = self.system.n, self.problem.ends
+        y = rows[:, : 4 * n]
+        return Rates(
+            slip=rows[:, :n],
+            resisting=self._resisting(y),
+            stroke=y[:, : 2 * n] @ self.system.r_star.T,
+            imbalance=self.segments.balance.errors(y, b - a, of_rates=True),
+        )
+
+    def add_segments(self, h: Array, s: Array, y: Array, rates: Rates) -> None:
+        """Add segments at whose ends nothing is suspected, nor any watched quantity near its limit.
+
+        The last stop is to be restarted from their end.
 
         Args:
-            s: (k + 1,) place of the last stop, and of k more.
-            y: (k + 1, 4N) quantities there.
-            states: k states on the way to each.
+            h: (m,) their lengths, from the last stop.
+            s: (m,) places of their ends.
+            y: (4N,) quantities at the last stop.
+            rates: of m segments or more.
         """
         self.add_up()
-        u, load, slip = self._integrate(s[:, None], y)
-        if self.check_all:
-            self._check(u[1:], load[1:], slip, np.array(states))
-        self.restart(float(s[-1]), y[-1], states[-1])
+        m, (a, b) = len(h), self.problem.ends
+        grown = h[:, None] * rates.resisting[:m]
+        middle = grown.cumsum(axis=0)
+        grown *= 0.5
+        middle -= grown
+        middle += self._resisting(y)
+        middle *= rates.slip[:m]
+        self.dissipation += h @ middle
+        middle_load = a + (s - 0.5 * h)[:, None] * (b - a)
+        self.work += h @ (rates.stroke[:m] * middle_load)
 
     def add_up(self, at_end: bool = False) -> None:
         """Add up the stops since the last time, and check their residuals.
@@ -127,23 +163,35 @@ class Sums:
             self._check(u[1:], load[1:], slip, states)
         self._stops = self._stops[-1:]
 
+    def check(self, s: Array, y: Array, states: list[States]) -> None:
+        """Evaluate the residual afresh at places s (k,), y (k + 1, 4N) beginning one stop before.
+
+        The k states are those on the way to each.
+        """
+        u, load, slip = self._stops_at(s[:, None], y)
+        self._check(u[1:], load, slip, np.array(states))
+
+    def _stops_at(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
+        """Return displacements, loads and slips in between at places (k, 1), from (k, 4N) y."""
+        n, (a, b) = self.system.n, self.problem.ends
+        u = y[:, : 2 * n]
+        if self.gaps:
+            u = u - np.concatenate([np.zeros(n), self.system.g0])
+        return u, (1.0 - s) * a + s * b, u[1:, :n] - u[:-1, :n]
+
     def _integrate(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
         """Add dissipation and work between stops; return displacements, loads and slips there."""
-        n, system, (a, b) = self.system.n, self.system, self.problem.ends
-        u, load = y[:, : 2 * n], (1.0 - s) * a + s * b
-        if self.gaps:
-            u = u - np.concatenate([np.zeros(n), system.g0])
-        slip = u[1:, :n] - u[:-1, :n]
-        of_A, of_B = self.segments.shares
-        twice = y[1:, 2 * n :] + y[:-1, 2 * n :]
-        by_A = np.einsum("ij,ij->j", twice[:, :n], slip)
-        by_B = np.einsum("ij,ij->j", twice[:, n:], slip)
-        # Q = a A - b B
-        dissipation = 0.5 * (of_B * by_B - of_A * by_A)
-        self.dissipation += np.where(self.segments.frictional, dissipation, 0.0)
-        stroke = np.diff(u @ system.r_star.T, axis=0)
+        u, load, slip = self._stops_at(s, y)
+        resisting = self._resisting(y)
+        self.dissipation += 0.5 * np.einsum("ij,ij->j", resisting[1:] + resisting[:-1], slip)
+        stroke = np.diff(u @ self.system.r_star.T, axis=0)
         self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
         return u, load, slip
+
+    def _resisting(self, y: Array) -> Array:
+        """Return -Q = b B - a A from quantities y (4N,) or (k, 4N); 0 at nodes without friction."""
+        n, (of_A, of_B) = self.system.n, self.segments.shares
+        return y[..., 3 * n :] * of_B - y[..., 2 * n : 3 * n] * of_A
 
     def accepted(self, u: Array) -> float:
         """Return the residual that is accepted at displacements u, over the force scale so far.

@@ -49,18 +49,16 @@ class BalanceCheck:
         self._of_gaps = system.g0 @ on_u[n:]
 
     def error(self, y: Array, load: Array, of_rates: bool = False) -> float:
-        """Return the largest of the sums.
+        """Return the largest of the sums, see :meth:`errors`."""
+        return float(np.abs(self.errors(y, load, of_rates)).max())
+
+    def errors(self, y: Array, load: Array, of_rates: bool = False) -> Array:
+        """Return the sums.
 
         Args:
             y: (4N,) quantities [v, gap, A, B], or (k, 4N) of k instants.
             load: (n_loads,) or (k, n_loads) load factors.
             of_rates: y and load are rates.
         """
-        errors = y @ self._on_y + load @ self._on_load
-        return float(np.abs(errors if of_rates else errors - self._of_gaps).max())
-
-    def errors(self, y: Array, load: Array) -> Array:
-        """Return the largest of the sums at each of k instants, y (k, 4N), load (k, n_loads)."""
-        errors = y @ self._on_y + load @ self._on_load - self._of_gaps
-        largest: Array = np.abs(errors).max(axis=1)
-        return largest
+        errors: Array = y @ self._on_y + load @ self._on_load
+        return errors if of_rates else errors - self._of_gaps

@@ -4,9 +4,12 @@ Each segment remembers the event that ended it last, and the segment after it. A
 segments 0, 1, ... with rates q_0, q_1, ... and the labels j_0, j_1, ... of the quantities that
 reach their limits, the lengths h_k of the segments follow from one triangular system,
 
-    y_j(0) + sum_{k <= a} h_k q_k,j = 0   for j = j_a,
+    y_j(0) + sum_{k <= a} h_k q_k,j = 0   for j = j_a.
 
-and the quantities at all events from one cumulative sum, y(a) = y(0) + sum_{k <= a} h_k q_k.
+All else are sums over the segments too: the quantities y(a) = y(0) + sum_{k <= a} h_k q_k at event
+a, the imbalance of displacements and forces there, dissipation and work. A quantity is lowest where
+it ceases to fall. The product of h with one matrix, which is kept with the chain, tells whether all
+quantities stay above their limits.
 
 The path is linear in between. So the first events of the chain at which all h_k >= 0, no quantity
 has passed its limit, no watched node has reached one, and forces and displacements balance are
@@ -16,15 +19,14 @@ last one by itself.
 
 from __future__ import annotations
 
-from itertools import pairwise
-from operator import is_
+from operator import attrgetter, is_
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.lapack import dtrtrs
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.accumulate import Sums, Watch
+from receding_fenicsx.interface.exact.accumulate import Sums
 from receding_fenicsx.interface.exact.legs import Course, PathPoint
 from receding_fenicsx.interface.exact.round_off import RoundOff
 from receding_fenicsx.interface.exact.segments import (
@@ -33,20 +35,22 @@ from receding_fenicsx.interface.exact.segments import (
     Following,
     Segment,
     Segments,
-    States,
 )
 
 START_OF_LEG = -1
 """Label under which a segment remembers what came of the start of a leg."""
 
-SHORTEST, LONGEST = 8, 256
-"""Events replayed at once: fewer after a replay that ended early, more after a whole one."""
+SHORTEST, LONGEST = 8, 1024
+"""Events replayed at once; up to twice as many as passed last from the same segment."""
 
 WORTH_WHILE = 8
 """Events passed by a replay below which further ones are put off."""
 
 KEPT_CHAINS = 8
 """Chains whose stacked rates are kept."""
+
+MISSED = 4
+"""Times that the last events of a chain may differ before it is made anew."""
 
 LONGEST_PAUSE = 32
 """Events after which a replay is tried again at most."""
@@ -56,32 +60,57 @@ PASSED_BY_ROUND_OFF = 8.0
 
 
 class Chain:
-    """Segments that followed one another last.
+    """Segments that followed one another.
 
     Attributes:
         segments: k segments.
         following: what came of the event at the end of each.
         labels: (k,) quantities that reached their limits.
         rows: (k, 4N + watched) rates.
-        changes: (node, old, new) of all changes of state, in order.
+        triangle: (k, k) rate of quantity ``labels[i]`` in segment j.
+        low: (m,) quantities that cease to fall at one of the events, but for those of ``labels``.
+        fall: (k, m) their rates up to there.
+        rates: rates of the integrals along the leg.
+        changes: nodes, old and new states of all changes of state, in order.
         event_of: (number of changes,) the event of each.
+        missed: times that not all of them were those that came last.
     """
 
-    def __init__(self, segments: list[Segment], following: list[Following]) -> None:
+    def __init__(self, segments: list[Segment], following: list[Following], sums: Sums) -> None:
         """Stack the rates."""
-        self.segments, self.following = segments, following
+        k, n = len(segments), sums.system.n
+        self.segments, self.following, self.missed = segments, following, 0
         self.labels = np.array([step.label for step in following])
-        self.rows = np.concatenate([segment.row for segment in segments])
-        self.rows = self.rows.reshape(len(segments), -1)
-        self.changes = [change for step in following for change in step.changes]
-        self.event_of = np.repeat(
-            np.arange(len(following)), [len(step.changes) for step in following]
-        )
+        self.rows = np.array([segment.row for segment in segments])
+        self.triangle = self.rows[:, self.labels].T
+        ends = self.rows[:, n:] < 0.0
+        ends[:-1] &= ~ends[1:]
+        ends[np.arange(k), self.labels - n] = False
+        at, low = ends.nonzero()
+        self.low = low + n
+        self.fall = self.rows[:, self.low]
+        self.fall *= np.arange(k)[:, None] <= at
+        self.rates = sums.rates(self.rows)
+        changes = [change for step in following for change in step.changes]
+        self.changes = tuple(zip(*changes, strict=True))
+        self.event_of = np.repeat(np.arange(k), [len(step.changes) for step in following])
 
-    def matches(self, following: list[Following]) -> bool:
-        """Return whether this is the chain of the given events."""
-        known = self.following
-        return len(known) == len(following) and all(map(is_, known, following))
+    def holding(self, longest: int) -> int:
+        """Return how many of its first events are those that came last; 0 to make it anew."""
+        k, last = len(self.labels), map(attrgetter("last"), self.segments)
+        held = _leading(np.fromiter(map(is_, last, self.following), bool, k))
+        if held == k:
+            can_grow = k < longest and self.following[-1].segment.last is not None
+            return 0 if can_grow else k
+        self.missed += 1
+        return held if 2 * held >= k and self.missed < MISSED else 0
+
+    def quantities(self, y: Array, h: Array, columns: NDArray[np.intp] | slice) -> Array:
+        """Return some of the quantities y at the end of each segment of length h."""
+        k = len(h)
+        at = y[columns] + (h[:, None] * self.rows[:k, columns]).cumsum(axis=0)
+        at[self.labels[:k, None] == np.arange(len(y))[columns]] = 0.0
+        return at
 
 
 class Replay:
@@ -105,17 +134,13 @@ class Replay:
         self._segments, self._point = segments, point
         self._sums, self._round_off = sums, round_off
         n, scale = segments.system.n, point.problem.force_scale
-        a, b = point.problem.ends
-        self._direction = b - a
-        self._watch: Watch | None = sums.watch
         self.active, self._wait = True, 0
         n_watched = 0 if sums.watch is None else len(sums.watch.rows)
         self._passed = PASSED_BY_ROUND_OFF * EPSILON * scale / segments.weight
         # what has to stay above it: gap, A, B, then the watched quantities
-        self._floor = np.concatenate(
-            [-self._passed[n:], np.full(n_watched, LIMIT_TOLERANCE * scale)]
-        )
-        self._lowest = -LIMIT_TOLERANCE * scale / segments.weight[n:]
+        watched = np.full(n_watched, LIMIT_TOLERANCE * scale)
+        self._floor = np.concatenate([np.full(n, -np.inf), -self._passed[n:], watched])
+        self._lowest = np.concatenate([-LIMIT_TOLERANCE * scale / segments.weight, watched])
 
     def follow(self, segment: Segment, s_end: float, course: Course) -> Segment | None:
         """Pass all events of the known chain that hold, those at or beyond ``s_end`` left out.
@@ -128,143 +153,159 @@ class Replay:
         Returns:
             The rates after the last event passed; None where none was.
         """
-        point = self._point
         self._wait -= 1
         if self._wait > 0 or not self.active:
             return None
-        chain = self._foreseen(segment)
+        chain, foreseen = self._foreseen(segment)
         if chain is None:
             return None
-        s, y = self._verified(chain, s_end)
-        m = len(s)
-        self._adapt(m, len(chain.labels))
+        h, y = self._verified(chain, foreseen, s_end)
+        m = len(h)
+        self._adapt(segment, m, foreseen)
         if m == 0:
             return None
-        last = chain.following[m - 1]
-        states = [point.state, *(step.state for step in chain.following[:m])]
-        stops = np.concatenate([[point.s], s])
-        self._note(chain, s, y[1:], states, course)
-        self._sums.add_verified(stops, y, states[:-1])
-        point.s, point.state, point.y[:] = float(s[-1]), last.state, y[-1]
+        point, sums, last = self._point, self._sums, chain.following[m - 1]
+        places = point.s + h.cumsum()
+        before = point.state if m == 1 else chain.following[m - 2].state
+        sums.add_segments(h, places, point.y, chain.rates)
+        if sums.check_all or course.stops:
+            self._note(chain, h, places, course)
+        of = chain.event_of[: chain.event_of.searchsorted(m)]
+        course.events += zip(places[of].tolist(), *chain.changes, strict=False)
+        point.s, point.state, point.y[:] = float(places[-1]), last.state, y[: len(point.y)]
         # what has reached its limit and stays there is exactly zero
         reached = chain.labels[:m]
         point.y[reached[point.y[reached] <= self._passed[reached]]] = 0.0
+        sums.restart(point.s, point.y, before)
         self._round_off.note_balanced()
+        last.segment.reach = max(last.segment.reach, m)
         return last.segment
 
-    def _foreseen(self, segment: Segment) -> Chain | None:
-        """Return the chain of segments that followed one another last; None if it is too short."""
-        longest, known = self._segments.pace.longest, self._segments.chains
-        start, step, segments = segment, segment.last, []
-        following: list[Following] = []
-        while step is not None and len(following) < longest:
-            segments.append(segment)
-            following.append(step)
-            segment = step.segment
-            step = segment.last
-        if len(following) < SHORTEST:
-            return None
-        chain = known.pop(id(start), None)
-        if chain is None or not chain.matches(following):
+    def _foreseen(self, segment: Segment) -> tuple[Chain | None, int]:
+        """Return the chain of segments that followed one another last, and how many still do.
+
+        None if it is too short. One that no longer holds to its end is used some times more.
+        """
+        known, longest = self._segments.chains, min(2 * segment.reach, LONGEST)
+        chain, holding = known.pop(id(segment), None), 0
+        if chain is not None:
+            holding = chain.holding(longest)
+        if chain is None or not holding:
+            segments: list[Segment] = []
+            following: list[Following] = []
+            now, step = segment, segment.last
+            while step is not None and len(following) < max(longest, SHORTEST):
+                segments.append(now)
+                following.append(step)
+                now = step.segment
+                step = now.last
+            holding = len(following)
+            if holding < SHORTEST:
+                return None, 0
             self._complete(segments)
-            chain = Chain(segments, following)
-        known[id(start)] = chain
+            chain = Chain(segments, following, self._sums)
+        known[id(segment)] = chain
         if len(known) > KEPT_CHAINS:
             del known[next(iter(known))]
-        return chain
+        return chain, holding
 
-    def _adapt(self, passed: int, foreseen: int) -> None:
-        """Adapt the length of the next replay, and how long to wait for it."""
-        pace = self._segments.pace
-        if passed == foreseen:
-            pace.longest = min(2 * pace.longest, LONGEST)
-        else:
-            pace.longest = min(max(pace.longest // 4, 2 * passed, SHORTEST), LONGEST)
+    def _adapt(self, segment: Segment, passed: int, foreseen: int) -> None:
+        """Adapt the length of the next replay from here, and how long to wait for any other."""
+        segment.reach, pace = passed, self._segments
         if passed < min(foreseen, WORTH_WHILE):
             self._wait = pace.pause = min(2 * pace.pause + 2, LONGEST_PAUSE)
         else:
             pace.pause //= 4
 
-    def _note(
-        self, chain: Chain, places: Array, y: Array, states: list[States], course: Course
-    ) -> None:
-        """Note events, samples and stops; move the point to the event before the last sample."""
-        point, s, of = self._point, places.tolist(), chain.event_of
-        of = of[: np.searchsorted(of, len(s))]
-        made = zip(places[of].tolist(), chain.changes, strict=False)
-        course.events += [(at, *change) for at, change in made]
-        if course.stops:
-            course.stops += [(at, point.displacements(row)) for at, row in zip(s, y, strict=True)]
+    def _note(self, chain: Chain, h: Array, places: Array, course: Course) -> None:
+        """Check events if wanted; note samples and stops.
+
+        The point moves on to the event before the last sample.
+        """
+        point, m = self._point, len(h)
+        y = chain.quantities(point.y, h, slice(len(point.y)))
+        states = [point.state, *(step.state for step in chain.following[: m - 1])]
+        if self._sums.check_all:
+            self._sums.check(places, np.vstack([point.y, y]), states)
+        if not course.stops:
+            return
+        s = places.tolist()
+        course.stops += [(at, point.displacements(row)) for at, row in zip(s, y, strict=True)]
         while course.sample_at and course.sample_at[0] <= s[-1]:
             k = int(np.searchsorted(places, course.sample_at[0]))
             if k > 0:
                 point.s, point.y[:], point.state = s[k - 1], y[k - 1], states[k]
             course.sample(point, chain.segments[k].q, s[k])
 
-    def _verified(self, chain: Chain, s_end: float) -> tuple[Array, Array]:
-        """Return the events of a chain up to the first one that does not hold.
+    def _verified(self, chain: Chain, foreseen: int, s_end: float) -> tuple[Array, Array]:
+        """Verify the events of a chain up to the first one that does not hold.
 
         Returns:
-            (m,) places of the events, and (m + 1, 4N) quantities at the present point and at them.
+            (m,) lengths of the segments up to these events, and all quantities at the last one.
         """
-        point, rows, labels = self._point, chain.rows, chain.labels
-        s, y = np.zeros(0), point.y[None]
-        h, singular = dtrtrs(rows[:, labels], -point.y[labels], trans=1)
-        if singular:
-            return s, y
-        places = point.s + h.cumsum()
-        m = _leading((h >= 0.0) & (places < s_end))
+        point, rows = self._point, chain.rows
+        y, labels = point.y, chain.labels
+        if self._sums.watch is not None:
+            now = np.concatenate([point.displacements(y), point.load])
+            y = np.concatenate([y, self._sums.watch.rows @ now])
+        h, singular = dtrtrs(chain.triangle, -y[labels], lower=1)
+        holds = (h >= 0.0) & (point.s + h.cumsum() < s_end)
+        holds[foreseen:] = False
+        m = 0 if singular else _leading(holds)
         if m == 0:
-            return s, y
-        y = self._summed(h[:m], rows[:m], labels[:m])
-        m = self._within_limits(y[1:], chain)
-        s, y = places[:m], y[: m + 1, : 4 * len(point.state)]
-        if m == 0:
-            return s, y
-        m = _leading(self._round_off.balanced(s, y[1:]))
-        if m == 0:
+            return h[:0], y
+        end = y + h[:m] @ rows[:m]
+        end[labels[m - 1]] = 0.0
+        within = self._within_limits(chain, h, m, (y, end))
+        balanced = _leading(self._round_off.balanced(h[:within], chain.rates.imbalance))
+        if within and not balanced:
             self._round_off.remove_if_grown()
-        return s[:m], y[: m + 1]
+        if balanced < m:
+            m = balanced
+            end = y + h[:m] @ rows[:m]
+        return h[:m], end
+
+    def _within_limits(self, chain: Chain, h: Array, m: int, ends: tuple[Array, Array]) -> int:
+        """Return how many of the first m events are reached before a quantity passes its limit.
+
+        Args:
+            chain: the chain.
+            h: (k,) lengths of its segments; those beyond m are set to 0.
+            m: number of events.
+            ends: the quantities at the present point and at event m.
+        """
+        h[m:] = 0.0
+        floor, low = self._floor, chain.low
+        y, end = ends
+        passed = low[y[low] + h @ chain.fall < floor[low]]
+        at_end = (end < floor).nonzero()[0]
+        if not len(passed) + len(at_end):
+            return m
+        columns = np.union1d(passed, at_end)
+        below = chain.quantities(y, h[:m], columns)
+        for k in (below < floor[columns]).any(axis=1).nonzero()[0].tolist():
+            passed = columns[below[k] < floor[columns]]
+            if np.any(below[k] < self._lowest[columns]):
+                return int(k)
+            # what falls too slowly to count as falling may pass by as much as counts as on a limit
+            if np.isin(passed, chain.segments[k].falling).any():
+                return int(k)
+        return m
 
     def _complete(self, chain: list[Segment]) -> None:
         """Add the rates of the watched quantities to the segments that lack them."""
         new = list({id(segment): segment for segment in chain if segment.row is None}.values())
         if not new:
             return
-        rows = np.array([segment.q for segment in new])
-        if self._watch is not None:
-            loads = np.broadcast_to(self._direction, (len(new), len(self._direction)))
-            rates = np.hstack([rows[:, : 2 * len(self._point.state)], loads])
-            rows = np.hstack([rows, rates @ self._watch.rows.T])
+        rows = [segment.q for segment in new]
+        if self._sums.watch is not None:
+            a, b = self._point.problem.ends
+            u = np.array(rows)[:, : 2 * len(self._point.state)]
+            rates = np.hstack([u, np.broadcast_to(b - a, (len(new), len(a)))])
+            watched = rates @ self._sums.watch.rows.T
+            rows = [np.concatenate(pair) for pair in zip(rows, watched, strict=True)]
         for segment, row in zip(new, rows, strict=True):
-            segment.row = row.copy()
-
-    def _summed(self, h: Array, rows: Array, labels: Array) -> Array:
-        """Return all quantities at the present point and at the events, the watched ones last."""
-        point = self._point
-        y = np.empty((len(h) + 1, rows.shape[1]))
-        y[0, : len(point.y)] = point.y
-        if self._watch is not None:
-            now = np.concatenate([point.displacements(point.y), point.load])
-            y[0, len(point.y) :] = self._watch.rows @ now
-        np.multiply(h[:, None], rows, out=y[1:])
-        for before, row in pairwise(y):
-            row += before
-        y[np.arange(1, len(y)), labels] = 0.0
-        return y
-
-    def _within_limits(self, y: Array, chain: Chain) -> int:
-        """Return how many events are reached before a quantity has passed its limit."""
-        n = len(self._point.state)
-        low = y[:, n:] < self._floor
-        for k in np.flatnonzero(low.any(axis=1)).tolist():
-            passed = np.flatnonzero(low[k])
-            if passed[-1] >= 3 * n or np.any(y[k, n + passed] < self._lowest[passed]):
-                return k
-            # what falls too slowly to count as falling may pass by as much as counts as on a limit
-            if np.isin(n + passed, chain.segments[k].falling).any():
-                return k
-        return len(y)
+            segment.row = row
 
 
 def _leading(holds: NDArray[np.bool_]) -> int:

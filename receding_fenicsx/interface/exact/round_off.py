@@ -7,6 +7,7 @@ grown.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -15,7 +16,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
 from receding_fenicsx.interface.exact.legs import Event, PathPoint
-from receding_fenicsx.interface.exact.segments import EPSILON, Segments
+from receding_fenicsx.interface.exact.segments import EPSILON, UNREFINABLE_ROUND_OFFS, Segments
 from receding_fenicsx.interface.residual import REACHABLE_AT_MOST, ROUND_OFFS, residual_at_rest
 from receding_fenicsx.interface.system import ContactState
 
@@ -23,7 +24,7 @@ MEASURING_INTERVAL = 16
 """Events between two measurements of the imbalance at most; fewer while it grows fast."""
 
 IMBALANCE_TOLERANCE = 1e-12
-"""Imbalance of displacements and forces, over the force scale, above which it is removed."""
+"""Imbalance of displacements and forces, over the force scale, up to which it is never removed."""
 
 IMBALANCE_GROWTH = 2.0
 """Growth of the imbalance since the last refinement, as a factor, below which it is not removed."""
@@ -59,7 +60,14 @@ class RoundOff:
 
     def is_balanced(self) -> bool:
         """Return whether the imbalance is below its tolerance."""
-        return not self.imbalance() > IMBALANCE_TOLERANCE * self._sums.force_scale
+        return not self.imbalance() > self._tolerance()
+
+    def _tolerance(self) -> float:
+        """Return the imbalance that refinement would not reduce, or that does not matter."""
+        scaled = self._point.y * self._segments.weight
+        unavoidable = UNREFINABLE_ROUND_OFFS * EPSILON * math.sqrt(scaled.dot(scaled))
+        scale = self._sums.force_scale
+        return max(IMBALANCE_TOLERANCE * scale, min(unavoidable, EVENT_RESIDUAL * scale))
 
     def count_event(self) -> None:
         """Note an event; measure the imbalance when due.
@@ -71,17 +79,19 @@ class RoundOff:
         if self._events >= self._interval:
             self.remove_if_grown()
 
-    def balanced(self, s: Array, y: Array) -> NDArray[np.bool_]:
-        """Return at which of several instants there is no suspicion and nothing would be removed.
+    def balanced(self, h: Array, rates: Array) -> NDArray[np.bool_]:
+        """Return at which of the next events there is no suspicion and nothing would be removed.
 
         Args:
-            s: (k,) places.
-            y: (k, 4N) quantities there.
+            h: (m,) lengths of the segments up to them, from the present point.
+            rates: (m or more, sums) of the imbalance along each.
         """
-        a, b = self._point.problem.ends
-        load = (1.0 - s[:, None]) * a + s[:, None] * b
+        point = self._point
+        errors = (h[:, None] * rates[: len(h)]).cumsum(axis=0)
+        errors += self._segments.balance.errors(point.y, point.load)
         accepted = min(self._accepted(), EVENT_RESIDUAL * self._sums.force_scale)
-        return self._segments.balance.errors(y, load) <= accepted
+        holds: NDArray[np.bool_] = np.abs(errors).max(axis=1, initial=0.0) <= accepted
+        return holds
 
     def note_balanced(self) -> None:
         """Note that the imbalance has been measured at the last event, and is accepted."""
@@ -89,8 +99,7 @@ class RoundOff:
 
     def _accepted(self) -> float:
         """Return the imbalance up to which none is removed."""
-        least = IMBALANCE_TOLERANCE * self._sums.force_scale
-        return max(least, IMBALANCE_GROWTH * self._after_refinement)
+        return max(self._tolerance(), IMBALANCE_GROWTH * self._after_refinement)
 
     def remove_if_grown(self) -> None:
         """Remove the imbalance if it has grown; measure it the more often the faster it grows."""

@@ -71,14 +71,6 @@ class Following(NamedTuple):
     changes: list[Change]
 
 
-@dataclass
-class Pace:
-    """How many known events to replay at once, and after how many to try again."""
-
-    longest: int = 16
-    pause: int = 0
-
-
 @dataclass(slots=True)
 class Segment:
     """Rates along a leg in one set of states, ready for the event search.
@@ -91,6 +83,7 @@ class Segment:
         next: what came of the events met here by their labels, of the start of a leg by -1.
         last: what came of the event met last.
         row: q and the rates of the quantities that are watched; None until first replayed.
+        reach: events passed by the last replay from here.
     """
 
     q: Array
@@ -100,6 +93,7 @@ class Segment:
     next: dict[int, Following] = field(default_factory=dict)
     last: Following | None = None
     row: Array | None = None
+    reach: int = 8
 
 
 class Segments:
@@ -113,11 +107,11 @@ class Segments:
         limit: (4N,) distance from a limit, per unit of force scale, up to which a node sits on it.
         stiffness: local stiffnesses, tangential and normal.
         friction: coefficients of friction.
-        shares: (N,) factors a, b of Q = a A - b B.
+        shares: (N,) factors a, b of Q = a A - b B; 0 at nodes without friction.
         balance: check that forces and displacements belong together.
         trials: sets of states whose rates were computed.
         refinements: refinements of rates since the tableau was made.
-        pace: how many events to replay at once.
+        pause: events to pass one by one after a replay that was not worth while.
         chains: stacked chains of segments, by the identity of the first.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
@@ -141,12 +135,13 @@ class Segments:
         self.limit[2 * n :] *= np.tile(scale, 2)
         self._margin_scale = scale
         self._tiny_friction = np.flatnonzero(self.frictional & (f < TINY_FRICTION))
-        self.friction, self.shares = system.friction, system.friction.shares
+        self.friction = system.friction
+        self.shares = [np.where(self.frictional, part, 0.0) for part in system.friction.shares]
         self.balance = BalanceCheck(system, self.frictional, self.smooth)
         self.lifts_freely = has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
-        self.pace = Pace()
+        self.pause = 0
         self.chains: dict[int, Any] = {}
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
