@@ -61,15 +61,17 @@ def two_nodes() -> rf.BranchTree:
     return rf.branches(system, rf.History(("a", "b"), path, np.zeros((0, 2)), 0))
 
 
-def block(elements: int) -> tuple[rf.ContactSystem, rf.CriticalFriction] | None:
+def block(elements: int, picture: Path) -> tuple[rf.ContactSystem, rf.CriticalFriction] | None:
     """Return the block's system and its critical friction at the first load, on rank 0."""
     changes = [f"mesh.contact_elements={elements}", "history.cycles=1"]
     scene = rf.read_scene(BLOCK, changes)
     system = rf.condense(scene)
-    if system is None:
-        return None
-    first = rf.evolve(system, scene).at(cycle=0)
-    return system, rf.critical_friction(system, first.state)
+    critical = None
+    if system is not None:
+        first = rf.evolve(system, scene).at(cycle=0)
+        critical = rf.critical_friction(system, first.state)
+    rf.draw_slip_mode(scene, critical, picture)  # on all ranks
+    return None if critical is None else (system, critical)
 
 
 def main() -> None:
@@ -78,11 +80,12 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("results/branches"))
     parser.add_argument("--elements", type=int, nargs=2, default=(40, 80))
     options = parser.parse_args()
-    found = [block(elements) for elements in options.elements]
+    options.out.mkdir(parents=True, exist_ok=True)
+    picture = options.out / "branches_slip_mode_body.png"
+    found = [block(elements, picture) for elements in options.elements]
     meshes = [mesh for mesh in found if mesh is not None]
     if not meshes:  # not rank 0
         return
-    options.out.mkdir(parents=True, exist_ok=True)
 
     node, pair = one_node(), two_nodes()
     print(f"one node: {node}\ntwo nodes: {pair}")

@@ -111,6 +111,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.parameter_sweep.sweep import sweep as sweep
     from receding_fenicsx.parameter_sweep.table import SweepTable as SweepTable
     from receding_fenicsx.pictures import animate as animate
+    from receding_fenicsx.pictures import draw_slip_mode as draw_slip_mode
     from receding_fenicsx.pictures import plot as plot
     from receding_fenicsx.pictures import snapshot as snapshot
     from receding_fenicsx.scene.history import History as History
@@ -141,6 +142,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.shakedown_study.figures import (
         steady_states_figure as steady_states_figure,
     )
+    from receding_fenicsx.shakedown_study.opening import opening_limit as opening_limit
     from receding_fenicsx.shakedown_study.result import ShakedownStudy as ShakedownStudy
     from receding_fenicsx.shakedown_study.study import shakedown as shakedown
     from receding_fenicsx.study import RunOptions as RunOptions
@@ -257,6 +259,10 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "style": ("output.plots.style:", "Colours, fonts and sizes of the figures (module)"),
         "plot": ("pictures", "Draw all figures of a run and its report"),
         "snapshot": ("pictures", "Draw the body of a finished run at one instant"),
+        "draw_slip_mode": (
+            "pictures",
+            "Draw the body deformed by the slip mode at critical friction",
+        ),
         "animate": ("pictures", "Make a film of one cycle of a finished run"),
         "export": ("output.storage.fclib", "Write a load step in the layout of FCLIB"),
     },
@@ -266,6 +272,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "ShakedownOptions": ("scene.model", "Load range of a scene: mean and corners"),
         "shakedown": ("shakedown_study.study", "Limits of a scene, on two meshes, with diagram"),
         "ShakedownStudy": ("shakedown_study.result", "Result of shakedown"),
+        "opening_limit": ("shakedown_study.opening", "Largest range of a contact that opens"),
         "range_history": ("shakedown_study.cycles", "History round the corners of a load range"),
         "steady_states": ("evolution.limit.starts", "Steady states from many initial slips"),
         "steady_states_figure": ("shakedown_study.figures", "Figure of these"),
@@ -344,6 +351,7 @@ __all__ = [
     "condense",
     "contact_half_width",
     "critical_friction",
+    "draw_slip_mode",
     "dundurs_beta",
     "evolve",
     "export",
@@ -358,6 +366,7 @@ __all__ = [
     "loop_of",
     "on_all",
     "on_root",
+    "opening_limit",
     "plot",
     "range_history",
     "reactions",

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from receding_fenicsx.bulk.two_bodies import Bodies
+    from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
     from receding_fenicsx.interface.system import ContactSystem
 
 PICTURE_GROWTH = (1.0, 1.1)
@@ -124,6 +125,37 @@ def animate(
         with timer("pictures"):
             file = folder / "animations" / f"cycle{cycle:04d}_{stress}"
             return animation.animate(bulk, scenario, quantity, file, timer.say)
+    finally:
+        bulk.destroy()
+
+
+def draw_slip_mode(
+    scene: Scene,
+    critical: CriticalFriction | None,
+    file: str | Path,
+    comm: MPI.Comm | None = None,
+) -> Path | None:
+    """Draw the body deformed by the slip mode at critical friction; all ranks call this together.
+
+    Args:
+        scene: the scene of the system that the mode is of.
+        critical: the mode, on rank 0; None on the others.
+        file: the picture.
+        comm: communicator; all processes of the job when left out.
+
+    Returns:
+        The file, on rank 0; None on the others.
+
+    Raises:
+        InputError: there is no mode, or it is of another mesh.
+    """
+    with drawing_modules():
+        from receding_fenicsx.output.snapshots import mode
+    comm = comm or world()
+    given = comm.bcast(mpi.on_root(comm, lambda: mode.checked(mpi.given(critical))))
+    bulk = picture_body(scene, comm)
+    try:
+        return mode.draw(bulk, given, Path(file))
     finally:
         bulk.destroy()
 

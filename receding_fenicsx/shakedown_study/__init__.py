@@ -10,7 +10,10 @@ r"""Shakedown of a scene: limits of a load range, their diagram, and steady stat
 4. Where a node unloads at the upper limit, the contact may open and close instead of slipping, and
    linear programs no longer decide.
    :func:`~receding_fenicsx.shakedown_study.cycles.limit_by_cycles` then plays exact cycles from
-   rest and from the safe slip, and bisects.
+   rest and from the safe slip, and bisects;
+   :func:`~receding_fenicsx.shakedown_study.opening.opening_limit` finds a motion round a larger
+   range by a mixed-integer program (:mod:`receding_fenicsx.interface.shakedown.opening`), and plays
+   exact cycles from its slip to verify it.
 5. :func:`~receding_fenicsx.evolution.limit.starts.steady_states` plays one history from many
    initial slips and collects dissipation, kind and slipping nodes of each steady state.
 6. :mod:`~receding_fenicsx.shakedown_study.folder` writes ``shakedown.json``, ``safe_slip.csv`` (a

@@ -9,7 +9,9 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.interface.measures.steady import SHAKEDOWN
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.steady import SHAKEDOWN, SLIP_ROUND_OFF
+from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.shakedown.margins import Loads, load_range
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
@@ -50,7 +52,8 @@ def range_history(
 def shakes_down(system: ContactSystem, history: History, start: Array | None) -> bool:
     """Return whether exact cycles from rest or from an initial slip end without slip.
 
-    A path that ends or is not steady after ``CYCLES`` cycles counts as one that does not.
+    A path that ends or is not steady after ``CYCLES`` cycles counts as one that does not, and so
+    does a steady one that dissipates little over its first cycle, but more than round-off.
     """
     try:
         record = evolve(
@@ -58,7 +61,14 @@ def shakes_down(system: ContactSystem, history: History, start: Array | None) ->
         )
     except SolveError:
         return False
-    return record.steady.kind == SHAKEDOWN
+    return record.steady.kind == SHAKEDOWN and dissipated(system, record)[-1] <= SLIP_ROUND_OFF
+
+
+def dissipated(system: ContactSystem, record: Record) -> Array:
+    """Return the dissipation of all cycles over F^2 / K_ii of the largest nodal force F."""
+    force = max(float(np.abs(r).max()) for r in (record.turning_points.P, record.turning_points.Q))
+    energy = force**2 / float(local_stiffness(system)[0].max())
+    return np.abs(record.cycles.dissipation) / energy
 
 
 def limit_by_cycles(

@@ -8,6 +8,7 @@ from matplotlib.figure import Figure
 
 from receding_fenicsx.evolution.limit.starts import SteadyStates
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.shakedown.opening import Opening
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.shakedown_study.diagram import Diagram
 
@@ -15,21 +16,25 @@ SAFE, DEPENDS = "#bdbdbd", "#e6e6e6"
 """Fill of the regions in which the contact shakes down, and in which it depends on the start."""
 
 
-def diagram_figure(diagram: Diagram) -> Figure:
-    """Draw both limits: mean load along, load range up."""
+def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
+    """Draw both limits: mean load along, load range up; a dot for the range with opening nodes."""
     x, lower, upper = diagram.mean, diagram.lower, diagram.upper
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.COLUMN, 2.9)
         axes = figure.subplots()
-        top = 1.25 * float(upper[np.isfinite(upper)].max(initial=0.0)) or 1.0
+        seen = np.append(upper[np.isfinite(upper)], 0.0 if opening is None else opening.value)
+        top = 1.25 * float(seen.max()) or 1.0
         high = np.minimum(upper, top)
         axes.fill_between(x, 0.0, np.minimum(lower, top), color=SAFE, lw=0)
         axes.fill_between(x, np.minimum(lower, top), high, color=DEPENDS, lw=0)
         axes.plot(x, upper, color="black", label=r"$\lambda_2$")
         axes.plot(x, lower, color="black", ls=(0, (4, 2)), label=r"$\lambda_1$")
         axes.axvline(diagram.given, **style.GUIDE)
+        if opening is not None:
+            dot = [diagram.given], [opening.value]
+            axes.plot(*dot, "o", color="black", ms=4, zorder=5, label="opens without slip")
         entries = [
-            mpl.patches.Patch(fc="white", ec="black", lw=0.4, label="slips for ever"),
+            mpl.patches.Patch(fc="white", ec="black", lw=0.4, label="slips for ever, or opens"),
             mpl.patches.Patch(fc=DEPENDS, ec="black", lw=0.4, label="depends on the start"),
             mpl.patches.Patch(fc=SAFE, ec="black", lw=0.4, label="shakes down"),
         ]

@@ -18,7 +18,8 @@ from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.shakedown_study.figures import diagram_figure
-from receding_fenicsx.shakedown_study.result import ShakedownStudy
+from receding_fenicsx.shakedown_study.opening import BELOW
+from receding_fenicsx.shakedown_study.result import FOUND_BY, ShakedownStudy
 
 SUMMARY, SLIP, PICTURE, SCENE = "shakedown.json", "safe_slip.csv", "shakedown.png", "scene.toml"
 """Names of the files."""
@@ -35,7 +36,7 @@ def write(path: Path, scene: Scene, result: ShakedownStudy, seconds: Mapping[str
         if len(np.unique(system.edges)) == 1:
             columns = np.column_stack([mirror_of(system).odd(system.x), result.limits.safe_slip])
             np.savetxt(beside / SLIP, columns, "%.17g", ",", header="x,value", comments="")
-        save(diagram_figure(result.diagram), beside / PICTURE)
+        save(diagram_figure(result.diagram, result.opening), beside / PICTURE)
         check_folder(path, True, SUMMARY)
         publish_folder(beside, path)
     except OSError as error:
@@ -65,6 +66,7 @@ def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
         "gap": limits.gap,
         "meshes": [dict(zip(("nodes", "lower", "upper"), m, strict=True)) for m in result.meshes],
         "by_cycles": result.by_cycles,
+        "opening": _opening(result),
         "diagram": {
             "load": diagram.load,
             "mean": diagram.mean.tolist(),
@@ -73,4 +75,23 @@ def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:
         },
         "notes": list(result.notes),
         "versions": versions(),
+    }
+
+
+def _opening(result: ShakedownStudy) -> dict[str, Any] | None:
+    """Return the largest range with opening nodes, and the whole contact's slip for it."""
+    found = result.opening
+    if found is None:
+        return None
+    return {
+        "value": found.value,
+        "found": FOUND_BY,
+        "verified_at": BELOW * found.value,
+        "looked_at_up_to": found.top,
+        "best": found.best,
+        "changes": len(found.closed) - 1,
+        "opening_nodes": np.flatnonzero(~found.closed.all(axis=0)).tolist(),
+        "slip": mirror_of(result.system).odd(found.slip).tolist(),
+        "residual": found.residual,
+        "dissipation": found.dissipation,
     }

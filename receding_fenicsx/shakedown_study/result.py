@@ -7,8 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from receding_fenicsx.interface.shakedown.limits import ShakedownLimits
+from receding_fenicsx.interface.shakedown.opening import Opening
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.shakedown_study.diagram import Diagram
+
+FOUND_BY = "by a mixed-integer program, verified by exact cycles"
+"""How the range with opening nodes is known."""
+
+LIMIT = 1.0 - 1e-6
+"""Range over the largest that was looked at from which it is that one."""
 
 
 @dataclass(frozen=True)
@@ -23,6 +30,7 @@ class ShakedownStudy:
         by_cycles: interval of lambda in which cycles from rest or the safe slip begin to slip for
             ever, where a node unloads at the upper limit; else None.
         notes: sentences about the validity of the limits.
+        opening: largest range of the opening contact that a program found and cycles verified.
     """
 
     system: ContactSystem
@@ -31,6 +39,7 @@ class ShakedownStudy:
     diagram: Diagram
     by_cycles: tuple[float, float] | None
     notes: tuple[str, ...]
+    opening: Opening | None = None
 
     def __str__(self) -> str:
         """Return the study as lines for the terminal."""
@@ -55,5 +64,12 @@ class ShakedownStudy:
             lines.append(
                 f"exact cycles  from rest or the safe slip end without slip up to {low:.4g}, "
                 f"not at {high:.4g}"
+            )
+        if self.opening is not None:
+            found = self.opening
+            more = " (none larger was looked at)" if found.value > LIMIT * found.top else ""
+            lines.append(
+                f"with opening  {found.value:.6g}{more}: nodes open and close without slip, found "
+                f"{FOUND_BY}"
             )
         return "\n".join([*lines, *(f"note: {note}" for note in self.notes)])

@@ -27,6 +27,7 @@ from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.shakedown_study.cycles import limit_by_cycles
 from receding_fenicsx.shakedown_study.diagram import Diagram, limits_at, means
 from receding_fenicsx.shakedown_study.folder import SUMMARY, write
+from receding_fenicsx.shakedown_study.opening import opening_limit
 from receding_fenicsx.shakedown_study.result import ShakedownStudy
 from receding_fenicsx.timing import Say, Timer
 
@@ -98,14 +99,19 @@ def shakedown(
 
     def finish() -> ShakedownStudy:
         own, found = mpi.given(system), mpi.given(limits)
-        cycles = None
+        cycles, opening, failures = None, None, [failure] if failure else []
         if found.opens and found.upper > 0.0 and not np.any(own.g0 > 0.0):
             with timer("cycles"):
                 start = found.safe_slip_modelled
                 cycles = limit_by_cycles(own, options.mean, options.range, found.upper, start)
+            with timer("opening"):
+                try:
+                    opening = opening_limit(own, options.mean, options.range, found, cycles[1])
+                except RecedingError as error:  # cycles have told what they found
+                    failures.append(f"no range with opening nodes: {error}")
         sizes = tuple((len(m.separated), m.lower, m.upper) for m in map(mpi.given, meshes))
-        notes = _notes(own, found, cycles is not None) + ((failure,) if failure else ())
-        result = ShakedownStudy(own, found, sizes, diagram, cycles, notes)
+        notes = (*_notes(own, found, cycles is not None), *failures)
+        result = ShakedownStudy(own, found, sizes, diagram, cycles, notes, opening)
         if out is not None:
             write(Path(out), scene, result, timer.seconds)
         return result

@@ -19,9 +19,8 @@ from receding_fenicsx.output.plots.load_names import is_word, load_symbol, load_
 
 DRAWN_BRANCHES = 12
 """Branches that one figure shows; the first ones."""
-WIDEST, THINNER = 4.0, 0.55
-"""Width of the first line in points, and the ratio of the next: branches may coincide."""
-LEAST_WIDTH = 0.9
+BESIDE = 2.0
+"""Points by which each branch is drawn to the right of and below the one before: they coincide."""
 OPENS = 0.01
 """Gap of open nodes, over the largest displacement of a mode, that is drawn."""
 
@@ -30,7 +29,7 @@ def branches(tree: BranchTree) -> Figure:
     """Draw each load against its work-conjugate displacement along all branches.
 
     A cross is the last turning point of a branch that ends on the next leg. Samples are drawn
-    where the records have them.
+    where the records have them. Each branch is shifted a little, as parts of them may coincide.
 
     Raises:
         InputError: no load changes on any branch.
@@ -76,11 +75,17 @@ def _draw_branch(axes: Axes, number: int, branch: Branch, path: tuple[Array, Arr
     """Draw one branch; its label tells the choices and whether it ends."""
     load, moved = path
     colour = style.SERIES_COLOURS[number % len(style.SERIES_COLOURS)]
-    width = max(WIDEST * THINNER**number, LEAST_WIDTH)
+    shift = number * BESIDE / 72.0
+    beside = axes.transData + mpl.transforms.ScaledTranslation(
+        shift, -shift, axes.figure.dpi_scale_trans
+    )
     label = f"branch {number}: {branch.name}{', then ends' if branch.failure else ''}"
-    axes.plot(moved, load, color=colour, lw=width, label=label, solid_capstyle="round")
+    axes.plot(moved, load, color=colour, lw=1.4, label=label, transform=beside)
+    axes.update_datalim(np.stack([moved, load], axis=1))
+    axes.autoscale_view()
     if branch.failure:
-        axes.plot(moved[-1:], load[-1:], "x", color=colour, ms=8.0, mew=1.6, zorder=5)
+        end = moved[-1:], load[-1:]
+        axes.plot(*end, "x", color=colour, ms=8.0, mew=1.6, zorder=5, transform=beside)
 
 
 def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:

@@ -1,0 +1,308 @@
+r"""Largest load range round which a contact moves without slip while nodes open and close.
+
+A steady motion without dissipation is piecewise linear in the loads. At its points $p$, the corners
+of the range and the places between them at which the set of closed nodes changes,
+
+$$r_p = r^*_m + \lambda\, r^*_a + \tau_p (r^*_b - r^*_a) + K u_p , \qquad
+  0 \le \tau_p \le \tau_{p+1} \le \lambda \quad \text{on the leg from corner } a \text{ to } b,$$
+
+reactions lie in the friction cone and no gap is negative. Between two points a node is closed
+($z = 1$), with gap 0 and the same $v$ at both, or open ($z = 0$), without reactions at both. For
+given sets all conditions are linear and hold between the points if they hold at them. So such
+points are necessary and sufficient for a motion with as many changes of the set. One slip at all
+corners is neither: a node must close where it opens, and need not close at the same slip each time.
+
+The largest $\lambda$ is a mixed-integer linear program. Two corners need one leg, as a motion
+without dissipation can be reversed. On a loop of more, a node with friction that opens would have
+to lose both reactions at once at two places, which it does by chance only.
+"""
+
+from __future__ import annotations
+
+import itertools
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.optimize
+from numpy.typing import NDArray
+from scipy import sparse
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.interface.residual import law_residual, local_stiffness
+from receding_fenicsx.interface.shakedown.margins import LoadRange
+from receding_fenicsx.interface.shakedown.programs import BINDS
+from receding_fenicsx.interface.system import ContactSystem
+
+LARGEST = 10.0
+"""Largest reaction over that of the largest loads with all nodes held, and displacement over that
+of such a force, that the programs look at (the big M of the binaries)."""
+GAIN = 1e-6
+"""Relative growth of lambda by two more changes of the set below which no more are tried."""
+AT_ONCE = 2
+"""Most nodes that open or close at such a change."""
+FREE = -1
+"""State of a node between two points that the program chooses."""
+WHOLE = 30
+"""Most binaries of the program that chooses the states of all nodes between all points."""
+SECONDS = 60.0
+"""Longest time of one program; the best motion found by then is taken, not as the best there is."""
+CHANGES = 2
+"""Changes of the set on each leg of a range with more than two corners."""
+
+
+@dataclass(frozen=True)
+class Opening:
+    """Largest range round which a motion without slip was found, and the motion.
+
+    Attributes:
+        value: lambda.
+        top: the largest lambda that was looked at.
+        slip: (N,) tangential displacements at the first corner.
+        closed: (intervals, N) nodes that are closed between the points.
+        best: no motion without slip goes further with as many changes of the set as nodes may open
+            (``CHANGES`` on each leg of a loop) and numbers below ``LARGEST``.
+        residual: largest violation of the contact law at the points, over the largest force.
+        dissipation: largest of exact cycles from ``slip`` at just below ``value``, over F^2 / K_ii
+            of the largest force F; NaN before they are played.
+    """
+
+    value: float
+    top: float
+    slip: Array
+    closed: NDArray[np.bool_]
+    best: bool
+    residual: float
+    dissipation: float = np.nan
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Answer of a program: mu, states (intervals, N), u (points, 2N) and tau at the points."""
+
+    mu: float
+    sets: Ints
+    u: Array
+    tau: Array
+    proved: bool
+
+
+@dataclass(frozen=True)
+class _Task:
+    """A contact and its range in numbers of order one.
+
+    Attributes:
+        system: the contact, its K and g0 scaled.
+        opens: (N,) nodes that may open.
+        mean: (2N,) held reactions to the mean loads.
+        D: (V, 2N) their changes at the corners at mu = 1, the largest that is looked at.
+    """
+
+    system: ContactSystem
+    opens: NDArray[np.bool_]
+    mean: Array
+    D: Array
+
+    @property
+    def legs(self) -> int:
+        """Number of legs: one to and fro between two corners, or a loop."""
+        return len(self.D) if len(self.D) > 2 else 1
+
+    def corners(self, p: int, intervals: int) -> tuple[Array, Array, int]:
+        """Return the corners between which point p lies, and its place among the points there."""
+        leg, inner = divmod(p, intervals // self.legs)
+        return self.D[leg % len(self.D)], self.D[(leg + 1) % len(self.D)], inner
+
+    def load(self, p: int, motion: _Motion) -> Array:
+        """Return the held reactions (2N,) at a point of a motion."""
+        a, b, _ = self.corners(p, len(motion.sets))
+        return self.mean + motion.mu * a + motion.tau[p] * (b - a)
+
+
+def largest_opening(
+    system: ContactSystem, loads: LoadRange, opens: NDArray[np.bool_], top: float
+) -> Opening:
+    """Return the largest range up to ``top`` round which a motion without slip was found.
+
+    First all nodes stay as they are; then the sequence of sets grows by one unknown set at either
+    end while that helps. Where few nodes open, all its sets are unknown at last.
+
+    Args:
+        system: the condensed body, with friction.
+        loads: mean loads and range.
+        opens: (N,) nodes that may open; all others stay closed.
+        top: largest lambda, positive.
+
+    Raises:
+        SolveError: no motion without slip was found at any range, or one fails its check.
+    """
+    mean, D = loads.mean @ system.r_star, top * (loads.vertices @ system.r_star)
+    force = float(np.abs(mean).max() + np.abs(D).max())
+    slip = force / float(local_stiffness(system)[0].max())
+    opens = opens & ~system.held[system.n :]
+    scaled = replace(system, K=system.K * (slip / force), g0=system.g0 / slip)
+    task = _Task(scaled, opens, mean / force, D / force)
+    unknown, many = np.where(opens, FREE, 1)[None], int(opens.sum())
+    found = _solved(task, np.repeat(unknown, task.legs, axis=0), None)
+    while task.legs == 1:
+        changed = np.any(np.diff(found.sets, axis=0) != 0, axis=1)
+        chain = found.sets[np.append(True, changed)]
+        more = _solved(task, np.vstack([unknown, chain, unknown]), found)
+        if more.mu <= found.mu * (1.0 + GAIN):
+            break
+        found = more
+    intervals = task.legs * (1 + CHANGES) if task.legs > 1 else max(many + 1, len(found.sets))
+    best = intervals * many <= WHOLE
+    if best:
+        found = _solved(task, np.repeat(unknown, intervals, axis=0), found)
+        best = found.proved
+    residual = _residual(task, found)
+    if residual > BINDS:
+        raise SolveError(f"a motion without slip violates the contact law by {residual:.1e}")
+    at_first = slip * found.u[0, : system.n]
+    return Opening(found.mu * top, top, at_first, found.sets == 1, best, residual)
+
+
+def _solved(task: _Task, pattern: Ints, known: _Motion | None) -> _Motion:
+    """Return the motion of the largest range with given states, or what was known before.
+
+    The program is solved again with the states that it chose, without round-off of binaries.
+
+    Raises:
+        SolveError: there is no motion, and none was known.
+    """
+    chosen = _program(task, pattern, 0.0 if known is None else known.mu * (1.0 - BINDS))
+    final = None if chosen is None else _program(task, chosen.sets, 0.0)
+    proved = chosen is not None and chosen.proved
+    if final is not None and (known is None or final.mu > known.mu):
+        return replace(final, proved=proved)
+    if known is None:
+        raise SolveError("shakedown: no motion without slip was found at any load range")
+    return replace(known, proved=proved)
+
+
+class _Rows:
+    """Unknowns of a program, and conditions M x >= b.
+
+    Unknowns: displacements that are the same at all points and the forces K u that they cause;
+    those that differ and tau, of each point; z of each interval; mu.
+    """
+
+    def __init__(self, task: _Task, intervals: int) -> None:
+        """Set up the points between the intervals, and the laws that hold in any state there."""
+        system, n = task.system, task.system.n
+        points = intervals + (task.legs == 1)
+        own = np.concatenate([task.opens | ~system.friction.present, task.opens]) & ~system.held
+        self.task, self.own, m = task, own, int(own.sum())
+        self.ends = np.cumsum([0, 2 * n, 2 * n, points * m, points, intervals * n, 1])
+        unit = sparse.identity(self.ends[-1], format="csr")
+        common, forces, moved, tau, z, mu = (unit[a:b] for a, b in itertools.pairwise(self.ends))
+        K = sparse.csr_matrix(system.K)
+        self.matrices, self.least = [forces - K @ common, K @ common - forces], [np.zeros(4 * n)]
+        self.u, self.r, self.z = [], [], [z[k * n : (k + 1) * n] for k in range(intervals)]
+        for p in range(points):
+            a, b, inner = task.corners(p, intervals)
+            its = sparse.identity(2 * n, format="csr")[:, own] @ moved[p * m : (p + 1) * m]
+            load = _column(a) @ mu + _column(b - a) @ tau[p]
+            self.u.append(common + its)
+            self.r.append(forces + K @ its + load)
+            if inner:
+                self.add(mu - tau[p])
+            if inner > 1:
+                self.add(tau[p] - tau[p - 1])
+            self._laws(p)
+
+    def add(self, matrix: sparse.csr_matrix, least: Array | float = 0.0) -> None:
+        """Add conditions."""
+        self.matrices.append(matrix)
+        self.least.append(np.broadcast_to(least, matrix.shape[:1]))
+
+    def _laws(self, p: int) -> None:
+        """Require both friction limits, pressure and gap at a point."""
+        system, n, mean = self.task.system, self.task.system.n, self.task.mean
+        (loose, normal), friction = ~system.held.reshape(2, n), system.friction
+        Q, P = self.r[p][:n], self.r[p][n:]
+        for sign, f in ((1.0, friction.forward), (-1.0, friction.backward)):
+            constant = sign * mean[:n] + f * mean[n:]
+            self.add((sign * Q + sparse.diags(f) @ P)[loose], -constant[loose])
+        self.add(P[normal], -mean[n:][normal])
+        self.add(self.u[p][n:][normal], -system.g0[normal])
+
+    def choose(self, k: int) -> None:
+        """Require that each node is closed or open in an interval."""
+        system, n, z = self.task.system, self.task.system.n, LARGEST * self.z[k]
+        (loose, normal), pair = ~system.held.reshape(2, n), (k, (k + 1) % len(self.u))
+        for p in pair:
+            self.add((-self.u[p][n:] - z)[normal], (system.g0 - LARGEST)[normal])
+            self.add((z - self.r[p][n:])[normal], self.task.mean[n:][normal])
+        sticks = loose & system.friction.present
+        change = (self.u[pair[1]] - self.u[pair[0]])[:n]
+        for sign in (1.0, -1.0):
+            self.add((sign * change - z)[sticks], -LARGEST)
+
+    def near(self, pattern: Ints) -> None:
+        """Require that an unknown set differs by few nodes from a known one beside it."""
+        for a, b in itertools.pairwise(range(len(pattern))):
+            for new, known in ((a, b), (b, a)):
+                nodes = (pattern[new] == FREE) & (pattern[known] != FREE)
+                sign = np.where(pattern[known] == 1, 1.0, -1.0)[nodes]
+                stay = sparse.csr_matrix(sign) @ self.z[new][nodes]
+                self.add(stay, float((sign > 0.0).sum()) - AT_ONCE)
+
+    def bounds(self, pattern: Ints, at_least: float) -> scipy.optimize.Bounds:
+        """Return the bounds of all unknowns."""
+        system, n = self.task.system, self.task.system.n
+        is_v, fixed = np.arange(2 * n) < n, system.held | self.own
+        shut = -np.tile(system.g0, 2)
+        most = [np.where(fixed, 0.0, np.where(is_v, LARGEST, shut))]
+        least = [np.where(fixed, 0.0, np.where(is_v, -LARGEST, shut))]
+        points, many = len(self.u), self.ends[3] - self.ends[1]
+        inner = np.arange(points) % (len(self.z) // self.task.legs) > 0
+        most += [np.full(many, np.inf), inner]
+        least += [np.full(many, -np.inf), np.zeros(points)]
+        unknown = pattern.ravel() == FREE
+        least += [np.where(unknown, 0, pattern.ravel()), np.array([at_least])]
+        most += [np.where(unknown, 1, pattern.ravel()), np.ones(1)]
+        return scipy.optimize.Bounds(np.concatenate(least), np.concatenate(most))
+
+
+def _program(task: _Task, pattern: Ints, at_least: float) -> _Motion | None:
+    """Solve one program for states (intervals, N), some ``FREE``; None without an answer."""
+    rows = _Rows(task, len(pattern))
+    for k in range(len(pattern)):
+        rows.choose(k)
+    rows.near(pattern)
+    binary = slice(rows.ends[4], rows.ends[5])
+    integral = np.zeros(rows.ends[-1])
+    integral[binary] = pattern.ravel() == FREE
+    found = scipy.optimize.milp(
+        -np.eye(1, rows.ends[-1], rows.ends[-1] - 1)[0],
+        integrality=integral,
+        bounds=rows.bounds(pattern, at_least),
+        constraints=scipy.optimize.LinearConstraint(
+            sparse.vstack(rows.matrices, format="csr"), np.concatenate(rows.least), np.inf
+        ),
+        options={"time_limit": SECONDS},
+    )
+    if found.x is None:
+        return None
+    u, tau = np.array([M @ found.x for M in rows.u]), found.x[rows.ends[3] : rows.ends[4]]
+    sets = np.rint(found.x[binary]).astype(int).reshape(pattern.shape)
+    return _Motion(float(found.x[-1]), sets, u, tau, found.status == 0)
+
+
+def _residual(task: _Task, found: _Motion) -> float:
+    """Return the largest violation of the law at both ends of all intervals, over the force."""
+    system, K = task.system, local_stiffness(task.system)
+    r = np.array([task.load(p, found) for p in range(len(found.u))]) + found.u @ system.K
+    worst = 0.0
+    for k, closed in enumerate(found.sets == 1):
+        pair = [k, (k + 1) % len(r)]
+        slip = np.where(closed, np.diff(found.u[pair, : system.n], axis=0), 0.0)
+        worst = max(worst, float(law_residual(system, r[pair], found.u[pair], slip, K).max()))
+    return worst / float(np.abs(r).max())
+
+
+def _column(values: Array) -> sparse.csr_matrix:
+    """Return values as a matrix of one column."""
+    return sparse.csr_matrix(values[:, None])
