@@ -71,7 +71,7 @@ def block(elements: int, picture: Path) -> tuple[rf.ContactSystem, rf.CriticalFr
         first = rf.evolve(system, scene).at(cycle=0)
         critical = rf.critical_friction(system, first.state)
     rf.draw_slip_mode(scene, critical, picture)  # on all ranks
-    return None if critical is None else (system, critical)
+    return None if system is None or critical is None else (system, critical)
 
 
 def main() -> None:

@@ -1,11 +1,19 @@
 """Figures of branches and of slip modes show the numbers of their trees and modes."""
 
+from dataclasses import replace
+from pathlib import Path
+
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 from small import small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.output.plots.saving import save
+from receding_fenicsx.output.snapshots import mode
+
+BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 
 pytestmark = pytest.mark.one_rank
 
@@ -38,3 +46,39 @@ def test_a_mode_is_drawn_in_the_colours_of_its_assumed_directions() -> None:
     plain = small_system(np.eye(2), {"p0": [0, 1]}, 0.5)
     with pytest.raises(rf.InputError, match="no slip mode"):
         rf.figures.slip_mode(plain, rf.critical_friction(plain))
+
+
+def test_body_in_a_slip_mode_has_its_picture(
+    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    drawn = []
+
+    def kept(figure: Figure, path: Path) -> None:
+        drawn.append(figure)
+        save(figure, path)
+
+    monkeypatch.setattr(mode, "save", kept)
+    scene = rf.read_scene(BLOCK, ["mesh.contact_elements=8", "history.cycles=1"])
+    system, critical = rf.condense(scene), None
+    if system is not None:
+        critical = rf.critical_friction(system, rf.evolve(system, scene).at(cycle=0).state)
+    file = rf.draw_slip_mode(scene, critical, shared_tmp_path / "mode.png")
+    if critical is not None:
+        assert file is not None
+        assert file.is_file()
+        (page,) = drawn
+        assert any(f"{critical.factor:.4g}" in text.get_text() for text in page.texts)
+        # changes at the friction of the mode; the node on the axis has no shear
+        (tractions,) = [axes for axes in page.axes if "$p$" in str(axes.get_ylabel())]
+        p, q = (np.asarray(line.get_ydata()) for line in tractions.lines[-2:])
+        slips = np.abs(q) > 1e-9
+        assert slips.sum() > 4
+        assert np.abs(q[slips]) == pytest.approx(critical.factor * 0.35 * np.abs(p[slips]))
+    coarser = rf.read_scene(BLOCK, ["mesh.contact_elements=4"])
+    with pytest.raises(rf.InputError, match="contact nodes, the scene's mesh"):
+        rf.draw_slip_mode(coarser, critical, shared_tmp_path / "other.png")
+    if critical is not None:
+        critical = replace(critical, mode=0.0 * critical.mode)
+    with pytest.raises(rf.InputError, match="slip mode: none was found"):
+        rf.draw_slip_mode(scene, critical, shared_tmp_path / "other.png")
+    assert not (shared_tmp_path / "other.png").exists()

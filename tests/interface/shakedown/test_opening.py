@@ -207,5 +207,5 @@ def test_what_has_no_range_with_opening_nodes_is_refused(monkeypatch: pytest.Mon
         rf.opening_limit(*case, replace(limits, upper=np.inf))
     monkeypatch.setattr("receding_fenicsx.shakedown_study.opening.MOST_NODES", 1)
     monkeypatch.setattr("receding_fenicsx.shakedown_study.opening.ALL_NODES", 1)
-    with pytest.raises(rf.InputError, match="[23] nodes open, 1 at most are tried"):
+    with pytest.raises(rf.InputError, match=r"[23] nodes open, 1 at most are tried"):
         rf.opening_limit(*case, limits)
