@@ -118,7 +118,7 @@ def solve(frozen: Frozen, start: ContactState, budget: int) -> Solution:
     x, state, played = np.zeros(len(nodes)), start, 0
     for step in range(MAX_STEPS):
         if played >= budget:
-            raise NoLimit("the search needs more cycles than [history] cycles allows")
+            raise NoLimit(f"the search has played {played} cycles, and may play no more")
         cycle, count = _repeating(frozen, state, x)
         played += count
         m = smallest_margins(frozen, cycle, nodes)

@@ -21,6 +21,9 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem, react
 MAX_SORTS = 10
 """Sortings of the nodes after which the search is given up."""
 
+MAX_CYCLES = 30
+"""Cycles after which the search is given up; those that succeed mostly play a dozen."""
+
 VIOLATED = 1e-12
 """Margin of a frozen node below zero, over the largest nodal force, that is no round-off."""
 
@@ -67,7 +70,7 @@ def find_limit(
     Raises:
         NoLimit: none was found.
     """
-    steps, cycles = 0, 1
+    steps, cycles, budget = 0, 1, min(budget, MAX_CYCLES)
     if carries_nothing(start, force) or any(zero_crossing(leg) for leg in pairwise(loop)):
         raise NoLimit("the contact is unloaded in the cycle, and begins anew")
     try:
