@@ -20,9 +20,7 @@ A :class:`Record` returns values by name, tables and figures::
     low = record.at(cycle=9, load="minimum")          # low.x, low.p, low.q, low.v, low.w, low.zones
     record.cycles.dissipation                         # one value for each cycle, from cycle 1
     record.to_pandas()                                # or to_xarray(), to_table()
-    rf.figures.tractions(record, low)                 # a Matplotlib figure
-    rf.figures.zone_maps(record, 9)
-    rf.figures.hysteresis(record)
+    rf.figures.tractions(record, low)                 # a Matplotlib figure; or zone_maps, ...
 
 One scene over a grid of values, a row of a table for each case::
 
@@ -34,6 +32,7 @@ Signs and symbols are those of Ahn & Barber (2008): ``v, w`` tangential and norm
 """
 
 import os
+from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 # The interface's dense matrices are small: with the default number of threads their products and
@@ -180,17 +179,11 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
     },
     "Contact system": {
         "condense": ("study", "Mesh, assemble and condense a scene to its contact nodes"),
-        "ContactSystem": (
-            "interface.system",
-            "Condensed stiffness K, r_star, friction, gap, eq. 11",
-        ),
+        "ContactSystem": ("interface.system", "Condensed K and r_star, friction and gap, eq. 11"),
         "ContactState": ("interface.system", "Displacements, reactions and states of all nodes"),
         "State": ("interface.law", "STICK, SEPARATION, FORWARD_SLIP, BACKWARD_SLIP: 1 to 4"),
         "STATE_NAMES": ("interface.law", "Names of the states in words"),
-        "reactions": (
-            "interface.system",
-            "Nodal reactions at given loads and displacements, eq. 11",
-        ),
+        "reactions": ("interface.system", "Reactions at given loads and displacements, eq. 11"),
         "read_system": ("output.storage.hdf5", "Read a ContactSystem from an HDF5 file"),
         "write_system": ("output.storage.hdf5", "Write a ContactSystem to an HDF5 file"),
     },
@@ -211,14 +204,8 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
     "Several continuations": {
         "branches": ("evolution.branching.tree", "Follow all branches of a history"),
         "BranchTree": ("evolution.branching.tree", "Branches of a history, each with its record"),
-        "critical_friction": (
-            "interface.branches.critical_friction",
-            "Bounds of the friction at which a slip mode appears",
-        ),
-        "CriticalFriction": (
-            "interface.branches.critical_friction",
-            "These bounds, and the mode",
-        ),
+        "critical_friction": ("interface.branches.critical_friction", "Friction of a slip mode"),
+        "CriticalFriction": ("interface.branches.critical_friction", "Its bounds, and the mode"),
         "Branch": ("evolution.branching.tree", "One path through all choices"),
     },
     "Sweep": {
@@ -231,21 +218,12 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "contact_half_width": ("interface.measures.zones", "Contact half width, to node spacing"),
         "stick_half_width": ("interface.measures.zones", "Stick half width, to node spacing"),
         "half_widths": ("output.report.half_widths", "Both half widths at a turning point"),
-        "half_width_estimates": (
-            "output.report.half_widths:estimates",
-            "Half widths fitted below node spacing, with intervals",
-        ),
+        "half_width_estimates": ("output.report.half_widths:estimates", "Fitted, with intervals"),
         "dundurs_beta": ("interface.measures.zone_ends", "Dundurs' constant beta of two materials"),
-        "recovered_tractions": (
-            "evolution.moment",
-            "Tractions p, q without the zigzag of elements of order 2",
-        ),
+        "recovered_tractions": ("evolution.moment", "Tractions without the zigzag of order 2"),
         "traction_at": ("interface.measures.tractions", "Traction between the nodes"),
         "loop_of": ("output.plots.loops", "Hysteresis loop of each load in a cycle, and its area"),
-        "refined_at_zone_ends": (
-            "output.report.zone_end_mesh",
-            "Scene with smaller elements at zone ends of a record",
-        ),
+        "refined_at_zone_ends": ("output.report.zone_end_mesh", "Scene with mesh graded by record"),
         "headline": ("accuracy.numbers", "Headline numbers of a record"),
         "HEADLINE_NAMES": ("scene.options:NUMBERS", "Headline numbers in words"),
         "space_errors": ("accuracy.space_errors", "Estimate discretisation errors"),
@@ -300,113 +278,15 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
 }
 _NAMES = {name: entry for group in _PUBLIC.values() for name, entry in group.items()}
 
-__all__ = [
-    "HEADLINE_NAMES",
-    "SOLVERS",
-    "STATE_NAMES",
-    "AccuracyOptions",
-    "Body",
-    "Branch",
-    "BranchTree",
-    "Contact",
-    "ContactState",
-    "ContactSystem",
-    "CriticalFriction",
-    "Harmonic",
-    "History",
-    "HistoryOptions",
-    "InputError",
-    "Interrupted",
-    "Leg",
-    "Load",
-    "Material",
-    "MeshOptions",
-    "NoEquilibrium",
-    "NoQuasiStaticContinuation",
-    "NotConverged",
-    "OutputOptions",
-    "Probe",
-    "ProbeHistory",
-    "RecedingError",
-    "Record",
-    "Refinement",
-    "RunOptions",
-    "Scene",
-    "ShakedownLimits",
-    "ShakedownOptions",
-    "ShakedownStudy",
-    "SolveError",
-    "Solver",
-    "SolverOptions",
-    "State",
-    "SteadyStates",
-    "Support",
-    "SweepOptions",
-    "SweepTable",
-    "ToleranceNotMet",
-    "Units",
-    "animate",
-    "branches",
-    "child_environment",
-    "condense",
-    "contact_half_width",
-    "critical_friction",
-    "draw_slip_mode",
-    "dundurs_beta",
-    "evolve",
-    "export",
-    "figures",
-    "from_toml",
-    "given",
-    "half_width_estimates",
-    "half_widths",
-    "headline",
-    "history_from_scene",
-    "instant_of",
-    "loop_of",
-    "on_all",
-    "on_root",
-    "opening_limit",
-    "plot",
-    "range_history",
-    "reactions",
-    "read_record",
-    "read_scene",
-    "read_summary",
-    "read_system",
-    "recovered_tractions",
-    "reference",
-    "refined_at_zone_ends",
-    "run",
-    "run_table",
-    "scene_warnings",
-    "shakedown",
-    "shakedown_limits",
-    "snapshot",
-    "space_errors",
-    "state_at",
-    "steady_states",
-    "steady_states_figure",
-    "stick_half_width",
-    "style",
-    "summarise",
-    "sweep",
-    "to_toml",
-    "traction_at",
-    "validate",
-    "write_record",
-    "write_report",
-    "write_system",
-    "zones",
-]
+__all__ = sorted(_NAMES)
 
 
 def _listing() -> str:
     """Return the public names by groups, each with its description, for the docstring."""
     lines = ["", "Public names"]
     for group, names in _PUBLIC.items():
-        lines += ["", f"{group}::", ""]
-        lines += [f"    {name:26}  {text}" for name, (_, text) in names.items()]
+        shown = (f"    {name:26}  {text}" for name, (_, text) in names.items())
+        lines += ["", f"{group}::", "", *shown]
     return "\n".join(lines) + "\n"
 
 
@@ -415,8 +295,6 @@ __doc__ = f"{__doc__}{_listing()}"
 
 def __getattr__(name: str) -> Any:
     """Load a public name when it is first used: DOLFINx, MPI and displays are loaded late."""
-    from importlib import import_module
-
     if name not in _NAMES:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     place, colon, inner = _NAMES[name][0].partition(":")

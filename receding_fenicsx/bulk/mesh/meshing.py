@@ -21,7 +21,7 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
-from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model
+from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model, mesh_of
 from receding_fenicsx.bulk.mesh.graded_edges import grade_half
 from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
@@ -292,22 +292,7 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
             raise SolveError(
                 f"gmsh could not mesh the body: {caught}; change mesh.growth or contact_elements"
             ) from caught
-        mesh = gmsh.model.mesh
-        types, _, corners = mesh.getElements(2)
-        if list(types) != [GMSH_TYPES[cell]]:
+        if list(gmsh.model.mesh.getElementTypes(2)) != [GMSH_TYPES[cell]]:
             raise SolveError(f"gmsh did not fill the body with {cell}s; change contact_elements")
-        around = corners[0].astype(np.int64)
-        tags, coordinates, _ = mesh.getNodes()
-        # gmsh may keep nodes that no cell uses
-        used = np.isin(tags, around)
-        points = coordinates.reshape(-1, 3)[used] * unit
-        number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
-        number[tags[used].astype(np.int64)] = np.arange(len(points))
-        edges = {}
-        for dim, tag in gmsh.model.getPhysicalGroups(1):
-            curves = gmsh.model.getEntitiesForPhysicalGroup(dim, tag)
-            ends = np.concatenate([mesh.getElements(1, curve)[2][0] for curve in curves])
-            name = gmsh.model.getPhysicalName(dim, tag)
-            edges[name] = number[ends.astype(np.int64)].reshape(-1, 2)
-    cells = number[around].reshape(-1, CORNERS[cell])
-    return HalfMesh(points[:, 0].copy(), points[:, 1].copy(), cells, edges)
+        mesh = mesh_of(gmsh, None, "rectangle.geo", unit)
+    return HalfMesh(mesh.points[:, 0].copy(), mesh.points[:, 1].copy(), mesh.cells, mesh.edges)

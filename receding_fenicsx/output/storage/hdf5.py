@@ -3,17 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import typing
 import zlib
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import h5py
 import numpy as np
 
-from receding_fenicsx.atomic import new_hdf5
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import system_for
 from receding_fenicsx.evolution.record import Record
@@ -28,11 +25,11 @@ from receding_fenicsx.evolution.record_data import (
 )
 from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
 from receding_fenicsx.output.storage.choices import choices_of, text_of
+from receding_fenicsx.output.storage.hdf5_file import create, member, open_file, read, write
 from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml
 
-FORMAT_VERSION = 1
 RECORD = "receding_fenicsx record"
 SYSTEM = "receding_fenicsx contact system"
 
@@ -54,9 +51,6 @@ without a limit, have no group for them."""
 CHOICES = "choices"
 """Instants with several continuations, as JSON in an attribute; a record without it has none."""
 
-COMPRESSED_SIZE = 4096
-"""Number of values from which an array is compressed (without loss)."""
-
 
 def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
     """Write ``record.h5``.
@@ -69,7 +63,7 @@ def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
     Raises:
         InputError: the file exists already or cannot be written.
     """
-    with _create(path, RECORD, overwrite) as file:
+    with create(path, RECORD, overwrite) as file:
         nodes = file.create_group("nodes")
         for field in dataclasses.fields(record):
             value = getattr(record, field.name)
@@ -80,9 +74,9 @@ def write_record(path: Path, record: Record, overwrite: bool = False) -> None:
             elif field.name in GROUPS:
                 group = file.create_group(field.name)
                 for inner in dataclasses.fields(value):
-                    _write(group, inner.name, getattr(value, inner.name))
+                    write(group, inner.name, getattr(value, inner.name))
             else:
-                _write(nodes if field.name in NODE_FIELDS else file, field.name, value)
+                write(nodes if field.name in NODE_FIELDS else file, field.name, value)
 
 
 def read_record(path: Path) -> Record:
@@ -91,7 +85,7 @@ def read_record(path: Path) -> Record:
     Raises:
         InputError: the file does not exist, is not a record, or is damaged.
     """
-    with _open(path, RECORD) as file:
+    with open_file(path, RECORD) as file:
         values: dict[str, Any] = {}
         for field in dataclasses.fields(Record):
             if field.name == CHOICES:
@@ -100,14 +94,14 @@ def read_record(path: Path) -> Record:
                 if field.default is None and field.name not in file:
                     continue
                 kind = GROUPS[field.name]
-                group = _member(file, field.name)
+                group = member(file, field.name)
                 values[field.name] = kind(
-                    **{f.name: _read(group, f.name) for f in dataclasses.fields(kind)}
+                    **{f.name: read(group, f.name) for f in dataclasses.fields(kind)}
                 )
             else:
-                place = _member(file, "nodes") if field.name in NODE_FIELDS else file
+                place = member(file, "nodes") if field.name in NODE_FIELDS else file
                 if field.default is not None or field.name in place:
-                    values[field.name] = _read(place, field.name)
+                    values[field.name] = read(place, field.name)
         for name in ("load_names", "edge_names"):
             values[name] = tuple(values[name])
         if "probes" in values:
@@ -129,9 +123,9 @@ def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> 
         InputError: the file exists already or cannot be written.
     """
     values = _values_of(system)
-    with _create(path, SYSTEM, overwrite) as file:
+    with create(path, SYSTEM, overwrite) as file:
         for name, value in values.items():
-            _write(file, name, value)
+            write(file, name, value)
         file.attrs["checksum"] = _checksum(values)
         file.attrs["digest"] = digest(from_toml(system.scene_toml)) if system.scene_toml else ""
 
@@ -150,13 +144,13 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
         InputError: the file does not exist, is damaged, or was condensed from a scene with another
             body, material, mesh, contact edge, load, support or symmetry.
     """
-    with _open(path, SYSTEM) as file:
+    with open_file(path, SYSTEM) as file:
         values: dict[str, Any] = {}
         for field in dataclasses.fields(ContactSystem):
             optional = field.default is None
             stored = field.name in file or field.name in file.attrs
             if field.name != "probes" and (not optional or stored):
-                values[field.name] = _read(file, field.name)
+                values[field.name] = read(file, field.name)
         for name in ("load_names", "edge_names"):
             values[name] = tuple(values[name])
         system = ContactSystem(**values, probes=_read_probes(file))
@@ -164,8 +158,8 @@ def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
         size = n if system.kind == "normal" else 2 * n
         if system.K.shape != (size, size) or system.held.shape != (2 * n,):
             raise InputError(f"{path}: arrays have inconsistent shapes; condense the scene again")
-        intact = _read(file, "checksum") == _checksum(_values_of(system))
-        condensed_from = _read(file, "digest")
+        intact = read(file, "checksum") == _checksum(_values_of(system))
+        condensed_from = read(file, "digest")
     if scene is not None:
         _check_scene(path, condensed_from, system.scene_toml, scene)
     if not intact:
@@ -191,7 +185,7 @@ def _read_probes(file: h5py.File) -> ProbeMatrix | None:
     """Read the probes of a system, None where it has none."""
     if "probes" not in file:
         return None
-    names, points, rows = (_read(file, f"probes/{name}") for name in ("names", "points", "rows"))
+    names, points, rows = (read(file, f"probes/{name}") for name in ("names", "points", "rows"))
     return ProbeMatrix(tuple(names), points, rows)
 
 
@@ -224,68 +218,6 @@ def _check_scene(path: Path, stored: str, scene_toml: str, scene: Scene) -> None
         f"{path}: was condensed from a scene with another {found or 'mesh file'}; condense this "
         "scene again"
     )
-
-
-@contextmanager
-def _create(path: Path, kind: str, overwrite: bool) -> Iterator[h5py.File]:
-    with new_hdf5(path, overwrite) as file:
-        file.attrs["format"] = kind
-        file.attrs["format_version"] = FORMAT_VERSION
-        yield file
-
-
-@contextmanager
-def _open(path: Path, kind: str) -> Iterator[h5py.File]:
-    path = Path(path)
-    if not path.is_file():
-        raise InputError(f"{path}: no such file; check the path")
-    try:
-        with h5py.File(path, "r") as file:
-            if file.attrs.get("format") != kind:
-                raise InputError(f"{path}: is not a {kind}; give a file that this program wrote")
-            version = int(file.attrs.get("format_version", -1))
-            if version != FORMAT_VERSION:
-                raise InputError(
-                    f"{path}: has format version {version}, this program reads {FORMAT_VERSION}; "
-                    "create it again"
-                )
-            yield file
-    except InputError as error:
-        raise InputError(str(error) if str(path) in str(error) else f"{path}: {error}") from None
-    except (OSError, KeyError, ValueError, TypeError, RuntimeError):
-        raise InputError(f"{path}: is damaged or not an HDF5 file; create it again") from None
-
-
-def _write(group: h5py.Group, name: str, value: Any) -> None:
-    """Write arrays as datasets, everything else as an attribute."""
-    if isinstance(value, np.ndarray):
-        big = value.size >= COMPRESSED_SIZE
-        options = {"compression": "gzip", "compression_opts": 1, "shuffle": True} if big else {}
-        if value.size and value.ndim:
-            options["fletcher32"] = True  # a damaged file then raises an error when it is read
-        group.create_dataset(name, data=value, **options)
-    elif isinstance(value, tuple):
-        group.attrs.create(name, list(value), dtype=h5py.string_dtype(), shape=(len(value),))
-    else:
-        group.attrs[name] = value
-
-
-def _read(group: h5py.Group, name: str) -> Any:
-    """Read a value that :func:`_write` wrote, as an array or a Python type."""
-    if name in group:
-        return np.asarray(group[name][()])
-    if name not in group.attrs:
-        raise InputError(f"'{group.name.rstrip('/')}/{name}' is missing; create the file again")
-    value = group.attrs[name]
-    if isinstance(value, np.ndarray):
-        return [v.decode() if isinstance(v, bytes) else str(v) for v in value]
-    return value.item() if isinstance(value, np.generic) else value
-
-
-def _member(file: h5py.File, name: str) -> h5py.Group:
-    if not isinstance(file.get(name), h5py.Group):
-        raise InputError(f"'/{name}' is missing; create the file again")
-    return typing.cast(h5py.Group, file[name])
 
 
 def _check_lengths(record: Record) -> None:
