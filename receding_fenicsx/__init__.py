@@ -237,10 +237,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "style": ("output.plots.style:", "Colours, fonts and sizes of the figures (module)"),
         "plot": ("pictures", "Draw all figures of a run and its report"),
         "snapshot": ("pictures", "Draw the body of a finished run at one instant"),
-        "draw_slip_mode": (
-            "pictures",
-            "Draw the body deformed by the slip mode at critical friction",
-        ),
+        "draw_slip_mode": ("pictures", "Draw the body in the slip mode at critical friction"),
         "animate": ("pictures", "Make a film of one cycle of a finished run"),
         "export": ("output.storage.fclib", "Write a load step in the layout of FCLIB"),
     },

@@ -296,14 +296,6 @@ def shared_tmp_path(tmp_path: Path) -> Path:
 
 
 @pytest.fixture
-def gmsh_here(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let gmsh read files in this process: to start another takes longer than most meshes."""
-    from receding_fenicsx.bulk.mesh import user_mesh
-
-    monkeypatch.setattr(user_mesh, "_mesh_in_child", user_mesh._mesh)
-
-
-@pytest.fixture
 def mpirun() -> Callable[..., Any]:
     """Run this interpreter under MPI: ``mpirun(2, "-m", "receding_fenicsx", "check", path)``.
 

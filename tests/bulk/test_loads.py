@@ -19,8 +19,6 @@ from receding_fenicsx.scene.model import Body, Contact, Load, Material, MeshOpti
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.timing import Timer
 
-pytestmark = pytest.mark.usefixtures("gmsh_here")
-
 comm = MPI.COMM_WORLD
 DEMOS = Path(__file__).parents[2] / "demos"
 

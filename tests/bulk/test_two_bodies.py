@@ -43,8 +43,6 @@ from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.study import condense as condense_scene
 
-pytestmark = pytest.mark.usefixtures("gmsh_here")
-
 comm = MPI.COMM_WORLD
 Array = np.ndarray
 

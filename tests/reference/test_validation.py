@@ -12,8 +12,6 @@ from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.reference.layer import contact_half_width
 from receding_fenicsx.study import condense
 
-pytestmark = pytest.mark.usefixtures("gmsh_here")
-
 DEMOS = Path(__file__).parents[2] / "demos"
 
 

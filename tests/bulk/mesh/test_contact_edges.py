@@ -28,8 +28,6 @@ from receding_fenicsx.output.storage import hdf5
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, SolverOptions
 from receding_fenicsx.study import condense as condense_scene
 
-pytestmark = pytest.mark.usefixtures("gmsh_here")
-
 comm = MPI.COMM_WORLD
 
 

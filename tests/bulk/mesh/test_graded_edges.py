@@ -17,8 +17,6 @@ from receding_fenicsx.accuracy.meshes import scaled
 from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
 from receding_fenicsx.errors import InputError
 
-pytestmark = pytest.mark.usefixtures("gmsh_here")
-
 comm = MPI.COMM_WORLD
 DEMOS = Path(__file__).parents[3] / "demos"
 EDGE = Base(np.array([0.0, 1.0, 3.0]), np.array([0.2, 0.1]))

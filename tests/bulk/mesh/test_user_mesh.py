@@ -25,8 +25,6 @@ from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Sc
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.timing import Timer
 
-pytestmark = pytest.mark.usefixtures("gmsh_here")
-
 comm = MPI.COMM_WORLD
 
 
