@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from receding_fenicsx.accuracy.estimate import ORDERS, Estimate, Level, estimates_of
+from receding_fenicsx.accuracy.estimate import MIN_RATIO, ORDERS, Estimate, Level, estimates_of
 from receding_fenicsx.accuracy.meshes import (
     doublings,
     elements_near,
@@ -133,6 +133,7 @@ def search(
         wanted = next_elements(scene, found.levels, found.failures)
         found.reason = _too_much(scene, found.levels, wanted)
         if found.reason:
+            found.reason += _wants(found)
             return found
         if len(found.levels) > known:
             moving_on(found.levels)
@@ -169,26 +170,29 @@ def next_elements(
         first = doublings(scene)[0] if is_refined(scene) else FIRST_ELEMENTS
         return max([first, *(2 * elements for elements, _ in failures)])
     last = levels[-1].elements
+    if is_refined(scene):
+        return 2 * last
     ratio = FIRST_RATIO
     if len(levels) >= MIN_LEVELS:
-        needed = needed_ratio(_asked(scene, levels), scene.accuracy.tolerance or 1.0)
-        steps = max(1, math.ceil(math.log(needed) / math.log(RATIOS[1])))
-        ratio = max(needed ** (1.0 / steps), RATIOS[0])
-    if is_refined(scene):
-        ratio = 2.0
+        asked, tolerance = _asked(scene, levels), scene.accuracy.tolerance or 1.0
+        needed = max(needed_ratio(asked, AIM * tolerance), RATIOS[0])
+        ratio = needed ** (1.0 / math.ceil(math.log(needed) / math.log(RATIOS[1])))
+        finest = MOST_NODES / max(levels[-1].nodes, 1)
+        if max(needed_ratio(asked, tolerance), MIN_RATIO) <= finest < ratio:
+            return 2 * int(0.5 * finest * last)
     return 2 * math.ceil(0.5 * ratio * last)
 
 
 def needed_ratio(asked: Mapping[str, Estimate], tolerance: float) -> float:
-    """Return how many times as many elements the worst number needs."""
-    ratios = [RATIOS[0]]
-    for e in asked.values():
-        if not math.isfinite(e.error):
-            ratios.append(RATIOS[1])
-            continue
-        order = 1.0 if math.isnan(e.order) else min(max(e.order, ORDERS[0]), ORDERS[1])
-        ratios.append((2.0 * e.relative / (AIM * tolerance)) ** (1.0 / order))
-    return max(ratios)
+    """Return how many times as many elements the worst number needs, as errors fall with p."""
+    return max((_needed(e, tolerance) for e in asked.values()), default=1.0)
+
+
+def _needed(e: Estimate, tolerance: float) -> float:
+    if not math.isfinite(e.error):
+        return RATIOS[1]
+    order = 1.0 if math.isnan(e.order) else min(max(e.order, ORDERS[0]), ORDERS[1])
+    return float((2.0 * e.relative / tolerance) ** (1.0 / order))
 
 
 def _asked(scene: Scene, levels: Sequence[Level]) -> dict[str, Estimate]:
@@ -269,6 +273,19 @@ def _too_much(scene: Scene, levels: Sequence[Level], wanted: int) -> str:
             f"{wanted} elements needs about {next_seconds:.2g} s"
         )
     return ""
+
+
+def _wants(found: Search) -> str:
+    """Return which numbers keep a search from its tolerance, with the meshes that they need."""
+    tolerance, elements = found.scene.accuracy.tolerance or 1.0, found.levels[-1].elements
+    words = ""
+    for name, e in found.way[-1].items():
+        if tolerance < 2.0 * e.relative < math.inf and not math.isnan(e.order):
+            least = float(f"{elements * _needed(e, tolerance):.2g}")
+            words += (
+                f"; {name} needs about {least:g} elements, it converges with order {e.order:.1f}"
+            )
+    return words
 
 
 def _solved(scene: Scene, wanted: int, solve: Solve) -> Level:

@@ -76,6 +76,23 @@ def test_the_whole_search_costs_little_more_than_its_last_mesh() -> None:
     assert sum(level.seconds for level in found.levels) <= 1.5 * found.levels[-1].seconds
 
 
+def test_the_finest_mesh_is_tried_where_it_is_predicted_to_do(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tolerance = 1e-3
+    # sizes 24, 60, 150, then about 2.6 times each; 2 * error = 1e-3 at 936 elements
+    solve = made_up(centre_pressure=lambda n: 0.5e-3 * (936.0 / n) ** 1.5)
+    free = search(scene_of(tolerance), solve)
+    assert free.met and sizes(free)[-1] > 1000
+    for finest, met in ((1000, True), (900, False)):
+        monkeypatch.setattr(module, "MOST_NODES", 2 * finest + 1)
+        found = search(scene_of(tolerance), solve)
+        assert found.met == met and sizes(found)[-1] <= finest
+        assert met == (sizes(found)[-1] > 990)
+        words = "; centre_pressure needs about 930 elements, it converges with order 1.5"
+        assert met or found.reason.endswith(words)
+
+
 def test_the_worst_of_the_asked_numbers_decides() -> None:
     fast, slow = (lambda n: 0.1 * (16.0 / n) ** 2), (lambda n: 0.1 * 16.0 / n)
     solve = made_up(centre_pressure=fast, dissipation_ratio=slow, stick_half_width=slow)
