@@ -152,10 +152,9 @@ def draw_slip_mode(
     with drawing_modules():
         from receding_fenicsx.output.snapshots import mode
     comm = comm or world()
-    given = comm.bcast(mpi.on_root(comm, lambda: mode.checked(mpi.given(critical))))
     bulk = picture_body(scene, comm)
     try:
-        return mode.draw(bulk, given, Path(file))
+        return mode.draw(bulk, critical, Path(file))
     finally:
         bulk.destroy()
 

@@ -84,14 +84,9 @@ def _opening(result: ShakedownStudy) -> dict[str, Any] | None:
     if found is None:
         return None
     return {
-        "value": found.value,
+        **{key: value for key, value in vars(found).items() if key not in ("slip", "closed")},
         "found": FOUND_BY,
         "verified_at": BELOW * found.value,
-        "looked_at_up_to": found.top,
-        "best": found.best,
-        "changes": len(found.closed) - 1,
         "opening_nodes": np.flatnonzero(~found.closed.all(axis=0)).tolist(),
         "slip": mirror_of(result.system).odd(found.slip).tolist(),
-        "residual": found.residual,
-        "dissipation": found.dissipation,
     }

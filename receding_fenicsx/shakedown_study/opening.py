@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -61,9 +62,10 @@ def opening_limit(
 
     opens = np.ones(system.n, dtype=bool)
     if system.n > ALL_NODES:
-        opens = (
-            _opened(system, played(min(seen, top), limits.safe_slip_modelled)) | limits.separated
-        )
+        opens = limits.separated.copy()
+        for slip in (limits.safe_slip_modelled, np.zeros(system.n)):
+            with suppress(SolveError):  # a path that ends tells nothing
+                opens |= _opened(system, played(min(seen, top), slip))
         if opens.sum() > MOST_NODES:
             raise InputError(
                 f"opening_limit: {opens.sum()} nodes open, {MOST_NODES} at most are tried"
@@ -76,11 +78,10 @@ def opening_limit(
 
 
 def _opened(system: ContactSystem, record: Record) -> NDArray[np.bool_]:
-    """Return (N,) modelled nodes that are open at some time of the last cycle."""
+    """Return (N,) modelled nodes that are open at some time."""
     table, events = record.turning_points, record.events
-    whole = np.any(table.state[table.cycle == table.cycle.max()] == SEPARATION, axis=0)
-    last = events.cycle == table.cycle.max()
-    whole[events.node[last & ((events.new == SEPARATION) | (events.old == SEPARATION))]] = True
+    whole = np.any(table.state == SEPARATION, axis=0)
+    whole[events.node[events.new == SEPARATION]] = True
     opens = np.zeros(system.n, dtype=bool)
     opens[mirror_of(system).index[whole]] = True
     return opens

@@ -75,10 +75,10 @@ def test_body_in_a_slip_mode_has_its_picture(
         assert slips.sum() > 4
         assert np.abs(q[slips]) == pytest.approx(critical.factor * 0.35 * np.abs(p[slips]))
     coarser = rf.read_scene(BLOCK, ["mesh.contact_elements=4"])
-    with pytest.raises(rf.InputError, match="contact nodes, the scene's mesh"):
+    with pytest.raises(rf.InputError, match="slip mode: a mode of the scene's 5 contact nodes"):
         rf.draw_slip_mode(coarser, critical, shared_tmp_path / "other.png")
     if critical is not None:
         critical = replace(critical, mode=0.0 * critical.mode)
-    with pytest.raises(rf.InputError, match="slip mode: none was found"):
+    with pytest.raises(rf.InputError, match="with largest entry 0"):
         rf.draw_slip_mode(scene, critical, shared_tmp_path / "other.png")
     assert not (shared_tmp_path / "other.png").exists()

@@ -101,6 +101,12 @@ def test_command_writes_what_the_next_run_can_start_from(
     }
     assert [mesh["nodes"] for mesh in summary["meshes"]] == [17, 9]
     assert summary["residual"] < 1e-9
+    # the sheared block opens at its ends
+    opening, (low, _) = summary["opening"], summary["by_cycles"]
+    assert opening["value"] >= low > 1.01 * summary["upper"]
+    assert opening["dissipation"] < 1e-12
+    assert {0, 16} <= set(opening["opening_nodes"])
+    assert (f"with opening  {opening['value']:.6g}" in printed) == root
     profile = np.loadtxt(out / "safe_slip.csv", delimiter=",", skiprows=1)
     assert summary["safe_slip"] == profile[:, 1].tolist()
     diagram = summary["diagram"]

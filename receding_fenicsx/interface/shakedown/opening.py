@@ -21,6 +21,7 @@ from __future__ import annotations
 
 import itertools
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.optimize
@@ -60,8 +61,8 @@ class Opening:
         top: the largest lambda that was looked at.
         slip: (N,) tangential displacements at the first corner.
         closed: (intervals, N) nodes that are closed between the points.
-        best: no motion without slip goes further with as many changes of the set as nodes may open
-            (``CHANGES`` on each leg of a loop) and numbers below ``LARGEST``.
+        best: no such motion goes further with as many changes of the set as nodes may open
+            (``CHANGES`` on each leg of a loop), these nodes, and numbers below ``LARGEST``.
         residual: largest violation of the contact law at the points, over the largest force.
         dissipation: largest of exact cycles from ``slip`` at just below ``value``, over F^2 / K_ii
             of the largest force F; NaN before they are played.
@@ -76,8 +77,7 @@ class Opening:
     dissipation: float = np.nan
 
 
-@dataclass(frozen=True)
-class _Motion:
+class _Motion(NamedTuple):
     """Answer of a program: mu, states (intervals, N), u (points, 2N) and tau at the points."""
 
     mu: float
@@ -87,16 +87,8 @@ class _Motion:
     proved: bool
 
 
-@dataclass(frozen=True)
-class _Task:
-    """A contact and its range in numbers of order one.
-
-    Attributes:
-        system: the contact, its K and g0 scaled.
-        opens: (N,) nodes that may open.
-        mean: (2N,) held reactions to the mean loads.
-        D: (V, 2N) their changes at the corners at mu = 1, the largest that is looked at.
-    """
+class _Task(NamedTuple):
+    """Scaled contact, nodes that may open, held reactions to mean loads and corners at mu = 1."""
 
     system: ContactSystem
     opens: NDArray[np.bool_]
@@ -112,11 +104,6 @@ class _Task:
         """Return the corners between which point p lies, and its place among the points there."""
         leg, inner = divmod(p, intervals // self.legs)
         return self.D[leg % len(self.D)], self.D[(leg + 1) % len(self.D)], inner
-
-    def load(self, p: int, motion: _Motion) -> Array:
-        """Return the held reactions (2N,) at a point of a motion."""
-        a, b, _ = self.corners(p, len(motion.sets))
-        return self.mean + motion.mu * a + motion.tau[p] * (b - a)
 
 
 def largest_opening(
@@ -159,8 +146,8 @@ def largest_opening(
     residual = _residual(task, found)
     if residual > BINDS:
         raise SolveError(f"a motion without slip violates the contact law by {residual:.1e}")
-    at_first = slip * found.u[0, : system.n]
-    return Opening(found.mu * top, top, at_first, found.sets == 1, best, residual)
+    first = slip * found.u[0, : system.n]
+    return Opening(found.mu * top, top, first, found.sets == 1, best, residual)
 
 
 def _solved(task: _Task, pattern: Ints, known: _Motion | None) -> _Motion:
@@ -173,16 +160,38 @@ def _solved(task: _Task, pattern: Ints, known: _Motion | None) -> _Motion:
     """
     chosen = _program(task, pattern, 0.0 if known is None else known.mu * (1.0 - BINDS))
     final = None if chosen is None else _program(task, chosen.sets, 0.0)
-    proved = chosen is not None and chosen.proved
-    if final is not None and (known is None or final.mu > known.mu):
-        return replace(final, proved=proved)
-    if known is None:
+    if final is None or (known is not None and final.mu <= known.mu):
+        final = known
+    if final is None:
         raise SolveError("shakedown: no motion without slip was found at any load range")
-    return replace(known, proved=proved)
+    return final._replace(proved=chosen is not None and chosen.proved)
+
+
+def _program(task: _Task, pattern: Ints, at_least: float) -> _Motion | None:
+    """Solve one program for states (intervals, N), some ``FREE``; None without an answer."""
+    rows = _Rows(task, len(pattern))
+    rows.choose(pattern)
+    binary, unknown = slice(*rows.ends[4:6]), (pattern == FREE).ravel()
+    integral, cost = np.zeros((2, rows.ends[-1]))
+    integral[binary], cost[-1] = unknown, -1.0
+    found = scipy.optimize.milp(
+        cost,
+        integrality=integral,
+        bounds=rows.bounds(pattern, at_least),
+        constraints=scipy.optimize.LinearConstraint(
+            sparse.vstack(rows.matrices, format="csr"), np.concatenate(rows.least), np.inf
+        ),
+        options={"time_limit": SECONDS},
+    )
+    if found.x is None:
+        return None
+    u, tau = np.array([M @ found.x for M in rows.u]), found.x[slice(*rows.ends[3:5])]
+    sets = np.rint(found.x[binary]).astype(int).reshape(pattern.shape)
+    return _Motion(float(found.x[-1]), sets, u, tau, found.status == 0)
 
 
 class _Rows:
-    """Unknowns of a program, and conditions M x >= b.
+    """Unknowns of a program, and its conditions M x >= b.
 
     Unknowns: displacements that are the same at all points and the forces K u that they cause;
     those that differ and tau, of each point; z of each interval; mu.
@@ -190,26 +199,25 @@ class _Rows:
 
     def __init__(self, task: _Task, intervals: int) -> None:
         """Set up the points between the intervals, and the laws that hold in any state there."""
-        system, n = task.system, task.system.n
+        self.task, n = task, task.system.n
         points = intervals + (task.legs == 1)
-        own = np.concatenate([task.opens | ~system.friction.present, task.opens]) & ~system.held
-        self.task, self.own, m = task, own, int(own.sum())
+        varies = np.concatenate([task.opens | ~task.system.friction.present, task.opens])
+        self.own = own = varies & ~task.system.held
+        m, K = int(own.sum()), sparse.csr_matrix(task.system.K)
         self.ends = np.cumsum([0, 2 * n, 2 * n, points * m, points, intervals * n, 1])
         unit = sparse.identity(self.ends[-1], format="csr")
         common, forces, moved, tau, z, mu = (unit[a:b] for a, b in itertools.pairwise(self.ends))
-        K = sparse.csr_matrix(system.K)
         self.matrices, self.least = [forces - K @ common, K @ common - forces], [np.zeros(4 * n)]
         self.u, self.r, self.z = [], [], [z[k * n : (k + 1) * n] for k in range(intervals)]
         for p in range(points):
             a, b, inner = task.corners(p, intervals)
             its = sparse.identity(2 * n, format="csr")[:, own] @ moved[p * m : (p + 1) * m]
-            load = _column(a) @ mu + _column(b - a) @ tau[p]
+            load = [sparse.csr_matrix(c[:, None]) for c in (a, b - a)]
             self.u.append(common + its)
-            self.r.append(forces + K @ its + load)
+            self.r.append(forces + K @ its + load[0] @ mu + load[1] @ tau[p])
             if inner:
                 self.add(mu - tau[p])
-            if inner > 1:
-                self.add(tau[p] - tau[p - 1])
+                self.add(tau[p] - tau[p - 1])  # tau = 0 at the corner before
             self._laws(p)
 
     def add(self, matrix: sparse.csr_matrix, least: Array | float = 0.0) -> None:
@@ -228,81 +236,53 @@ class _Rows:
         self.add(P[normal], -mean[n:][normal])
         self.add(self.u[p][n:][normal], -system.g0[normal])
 
-    def choose(self, k: int) -> None:
-        """Require that each node is closed or open in an interval."""
-        system, n, z = self.task.system, self.task.system.n, LARGEST * self.z[k]
-        (loose, normal), pair = ~system.held.reshape(2, n), (k, (k + 1) % len(self.u))
-        for p in pair:
-            self.add((-self.u[p][n:] - z)[normal], (system.g0 - LARGEST)[normal])
-            self.add((z - self.r[p][n:])[normal], self.task.mean[n:][normal])
+    def choose(self, pattern: Ints) -> None:
+        """Require that nodes are closed or open; near a known set few of them differ from it."""
+        system, n, mean = self.task.system, self.task.system.n, self.task.mean
+        loose, normal = ~system.held.reshape(2, n)
         sticks = loose & system.friction.present
-        change = (self.u[pair[1]] - self.u[pair[0]])[:n]
-        for sign in (1.0, -1.0):
-            self.add((sign * change - z)[sticks], -LARGEST)
-
-    def near(self, pattern: Ints) -> None:
-        """Require that an unknown set differs by few nodes from a known one beside it."""
-        for a, b in itertools.pairwise(range(len(pattern))):
-            for new, known in ((a, b), (b, a)):
-                nodes = (pattern[new] == FREE) & (pattern[known] != FREE)
-                sign = np.where(pattern[known] == 1, 1.0, -1.0)[nodes]
-                stay = sparse.csr_matrix(sign) @ self.z[new][nodes]
+        for k, states in enumerate(pattern):
+            z, pair = LARGEST * self.z[k], (k, (k + 1) % len(self.u))
+            for p in pair:
+                self.add((-self.u[p][n:] - z)[normal], (system.g0 - LARGEST)[normal])
+                self.add((z - self.r[p][n:])[normal], mean[n:][normal])
+            change = (self.u[pair[1]] - self.u[pair[0]])[:n]
+            for sign in (1.0, -1.0):
+                self.add((sign * change - z)[sticks], -LARGEST)
+            for known in pattern[max(k - 1, 0) : k + 2]:
+                nodes = (states == FREE) & (known != FREE)
+                sign = np.where(known == 1, 1.0, -1.0)[nodes]
+                stay = sparse.csr_matrix(sign) @ self.z[k][nodes]
                 self.add(stay, float((sign > 0.0).sum()) - AT_ONCE)
 
     def bounds(self, pattern: Ints, at_least: float) -> scipy.optimize.Bounds:
         """Return the bounds of all unknowns."""
-        system, n = self.task.system, self.task.system.n
-        is_v, fixed = np.arange(2 * n) < n, system.held | self.own
-        shut = -np.tile(system.g0, 2)
-        most = [np.where(fixed, 0.0, np.where(is_v, LARGEST, shut))]
-        least = [np.where(fixed, 0.0, np.where(is_v, -LARGEST, shut))]
-        points, many = len(self.u), self.ends[3] - self.ends[1]
+        system, n, points = self.task.system, self.task.system.n, len(self.u)
+        fixed, shut = system.held | self.own, -system.g0
+        large, many = np.full(n, LARGEST), np.full(self.ends[3] - self.ends[1], np.inf)
         inner = np.arange(points) % (len(self.z) // self.task.legs) > 0
-        most += [np.full(many, np.inf), inner]
-        least += [np.full(many, -np.inf), np.zeros(points)]
-        unknown = pattern.ravel() == FREE
-        least += [np.where(unknown, 0, pattern.ravel()), np.array([at_least])]
-        most += [np.where(unknown, 1, pattern.ravel()), np.ones(1)]
+        least, most = (
+            [np.where(fixed, 0.0, np.append(sign * large, shut)), sign * many] for sign in (-1, 1)
+        )
+        least += [
+            np.zeros(points),
+            np.where(pattern == FREE, 0, pattern).ravel(),
+            np.atleast_1d(at_least),
+        ]
+        most += [inner, np.abs(pattern).ravel(), np.ones(1)]
         return scipy.optimize.Bounds(np.concatenate(least), np.concatenate(most))
-
-
-def _program(task: _Task, pattern: Ints, at_least: float) -> _Motion | None:
-    """Solve one program for states (intervals, N), some ``FREE``; None without an answer."""
-    rows = _Rows(task, len(pattern))
-    for k in range(len(pattern)):
-        rows.choose(k)
-    rows.near(pattern)
-    binary = slice(rows.ends[4], rows.ends[5])
-    integral = np.zeros(rows.ends[-1])
-    integral[binary] = pattern.ravel() == FREE
-    found = scipy.optimize.milp(
-        -np.eye(1, rows.ends[-1], rows.ends[-1] - 1)[0],
-        integrality=integral,
-        bounds=rows.bounds(pattern, at_least),
-        constraints=scipy.optimize.LinearConstraint(
-            sparse.vstack(rows.matrices, format="csr"), np.concatenate(rows.least), np.inf
-        ),
-        options={"time_limit": SECONDS},
-    )
-    if found.x is None:
-        return None
-    u, tau = np.array([M @ found.x for M in rows.u]), found.x[rows.ends[3] : rows.ends[4]]
-    sets = np.rint(found.x[binary]).astype(int).reshape(pattern.shape)
-    return _Motion(float(found.x[-1]), sets, u, tau, found.status == 0)
 
 
 def _residual(task: _Task, found: _Motion) -> float:
     """Return the largest violation of the law at both ends of all intervals, over the force."""
-    system, K = task.system, local_stiffness(task.system)
-    r = np.array([task.load(p, found) for p in range(len(found.u))]) + found.u @ system.K
+    system, K, many = task.system, local_stiffness(task.system), len(found.sets)
+    r = found.u @ system.K + task.mean
+    for p, tau in enumerate(found.tau):
+        a, b, _ = task.corners(p, many)
+        r[p] += found.mu * a + tau * (b - a)
     worst = 0.0
     for k, closed in enumerate(found.sets == 1):
         pair = [k, (k + 1) % len(r)]
         slip = np.where(closed, np.diff(found.u[pair, : system.n], axis=0), 0.0)
         worst = max(worst, float(law_residual(system, r[pair], found.u[pair], slip, K).max()))
     return worst / float(np.abs(r).max())
-
-
-def _column(values: Array) -> sparse.csr_matrix:
-    """Return values as a matrix of one column."""
-    return sparse.csr_matrix(values[:, None])

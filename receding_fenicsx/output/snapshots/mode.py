@@ -29,29 +29,26 @@ NO_FORCE = 1e-9
 """Reaction over the largest one below which a node without a direction of slip is open."""
 
 
-def checked(critical: CriticalFriction) -> CriticalFriction:
-    """Return a mode that can be drawn on this machine.
+def draw(bulk: Bodies, critical: CriticalFriction | None, file: Path) -> Path | None:
+    """Draw the body deformed by a mode (rank 0's), without loads, at the mode's friction.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no mode, or the body's contact nodes are not those of the mode.
     """
-    if not critical.mode.any():
-        raise InputError("slip mode: none was found; the contact has no coupling")
-    find_renderer()
-    return critical
+    n, none = len(bulk.contact.x), np.zeros(len(bulk.load_names))
 
+    def checked() -> CriticalFriction:
+        found = given(critical)
+        if len(found.signs) != n or not found.mode.any():
+            raise InputError(
+                f"slip mode: a mode of the scene's {n} contact nodes is needed, not one of "
+                f"{len(found.signs)} with largest entry {np.abs(found.mode).max():g}"
+            )
+        find_renderer()
+        return found
 
-def draw(bulk: Bodies, critical: CriticalFriction, file: Path) -> Path | None:
-    """Draw the body deformed by a mode, without loads, at the mode's friction; collective.
-
-    Raises:
-        InputError: the body's contact nodes are not those of the mode.
-    """
-    n, signs, none = len(bulk.contact.x), critical.signs, np.zeros(len(bulk.load_names))
-    if len(signs) != n:
-        raise InputError(
-            f"slip mode: has {len(signs)} contact nodes, the scene's mesh {n}; give its scene"
-        )
+    critical = bulk.comm.bcast(on_root(bulk.comm, checked))
+    signs = critical.signs
     force = np.abs(critical.reactions).reshape(2, n).max(axis=0)
     slips = np.where(signs > 0.0, State.FORWARD_SLIP, State.BACKWARD_SLIP)
     stays = np.where(force > NO_FORCE * force.max(), State.STICK, State.SEPARATION)
