@@ -34,10 +34,10 @@ def sheared(f: float, elements: int) -> rf.Scene:
 
 @pytest.mark.parametrize("f", [0.5, 0.8])
 def test_graded_corners_need_less_than_half_the_nodes(f: float) -> None:
-    scene = sheared(f, 40)
-    fine = sheared(f, 80)
+    scene = sheared(f, 30)
+    fine = sheared(f, 60)
     limit = played(replace(fine, mesh=replace(fine.mesh, refine=(rf.Refinement(1e-5),))))
-    equal = played(sheared(f, 160))
+    equal = played(sheared(f, 120))
     better = played(rf.refined_at_zone_ends(scene, played(scene)))
     exact, of_equal, of_better = (r.cycles.dissipation[0] for r in (limit, equal, better))
     assert len(better.x) <= 0.5 * len(equal.x)
