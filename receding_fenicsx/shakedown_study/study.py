@@ -40,6 +40,8 @@ EDGE_NOTE = (
     "at an edge where the contact is free to recede the continuum slips at any load range: both "
     "limits are those of the mesh, and fall on finer ones"
 )
+FALLS = 0.01
+"""Fall of the upper limit from the second mesh to the scene's, over it, that is told."""
 OPENS_NOTE = (
     "a node unloads at the upper limit, which is that of the closed contact: beyond, the contact "
     "may open and close without slip"
@@ -110,6 +112,11 @@ def shakedown(
                 except RecedingError as error:  # cycles have told what they found
                     failures.append(f"no range with opening nodes: {error}")
         sizes = tuple((len(m.separated), m.lower, m.upper) for m in map(mpi.given, meshes))
+        if sizes[-1][2] > (1.0 + FALLS) * found.upper:
+            failures.append(
+                "the upper limit falls as the mesh is refined: at a free edge the continuum may "
+                "slip at any load range; both limits are those of the mesh"
+            )
         notes = (*_notes(own, found, cycles is not None), *failures)
         result = ShakedownStudy(own, found, sizes, diagram, cycles, notes, opening)
         if out is not None:

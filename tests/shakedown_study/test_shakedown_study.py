@@ -101,6 +101,7 @@ def test_command_writes_what_the_next_run_can_start_from(
     }
     assert [mesh["nodes"] for mesh in summary["meshes"]] == [17, 9]
     assert summary["residual"] < 1e-9
+    assert any("falls as the mesh is refined" in note for note in summary["notes"])
     # the sheared block opens at its ends
     opening, (low, _) = summary["opening"], summary["by_cycles"]
     assert opening["value"] >= low > 1.01 * summary["upper"]
