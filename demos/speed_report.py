@@ -13,6 +13,7 @@ from mpi4py import MPI
 
 import matplotlib as mpl
 import numpy as np
+from matplotlib.ticker import LogLocator, NullFormatter
 
 import receding_fenicsx as rf
 
@@ -133,6 +134,9 @@ def draw(rows: list[Row], folder: Path) -> None:
             )
         panel.set_title(case)
         panel.set_xlabel("CPU seconds")
+        panel.xaxis.set_major_locator(LogLocator(subs=(1.0, 3.0)))
+        panel.xaxis.set_major_formatter("{x:g}")
+        panel.xaxis.set_minor_formatter(NullFormatter())
     for panel in axes[:, 0]:
         panel.set_ylabel("error of dissipation")
     for panel in axes.flat[len(cases) :]:
