@@ -68,6 +68,7 @@ class ShakedownStudy:
         if self.opening is not None:
             found = self.opening
             more = " (none larger was looked at)" if found.value > LIMIT * found.top else ""
+            more += " (search cut short)" if found.cut else ""
             lines.append(
                 f"with opening  {found.value:.6g}{more}: nodes open and close without slip, found "
                 f"{FOUND_BY}"

@@ -46,8 +46,8 @@ FREE = -1
 """State of a node between two points that the program chooses."""
 WHOLE = 30
 """Most binaries of the program that chooses the states of all nodes between all points."""
-SECONDS = 60.0
-"""Longest time of one program; the best motion found by then is taken, not as the best there is."""
+TREE = 10_000
+"""Most nodes of the tree of one program; the best motion found by then is taken, and said so."""
 CHANGES = 2
 """Changes of the set on each leg of a range with more than two corners."""
 
@@ -63,6 +63,7 @@ class Opening:
         closed: (intervals, N) nodes that are closed between the points.
         best: no such motion goes further with as many changes of the set as nodes may open
             (``CHANGES`` on each leg of a loop), these nodes, and numbers below ``LARGEST``.
+        cut: the search ended before its last program was solved.
         residual: largest violation of the contact law at the points, over the largest force.
         dissipation: largest of exact cycles from ``slip`` at just below ``value``, over F^2 / K_ii
             of the largest force F; NaN before they are played.
@@ -73,6 +74,7 @@ class Opening:
     slip: Array
     closed: NDArray[np.bool_]
     best: bool
+    cut: bool
     residual: float
     dissipation: float = np.nan
 
@@ -131,10 +133,12 @@ def largest_opening(
     task = _Task(scaled, opens, mean / force, D / force)
     unknown, many = np.where(opens, FREE, 1)[None], int(opens.sum())
     found = _solved(task, np.repeat(unknown, task.legs, axis=0), None)
+    proved = found.proved
     while task.legs == 1:
         changed = np.any(np.diff(found.sets, axis=0) != 0, axis=1)
         chain = found.sets[np.append(True, changed)]
         more = _solved(task, np.vstack([unknown, chain, unknown]), found)
+        proved = more.proved
         if more.mu <= found.mu * (1.0 + GAIN):
             break
         found = more
@@ -142,12 +146,12 @@ def largest_opening(
     best = intervals * many <= WHOLE
     if best:
         found = _solved(task, np.repeat(unknown, intervals, axis=0), found)
-        best = found.proved
+        best = proved = found.proved
     residual = _residual(task, found)
     if residual > BINDS:
         raise SolveError(f"a motion without slip violates the contact law by {residual:.1e}")
     first = slip * found.u[0, : system.n]
-    return Opening(found.mu * top, top, first, found.sets == 1, best, residual)
+    return Opening(found.mu * top, top, first, found.sets == 1, best, not proved, residual)
 
 
 def _solved(task: _Task, pattern: Ints, known: _Motion | None) -> _Motion:
@@ -181,7 +185,7 @@ def _program(task: _Task, pattern: Ints, at_least: float) -> _Motion | None:
         constraints=scipy.optimize.LinearConstraint(
             sparse.vstack(rows.matrices, format="csr"), np.concatenate(rows.least), np.inf
         ),
-        options={"time_limit": SECONDS},
+        options={"node_limit": TREE},
     )
     if found.x is None:
         return None
