@@ -108,6 +108,15 @@ class Sums:
         if len(self._stops) > STOPS_AT_ONCE:
             self.add_up()
 
+    def with_watched(self, rows: Array) -> Array:
+        """Return rates (k, 4N) of y along this leg, and those of the watched quantities."""
+        if self.watch is None:
+            return rows
+        a, b = self.problem.ends
+        loads = np.broadcast_to(b - a, (len(rows), len(a)))
+        u = rows[:, : 2 * self.system.n]
+        return np.hstack([rows, np.hstack([u, loads]) @ self.watch.rows.T])
+
     def rates(self, rows: Array) -> Rates:
         """Return the rates of the integrals along segments with rates (k, 4N + any) of y."""
         n, (a, b) = self.system.n, self.problem.ends
@@ -155,7 +164,8 @@ class Sums:
         u, load, slip = self._integrate(s, y)
         if self.watch is not None:
             reported = self.watch.reached(u[1:], load[1:], self.force_scale)
-            self.watched = np.union1d(self.watched, reported)
+            if len(reported):
+                self.watched = np.union1d(self.watched, reported)
         if at_end:
             y, u, load, slip = y[:-1], u[:-1], load[:-1], slip[:-1]
         if len(slip) and (self.check_all or self._suspected_error(y, load) > EVENT_RESIDUAL):
@@ -163,25 +173,13 @@ class Sums:
             self._check(u[1:], load[1:], slip, states)
         self._stops = self._stops[-1:]
 
-    def check(self, s: Array, y: Array, states: list[States]) -> None:
-        """Evaluate the residual afresh at places s (k,), y (k + 1, 4N) beginning one stop before.
-
-        The k states are those on the way to each.
-        """
-        u, load, slip = self._stops_at(s[:, None], y)
-        self._check(u[1:], load, slip, np.array(states))
-
-    def _stops_at(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
-        """Return displacements, loads and slips in between at places (k, 1), from (k, 4N) y."""
-        n, (a, b) = self.system.n, self.problem.ends
-        u = y[:, : 2 * n]
-        if self.gaps:
-            u = u - np.concatenate([np.zeros(n), self.system.g0])
-        return u, (1.0 - s) * a + s * b, u[1:, :n] - u[:-1, :n]
-
     def _integrate(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
         """Add dissipation and work between stops; return displacements, loads and slips there."""
-        u, load, slip = self._stops_at(s, y)
+        n, (a, b) = self.system.n, self.problem.ends
+        u, load = y[:, : 2 * n], (1.0 - s) * a + s * b
+        if self.gaps:
+            u = u - np.concatenate([np.zeros(n), self.system.g0])
+        slip = u[1:, :n] - u[:-1, :n]
         resisting = self._resisting(y)
         self.dissipation += 0.5 * np.einsum("ij,ij->j", resisting[1:] + resisting[:-1], slip)
         stroke = np.diff(u @ self.system.r_star.T, axis=0)

@@ -81,7 +81,7 @@ class Chain:
         k, n = len(segments), sums.system.n
         self.segments, self.following, self.missed = segments, following, 0
         self.labels = np.array([step.label for step in following])
-        self.rows = np.array([segment.row for segment in segments])
+        self.rows = sums.with_watched(np.array([segment.q for segment in segments]))
         self.triangle = self.rows[:, self.labels].T
         ends = self.rows[:, n:] < 0.0
         ends[:-1] &= ~ends[1:]
@@ -117,7 +117,7 @@ class Replay:
     """Replays chains of known segments along one leg.
 
     Attributes:
-        active: whether to replay at all; not where every event is to be passed by itself.
+        active: whether to replay at all; not where every event is to be looked at by itself.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class Replay:
         self._segments, self._point = segments, point
         self._sums, self._round_off = sums, round_off
         n, scale = segments.system.n, point.problem.force_scale
-        self.active, self._wait = True, 0
+        self.active, self._wait = not sums.check_all, 0
         n_watched = 0 if sums.watch is None else len(sums.watch.rows)
         self._passed = PASSED_BY_ROUND_OFF * EPSILON * scale / segments.weight
         # what has to stay above it: gap, A, B, then the watched quantities
@@ -168,7 +168,7 @@ class Replay:
         places = point.s + h.cumsum()
         before = point.state if m == 1 else chain.following[m - 2].state
         sums.add_segments(h, places, point.y, chain.rates)
-        if sums.check_all or course.stops:
+        if course.stops:
             self._note(chain, h, places, course)
         of = chain.event_of[: chain.event_of.searchsorted(m)]
         course.events += zip(places[of].tolist(), *chain.changes, strict=False)
@@ -202,7 +202,6 @@ class Replay:
             holding = len(following)
             if holding < SHORTEST:
                 return None, 0
-            self._complete(segments)
             chain = Chain(segments, following, self._sums)
         known[id(segment)] = chain
         if len(known) > KEPT_CHAINS:
@@ -218,17 +217,10 @@ class Replay:
             pace.pause //= 4
 
     def _note(self, chain: Chain, h: Array, places: Array, course: Course) -> None:
-        """Check events if wanted; note samples and stops.
-
-        The point moves on to the event before the last sample.
-        """
+        """Note samples and stops; move the point to the event before the last sample."""
         point, m = self._point, len(h)
         y = chain.quantities(point.y, h, slice(len(point.y)))
         states = [point.state, *(step.state for step in chain.following[: m - 1])]
-        if self._sums.check_all:
-            self._sums.check(places, np.vstack([point.y, y]), states)
-        if not course.stops:
-            return
         s = places.tolist()
         course.stops += [(at, point.displacements(row)) for at, row in zip(s, y, strict=True)]
         while course.sample_at and course.sample_at[0] <= s[-1]:
@@ -291,21 +283,6 @@ class Replay:
             if np.isin(passed, chain.segments[k].falling).any():
                 return int(k)
         return m
-
-    def _complete(self, chain: list[Segment]) -> None:
-        """Add the rates of the watched quantities to the segments that lack them."""
-        new = list({id(segment): segment for segment in chain if segment.row is None}.values())
-        if not new:
-            return
-        rows = [segment.q for segment in new]
-        if self._sums.watch is not None:
-            a, b = self._point.problem.ends
-            u = np.array(rows)[:, : 2 * len(self._point.state)]
-            rates = np.hstack([u, np.broadcast_to(b - a, (len(new), len(a)))])
-            watched = rates @ self._sums.watch.rows.T
-            rows = [np.concatenate(pair) for pair in zip(rows, watched, strict=True)]
-        for segment, row in zip(new, rows, strict=True):
-            segment.row = row
 
 
 def _leading(holds: NDArray[np.bool_]) -> int:

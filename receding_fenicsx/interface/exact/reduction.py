@@ -136,8 +136,8 @@ class Reduction:
             force_scale: largest nodal force of the history so far.
         """
         instants = np.hstack([u, load])
-        lowest = (self.watched @ instants.T).min(axis=1, initial=np.inf)
-        return np.unique(self.watched_node[lowest <= LIMIT_TOLERANCE * force_scale])
+        reached = (self.watched @ instants.T <= LIMIT_TOLERANCE * force_scale).any(axis=1)
+        return np.unique(self.watched_node[reached]) if reached.any() else self.watched_node[:0]
 
 
 def widen(changed: NDArray[np.bool_]) -> NDArray[np.bool_]:

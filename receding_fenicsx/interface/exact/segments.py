@@ -82,7 +82,6 @@ class Segment:
         reversed_nodes: slipping nodes whose rate contradicts their state.
         next: what came of the events met here by their labels, of the start of a leg by -1.
         last: what came of the event met last.
-        row: q and the rates of the quantities that are watched; None until first replayed.
         reach: events passed by the last replay from here.
     """
 
@@ -92,7 +91,6 @@ class Segment:
     reversed_nodes: NDArray[np.intp]
     next: dict[int, Following] = field(default_factory=dict)
     last: Following | None = None
-    row: Array | None = None
     reach: int = 8
 
 

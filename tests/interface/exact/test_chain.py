@@ -6,20 +6,22 @@ import numpy as np
 import pytest
 from models import block_system
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact import chain
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.segments import Segment
-from receding_fenicsx.interface.system import ContactState, Leg
+from receding_fenicsx.interface.residual import law_residual, local_stiffness
+from receding_fenicsx.interface.system import ContactState, Leg, reactions
 
 LOADS = np.array([[0.0], [1.0], *[[1.0 / 3.0], [1.0]] * 12])
 
 
-def play(path: EventPath) -> list[Leg]:
+def play(path: EventPath, samples: int = 3) -> list[Leg]:
     """Follow cycles of the block."""
     n = path.system.n
     now, scale, legs = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, np.int8)), 0.0, []
     for a, b in pairwise(LOADS):
-        legs.append(path.trace_leg(now, (a, b), scale, samples=3))
+        legs.append(path.trace_leg(now, (a, b), scale, samples))
         now, scale = legs[-1].end, legs[-1].force_scale
     return legs
 
@@ -39,24 +41,32 @@ def assert_same(legs: list[Leg], others: list[Leg]) -> None:
         assert leg.residual < 1e-11
 
 
-@pytest.mark.parametrize("check_all", [False, True])
+@pytest.mark.parametrize("samples", [0, 3])
 def test_a_replayed_path_is_that_from_event_to_event(
-    check_all: bool, monkeypatch: pytest.MonkeyPatch
+    samples: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     system, passed = block_system(40, 10), []
-    with monkeypatch.context() as patch:
-        patch.setattr(chain, "SHORTEST", 10**6)
-        plain = play(EventPath(system, check_all))
+    plain = play(EventPath(system, check_all=True), samples)
     monkeypatch.setattr(chain, "SHORTEST", 2)
-    note = chain.Replay._note
+    verified = chain.Replay._verified
 
-    def counting(self: chain.Replay, *args: object) -> None:
-        passed.append(len(args[1]))  # type: ignore[arg-type]
-        note(self, *args)  # type: ignore[arg-type]
+    def counting(self: chain.Replay, *args: object) -> tuple[Array, Array]:
+        found = verified(self, *args)  # type: ignore[arg-type]
+        passed.append(len(found[0]))
+        return found
 
-    monkeypatch.setattr(chain.Replay, "_note", counting)
-    assert_same(play(EventPath(system, check_all)), plain)
+    monkeypatch.setattr(chain.Replay, "_verified", counting)
+    legs = play(EventPath(system), samples)
+    assert_same(legs, plain)
     assert sum(passed) > 0.2 * sum(len(leg.events) for leg in plain)
+    # the contact law at every event, reactions evaluated afresh
+    at_rest, stiffness = np.zeros(system.n), local_stiffness(system)
+    for leg, (a, b) in zip(legs, pairwise(LOADS), strict=True):
+        for s, u in leg.stops:
+            r = reactions(system, (1.0 - s) * a + s * b, u)
+            residual = law_residual(system, r, u, at_rest, stiffness).max()
+            assert residual < 1e-11 * leg.force_scale
+        assert not samples or len(leg.stops) > len({event[0] for event in leg.events}) // 2
 
 
 def test_wrong_foresight_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> None:
