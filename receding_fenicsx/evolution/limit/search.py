@@ -103,14 +103,17 @@ def find_limit(
 def _sorted_again(frozen: Frozen, solution: Solution, nodes: Sorted) -> Sorted | None:
     """Return the nodes sorted anew by a cycle with frozen nodes; None where they are right.
 
-    Nodes that open, or violate both margins, slip both ways. Others that violate one drift.
+    Nodes that open, violate both margins, or violate one though their drift holds the other, slip
+    both ways. Others that violate one drift.
     """
     n = frozen.system.n
     m = smallest_margins(frozen, solution.cycle, frozen.nodes)
     least = -VIOLATED * frozen.force
-    freed, drifting = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
-    freed[frozen.nodes[(m.A < least) & (m.B < least)]] = True
-    drifting[frozen.nodes[(m.A < least) | (m.B < least)]] = True
+    forward, backward = (np.zeros(n, dtype=bool) for _ in range(2))
+    forward[frozen.nodes[m.A < least]] = True
+    backward[frozen.nodes[m.B < least]] = True
+    drifting = forward | backward
+    freed = (forward & backward) | (drifting & nodes.drifting)
     freed |= solution.cycle.opens & nodes.frozen
     if not np.any(freed | drifting):
         return None
