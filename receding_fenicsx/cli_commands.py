@@ -156,6 +156,32 @@ def _shakedown(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
         print(f"{found}\nwritten to {options.out}")
 
 
+def _joint(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
+    import numpy as np
+
+    from receding_fenicsx.joints.curve import joint_curve
+    from receding_fenicsx.parameter_sweep.sweep import SweepOptions
+    from receding_fenicsx.scene.toml_file import read_scene
+
+    scene = read_scene(options.scene, options.overrides)
+    if not 0.0 < options.smallest <= options.largest < np.inf or options.count < 1:
+        raise InputError("joint: needs 0 < --from <= --to, and a --count of at least 1")
+    amplitudes = np.geomspace(options.smallest, options.largest, options.count)
+    comm = _require_mpi(comm)
+    with _Progress(comm, options.verbose) as say:
+        chosen = SweepOptions(
+            overwrite=options.overwrite,
+            resume=options.resume,
+            folder=Path(options.scene).parent,
+            progress=say,
+        )
+        curve = joint_curve(scene, options.drive, amplitudes, options.out, options.workers, chosen)
+    if curve is not None:
+        print(f"{curve!r}\nwritten to {Path(options.out) / 'joint.csv'}")
+    none_left = curve is not None and len(curve.table.failed) == len(curve.table.rows)
+    return int(comm.bcast(none_left))
+
+
 def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import mpi, study
     from receding_fenicsx.atomic import check_file
@@ -284,6 +310,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace, MPI.Comm | None], int | None]]
     "condense": _condense,
     "sweep": _sweep,
     "shakedown": _shakedown,
+    "joint": _joint,
     "plot": _plot,
     "snapshot": _snapshot,
     "animate": _animate,

@@ -137,6 +137,40 @@ def _shakedown(added: argparse.ArgumentParser) -> None:
     _verbose(added)
 
 
+def _joint(added: argparse.ArgumentParser) -> None:
+    _scene(added)
+    added.add_argument("--drive", required=True, metavar="LOAD", help="name of the driven load")
+    for name, text in (("from", "smallest"), ("to", "largest")):
+        added.add_argument(
+            f"--{name}",
+            dest=text,
+            type=float,
+            required=True,
+            metavar="A",
+            help=f"{text} amplitude, as a load factor",
+        )
+    added.add_argument(
+        "--count", type=int, default=30, metavar="N", help="number of amplitudes, log spaced (30)"
+    )
+    added.add_argument(
+        "--out",
+        required=True,
+        metavar="DIR",
+        help="folder for joint.csv (a row for each amplitude), joint.json and joint.png",
+    )
+    added.add_argument("--overwrite", action="store_true", help="replace an earlier curve")
+    added.add_argument(
+        "--resume", action="store_true", help="continue an interrupted curve; it may get amplitudes"
+    )
+    added.add_argument(
+        "--workers",
+        type=int,
+        metavar="N",
+        help="play the amplitudes on N new processes of this machine (default: on this one)",
+    )
+    _verbose(added)
+
+
 def _snapshot(added: argparse.ArgumentParser) -> None:
     _run_folder(added)
     _cycle(added, required=True)
@@ -228,6 +262,7 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "condense": (_condense, "condense the body to its contact nodes and save the system"),
     "sweep": (_sweep, "run a scene for every combination of values; write a table"),
     "shakedown": (_shakedown, "find the load range up to which the contact stops slipping"),
+    "joint": (_joint, "find dissipation and stiffness over the amplitude of a driven load"),
     "plot": (_run_folder, "draw the figures of a finished run again, as PNG and PDF"),
     "snapshot": (_snapshot, "draw the body of a finished run at one instant"),
     "animate": (_animate, "make an animation of one cycle of a finished run"),

@@ -24,6 +24,7 @@ FLOORS = (
     ("accuracy",),
     ("study",),
     ("parameter_sweep", "shakedown_study"),
+    ("joints",),
     ("__init__",),
     ("cli_parser",),
     ("cli_commands",),

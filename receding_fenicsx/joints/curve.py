@@ -1,0 +1,287 @@
+"""Curve of a joint: dissipation and secant stiffness over the amplitude of a driven load."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx import mpi, study
+from receding_fenicsx.accuracy.meshes import MIN_ELEMENTS, is_refined, scaled
+from receding_fenicsx.arrays import Array, described
+from receding_fenicsx.atomic import make_folder, new_file
+from receding_fenicsx.environment import versions
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.joints.backbone import Backbone, first_loading
+from receding_fenicsx.joints.figure import joint_figure
+from receding_fenicsx.output.plots.saving import drawing, save
+from receding_fenicsx.output.storage.summary_file import write_summary
+from receding_fenicsx.parameter_sweep.measure import Cell
+from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
+from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
+from receding_fenicsx.scene.checks import suggestion
+from receding_fenicsx.scene.model import Harmonic, HistoryOptions, OutputOptions, Scene
+
+TABLE, SUMMARY, PICTURE = "joint.csv", "joint.json", "joint.png"
+"""Files of a curve; the sweeps are in folders of their own beside them."""
+FITTED = 3
+"""Least number of amplitudes with dissipation for an exponent."""
+CYCLES = 1000
+"""Most cycles that are played where the limit is not found at once."""
+
+
+@dataclass(frozen=True, repr=False)
+class JointCurve:
+    """Dissipation and stiffness over the amplitude; arrays over the n amplitudes.
+
+    Attributes:
+        drive: name of the driven load.
+        amplitude: (n,) load factors.
+        dissipation: (n,) per cycle of the limit; NaN where the case failed.
+        estimate: (n,) change of the dissipation from a mesh of half as many elements, relative,
+            the largest of an amplitude and its neighbours, times the dissipation; NaN without.
+        stiffness: (n,) secant: range of the load factor over that of its displacement; of a
+            prescribed displacement, range of its force over that of the factor.
+        masing: (n,) dissipation by Masing's rule from the first loading.
+        slip: (n,) largest slip range of a node in contact.
+        kind: kind of each steady state, or "failed".
+        backbone: the first loading.
+        table: the sweep, with the reasons of failed cases.
+    """
+
+    drive: str
+    amplitude: Array
+    dissipation: Array
+    estimate: Array
+    stiffness: Array
+    masing: Array
+    slip: Array
+    kind: tuple[str, ...]
+    backbone: Backbone
+    table: SweepTable
+
+    @property
+    def masing_defect(self) -> Array:
+        """(n,) |D - D_Masing| / D, NaN where nothing is dissipated."""
+        D = np.where(self.dissipation > 0.0, self.dissipation, np.nan)
+        return np.abs(D - self.masing) / D
+
+    @property
+    def exponent(self) -> tuple[float, float]:
+        """Slope of log D over log amplitude, and its standard error; NaN for too few points."""
+        alive = self.dissipation > 0.0
+        if np.count_nonzero(alive) < FITTED:
+            return np.nan, np.nan
+        x, y = np.log(self.amplitude[alive]), np.log(self.dissipation[alive])
+        slope, level = np.polyfit(x, y, 1)
+        rest = y - slope * x - level
+        spread = np.sum((x - x.mean()) ** 2)
+        return float(slope), float(np.sqrt(rest @ rest / max(len(x) - 2, 1) / spread))
+
+    def rows(self) -> list[dict[str, Any]]:
+        """Return the table: a row for each amplitude."""
+        names = (
+            *("amplitude", "dissipation", "estimate", "stiffness"),
+            *("masing", "masing_defect", "slip"),
+        )
+        columns = [getattr(self, name).tolist() for name in names]
+        return [
+            dict(zip(names, row, strict=True)) | {"kind": self.kind[k], ERROR: case[ERROR]}
+            for k, (*row, case) in enumerate(zip(*columns, self.table.rows, strict=True))
+        ]
+
+    def __repr__(self) -> str:
+        """Return the range of amplitudes, the exponent, the defect and macroslip."""
+        slope, error = self.exponent
+        held = self.dissipation[np.isfinite(self.dissipation)]
+        rows = [
+            ("amplitudes", f"{self.amplitude.min():.6g} to {self.amplitude.max():.6g}"),
+            ("dissipation", f"{held.min(initial=np.inf):.6g} to {held.max(initial=0.0):.6g}"),
+            ("exponent", f"{slope:.3f} +- {error:.3f} of log D over log amplitude"),
+            ("Masing defect", f"at most {np.nanmax([0.0, *self.masing_defect]):.3g}"),
+        ]
+        alive = np.isfinite(self.estimate) & (self.dissipation > 0.0)
+        if np.any(alive):
+            worst = np.max(self.estimate[alive] / self.dissipation[alive])
+            rows.append(("mesh", f"D changes by at most {worst:.2g} from half as many elements"))
+        if np.isfinite(self.backbone.macroslip):
+            rows.append(("macroslip", f"at {self.backbone.macroslip:.6g}"))
+        return described(f"JointCurve of '{self.drive}', {len(self.amplitude)} amplitudes", rows)
+
+
+def loop_numbers(record: Record) -> dict[str, Cell]:
+    """Return dissipation, secant stiffness, largest slip and kind of the last cycle.
+
+    The drive is the load with an amplitude in the record's scene.
+    """
+    scene = record.scene
+    if scene is None:
+        raise InputError("loop_numbers: the record is not of a scene")
+    drive = next(name for name, h in scene.history.harmonic.items() if h.amplitude > 0.0)
+    table, k = record.turning_points, record.load_names.index(drive)
+    rows = np.flatnonzero(table.cycle == table.cycle.max())
+    load, conjugate = table.load[rows, k], table.load_displacement[rows, k]
+    low, high = int(np.argmin(load)), int(np.argmax(load))
+    ratio = (load[high] - load[low]) / (conjugate[high] - conjugate[low])
+    touching = np.all(table.state[rows] != State.SEPARATION, axis=0)
+    return {
+        "dissipation": float(record.cycles.dissipation[-1]),
+        "stiffness": float(1.0 / ratio if record.load_sign[k] > 0.0 else ratio),
+        "slip": float(np.max(np.ptp(table.v[rows], axis=0)[touching], initial=0.0)),
+        "kind": record.steady.kind,
+        "cycles": len(record.cycles.dissipation),
+        "residual_max": record.residual_max,
+    }
+
+
+def joint_curve(
+    scene: Scene,
+    drive: str,
+    amplitudes: Sequence[float] | Array,
+    out: str | Path | None = None,
+    workers: int | None = None,
+    options: SweepOptions = SweepOptions(),
+) -> JointCurve | None:
+    """Find the limit cycles of a joint over the amplitude; all ranks of an MPI job call this.
+
+    The other loads are applied first and kept: with their factors in ``history.constant``, or 1.
+
+    Args:
+        scene: the joint; of its history only ``constant`` counts.
+        drive: name of the driven load.
+        amplitudes: load factors, positive; the drive goes between plus and minus each.
+        out: folder for the table, the figure and the sweeps, from which an interrupted curve goes
+            on. None writes nothing.
+        workers: number of new processes that play the cases.
+        options: overwrite, resume, progress.
+
+    Returns:
+        The curve on rank 0, None on the others.
+
+    Raises:
+        InputError: the drive or the amplitudes cannot be used, or the folder holds another curve.
+        SolveError: the preload has no equilibrium, or the smallest amplitude already moves all.
+    """
+    comm = mpi.world()
+    values = np.asarray(amplitudes, dtype=float)
+    cyclic = _driven(scene, drive, values)
+    folder = None if out is None else Path(out)
+    mpi.on_root(comm, lambda: _check(folder, options))
+
+    def swept(which: Scene, name: str) -> SweepTable | None:
+        place = None if folder is None else folder / name
+        over = {f"history.harmonic.{drive}.amplitude": values.tolist()}
+        return sweep(which, over, place, workers, loop_numbers, options)
+
+    table = swept(cyclic, "cases")
+    coarse, elements = None, scene.mesh.contact_elements // 4 * 2
+    if not is_refined(scene) and elements >= MIN_ELEMENTS:
+        coarse = swept(scaled(cyclic, elements), "coarse")
+    system = study.condense(cyclic, comm, options.progress, whole=True)
+
+    def finish() -> JointCurve:
+        backbone = first_loading(
+            mpi.given(system), drive, cyclic.history.constant, values, cyclic.solver
+        )
+        curve = _curve(drive, values, (mpi.given(table), coarse), backbone)
+        if folder is not None:
+            _write(folder, scene, curve)
+        return curve
+
+    return mpi.on_root(comm, finish)
+
+
+def _driven(scene: Scene, drive: str, values: Array) -> Scene:
+    """Return the scene with a harmonic drive and the other loads constant."""
+    names = scene.load_names
+    if drive not in names:
+        raise InputError(f"drive: no load is named '{drive}'; {suggestion(drive, names)}")
+    if values.ndim != 1 or not len(values) or not np.all(np.isfinite(values) & (values > 0.0)):
+        raise InputError("amplitudes: must be positive numbers, at least one")
+    given = scene.history.constant
+    preload = {name: given.get(name, 1.0) for name in names if name != drive}
+    history = HistoryOptions(
+        kind="harmonic",
+        harmonic={drive: Harmonic(amplitude=float(values[0]))},
+        constant=preload,
+        cycles=CYCLES,
+        until="limit",
+        initial_slip=scene.history.initial_slip,
+    )
+    return replace(scene, history=history, output=OutputOptions(1, ()))
+
+
+def _curve(
+    drive: str,
+    amplitude: Array,
+    tables: tuple[SweepTable, SweepTable | None],
+    backbone: Backbone,
+) -> JointCurve:
+    """Return the curve of both sweeps and the first loading."""
+
+    def column(table: SweepTable | None, name: str) -> Array:
+        rows = () if table is None else table.rows
+        found = np.array([row.get(name) for row in rows], dtype=float)
+        return found if len(found) else np.full(len(amplitude), np.nan)
+
+    table, coarse = tables
+    D = column(table, "dissipation")
+    alive = np.where(D > 0.0, D, np.nan)
+    # a single change may be small by chance
+    change = np.pad(np.abs(1.0 - column(coarse, "dissipation") / alive), 1, constant_values=np.nan)
+    largest = np.fmax(np.fmax(change[:-2], change[1:-1]), change[2:])
+    return JointCurve(
+        drive=drive,
+        amplitude=amplitude,
+        dissipation=D,
+        estimate=largest * alive,
+        stiffness=column(table, "stiffness"),
+        masing=backbone.masing(amplitude),
+        slip=column(table, "slip"),
+        kind=tuple(row.get("kind") or "failed" for row in table.rows),
+        backbone=backbone,
+        table=table,
+    )
+
+
+def _check(folder: Path | None, options: SweepOptions) -> None:
+    new = folder is None or options.overwrite or options.resume
+    if not new and (mpi.given(folder) / SUMMARY).exists():
+        raise InputError(f"{folder}: holds a curve; give --overwrite, --resume or another folder")
+
+
+def _write(folder: Path, scene: Scene, curve: JointCurve) -> None:
+    """Write table, summary and figure."""
+    make_folder(folder)
+    rows = curve.rows()
+    with (
+        new_file(folder / TABLE, True) as beside,
+        beside.open("w", encoding="utf-8", newline="") as file,
+    ):
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    slope, error = curve.exponent
+    backbone = curve.backbone
+    content: Mapping[str, Any] = {
+        "title": scene.title,
+        "drive": curve.drive,
+        "exponent": slope,
+        "exponent_error": error,
+        "macroslip": backbone.macroslip,
+        "macroslip_reason": backbone.reason,
+        "amplitudes": rows,
+        "first_loading": {
+            name: getattr(backbone, name).tolist() for name in ("load", "displacement", "work")
+        },
+        "versions": versions(),
+    }
+    with drawing():
+        save(joint_figure(curve), folder / PICTURE)
+    write_summary(folder / SUMMARY, content, True)

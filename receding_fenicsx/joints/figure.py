@@ -1,0 +1,50 @@
+"""Figure of a joint: dissipation and secant stiffness over the amplitude."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
+
+from receding_fenicsx.output.plots import style
+
+if TYPE_CHECKING:
+    from receding_fenicsx.joints.curve import JointCurve
+
+
+def joint_figure(curve: JointCurve) -> Figure:
+    """Draw D and the secant stiffness over the amplitude, with Masing's rule and the exponent."""
+    a, D = curve.amplitude, curve.dissipation
+    slope, _ = curve.exponent
+    blue, orange = style.SERIES_COLOURS[:2]
+    with mpl.rc_context(style.RC):
+        figure = style.new_figure(style.PAGE, 2.9)
+        left, right = figure.subplots(1, 2)
+        fit = f", exponent {slope:.2f}" if np.isfinite(slope) else ""
+        left.errorbar(
+            a,
+            D,
+            np.nan_to_num(curve.estimate),
+            fmt="o",
+            ms=3,
+            color=blue,
+            label=f"limit cycle{fit}",
+        )
+        left.plot(a, curve.masing, color=orange, label="Masing's rule")
+        left.set(xscale="log", ylabel="dissipation per cycle $D$")
+        if np.any(D > 0.0):
+            left.set_yscale("log")
+        right.plot(a, curve.stiffness, "o-", ms=3, color=blue, label="limit cycle")
+        right.set(xscale="log", ylabel="secant stiffness")
+        for axes in (left, right):
+            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
+            axes.xaxis.set_minor_formatter(NullFormatter())
+            axes.set_xlabel(f"amplitude of {curve.drive}")
+            if np.isfinite(curve.backbone.macroslip):
+                axes.axvline(curve.backbone.macroslip, label="macroslip", **style.GUIDE)
+        left.legend(loc="upper left")
+    return figure

@@ -1,0 +1,133 @@
+"""Curves of joints against closed forms: cylinders, a strip on a wall, one node."""
+
+from __future__ import annotations
+
+import csv
+import json
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from small import small_system
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+from receding_fenicsx.joints.backbone import first_loading
+
+ROOT = Path(__file__).parents[2]
+CYLINDERS = ROOT / "demos" / "half_planes.toml"
+STRIP = ROOT / "tests" / "trials" / "strip_on_wall.toml"
+comm = MPI.COMM_WORLD
+
+
+def cylinders(elements: int = 60) -> rf.Scene:
+    return rf.read_scene(CYLINDERS, [f"mesh.contact_elements={elements}"])
+
+
+def test_cylinders_dissipate_as_cattaneo_and_mindlin_say_within_the_estimate() -> None:
+    U, f = np.array([0.3, 0.5, 0.7, 0.9]), 0.5
+    curve = rf.joint_curve(cylinders(), "Q", f * U)
+    if curve is None:
+        assert comm.rank > 0
+        return
+    E_star = 200.0 / (2.0 * (1.0 - 0.3**2))
+    D = f**2 / (np.pi * E_star) * (4.0 * (1.0 - U) * np.log1p(-U) + 4.0 * U - 2.0 * U**2)
+    assert np.all(np.abs(curve.dissipation - D) <= 2.0 * curve.estimate)
+    assert np.all(curve.estimate < 0.1 * D)
+    # the pressure does not change, so Masing's rule is exact
+    assert curve.masing_defect.max() < 1e-9
+    assert curve.kind == ("cyclic slip",) * 4
+    assert 3.0 < curve.exponent[0] < 4.0 and np.isinf(curve.backbone.macroslip)
+
+
+def test_macroslip_is_found_at_the_limit_of_friction() -> None:
+    curve = rf.joint_curve(cylinders(40), "Q", [0.2, 0.6])
+    if curve is None:
+        return
+    assert curve.backbone.macroslip == pytest.approx(0.5, rel=2e-6)
+    assert curve.kind == ("cyclic slip", "failed") and "sliding" in curve.rows()[1]["error"]
+    assert np.isnan(curve.masing[1]) and "macroslip" in repr(curve)
+
+
+def test_a_strip_on_a_wall_dissipates_with_the_third_power_of_its_load() -> None:
+    scene = rf.read_scene(STRIP, ["mesh.contact_elements=80"])
+    curve = rf.joint_curve(scene, "P", [0.4, 0.7, 1.0])
+    if curve is None:
+        return
+    height, E, q = 0.125, 1.0, 0.5 * 0.001
+    F = curve.amplitude * 0.024 * height
+    errors = np.abs(1.0 - curve.dissipation / (2.0 / 3.0 * F**3 / (q * E * height)))
+    # shear lag neglects the square of height over slip length
+    assert np.all(errors < 2.0 * (height * q / F) ** 2 + 1e-3)
+    assert curve.exponent[0] == pytest.approx(3.0, abs=0.05)
+    assert np.all(np.diff(curve.stiffness) < 0.0) and np.all(np.diff(curve.slip) > 0.0)
+
+
+@pytest.mark.one_rank
+def test_one_node_is_an_element_of_jenkins() -> None:
+    k, f = 2.5, 0.4
+    system = small_system([[k, 0.3], [0.3, 2.0]], {"P": [0.0, 1.0], "pull": [-1.0, 0.0]}, f)
+    system = replace(system, load_compliance=np.zeros((2, 2)), load_sign=-np.ones(2))
+    pulls = np.array([0.2, 0.7, 1.5])
+    # a support of stiffness k holds the node, so that it never slides off
+    found = first_loading(system, "pull", {"P": 1.0}, pulls)
+    assert np.isinf(found.macroslip) and found.load[0] == found.work[0] == 0.0
+    for pull, D in zip(pulls, found.masing(pulls), strict=True):
+        assert D == pytest.approx(masing_of_one_node(system, pull, f), rel=1e-12, abs=1e-15)
+
+
+def masing_of_one_node(system: rf.ContactSystem, pull: float, f: float) -> float:
+    """Return the loop of one node by hand: stuck up to pull = f, then slip with Q' = -f P'."""
+    if pull <= f:
+        return 0.0
+    slope = system.K[0, 0] + f * system.K[1, 0]
+    slip = (pull - f) / slope
+    W = 0.5 * (pull + f) * slip
+    return 8.0 * W - 4.0 * pull * slip
+
+
+def test_command_writes_a_curve_and_goes_on_with_it(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = shared_tmp_path / "curve"
+    head = ["joint", str(CYLINDERS), "--set", "mesh.contact_elements=40", "--drive", "Q"]
+    head += ["--from", "0.1", "--to", "0.4", "--out", str(out)]
+    assert cli.main([*head, "--count", "2"]) == 0
+    comm.barrier()
+    capsys.readouterr()
+    assert cli.main([*head, "--count", "3"]) == 2
+    assert "holds a curve; give --overwrite, --resume" in capsys.readouterr().err or comm.rank
+    assert cli.main([*head, "--count", "3", "--resume"]) == 0
+    comm.barrier()
+    with (out / "joint.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    told = json.loads((out / "joint.json").read_text())
+    assert [float(row["amplitude"]) for row in rows] == pytest.approx([0.1, 0.2, 0.4])
+    assert [row["dissipation"] for row in told["amplitudes"]] == [
+        float(row["dissipation"]) for row in rows
+    ]
+    assert told["macroslip"] is None and told["first_loading"]["load"][0] == 0.0
+    assert (out / "joint.png").stat().st_size > 10_000
+
+
+@pytest.mark.parametrize(
+    ("change", "text"),
+    [
+        (["--drive", "R"], "no load is named 'R'"),
+        (["--from", "0"], "needs 0 < --from <= --to"),
+        (["--count", "0"], "a --count of at least 1"),
+    ],
+)
+def test_bad_input_is_one_line(
+    change: list[str], text: str, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = shared_tmp_path / "curve"
+    head = ["joint", str(CYLINDERS), "--drive", "Q", "--from", "0.1", "--to", "0.4"]
+    assert cli.main([*head, "--out", str(out), *change]) == 2
+    told = capsys.readouterr().err
+    if comm.rank == 0:
+        assert text in told and len(told.strip().splitlines()) == 1
+    assert not out.exists()
