@@ -86,9 +86,9 @@ if TYPE_CHECKING:
     from receding_fenicsx.interface.system import ContactSystem as ContactSystem
     from receding_fenicsx.interface.system import Leg as Leg
     from receding_fenicsx.interface.system import reactions as reactions
-    from receding_fenicsx.joints.curve import JointCurve as JointCurve
     from receding_fenicsx.joints.curve import joint_curve as joint_curve
     from receding_fenicsx.joints.figure import joint_figure as joint_figure
+    from receding_fenicsx.joints.result import JointCurve as JointCurve
     from receding_fenicsx.mpi import given as given
     from receding_fenicsx.mpi import on_all as on_all
     from receding_fenicsx.mpi import on_root as on_root
@@ -217,8 +217,8 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "SweepTable": ("parameter_sweep.table", "Result of a sweep: a row for each case"),
     },
     "Joints": {
-        "joint_curve": ("joints.curve", "Dissipation and stiffness over the amplitude of a load"),
-        "JointCurve": ("joints.curve", "These, with Masing's rule and the first loading"),
+        "joint_curve": ("joints.curve", "Dissipation and stiffness over the amplitude"),
+        "JointCurve": ("joints.result", "These, with Masing's rule and the first loading"),
         "joint_figure": ("joints.figure", "Figure of a curve"),
     },
     "Evaluation": {

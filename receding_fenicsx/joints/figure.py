@@ -2,17 +2,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.output.plots import style
-
-if TYPE_CHECKING:
-    from receding_fenicsx.joints.curve import JointCurve
 
 
 def joint_figure(curve: JointCurve) -> Figure:
