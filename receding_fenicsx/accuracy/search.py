@@ -256,7 +256,7 @@ def _too_much(scene: Scene, levels: Sequence[Level], wanted: int) -> str:
     last, budget = levels[-1], scene.accuracy.budget_seconds
     spent = sum(level.seconds for level in levels)
     ratio = wanted / last.elements
-    if ratio * last.nodes > MOST_NODES or (is_refined(scene) and wanted > doublings(scene)[-1]):
+    if ratio * last.nodes > MOST_NODES or wanted > _most_elements(scene):
         return (
             f"the tolerance needs a mesh finer than the finest of {MOST_NODES} contact nodes"
             if not is_refined(scene)
@@ -288,10 +288,15 @@ def _wants(found: Search) -> str:
     return words
 
 
+def _most_elements(scene: Scene) -> int:
+    """Return the elements of the finest mesh."""
+    return doublings(scene)[-1] if is_refined(scene) else MOST_ELEMENTS
+
+
 def _solved(scene: Scene, wanted: int, solve: Solve) -> Level:
     """Solve on the mesh nearest to a wanted one whose vertices fit the scene, or on a finer one."""
     near = 1.0 if is_refined(scene) else NEIGHBOURS
-    while wanted <= MOST_ELEMENTS:
+    while wanted <= _most_elements(scene):
         numbers = elements_near(scene, wanted, (wanted / near, wanted * near))
         found = first_that_fits(scene, numbers, solve)
         if found is not None:
