@@ -7,7 +7,6 @@ grown.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -16,7 +15,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
 from receding_fenicsx.interface.exact.legs import Event, PathPoint
-from receding_fenicsx.interface.exact.segments import EPSILON, UNREFINABLE_ROUND_OFFS, Segments
+from receding_fenicsx.interface.exact.segments import EPSILON, Segments
 from receding_fenicsx.interface.residual import REACHABLE_AT_MOST, ROUND_OFFS, residual_at_rest
 from receding_fenicsx.interface.system import ContactState
 
@@ -63,11 +62,8 @@ class RoundOff:
         return not self.imbalance() > self._tolerance()
 
     def _tolerance(self) -> float:
-        """Return the imbalance that refinement would not reduce, or that does not matter."""
-        scaled = self._point.y * self._segments.weight
-        unavoidable = UNREFINABLE_ROUND_OFFS * EPSILON * math.sqrt(scaled.dot(scaled))
-        scale = self._sums.force_scale
-        return max(IMBALANCE_TOLERANCE * scale, min(unavoidable, EVENT_RESIDUAL * scale))
+        """Return the imbalance that does not matter."""
+        return IMBALANCE_TOLERANCE * self._sums.force_scale
 
     def count_event(self) -> None:
         """Note an event; measure the imbalance when due.
