@@ -143,6 +143,13 @@ def test_no_limit_of_random_problems_breaks_a_law(monkeypatch: pytest.MonkeyPatc
     assert found > 5
 
 
+def test_a_node_that_only_reaches_its_limit_at_the_end_begins_the_cycle_in_slip() -> None:
+    p = limited(problem(760223))
+    record = play(p)
+    assert record.limit is not None and record.limit.jumped
+    assert replay(p.system, p.history, record).found == []
+
+
 def test_a_node_that_would_slip_back_has_no_limit_by_the_search(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

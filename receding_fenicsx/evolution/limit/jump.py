@@ -26,6 +26,9 @@ Progress = Callable[[int, int, str], None]
 FIRST_SEARCH = 3
 """Cycle after which the limit is searched for first; then after twice as many, and so on."""
 
+MAX_CHECKS = 3
+"""Cycles played from the one that was found until the states at start and end are the same."""
+
 
 class LimitSearch:
     """Searches for the limit between the cycles of a history.
@@ -79,9 +82,18 @@ class LimitSearch:
         start, loop = trial.position, problem.history.loop
         force, budget = start.totals.force_scale, problem.history.cycles - number
         found = find_limit(trial.model, trial.solver, start.state, loop, force, budget)
-        trial.position = Position(found.state, start.load, start.totals)
-        begin = instant(problem.system, (number, 0, 0.0), start.load, found.state)
-        cycle = trial.trace_cycle(number, problem.output.cycles is None)
+        state = found.state
+        for played in range(1, MAX_CHECKS + 1):
+            trial.position = Position(state, start.load, start.totals)
+            begin = instant(problem.system, (number, 0, 0.0), start.load, state)
+            cycle = trial.trace_cycle(number, problem.output.cycles is None)
+            end = trial.position.state
+            if np.array_equal(state.state, end.state):
+                break
+            # a node that just reaches its limit at the end begins the next cycle in slip
+            state = end
+        else:
+            raise NoLimit("the cycle that was found does not end in the states it begins in")
         watch = self._watch(begin, cycles, cycle)
         # one cycle does not tell a drift that stays from one that decays
         if watch.kind not in (SHAKEDOWN, CYCLIC_SLIP):
@@ -93,7 +105,7 @@ class LimitSearch:
         self.limit = Limit(
             reached=True,
             cycle=number,
-            cycles_played=number - 1 + found.cycles + 1,
+            cycles_played=number - 1 + found.cycles + played,
             newton_steps=found.steps,
             residual=max(watch.change[0], found.residual),
             unique=unique,
