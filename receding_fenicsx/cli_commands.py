@@ -18,6 +18,7 @@ from receding_fenicsx.errors import InputError, RecedingError, ToleranceNotMet
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from receding_fenicsx.parameter_sweep.sweep import SweepOptions
     from receding_fenicsx.scene.model import Scene
 
 
@@ -123,20 +124,26 @@ def _is_finished(options: argparse.Namespace, scene: Scene, comm: MPI.Comm) -> b
     return finished
 
 
+def _sweep_options(options: argparse.Namespace, say: Callable[[str], None]) -> SweepOptions:
+    from receding_fenicsx.parameter_sweep.sweep import SweepOptions
+
+    return SweepOptions(
+        overwrite=options.overwrite,
+        resume=options.resume,
+        folder=Path(options.scene).parent,
+        progress=say,
+    )
+
+
 def _sweep(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
-    from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
+    from receding_fenicsx.parameter_sweep.sweep import sweep
     from receding_fenicsx.parameter_sweep.values import read_over
     from receding_fenicsx.scene.toml_file import read_scene
 
     scene, over = read_scene(options.scene, options.overrides), read_over(options.over)
     comm = _require_mpi(comm)
     with _Progress(comm, options.verbose) as say:
-        chosen = SweepOptions(
-            overwrite=options.overwrite,
-            resume=options.resume,
-            folder=Path(options.scene).parent,
-            progress=say,
-        )
+        chosen = _sweep_options(options, say)
         table = sweep(scene, over, options.out, options.workers, options=chosen)
     if table is not None:
         print(f"{table!r}\nwritten to {Path(options.out) / 'sweep.csv'}")
@@ -160,7 +167,6 @@ def _joint(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
     import numpy as np
 
     from receding_fenicsx.joints.curve import joint_curve
-    from receding_fenicsx.parameter_sweep.sweep import SweepOptions
     from receding_fenicsx.scene.toml_file import read_scene
 
     scene = read_scene(options.scene, options.overrides)
@@ -169,12 +175,7 @@ def _joint(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
     amplitudes = np.geomspace(options.smallest, options.largest, options.count)
     comm = _require_mpi(comm)
     with _Progress(comm, options.verbose) as say:
-        chosen = SweepOptions(
-            overwrite=options.overwrite,
-            resume=options.resume,
-            folder=Path(options.scene).parent,
-            progress=say,
-        )
+        chosen = _sweep_options(options, say)
         curve = joint_curve(scene, options.drive, amplitudes, options.out, options.workers, chosen)
     if curve is not None:
         print(f"{curve!r}\nwritten to {Path(options.out) / 'joint.csv'}")

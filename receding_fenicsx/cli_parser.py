@@ -114,11 +114,16 @@ def _sweep(added: argparse.ArgumentParser) -> None:
         help="folder for sweep.csv (a row for each case), sweep.json (scene, keys, versions) and "
         "cases.jsonl (finished cases, to resume from)",
     )
-    added.add_argument("--overwrite", action="store_true", help="replace an earlier sweep")
+    _cases(added, "sweep")
+    _verbose(added)
+
+
+def _cases(added: argparse.ArgumentParser, what: str) -> None:
+    added.add_argument("--overwrite", action="store_true", help=f"replace an earlier {what}")
     added.add_argument(
         "--resume",
         action="store_true",
-        help="continue an interrupted sweep; values may have been added to its keys",
+        help=f"continue an interrupted {what}; values may have been added",
     )
     added.add_argument(
         "--workers",
@@ -127,7 +132,6 @@ def _sweep(added: argparse.ArgumentParser) -> None:
         help="run the cases on N new processes of this machine (default: on this one). On several "
         "machines start the command under mpirun instead: rank 0 hands out the cases",
     )
-    _verbose(added)
 
 
 def _shakedown(added: argparse.ArgumentParser) -> None:
@@ -158,16 +162,7 @@ def _joint(added: argparse.ArgumentParser) -> None:
         metavar="DIR",
         help="folder for joint.csv (a row for each amplitude), joint.json and joint.png",
     )
-    added.add_argument("--overwrite", action="store_true", help="replace an earlier curve")
-    added.add_argument(
-        "--resume", action="store_true", help="continue an interrupted curve; it may get amplitudes"
-    )
-    added.add_argument(
-        "--workers",
-        type=int,
-        metavar="N",
-        help="play the amplitudes on N new processes of this machine (default: on this one)",
-    )
+    _cases(added, "curve")
     _verbose(added)
 
 

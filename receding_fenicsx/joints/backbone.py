@@ -21,12 +21,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.errors import SolveError
+from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
+
+ENDS = (NoEquilibrium, NoQuasiStaticContinuation)
+"""Ends of a path that are mechanics; any other failure is one of the solver, and is raised."""
 
 RESOLUTION = 1e-6
 """Relative width of the interval in which macroslip is found."""
@@ -80,7 +83,7 @@ def first_loading(
         solver: method and tolerances.
 
     Raises:
-        SolveError: the preload has no equilibrium, or the path is lost otherwise.
+        SolveError: the preload has no equilibrium, or a solver fails.
     """
     names = system.load_names
     held = np.array([preload.get(name, 0.0) for name in names])
@@ -93,19 +96,21 @@ def first_loading(
         history = History(names, path[moves], np.zeros((0, len(names))))
         return evolve(system, history, solver, OutputOptions(1, "all"))
 
+    if np.any(held):
+        played(np.zeros(0))  # a preload that fails is no macroslip
     low, high = 0.0, float(max(amplitudes))
     record: Record | None = None
     try:
         record = played(np.array([high]))
         low = high
-    except SolveError as error:
+    except ENDS as error:
         reason = str(error)
         while high - low > RESOLUTION * high:
             middle = 0.5 * (low + high)
             try:
                 record = played(np.array([middle]))
                 low = middle
-            except SolveError as failed:
+            except ENDS as failed:
                 high, reason = middle, str(failed)
     if record is None or low == 0.0:
         raise SolveError(f"load '{drive}': moves the contact at any load factor: {reason}")

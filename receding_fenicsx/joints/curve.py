@@ -132,7 +132,6 @@ def _driven(scene: Scene, drive: str, values: Array) -> Scene:
         constant=preload,
         cycles=CYCLES,
         until="limit",
-        initial_slip=scene.history.initial_slip,
     )
     return replace(scene, history=history, output=OutputOptions(1, ()))
 
@@ -171,8 +170,9 @@ def _curve(
 
 
 def _check(folder: Path | None, options: SweepOptions) -> None:
-    new = folder is None or options.overwrite or options.resume
-    if not new and (mpi.given(folder) / SUMMARY).exists():
+    if folder is None or options.overwrite or options.resume:
+        return
+    if any((folder / name).exists() for name in (TABLE, SUMMARY, PICTURE)):
         raise InputError(f"{folder}: holds a curve; give --overwrite, --resume or another folder")
 
 

@@ -131,3 +131,22 @@ def test_bad_input_is_one_line(
     if comm.rank == 0:
         assert text in told and len(told.strip().splitlines()) == 1
     assert not out.exists()
+
+
+def test_a_file_of_that_name_is_not_overwritten_unasked(shared_tmp_path: Path) -> None:
+    (shared_tmp_path / "joint.csv").write_text("mine")
+    with pytest.raises(rf.InputError, match="give --overwrite"):
+        rf.joint_curve(cylinders(40), "Q", [0.1], shared_tmp_path)
+    assert (shared_tmp_path / "joint.csv").read_text() == "mine"
+
+
+@pytest.mark.one_rank
+def test_a_solver_that_fails_is_no_macroslip(monkeypatch: pytest.MonkeyPatch) -> None:
+    system = small_system(np.eye(2), {"P": [0.0, 1.0], "pull": [-1.0, 0.0]}, 0.4)
+
+    def fails(*_: object) -> rf.Record:
+        raise rf.SolveError("lost accuracy")
+
+    monkeypatch.setattr("receding_fenicsx.joints.backbone.evolve", fails)
+    with pytest.raises(rf.SolveError, match="lost accuracy"):
+        first_loading(system, "pull", {}, [0.2])
