@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN
 
 CERTIFICATE = "only path from its start"
 """Head of the line."""
@@ -56,6 +57,8 @@ def uniqueness_lines(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
     if margin is not None and np.isfinite(margin):
         where = "elsewhere the " if margin > 1.0 and not found["certified"] else ""
         words = f"{where}proof holds up to {margin:.3g} times the friction"
+        if margin > LARGE_MARGIN:
+            words += f" at the ends of legs, up to {LARGE_MARGIN:g} between them"
         lines.append(("friction margin", words))
     if static is not None:
         rest = "proved to be all" if static["proved"] else "others not excluded"
