@@ -66,6 +66,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.evolution.replay import instant_of as instant_of
     from receding_fenicsx.evolution.replay import state_at as state_at
     from receding_fenicsx.evolution.solvers import SOLVERS as SOLVERS
+    from receding_fenicsx.exchange.importing import import_system as import_system
     from receding_fenicsx.interface.branches.critical_friction import (
         CriticalFriction as CriticalFriction,
     )
@@ -188,6 +189,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "STATE_NAMES": ("interface.law", "Names of the states in words"),
         "reactions": ("interface.system", "Reactions at given loads and displacements, eq. 11"),
         "read_system": ("output.storage.hdf5", "Read a ContactSystem from an HDF5 file"),
+        "import_system": ("exchange.importing", "Make a ContactSystem of matrices from files"),
         "write_system": ("output.storage.hdf5", "Write a ContactSystem to an HDF5 file"),
     },
     "Run": {

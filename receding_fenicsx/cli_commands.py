@@ -252,17 +252,29 @@ def _contact_nodes(scene: Scene) -> int:
 
 def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import mpi
+    from receding_fenicsx.exchange.command import export_matrices
     from receding_fenicsx.output.storage.fclib import export
 
     def work() -> None:
         where = options.cycle, options.leg, options.at
         source, out = Path(options.source), Path(options.out)
+        if options.matrices:
+            export_matrices(source, out, options.overwrite)
+            return
         print(f"{export(source, out, where, options.since, options.overwrite)}, written to {out}")
 
     if comm is None:
         work()
     else:
         mpi.on_root(comm, work)
+
+
+def _import(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
+    from receding_fenicsx import mpi
+    from receding_fenicsx.exchange.command import import_file
+
+    given = options.specification, options.out, options.overwrite
+    mpi.on_root(_require_mpi(comm), lambda: import_file(*given))
 
 
 def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
@@ -316,6 +328,7 @@ COMMANDS: dict[str, Callable[[argparse.Namespace, MPI.Comm | None], int | None]]
     "snapshot": _snapshot,
     "animate": _animate,
     "export": _export,
+    "import": _import,
     "check": _check,
     "doctor": _doctor,
 }

@@ -188,10 +188,21 @@ def _animate(added: argparse.ArgumentParser) -> None:
     )
 
 
+def _import(added: argparse.ArgumentParser) -> None:
+    added.add_argument("specification", metavar="IMPORT.toml", help="names of matrices and nodes")
+    added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the system")
+    added.add_argument("--overwrite", action="store_true", help="replace the file")
+
+
 def _export(added: argparse.ArgumentParser) -> None:
     added.add_argument("source", metavar="DIR|SYSTEM", help="run folder, or file of a saved system")
     added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the load step")
     added.add_argument("--overwrite", action="store_true", help="replace the file")
+    added.add_argument(
+        "--matrices",
+        action="store_true",
+        help="write K, r* and the nodes of the system as MatrixMarket and CSV into the folder FILE",
+    )
     _cycle(added, required=False)
     _leg(added, required=False)
     added.add_argument(
@@ -261,7 +272,11 @@ COMMANDS: dict[str, tuple[Callable[[argparse.ArgumentParser], None], str]] = {
     "plot": (_run_folder, "draw the figures of a finished run again, as PNG and PDF"),
     "snapshot": (_snapshot, "draw the body of a finished run at one instant"),
     "animate": (_animate, "make an animation of one cycle of a finished run"),
-    "export": (_export, "export one load step in the FCLIB format for other solvers"),
+    "export": (
+        _export,
+        "export a load step in FCLIB's format, or the matrices, for other programs",
+    ),
+    "import": (_import, "make a system of matrices of Abaqus, CalculiX or others (MatrixMarket)"),
     "check": (_scene, "validate a scene without running it"),
     "doctor": (lambda _: None, "list installed versions and test the installation"),
 }

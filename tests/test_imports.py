@@ -23,7 +23,7 @@ FLOORS = (
     ("pictures", "long_run"),
     ("accuracy",),
     ("study",),
-    ("parameter_sweep", "shakedown_study"),
+    ("parameter_sweep", "shakedown_study", "exchange"),
     ("joints",),
     ("__init__",),
     ("cli_parser",),

@@ -48,10 +48,13 @@ NAMED = ("body", "load", "probe")
 KNOWN = ("title", "body", *TABLES, *ARRAYS)
 """Keys at the top of a scene file."""
 
-READERS: dict[type, dict[str, Callable[[object, str], Any]]] = {
-    kind: {field.name: BY_TYPE[str(field.type)] for field in dataclasses.fields(kind)}
-    for kind in (Body, *TABLES.values(), *ARRAYS.values())
-}
+
+def readers_of(kind: type) -> dict[str, Callable[[object, str], Any]]:
+    """Return the reader of each field of a dataclass."""
+    return {field.name: BY_TYPE[str(field.type)] for field in dataclasses.fields(kind)}
+
+
+READERS = {kind: readers_of(kind) for kind in (Body, *TABLES.values(), *ARRAYS.values())}
 """Reader of each key of each table; the dataclasses define the known keys."""
 # a material's name is in the header of its table
 del READERS[Material]["name"]
@@ -76,14 +79,14 @@ def scene_of(raw: dict[str, Any]) -> Scene:
         values["body"], values["others"] = bodies[0], bodies[1:]
     named = named_materials(raw)
     values["materials"] = tuple(
-        replace(_table(table, Material, "material", f"[material.{name}]"), name=name)
+        replace(read_table(table, Material, "material", f"[material.{name}]"), name=name)
         for name, table in named.items()
     )
     if named:
         raw = {**raw, "material": {k: v for k, v in raw["material"].items() if k not in named}}
     for name, kind in TABLES.items():
         if name in raw:
-            values[name] = _table(raw[name], kind, name, f"[{name}]")
+            values[name] = read_table(raw[name], kind, name, f"[{name}]")
     for name, kind in ARRAYS.items():
         if name in raw:
             values[ATTRIBUTE[name]] = _array(raw[name], kind, name)
@@ -113,7 +116,7 @@ def as_list(value: object, name: str) -> list[dict[str, Any]]:
 def _array(raw: object, kind: type, name: str) -> tuple[Any, ...]:
     tables = as_list(raw, name)
     return tuple(
-        _table(table, kind, name, _label(name, table, i, len(tables)))
+        read_table(table, kind, name, _label(name, table, i, len(tables)))
         for i, table in enumerate(tables)
     )
 
@@ -126,11 +129,11 @@ def _label(name: str, table: dict[str, Any], index: int, count: int) -> str:
     return f"[{name}]" if single else f"[[{name}]] number {index + 1}"
 
 
-def _table(raw: object, kind: type, name: str, label: str) -> Any:
-    """Convert one table into its dataclass."""
+def read_table(raw: object, kind: type, name: str, label: str) -> Any:
+    """Convert one table into its dataclass, whose fields are the known keys."""
     if not isinstance(raw, dict):
         raise InputError(f"'{name}' must be a table; write [{name}]")
-    readers = READERS[kind]
+    readers = READERS.get(kind) or readers_of(kind)
     for key, value in raw.items():
         if key not in readers:
             unknown_name(key, tuple(readers), label, "key")

@@ -194,6 +194,7 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "Profile": _profile,
     "FrictionProfile": _friction,
     "Profile | None": _profile,
+    "tuple[float, ...]": _numbers,
     "tuple[float, float]": _pair,
     "tuple[float, float] | None": _pair,
     "tuple[float, float] | str | None": _point,

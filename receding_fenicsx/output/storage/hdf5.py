@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import inspect
 import zlib
 from contextlib import suppress
 from pathlib import Path
@@ -126,6 +127,7 @@ def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> 
     with create(path, SYSTEM, overwrite) as file:
         for name, value in values.items():
             write(file, name, value)
+        file.attrs["description"] = inspect.getdoc(ContactSystem) or ""
         file.attrs["checksum"] = _checksum(values)
         file.attrs["digest"] = digest(from_toml(system.scene_toml)) if system.scene_toml else ""
 

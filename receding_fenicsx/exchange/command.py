@@ -1,0 +1,50 @@
+"""Commands ``import`` and ``export --matrices``."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+import numpy as np
+from scipy import io
+
+from receding_fenicsx.atomic import check_file, check_folder, make_folder, publish_folder
+from receding_fenicsx.exchange.importing import import_system
+from receding_fenicsx.output.storage.hdf5 import read_system, write_system
+from receding_fenicsx.output.storage.run_folder import SYSTEM
+
+COLUMNS = ("x", "px", "py", "weight", "f_forward", "f_backward", "gap", "held_v", "held_w")
+"""Columns of ``nodes.csv``; the points are (px, py)."""
+
+
+def import_file(specification: str, out: str, overwrite: bool) -> None:
+    """Import a system, save it and print what it is."""
+    path = Path(out)
+    check_file(path, overwrite)
+    system = import_system(specification)
+    write_system(path, system, overwrite)
+    print(
+        f"{system.n} contact nodes, {system.rigid.shape[1]} rigid motion(s), loads "
+        f"{', '.join(system.load_names)}, written to {path}"
+    )
+
+
+def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
+    """Write K, r* (a row a load) and rigid motions as MatrixMarket, the nodes as CSV.
+
+    Rows of K are [v; w]: along the edge, then away from the plane.
+    """
+    check_folder(out, overwrite, "stiffness.mtx")
+    system = read_system(source / SYSTEM if source.is_dir() else source)
+    beside = out.with_name(f".{out.name}.{os.getpid()}.tmp")
+    make_folder(beside)
+    matrices = {"stiffness": system.K, "r_star": system.r_star, "rigid": system.rigid}
+    for name, matrix in matrices.items():
+        symmetry = "symmetric" if name == "stiffness" else "general"
+        text = f"{name} of [v; w]; loads {', '.join(system.load_names)}"
+        io.mmwrite(beside / f"{name}.mtx", matrix, text, precision=17, symmetry=symmetry)
+    law = (system.weight, system.friction.forward, system.friction.backward, system.g0)
+    table = np.column_stack([system.x, system.points, *law, system.held.reshape(2, -1).T])
+    np.savetxt(beside / "nodes.csv", table, "%.17g", ",", header=",".join(COLUMNS), comments="")
+    publish_folder(beside, out)
+    print(f"{system.n} contact nodes, {len(system.load_names)} load(s), written to {out}")

@@ -1,0 +1,149 @@
+"""Matrices of finite element programs as text; the content of a file says which form it has.
+
+* MatrixMarket, a first line ``%%MatrixMarket``: rows without names.
+* Abaqus' and CalculiX' ``*SUBSTRUCTURE MATRIX OUTPUT`` as a user element: the nodes in comments
+  after ``** ELEMENT NODES``, the freedoms of the first node, "place in the list of nodes, freedoms"
+  where they change, and under ``*MATRIX,TYPE=STIFFNESS`` the lower triangle row by row.
+* Abaqus' ``*MATRIX OUTPUT`` and CalculiX' ``OUTPUT FILE=MATRIX``: "node, freedom, node, freedom,
+  value", one triangle or both; of a load "node, freedom, value".
+* CalculiX' ``SOLVER=MATRIXSTORAGE``: "row column value" of a triangle in ``NAME.sti``, and the line
+  "node.freedom" of each row in ``NAME.dof``.
+"""
+
+from __future__ import annotations
+
+import re
+from itertools import takewhile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy import io, sparse
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import InputError
+
+Freedom = tuple[int, int]
+"""Number of a node, and 1 for its displacement in x, 2 for that in y."""
+Named = tuple[sparse.csc_matrix, list[Freedom] | None]
+"""A square matrix, and the freedom of each row where the file names them."""
+
+TYPE = r"(?im)^\*MATRIX\s*,\s*TYPE\s*=\s*(\w+).*$"
+"""Keyword line before the entries of a user element."""
+
+
+def read_text(path: Path) -> str:
+    """Return the content of a text file."""
+    try:
+        return path.read_text(encoding="utf-8-sig")
+    except UnicodeDecodeError:
+        raise InputError(f"{path}: is not a text file; export the matrix as text") from None
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
+
+
+def read_matrix(path: Path) -> Named:
+    """Read a stiffness.
+
+    Raises:
+        InputError: the file cannot be read, has none of the forms, or is not a square matrix.
+    """
+    text = read_text(path)
+    try:
+        if text.startswith("%%MatrixMarket"):
+            matrix = sparse.csc_matrix(io.mmread(path))
+            if matrix.shape[0] != matrix.shape[1]:
+                raise ValueError(f"it is {matrix.shape[0]} by {matrix.shape[1]}, not square")
+            return matrix, None
+        if "*USER ELEMENT" in text.upper():
+            return _user_element(text)
+        rows = _table(text)
+        if rows.shape[1] == 5:
+            entries = _whole(rows[:, :4]).reshape(-1, 2).tolist()
+            freedoms = sorted({(node, k) for node, k in entries})
+            place = {freedom: i for i, freedom in enumerate(freedoms)}
+            i, j = np.array([place[node, k] for node, k in entries]).reshape(-1, 2).T
+            return _both_triangles(i, j, rows[:, 4], len(freedoms)), freedoms
+        if rows.shape[1] == 3:
+            words = (word.split(".") for word in read_text(path.with_suffix(".dof")).split())
+            freedoms = [(int(node), int(k)) for node, k in words]
+            i, j = _whole(rows[:, :2]).T - 1
+            return _both_triangles(i, j, rows[:, 2], len(freedoms)), freedoms
+        raise ValueError(f"{rows.shape[1]} numbers a line")
+    except (ValueError, IndexError, TypeError, StopIteration) as error:
+        raise InputError(f"{path}: is not a stiffness ({error})".replace("\n", " ")) from None
+
+
+def read_vector(path: Path, freedoms: list[Freedom]) -> Array:
+    """Read nodal forces in the order of given freedoms.
+
+    Raises:
+        InputError: the file cannot be read, has another length, or names other freedoms.
+    """
+    text, values = read_text(path), np.zeros(len(freedoms))
+    try:
+        if text.startswith("%%MatrixMarket"):
+            found: Any = io.mmread(path)
+            values = np.ravel(found.toarray() if sparse.issparse(found) else found).astype(float)
+        else:
+            rows, place = _table(text), {freedom: i for i, freedom in enumerate(freedoms)}
+            for (node, k), value in zip(_whole(rows[:, :2]).tolist(), rows[:, 2], strict=True):
+                if (node, k) not in place:
+                    raise ValueError(f"the stiffness has no freedom {k} of node {node}")
+                values[place[node, k]] += value
+    except (ValueError, IndexError, TypeError) as error:
+        raise InputError(f"{path}: is not a load ({error})".replace("\n", " ")) from None
+    if values.shape != (len(freedoms),) or not np.all(np.isfinite(values)):
+        raise InputError(f"{path}: needs {len(freedoms)} finite values, has {values.size}")
+    return values
+
+
+def _numbers(line: str) -> list[float]:
+    return [float(word.upper().replace("D", "E")) for word in re.split(r"[,\s]+", line) if word]
+
+
+def _table(text: str) -> Array:
+    """Return the rows of numbers; lines of comments and keywords begin with *."""
+    lines = (line for line in text.splitlines() if line.strip() and not line.startswith("*"))
+    return np.atleast_2d(np.array([_numbers(line) for line in lines], dtype=float))
+
+
+def _whole(values: Array) -> Any:
+    if np.any(values != np.round(values)):
+        raise ValueError("numbers of nodes, freedoms and rows have to be whole")
+    return values.astype(int)
+
+
+def _user_element(text: str) -> Named:
+    """Return the stiffness of a user element."""
+    head, *parts = re.split(TYPE, text)
+    kinds = [kind.upper() for kind in parts[::2]]
+    if kinds.count("STIFFNESS") != 1 or head.upper().count("*USER ELEMENT") != 1:
+        raise ValueError("one *USER ELEMENT with one *MATRIX,TYPE=STIFFNESS is needed")
+    if "UNSYMM" in head.upper():
+        raise ValueError("the user element is unsymmetric")
+    _, named, *_ = (*re.split(r"(?im)^\*\* *ELEMENT NODES.*$", head), "")
+    lines = [line for line in named.splitlines() if line.strip()]
+    comments = takewhile(lambda line: line.startswith("**"), lines)
+    nodes = [int(k) for line in comments for k in _numbers(line.strip("* "))]
+    now, *rest = ([int(k) for k in _numbers(line)] for line in lines if line[0] != "*")
+    changes, freedoms = {place: directions for place, *directions in rest}, []
+    for place, node in enumerate(nodes, 1):
+        now = changes.get(place, now)
+        freedoms += [(node, k) for k in now]
+    body = parts[2 * kinds.index("STIFFNESS") + 1].splitlines()
+    values = np.array([k for line in body if line[:1] != "*" for k in _numbers(line)])
+    n = len(freedoms)
+    if len(values) != n * (n + 1) // 2:
+        raise ValueError(f"{len(values)} entries for the triangle of {n} freedoms")
+    return _both_triangles(*np.tril_indices(n), values, n), freedoms
+
+
+def _both_triangles(i: Any, j: Any, values: Array, n: int) -> sparse.csc_matrix:
+    """Return a symmetric matrix of which one triangle is given, or both."""
+    given = sparse.coo_matrix((values, (i, j)), shape=(n, n))
+    if len(np.unique(np.asarray(i) * n + j)) < len(values):
+        raise ValueError("an entry is given twice")
+    if np.any(i < j) and np.any(i > j):
+        return given.tocsc()
+    return (given + given.T - sparse.diags(given.diagonal())).tocsc()

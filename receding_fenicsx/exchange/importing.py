@@ -1,0 +1,221 @@
+"""Contact system from the matrices of another program."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import splu
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk.rigid_motions import motions, scaled
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.exchange.formats import Freedom, read_matrix, read_vector
+from receding_fenicsx.exchange.specification import Edge, Import, read_specification
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system_checks import UNSYMMETRIC, check_system
+from receding_fenicsx.scene.profiles import directions, evaluate_checked
+
+NO_RESISTANCE = 1e-10
+"""Stiffness against a motion, over the largest, up to which it is the round-off of zero."""
+RESISTANCE = 1e-7
+"""The same, from which a rigid motion is resisted; what is between cannot be judged."""
+STRAIGHT = 1e-6
+"""Distance of an edge's nodes from a line, over its length, up to which it is straight."""
+X, Y = 1, 2
+"""Numbers of the freedoms of a node."""
+
+
+def import_system(path: str | Path) -> ContactSystem:
+    """Return the contact system that a specification describes (``docs/exchange.md``).
+
+    Raises:
+        InputError: a file cannot be read or does not fit the others; the stiffness is not
+            symmetric, is indefinite, or leaves other motions free than the specification says.
+    """
+    try:
+        return _system(read_specification(Path(path)))
+    except InputError as error:
+        raise InputError(f"{path}: {error}".replace(f"{path}: {path}: ", f"{path}: ")) from None
+
+
+def _system(given: Import) -> ContactSystem:
+    """Eliminate, turn to the contact's directions, and check."""
+    A, freedoms = read_matrix(given.folder / given.files.stiffness)
+    freedoms = freedoms or given.freedoms
+    _check_matrix(A, freedoms)
+    edges = [_along(edge, given) for edge in given.contact]
+    nodes, x, weight, normal = (np.concatenate(part) for part in zip(*edges, strict=True))
+    if len(np.unique(nodes)) < len(nodes):
+        raise InputError("[[contact]] nodes: a node is named twice")
+    C = [(int(node), k) for k in (X, Y) for node in nodes]
+    K, r_star, compliance = _eliminate(A, freedoms, C, given)
+    nx, ny = np.diag(normal[:, 0]), np.diag(normal[:, 1])
+    turn = np.block([[ny, -nx], [nx, ny]])  # from [x; y] to [t; n]
+    K, r_star = turn @ K @ turn.T, r_star @ turn.T
+    held = _held([freedom in given.fixed for freedom in C], turn)
+    points = np.array([given.points[int(node)] for node in nodes])
+    size = float(np.ptp(points, axis=0).max()) or 1.0
+    moved = motions(points, points.mean(axis=0), size).transpose(1, 0, 2).reshape(-1, 3)
+    edge = np.repeat(np.arange(len(edges)), [len(part[0]) for part in edges])
+    f, f_backward, g0 = _profiles(given.contact, x, edge, held)
+    system = ContactSystem(
+        x=x,
+        points=points,
+        weight=weight,
+        K=0.5 * (K + K.T),
+        r_star=r_star,
+        load_names=tuple(load.name for load in given.load),
+        f=f,
+        g0=g0,
+        held=held,
+        rigid=_rigid(K, held, turn @ moved, given.files.free),
+        load_compliance=compliance,
+        load_sign=-np.ones(len(given.load)),
+        edge=edge,
+        edge_names=tuple(e.name for e in given.contact),
+        f_backward=None if np.array_equal(f, f_backward) else f_backward,
+    )
+    check_system(system)
+    return system
+
+
+def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
+    """Raise where a stiffness does not fit the freedoms, or is not symmetric."""
+    if A.shape[0] != len(freedoms):
+        raise InputError(
+            f"stiffness: has {A.shape[0]} rows, the file of the nodes has {len(freedoms)} freedoms"
+        )
+    if len(set(freedoms)) < len(freedoms) or any(k not in (X, Y) for _, k in freedoms):
+        raise InputError("stiffness: freedoms have to be 1 (x) or 2 (y) of a node, each once")
+    if not np.all(np.isfinite(A.data)):
+        raise InputError("stiffness: has entries that are not finite")
+    if abs(A - A.T).max() > UNSYMMETRIC * abs(A).max():
+        raise InputError("stiffness: is not symmetric")
+
+
+def _along(edge: Edge, given: Import) -> tuple[Array, Array, Array, Array]:
+    """Return nodes sorted along t = (n_y, -n_x), positions from the middle, weights, normals."""
+    label = f"contact '{edge.name}'"
+    lost = [node for node in edge.nodes if node not in given.points]
+    if lost or not edge.nodes:
+        raise InputError(f"{label}: node {lost[:1] or ''} is not in the file of the nodes")
+    length = float(np.hypot(*edge.normal))
+    if not length > 0.0:
+        raise InputError(f"{label} normal: must not be zero")
+    n = np.array(edge.normal) / length
+    points = np.array([given.points[int(node)] for node in edge.nodes])
+    order = np.argsort(points @ [n[1], -n[0]])
+    x = (points @ [n[1], -n[0]])[order]
+    x = x - 0.5 * (x[0] + x[-1])
+    if np.any(np.diff(x) <= 0.0) or np.ptp(points @ n) > STRAIGHT * (x[-1] - x[0]):
+        raise InputError(f"{label}: its nodes are not on a line across the normal, or coincide")
+    weight = np.ones(1)
+    if len(x) > 1:
+        weight = 0.5 * (np.diff(x, append=x[-1]) + np.diff(x, prepend=x[0]))
+    if edge.weights:
+        if len(edge.weights) != len(x) or min(edge.weights) < 0.0:
+            raise InputError(f"{label} weights: must be {len(x)} numbers that are not negative")
+        weight = np.array(edge.weights)[order]
+    return np.array(edge.nodes)[order], x, weight, np.tile(n, (len(x), 1))
+
+
+def _eliminate(
+    A: sparse.csc_matrix, freedoms: list[Freedom], C: list[Freedom], given: Import
+) -> tuple[Array, Array, Array]:
+    """Return K (2N, 2N), r* (n_loads, 2N), both [x; y], and the compliance of the loads."""
+    place = {freedom: i for i, freedom in enumerate(freedoms)}
+    for node, k in [*(c for c in C if c not in given.fixed), *(given.fixed - set(C))]:
+        if (node, k) not in place:
+            raise InputError(
+                f"node {node} has no freedom {k} in the stiffness: retain it there, or hold it by "
+                "a [[support]] if it is of the contact"
+            )
+    here = np.flatnonzero([c in place for c in C])
+    own = [place[C[i]] for i in here]
+    inside = [i for i, freedom in enumerate(freedoms) if freedom not in given.fixed | set(C)]
+    for load in given.load:
+        if load.reactions and inside:
+            raise InputError(f"load '{load.name}' reactions: needs a matrix of contact nodes alone")
+    forces = [
+        read_vector(given.folder / (load.forces or load.reactions), freedoms)
+        * (1.0 if load.forces else -1.0)
+        for load in given.load
+    ]
+    f = np.array(forces).T
+    K, r_star = np.zeros((len(C), len(C))), np.zeros((f.shape[1], len(C)))
+    K[np.ix_(here, here)] = A[own][:, own].toarray()
+    r_star[:, here] = -f[own].T
+    compliance = np.zeros((f.shape[1], f.shape[1]))
+    if inside:
+        factor = _factor(A[inside][:, inside].tocsc())
+        across = A[inside][:, own].toarray()
+        moved = factor.solve(f[inside])
+        K[np.ix_(here, here)] -= across.T @ factor.solve(across)
+        r_star[:, here] += moved.T @ across
+        compliance = f[inside].T @ moved
+    return K, r_star, 0.5 * (compliance + compliance.T)
+
+
+def _factor(A: sparse.csc_matrix) -> Any:
+    """Factorise a positive definite matrix: without pivoting, all pivots are positive."""
+    try:
+        symmetric = {"SymmetricMode": True}
+        factor = splu(A, "MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
+    except RuntimeError:
+        raise InputError("stiffness: is singular with the contact held") from None
+    pivots = factor.U.diagonal()
+    if np.any(factor.perm_r != factor.perm_c) or np.any(pivots <= NO_RESISTANCE * abs(A).max()):
+        raise InputError("stiffness: is indefinite or singular with the contact held")
+    return factor
+
+
+def _held(is_fixed: list[bool], turn: Array) -> NDArray[np.bool_]:
+    """Return which of [v; w] supports hold: the directions that no free one has a part in."""
+    part = np.abs(turn) > STRAIGHT
+    held = part @ np.array(is_fixed) & ~(part @ ~np.array(is_fixed))
+    if np.count_nonzero(held) < np.count_nonzero(is_fixed):
+        raise InputError("[[support]]: holds a contact node oblique to its normal; hold xy there")
+    return np.asarray(held)
+
+
+def _rigid(K: Array, held: NDArray[np.bool_], moved: Array, free: int) -> Array:
+    """Return the rigid motions that K does not resist; refuse a K that is not semidefinite."""
+    largest = float(np.abs(K).max(initial=0.0))
+    if not largest > 0.0:
+        raise InputError("stiffness: is zero at the contact")
+    resisted = np.vstack([np.where(held[:, None], moved, K @ moved / largest), np.zeros((3, 3))])
+    _, size, right = np.linalg.svd(resisted, full_matrices=False)
+    if np.any((size > NO_RESISTANCE) & (size < RESISTANCE)):
+        raise InputError("stiffness: has too few digits to tell which rigid motions are free")
+    motion = moved @ right[size <= NO_RESISTANCE].T
+    # the rotation of a single node is none
+    motion = scaled(motion[:, np.abs(motion).max(axis=0, initial=0.0) > NO_RESISTANCE])
+    if motion.shape[1] != free:
+        raise InputError(
+            f"free = {free}: stiffness and supports leave {motion.shape[1]} rigid motion(s) free; "
+            "check signs and order of the rows, and the supports"
+        )
+    values = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])
+    if np.any(values < -NO_RESISTANCE * largest):
+        raise InputError(f"stiffness: is indefinite, with an eigenvalue of {values[0]:.3g}")
+    if np.count_nonzero(values <= NO_RESISTANCE * largest) > free:
+        raise InputError("stiffness: does not resist a motion that is not rigid")
+    return motion
+
+
+def _profiles(
+    edges: tuple[Edge, ...], x: Array, number: Array, held: NDArray[np.bool_]
+) -> tuple[Array, Array, Array]:
+    """Return friction forward and backward, and the gap, at the nodes."""
+    found = np.zeros((3, len(x)))
+    for k, edge in enumerate(edges):
+        on, profiles = number == k, (*directions(edge.friction), edge.initial_gap)
+        for row, profile in enumerate(profiles):
+            key = ("friction", "friction", "initial_gap")[row]
+            found[row, on] = evaluate_checked(profile, x[on], None, f"[[contact]] {key}")
+    found[:2, held[len(x) :]] = 0.0  # the support carries the normal force there
+    return found[0], found[1], found[2]

@@ -1,0 +1,125 @@
+"""Specification of an import: a TOML file that names matrices, contact nodes, supports, loads."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.exchange.formats import Freedom, read_text
+from receding_fenicsx.scene.checks import check_choice
+from receding_fenicsx.scene.column_file import read_columns
+from receding_fenicsx.scene.profiles import FrictionProfile, Profile
+from receding_fenicsx.scene.toml_tables import as_list, read_table
+
+DIRECTIONS = {"x": (1,), "y": (2,), "xy": (1, 2)}
+"""Freedoms that a support holds."""
+ORDERS = ("nodes", "components")
+"""Rows of a MatrixMarket file: x and y of one node after the other, or x of all nodes, then y."""
+
+
+@dataclass(frozen=True)
+class Edge:
+    """Straight contact edge: its nodes, the normal into the body, and the law.
+
+    ``weights`` are the lengths that the nodes stand for; default: half of those to the neighbours.
+    """
+
+    nodes: tuple[float, ...]
+    normal: tuple[float, float]
+    friction: FrictionProfile = 0.35
+    initial_gap: Profile = 0.0
+    weights: tuple[float, ...] = ()
+    name: str = "contact"
+
+
+@dataclass(frozen=True)
+class Fixed:
+    """Nodes that are held in "x", "y" or "xy"."""
+
+    nodes: tuple[float, ...]
+    fix: str
+
+
+@dataclass(frozen=True)
+class NodalLoad:
+    """Load: a file of nodal forces on the body, or of r*, which hold the contact against them."""
+
+    name: str
+    forces: str = ""
+    reactions: str = ""
+
+
+@dataclass(frozen=True)
+class Specification:
+    """Files, number of rigid motions that are left free, and the tables [[contact]] and so on."""
+
+    stiffness: str
+    nodes: str
+    free: int
+    order: str = "nodes"
+    title: str = ""
+
+
+@dataclass(frozen=True)
+class Import:
+    """A specification with its tables and the coordinates of its nodes by their numbers."""
+
+    files: Specification
+    contact: tuple[Edge, ...]
+    support: tuple[Fixed, ...]
+    load: tuple[NodalLoad, ...]
+    points: dict[int, Array]
+    folder: Path
+
+    @property
+    def fixed(self) -> set[Freedom]:
+        """Freedoms that supports hold."""
+        return {(int(n), k) for s in self.support for n in s.nodes for k in DIRECTIONS[s.fix]}
+
+    @property
+    def freedoms(self) -> list[Freedom]:
+        """Freedom of each row of a matrix that does not name them."""
+        if self.files.order == "nodes":
+            return [(node, k) for node in self.points for k in (1, 2)]
+        return [(node, k) for k in (1, 2) for node in self.points]
+
+
+def read_specification(path: Path) -> Import:
+    """Read a specification and the file of its nodes.
+
+    Raises:
+        InputError: a file cannot be read, a key is unknown or missing, or a value is wrong.
+    """
+    try:
+        raw: dict[str, Any] = tomllib.loads(read_text(path))
+    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        raise InputError(f"not valid TOML: {error}".replace("\n", " ")) from None
+    tables: dict[str, Any] = {
+        name: tuple(
+            read_table(item, kind, name, f"[[{name}]]") for item in as_list(raw.pop(name, []), name)
+        )
+        for name, kind in (("contact", Edge), ("support", Fixed), ("load", NodalLoad))
+    }
+    files: Specification = read_table(raw, Specification, "import", "specification")
+    check_choice(files.order, ORDERS, "order")
+    for fixed in tables["support"]:
+        check_choice(fixed.fix, tuple(DIRECTIONS), "[[support]] fix")
+    names = [load.name for load in tables["load"]]
+    if not tables["contact"] or not names or len(set(names)) < len(names):
+        raise InputError("needs a [[contact]], and [[load]] tables with names of their own")
+    for load in tables["load"]:
+        if bool(load.forces) == bool(load.reactions):
+            raise InputError(f"load '{load.name}': give either forces or reactions")
+    columns = read_columns(files.nodes, path.parent, "nodes")
+    if columns.values.shape[1] != 3:
+        columns.refuse(f"has {columns.values.shape[1]} column(s), not node, x, y")
+    points = {int(row[0]): row[1:] for row in columns.values}
+    if len(points) < len(columns.values) or np.any(columns.values[:, 0] % 1.0):
+        columns.refuse("the numbers of the nodes have to be whole and different")
+    return Import(files, **tables, points=points, folder=path.parent)

@@ -1,0 +1,339 @@
+"""Import of a body from its own finite elements, through the text files of three programs."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import h5py
+import numpy as np
+import pytest
+from scipy import io, sparse
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+
+pytestmark = pytest.mark.one_rank
+assert MPI.COMM_WORLD
+
+COLUMNS, ROWS = 6, 3
+"""Square elements of the block."""
+POISSON = 0.3
+
+
+def element_stiffness() -> np.ndarray:
+    """Return the stiffness of a bilinear unit square, plane stress, E = 1: 2 x 2 Gauss points."""
+    D = np.array([[1, POISSON, 0], [POISSON, 1, 0], [0, 0, 0.5 * (1 - POISSON)]])
+    corner = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]])
+    K = np.zeros((8, 8))
+    for a in np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) / np.sqrt(3):
+        # derivatives in a square of side 1
+        dx = corner[:, 0] * (1 + corner[:, 1] * a[1]) / 2
+        dy = corner[:, 1] * (1 + corner[:, 0] * a[0]) / 2
+        B = np.zeros((3, 8))
+        B[0, ::2], B[1, 1::2], B[2, ::2], B[2, 1::2] = dx, dy, dy, dx
+        K += 0.25 * B.T @ D @ B / (1 - POISSON**2)
+    return K
+
+
+class Block:
+    """A block of squares, numbered 1, 2, ... row by row from the bottom, where it touches."""
+
+    def __init__(self) -> None:
+        x, y = np.meshgrid(np.arange(COLUMNS + 1.0), np.arange(ROWS + 1.0))
+        self.points = np.column_stack([x.ravel(), y.ravel()])
+        n, wide = len(self.points), COLUMNS + 1
+        self.A = np.zeros((2 * n, 2 * n))
+        for row in range(ROWS):
+            for column in range(COLUMNS):
+                first = row * wide + column
+                nodes = np.array([first, first + 1, first + wide + 1, first + wide])
+                dofs = (2 * nodes[:, None] + np.arange(2)).ravel()
+                self.A[np.ix_(dofs, dofs)] += element_stiffness()
+        top = np.arange(n - wide, n)
+        half = np.full(wide, 1.0)
+        half[[0, -1]] = 0.5
+        self.forces = {name: np.zeros(2 * n) for name in ("P", "Q")}
+        self.forces["P"][2 * top + 1] = -0.01 * half
+        self.forces["Q"][2 * top] = 0.003 * half
+        self.contact = np.arange(wide)
+        self.freedoms = [(i + 1, k) for i in range(n) for k in (1, 2)]
+
+    def condensed(self) -> tuple[np.ndarray, dict[str, np.ndarray]]:
+        """Return K and r* of the contact by dense algebra, [v; w]."""
+        C = np.concatenate([2 * self.contact, 2 * self.contact + 1])
+        inside = np.setdiff1d(np.arange(len(self.A)), C)
+        X = np.linalg.solve(self.A[np.ix_(inside, inside)], self.A[np.ix_(inside, C)])
+        K = self.A[np.ix_(C, C)] - self.A[np.ix_(C, inside)] @ X
+        return K, {name: X.T @ f[inside] - f[C] for name, f in self.forces.items()}
+
+
+Writer = Callable[[Path, Block], str]
+
+
+def specification(
+    folder: Path, stiffness: str, block: Block, more: str = "", free: int = 3
+) -> Path:
+    """Write the files of an import beside its stiffness."""
+    rows = [f"{i},{x!r},{y!r}" for i, (x, y) in enumerate(block.points.tolist(), 1)]
+    (folder / "nodes.csv").write_text("node,x,y\n" + "\n".join(rows))
+    for name, f in block.forces.items():
+        pairs = zip(block.freedoms, f.tolist(), strict=True)
+        lines = [f"{node},{k},{v!r}" for (node, k), v in pairs if v]
+        (folder / f"{name}.txt").write_text("*CLOAD\n" + "\n".join(lines))
+    nodes = (block.contact + 1).tolist()[::-1]  # any order
+    text = f'stiffness = "{stiffness}"\nnodes = "nodes.csv"\nfree = {free}\n'
+    text += f"[[contact]]\nnodes = {nodes}\nnormal = [0.0, 2.0]\nfriction = 0.32\n"
+    text += "".join(f'[[load]]\nname = "{k}"\nforces = "{k}.txt"\n' for k in block.forces)
+    (folder / "import.toml").write_text(text + more)
+    return folder / "import.toml"
+
+
+def write_market(folder: Path, block: Block) -> str:
+    io.mmwrite(folder / "K.mtx", sparse.coo_matrix(block.A), precision=17)
+    return "K.mtx"
+
+
+def write_labelled(folder: Path, block: Block) -> str:
+    """Write Abaqus' *MATRIX OUTPUT: the lower triangle."""
+    lines = [
+        f"{a[0]},{a[1]}, {b[0]},{b[1]},  {block.A[i, j]:.16e}"
+        for i, a in enumerate(block.freedoms)
+        for j, b in enumerate(block.freedoms[: i + 1])
+        if block.A[i, j] or i == j
+    ]
+    (folder / "job_STIF1.mtx").write_text("\n".join(lines))
+    return "job_STIF1.mtx"
+
+
+def write_calculix(folder: Path, block: Block) -> str:
+    """Write CalculiX' .sti and .dof: the upper triangle, rows and columns from 1."""
+    n = len(block.A)
+    rows = [(i, j) for j in range(n) for i in range(j + 1) if block.A[i, j]]
+    (folder / "job.sti").write_text(
+        "".join(f"{i + 1} {j + 1} {block.A[i, j]:20.13e}\n" for i, j in rows)
+    )
+    (folder / "job.dof").write_text("".join(f"{node}.{k}\n" for node, k in block.freedoms))
+    return "job.sti"
+
+
+def write_user_element(
+    folder: Path, K: np.ndarray, freedoms: list[tuple[int, int]], calculix: bool
+) -> str:
+    """Write a substructure; CalculiX repeats a node for each of its freedoms."""
+    if calculix:
+        nodes = [node for node, _ in freedoms]
+        named = [f"{freedoms[0][1]:10d}"]
+        named += [f"{i:10d},{k:10d}" for i, (_, k) in enumerate(freedoms, 1) if i > 1]
+    else:
+        nodes, named = list(dict.fromkeys(node for node, _ in freedoms)), ["      1,      2"]
+    head = ["**", f"*USER ELEMENT, NODES={len(nodes):10d}, LINEAR", "** ELEMENT NODES"]
+    head += [f"** {', '.join(map(str, nodes[i : i + 10]))}," for i in range(0, len(nodes), 10)]
+    lines = [*head, *named, "*MATRIX,TYPE=STIFFNESS"]
+    for i in range(len(K)):
+        row = [f"{value:.{13 if calculix else 16}e}" for value in K[i, : i + 1]]
+        lines += [", ".join(row[j : j + 4]) + "," for j in range(0, i + 1, 4)]
+    lines += ["*MATRIX,TYPE=MASS", *[f"{0.0}"] * 3]
+    (folder / "sub.mtx").write_text("\n".join(lines))
+    return "sub.mtx"
+
+
+@pytest.mark.parametrize("write", [write_market, write_labelled, write_calculix])
+def test_a_block_of_own_elements_is_condensed(write: Writer, tmp_path: Path) -> None:
+    block = Block()
+    system = rf.import_system(specification(tmp_path, write(tmp_path, block), block))
+    K, r_star = block.condensed()
+    digits = 1e-12 if write is write_calculix else 1e-14
+    assert np.abs(system.K - K).max() < 100 * digits * np.abs(K).max()
+    for k, name in enumerate(system.load_names):
+        assert np.abs(system.r_star[k] - r_star[name]).max() < 100 * digits * 0.01
+    # forces balance: the reactions carry all loads
+    n = system.n
+    assert system.r_star[0, n:].sum() == pytest.approx(0.01 * COLUMNS)
+    assert system.r_star[1, :n].sum() == pytest.approx(-0.003 * COLUMNS)
+    assert system.rigid.shape == (2 * n, 3) and np.all(np.diff(system.x) > 0.0)
+    assert system.weight.sum() == COLUMNS
+
+
+HISTORY = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
+
+
+@pytest.mark.parametrize("form", ["market", "abaqus", "calculix"])
+def test_an_imported_system_has_the_path_of_the_arrays_bit_by_bit(
+    form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = Block()
+    K, r_star = block.condensed()
+    n = len(block.contact)
+    nodes = (block.contact + 1).tolist()
+    by_node = np.arange(2 * n).reshape(2, n).T.ravel()  # x and y of each node in turn
+    freedoms = [(node, k) for node in nodes for k in (1, 2)]
+    block.points = block.points[:n]
+    # what 14 digits hold is the matrix of both
+    lower = np.tril([[float(f"{value:.13e}") for value in row] for row in K])
+    K = lower + np.tril(lower, -1).T
+    if form == "market":
+        io.mmwrite(tmp_path / "K.mtx", K[np.ix_(by_node, by_node)], precision=17)
+        name = "K.mtx"
+    else:
+        local = K[np.ix_(by_node, by_node)]
+        name = write_user_element(tmp_path, local, freedoms, form == "calculix")
+    block.freedoms, block.forces = freedoms, {k: -r[by_node] for k, r in r_star.items()}
+    path = specification(tmp_path, name, block)
+    assert cli.main(["import", str(path), "--out", str(tmp_path / "system.h5")]) == 0
+    assert f"{n} contact nodes, 3 rigid motion(s), loads P, Q" in capsys.readouterr().out
+    imported = rf.read_system(tmp_path / "system.h5")
+    assert np.array_equal(imported.K, K)
+    by_hand = rf.ContactSystem(
+        x=block.points[:, 0] - COLUMNS / 2,
+        points=block.points,
+        weight=np.array([0.5, *[1.0] * (n - 2), 0.5]),
+        K=K,
+        r_star=np.array(list(r_star.values())),
+        load_names=("P", "Q"),
+        f=np.full(n, 0.32),
+        g0=np.zeros(n),
+        held=np.zeros(2 * n, dtype=bool),
+        rigid=imported.rigid,
+        load_compliance=np.zeros((2, 2)),
+        load_sign=-np.ones(2),
+    )
+    history = rf.History(("P", "Q"), np.vstack([[0.0, 0.0], HISTORY[:2]]), HISTORY[1:], 3)
+    a, b = (rf.evolve(system, history) for system in (imported, by_hand))
+    assert len(a.events.cycle) > 10 and a.cycles.dissipation[-1] > 0.0
+    for table in ("turning_points", "events", "cycles"):
+        for key, value in vars(getattr(a, table)).items():
+            assert np.array_equal(value, getattr(getattr(b, table), key)), (table, key)
+
+
+def test_supports_hold_and_interior_nodes_can_be_fixed(tmp_path: Path) -> None:
+    block = Block()
+    name = write_market(tmp_path, block)
+    top = list(range(len(block.points) - COLUMNS, len(block.points) + 1))
+    more = f'[[support]]\nnodes = {top}\nfix = "x"\n[[support]]\nnodes = [1]\nfix = "x"\n'
+    system = rf.import_system(specification(tmp_path, name, block, more, free=1))
+    assert system.held.nonzero()[0].tolist() == [0]
+    # the block moves along y alone
+    assert np.allclose(np.abs(system.rigid[:, 0]), np.repeat([0.0, 1.0], system.n))
+
+
+def turned(path: Path, old: str, new: str) -> None:
+    text = path.read_text()
+    assert old in text
+    path.write_text(text.replace(old, new, 1))
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("free = 3", "free = 2", "leave 3 rigid motion(s) free"),
+        ("[7, 6", "[77, 6", "not in the file of the nodes"),
+        ("[7, 6", "[8, 6", "not on a line across the normal"),
+        ("[7, 6", "[6, 6", "coincide"),
+        ("friction", "frction", "did you mean 'friction'"),
+        ('"P.txt"', '"R.txt"', "cannot be read"),
+        ('forces = "P.txt"', "", "either forces or reactions"),
+        ("K.mtx", "nodes.csv", "is not a stiffness"),
+        ("0.0, 2.0", "0.0, 0.0", "must not be zero"),
+        ("free = 3", 'free = 3\norder = "components"', "rigid motion"),
+        ("0.32", "-0.32", "has to be finite and not negative"),
+    ],
+)
+def test_bad_specifications_are_one_line(
+    old: str, new: str, told: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = Block()
+    path = specification(tmp_path, write_market(tmp_path, block), block)
+    turned(path, old, new)
+    assert cli.main(["import", str(path), "--out", str(tmp_path / "system.h5")]) == 2
+    text = capsys.readouterr().err
+    assert told in text and len(text.strip().splitlines()) == 1
+    assert not (tmp_path / "system.h5").exists()
+
+
+def stretched(A: np.ndarray) -> None:
+    A[3, 4] += 0.1
+
+
+def indefinite(A: np.ndarray) -> None:
+    u = np.sin(np.arange(len(A)) ** 2)
+    A -= 5.0 * np.outer(A @ u, A @ u) / (u @ A @ u)
+
+
+def holed(A: np.ndarray) -> None:
+    A[-2:] = A[:, -2:] = 0.0
+
+
+def grounded(A: np.ndarray) -> None:
+    A[0, 0] += 1e-9
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        (stretched, "is not symmetric"),
+        (indefinite, "is indefinite"),
+        (holed, "singular with the contact held"),
+        (grounded, "too few digits"),
+        (np.negative, "is indefinite"),
+    ],
+)
+def test_bad_matrices_are_refused(change: Any, told: str, tmp_path: Path) -> None:
+    block = Block()
+    if change is np.negative:
+        block.A = -block.A
+    else:
+        change(block.A)
+    path = specification(tmp_path, write_market(tmp_path, block), block)
+    with pytest.raises(rf.InputError, match=told):
+        rf.import_system(path)
+
+
+def test_a_triangle_of_the_wrong_length_is_refused(tmp_path: Path) -> None:
+    block = Block()
+    name = write_user_element(tmp_path, block.A[:5, :5], block.freedoms[:6], False)
+    with pytest.raises(rf.InputError, match="15 entries for the triangle of 6 freedoms"):
+        rf.import_system(specification(tmp_path, name, block))
+    (tmp_path / name).write_text("1 1 2.0\n2 2")
+    with pytest.raises(rf.InputError, match="is not a stiffness"):
+        rf.import_system(specification(tmp_path, name, block))
+
+
+def test_exported_matrices_can_be_imported_again(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    block = Block()
+    first = rf.import_system(specification(tmp_path, write_market(tmp_path, block), block))
+    rf.write_system(tmp_path / "system.h5", first)
+    out = tmp_path / "matrices"
+    head = ["export", str(tmp_path / "system.h5"), "--matrices", "--out", str(out)]
+    assert cli.main(head) == 0
+    assert cli.main(head) == 2 and "already exists" in capsys.readouterr().err
+    assert cli.main([*head, "--overwrite"]) == 0
+    table = np.loadtxt(out / "nodes.csv", delimiter=",", skiprows=1)
+    assert np.array_equal(table[:, :4], np.column_stack([first.x, first.points, first.weight]))
+    rows = [f"{i},{x!r},{y!r}" for i, (x, y) in enumerate(table[:, 1:3].tolist(), 1)]
+    (out / "points.csv").write_text("\n".join(rows))
+    r_star = io.mmread(out / "r_star.mtx")
+    text = 'stiffness = "stiffness.mtx"\nnodes = "points.csv"\nfree = 3\norder = "components"\n'
+    text += f"[[contact]]\nnodes = {list(range(1, first.n + 1))}\nnormal = [0, 1]\n"
+    text += "friction = 0.32\n"
+    for k, name in enumerate(first.load_names):
+        io.mmwrite(out / f"{name}.mtx", r_star[k][:, None], precision=17)
+        text += f'[[load]]\nname = "{name}"\nreactions = "{name}.mtx"\n'
+    (out / "import.toml").write_text(text)
+    again = rf.import_system(out / "import.toml")
+    for name in ("x", "points", "weight", "K", "r_star", "f", "held"):
+        assert np.array_equal(getattr(again, name), getattr(first, name)), name
+    assert np.array_equal(io.mmread(out / "rigid.mtx"), first.rigid)
+
+
+def test_a_saved_system_describes_itself(tmp_path: Path) -> None:
+    block = Block()
+    system = rf.import_system(specification(tmp_path, write_market(tmp_path, block), block))
+    rf.write_system(tmp_path / "system.h5", system)
+    with h5py.File(tmp_path / "system.h5") as file:
+        assert "condensed stiffness, symmetric, order [v; w]" in file.attrs["description"]
