@@ -164,7 +164,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "MeshOptions": ("scene.model", "Number, shape, order and grading of the elements"),
         "Refinement": ("scene.model", "Place on a contact edge with smaller elements"),
         "Contact": ("scene.model", "Contact edge, its friction and its initial gap"),
-        "Load": ("scene.model", "Pressure, traction, displacement or platen, times a load factor"),
+        "Load": ("scene.model", "What acts on an edge or a body, times a load factor"),
         "Support": ("scene.model", "Edge or point that is fixed"),
         "Probe": ("scene.model", "Points at which displacement and stress are recorded"),
         "Units": ("scene.units", "Names of the units that a scene's numbers are in, for labels"),

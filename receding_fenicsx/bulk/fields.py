@@ -81,7 +81,8 @@ def solve_fields(bulk: Bodies, load: Array, u: Array) -> list[BodyFields]:
             continue
         displacement = back_substitute(part, own_load, own_u)
         moved = _at_vertices(part, displacement)
-        found.append(BodyFields(part, moved, stresses(part, displacement)))
+        factors = np.asarray(part.comm.bcast(own_load), float)
+        found.append(BodyFields(part, moved, stresses(part, displacement, factors)))
     return found
 
 

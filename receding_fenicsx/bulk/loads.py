@@ -1,4 +1,4 @@
-"""Nodal forces of the loads: tractions, pressures and resultants on edges or spans of edges."""
+"""Nodal forces of the loads: tractions, pressures and resultants on edges, loads on bodies."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import numpy as np
 from dolfinx import fem
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk.acting.domain_forces import domain_forces
 from receding_fenicsx.bulk.edges import (
     EdgeFacets,
     along,
@@ -44,6 +45,9 @@ def add_load(
     if load.force is not None:
         _add_force(vector, space, body, scene, load)
         return
+    if load.on_body:
+        _add(vector, *on_all(body.mesh.comm, lambda: domain_forces(space, body, scene, load)))
+        return
 
     def traction(points: Array, normals: Array) -> Array:
         return measure(scene, points) * _traction(load, body, points, normals)
@@ -55,7 +59,11 @@ def add_load(
             values += _beyond_chords(facets, body.arcs, scene, traction, values)
         return facets.nodes, values
 
-    nodes, values = on_all(body.mesh.comm, forces)
+    _add(vector, *on_all(body.mesh.comm, forces))
+
+
+def _add(vector: PETSc.Vec, nodes: Ints, values: Array) -> None:
+    """Add forces (n, k, 2) at nodes (n, k)."""
     rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
     vector.setValues(rows.ravel(), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
     vector.assemble()

@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.acting.thermal import thermal_strain
 from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.material import lame_constants
+from receding_fenicsx.bulk.material import free_gradient, linear_stresses
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
-from receding_fenicsx.scene.model import Material
+from receding_fenicsx.mpi import given
 
 STRESSES = ("sxx", "syy", "szz", "sxy", "von_mises", "max_shear")
 """Names of the stresses; "max_shear" is the largest shear in the plane. In an axisymmetric body
@@ -36,19 +37,21 @@ class Stresses:
     nodal: dict[str, fem.Function]
 
 
-def stresses(bulk: Bulk, displacement: fem.Function) -> Stresses:
+def stresses(bulk: Bulk, displacement: fem.Function, load: Array | None = None) -> Stresses:
     """Return the stresses of a displacement field, at midpoints of cells and averaged at vertices.
 
     Args:
         bulk: the body.
         displacement: field in its space, ghosts up to date.
+        load: (n_loads,) load factors of the body, on every rank; needed where it has a
+            thermal strain.
 
     Returns:
         The stresses, ghosts up to date.
     """
     corners = _dolfinx.REFERENCE_CORNERS[bulk.body.cell]
     points = np.vstack([corners, corners.mean(axis=0)])
-    gradient = _gradient(bulk, displacement, points)
+    gradient = _gradient(bulk, displacement, points) - _thermal(bulk, points, load)
     constant = _dolfinx.scalar_space(bulk.body.mesh, "DG", 0)
     linear = _dolfinx.scalar_space(bulk.body.mesh, "Lagrange", 1)
     cell_dofs = _cell_dofs(constant, len(gradient))[:, 0]
@@ -85,6 +88,19 @@ def _gradient(bulk: Bulk, displacement: fem.Function, points: Array) -> Array:
     return np.concatenate([values[..., :4], hoop[..., None]], axis=-1)
 
 
+def _thermal(bulk: Bulk, points: Array, load: Array | None) -> Array:
+    """Return the gradients (cells, n, 5) of the thermal strain at reference points."""
+    if all(part.thermal_strain is None for part in bulk.scene.loads):
+        return np.zeros(5)
+    if bulk.scene.mesh.degree == 1:
+        # the last point is the midpoint
+        points = np.repeat(points[-1:], len(points), axis=0)
+    x = ufl.SpatialCoordinate(bulk.body.mesh)
+    places = _dolfinx.evaluate_in_cells(x, points, bulk.space)
+    strain = thermal_strain(bulk.scene, bulk.load_names, places) @ given(load)
+    return strain[..., None] * free_gradient(bulk.scene.material)
+
+
 def _components(bulk: Bulk, gradient: Array) -> dict[str, Array]:
     """Return each stress of ``STRESSES`` from gradients (..., [xx, xy, yx, yy, zz])."""
     return named_stresses(*np.moveaxis(linear_stresses(bulk.scene.material, gradient), -1, 0))
@@ -96,20 +112,6 @@ def named_stresses(sxx: Array, syy: Array, szz: Array, sxy: Array) -> dict[str, 
     von_mises = np.sqrt(0.5 * pairs + 3.0 * sxy**2)
     max_shear = np.hypot(0.5 * (sxx - syy), sxy)
     return dict(zip(STRESSES, (sxx, syy, szz, sxy, von_mises, max_shear), strict=True))
-
-
-def linear_stresses(material: Material, gradient: Array) -> Array:
-    """Return (..., [sxx, syy, szz, sxy]) from gradients (..., [xx, xy, yx, yy, zz])."""
-    lam, mu = (material.young * constant for constant in lame_constants(material))
-    exx, eyy, ezz = gradient[..., 0], gradient[..., 3], gradient[..., 4]
-    dilation = exx + eyy + ezz
-    sxx = lam * dilation + 2.0 * mu * exx
-    syy = lam * dilation + 2.0 * mu * eyy
-    sxy = mu * (gradient[..., 1] + gradient[..., 2])
-    szz = lam * dilation + 2.0 * mu * ezz
-    if material.kinematics == "plane stress":
-        szz = np.zeros_like(sxx)
-    return np.stack([sxx, syy, szz, sxy], axis=-1)
 
 
 def _cell_dofs(space: fem.FunctionSpace, cells: int) -> NDArray[np.int32]:

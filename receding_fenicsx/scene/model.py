@@ -9,6 +9,9 @@ from dataclasses import dataclass, field, fields
 
 from receding_fenicsx.arrays import call_of, described
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.acting.tables import FREE as FREE
+from receding_fenicsx.scene.acting.tables import Load as Load
+from receding_fenicsx.scene.acting.tables import Support as Support
 from receding_fenicsx.scene.checks import nearest, unknown_name
 from receding_fenicsx.scene.options import AccuracyOptions as AccuracyOptions
 from receding_fenicsx.scene.options import Harmonic as Harmonic
@@ -26,8 +29,6 @@ RECTANGLE_KEYS = ("shape", "width", "height", "position")
 """Keys of a body that a mesh file replaces."""
 HALF_PLANE = "half-plane"
 """Shape of a body without a mesh."""
-FREE = "free"
-"""Component of a prescribed displacement that is not prescribed."""
 TABLE_OF = {
     "others": "body",
     "materials": "material",
@@ -160,53 +161,6 @@ class Contact(Table):
 
 
 @dataclass(frozen=True, repr=False)
-class Load(Table):
-    """Named load: exactly one of pressure, traction, displacement and force.
-
-    The history multiplies it by its load factor.
-
-    Attributes:
-        name: name of the load in the history.
-        edge: edge on which it acts.
-        span: part of the edge on which it acts; positions as in :class:`Contact`.
-        pressure: stress normal to the edge; positive is compression.
-        traction: components [x, y] in global axes, stresses.
-        displacement: prescribed components [x, y]; "free" for a component that is not prescribed.
-        platen: the edge moves rigidly without rotation, under ``force`` or by a constant
-            ``displacement``. Loads with the same edge and span act on the same platen.
-        force: resultant [x, y] on a platen, of the whole body (axisymmetric: of the full circle);
-            or on the far field of a half-plane, which without ``platen`` turns freely under a force
-            through the middle of the contact.
-    """
-
-    name: str
-    edge: str
-    span: tuple[float, float] | None = None
-    pressure: Profile | None = None
-    traction: tuple[Profile, Profile] | None = None
-    displacement: tuple[Profile, Profile] | None = None
-    platen: bool = False
-    force: tuple[float, float] | None = None
-
-
-@dataclass(frozen=True)
-class Support:
-    """Homogeneous displacement condition at an edge or a point.
-
-    Attributes:
-        fix: components held: "x", "y" or "xy".
-        edge: edge that is held; or ``point``.
-        point: coordinates, or the name of a physical point of a mesh file.
-        body: name of the point's body, in a scene of two bodies.
-    """
-
-    fix: str
-    edge: str | None = None
-    point: tuple[float, float] | str | None = None
-    body: str | None = None
-
-
-@dataclass(frozen=True, repr=False)
 class Scene:
     """Input of a run: bodies, materials, contacts, loads, history and options.
 
@@ -245,6 +199,11 @@ class Scene:
     def axisymmetric(self) -> bool:
         """Whether the scene is a body of revolution: x is r and y is z."""
         return self.material_of(self.body).kinematics == "axisymmetric"
+
+    @property
+    def edge_loads(self) -> tuple[Load, ...]:
+        """Loads on edges, without those on whole bodies."""
+        return tuple(load for load in self.loads if not load.on_body)
 
     @property
     def load_names(self) -> tuple[str, ...]:

@@ -48,8 +48,10 @@ def part_of(scene: Scene, body: Body) -> Scene:
         elif against is not None:
             contacts.append(replace(contact, edge=against, against=None, span=None))
     for load in scene.loads:
-        edge = own(load.edge)
-        if edge is not None:
+        edge = None if load.on_body else own(load.edge)
+        if load.on_body and load.body in (None, body.name):
+            loads.append(replace(load, body=None))
+        elif edge is not None:
             loads.append(replace(load, edge=edge))
     for support in scene.supports:
         edge = own(support.edge)

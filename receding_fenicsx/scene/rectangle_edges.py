@@ -17,6 +17,8 @@ HORIZONTAL = ("bottom", "top")
 """Edges along x."""
 LOAD_SAMPLES = 401
 """Points along an edge at which load profiles are checked (odd: one lies at the centre)."""
+BODY_SAMPLES = 41
+"""Points along each side of a rectangle at which loads on bodies are checked."""
 
 
 def is_cylinder(scene: Scene, body: Body) -> bool:
@@ -68,6 +70,17 @@ def contact_samples(scene: Scene, contact: Contact) -> Array:
     # a half-plane's tractions are linear between the nodes
     n = (1 if half_plane else scene.mesh.degree) * scene.mesh.contact_elements
     return 0.5 * (low + high) + 0.5 * (high - low) * np.linspace(-1.0, 1.0, n + 1)
+
+
+def body_points(scene: Scene, body: Body) -> tuple[Array, Array]:
+    """Return points (x, y) of a rectangle, each (n, n), row by row from left to right.
+
+    None lies on an edge, where an expression such as 1/x may end.
+    """
+    s = (np.arange(BODY_SAMPLES) + 0.5) / BODY_SAMPLES - 0.5
+    x, y = body.position[0] + body.width * s, body.position[1] + body.height * (s + 0.5)
+    x, y = np.meshgrid(0.5 * body.width * (s + 0.5) if is_cylinder(scene, body) else x, y)
+    return x, y
 
 
 def load_samples(scene: Scene, load: Load) -> Array:

@@ -7,9 +7,10 @@ from collections import Counter
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.scene.model import FREE, Scene, Support
+from receding_fenicsx.scene.model import FREE, Load, Scene, Support
 from receding_fenicsx.scene.profiles import directions, evaluate
 from receding_fenicsx.scene.rectangle_edges import (
+    body_points,
     contact_samples,
     edge_points,
     edge_range,
@@ -52,7 +53,9 @@ def is_mirror_symmetric(scene: Scene) -> bool:
         slip = scene.history.initial_slip
         if slip is not None and not _is_even(evaluate(slip, x), sign=-1.0):
             return False
-    for load in scene.loads:
+    if not all(_body_load_is_even(scene, load) for load in scene.loads if load.on_body):
+        return False
+    for load in scene.edge_loads:
         if not is_horizontal(scene, load.edge) or not _span_is_even(scene, load.edge, load.span):
             return False
         x, y = edge_points(scene, load.edge, load_samples(scene, load))
@@ -92,6 +95,19 @@ def _is_even(values: Array, sign: float = 1.0, scale: float | None = None) -> bo
 def _span_is_even(scene: Scene, edge: str, span: tuple[float, float] | None) -> bool:
     low, high = edge_range(scene, edge)
     return span is None or abs(span[0] + span[1]) <= SYMMETRY_TOLERANCE * (high - low)
+
+
+def _body_load_is_even(scene: Scene, load: Load) -> bool:
+    """Return whether a body force or thermal strain is mirror-symmetric about x = 0."""
+    body = next(body for body in scene.bodies if load.body in (None, body.name))
+    x, y = body_points(scene, body)
+    # from left to right along the first axis
+    if load.thermal_strain is not None:
+        return _is_even(evaluate(load.thermal_strain, x, y).T)
+    assert load.body_force is not None
+    fx, fy = (evaluate(part, x, y).T for part in load.body_force)
+    scale = max(np.abs(fx).max(), np.abs(fy).max())
+    return _is_even(fx, -1.0, scale) and _is_even(fy, 1.0, scale)
 
 
 def _support_key(scene: Scene, support: Support, mirrored: bool = False) -> tuple[object, ...]:

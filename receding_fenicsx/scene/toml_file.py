@@ -120,7 +120,7 @@ def to_toml(scene: Scene) -> str:
 
 
 def _lines(table: Any) -> list[str]:
-    """Return one line per field; None, empty names, empty defaults are omitted."""
+    """Return one line per field; None, empty names and edges, empty defaults are omitted."""
     fields = [(f.name, getattr(table, f.name), f.default) for f in dataclasses.fields(table)]
     if isinstance(table, Body) and table.mesh is not None:
         fields = [field for field in fields if field[0] not in RECTANGLE_KEYS]
@@ -130,7 +130,7 @@ def _lines(table: Any) -> list[str]:
         if value is not None
         and value != {}
         and (value != () or default is None)
-        and (name, value) != ("name", "")
+        and (name, value) not in (("name", ""), ("edge", ""))
     ]
 
 

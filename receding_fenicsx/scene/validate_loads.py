@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.acting.tables import KINDS
+from receding_fenicsx.scene.acting.validate import body_named, check_body_load
 from receding_fenicsx.scene.checks import SMALLEST
 from receding_fenicsx.scene.model import FREE, Body, Load, Scene, Support
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
@@ -22,9 +24,6 @@ from receding_fenicsx.scene.validate_contacts import (
     has_mesh_file,
 )
 
-KINDS = ("pressure", "traction", "displacement", "force")
-"""Keys of a load of which exactly one is given."""
-
 
 def check_loads(scene: Scene) -> None:
     """Check that loads act on edges outside the contact, are not zero, and have names."""
@@ -37,12 +36,19 @@ def check_supports(scene: Scene) -> None:
     """Check what supports hold, and that no load acts on held degrees of freedom only."""
     for support in scene.supports:
         _check_support(scene, support)
-    for load in scene.loads:
+    for load in scene.edge_loads:
         _check_acts(scene, load)
 
 
 def _check_load(scene: Scene, load: Load) -> None:
     where = f"load '{load.name}'"
+    if load.on_body:
+        check_body_load(scene, load, where)
+        return
+    if not load.edge:
+        raise InputError(f"{where}: the key 'edge' is missing; add it")
+    if load.body is not None:
+        raise InputError(f"{where} body: is for body_force and thermal_strain; write BODY.EDGE")
     check_edge(scene, load.edge, f"{where} edge")
     check_span(scene, load.edge, load.span, f"{where} span")
     _check_kind(scene, load, where)
@@ -143,9 +149,13 @@ def _check_parts(scene: Scene, a: Load, b: Load) -> None:
     if (a.displacement is None) != (b.displacement is None):
         forced, moved = (a, b) if b.displacement is not None else (b, a)
         raise InputError(
-            f"load '{a.name}': is a force on \"{forced.edge}\" and a displacement on "
+            f"load '{a.name}': is a force on \"{forced.edge or 'a body'}\" and a displacement on "
             f'"{moved.edge}"; give them two names'
         )
+    if a.on_body or b.on_body:
+        if _kinds(a) == _kinds(b) and a.body == b.body:
+            raise InputError(f"load '{a.name}': has two of {_kinds(a)[0]} on one body; add them")
+        return
     if scene.find_edge(a.edge) != scene.find_edge(b.edge) or _kinds(a) != _kinds(b):
         return
     if has_mesh_file(scene, a.edge) or scene.find_edge(a.edge)[0].is_half_plane:
@@ -184,7 +194,7 @@ def _check_support(scene: Scene, support: Support) -> None:
 
 def _check_point(scene: Scene, support: Support, where: str) -> None:
     """Check that a support's point lies on its body."""
-    body = body_of_point(scene, support.body, where)
+    body = body_named(scene, support.body, where)
     if body.is_half_plane:
         raise InputError(f'{where} point: hold the edge "far" of a half-plane instead')
     if body.mesh is not None:
@@ -192,18 +202,6 @@ def _check_point(scene: Scene, support: Support, where: str) -> None:
     if not isinstance(support.point, tuple):
         raise InputError(f"{where} point: a rectangle has no named points; write [x, y]")
     check_inside(scene, body, support.point, f"{where} point")
-
-
-def body_of_point(scene: Scene, name: str | None, where: str) -> Body:
-    """Return the body that a point names; a name is needed where there are two bodies, only."""
-    names = [body.name for body in scene.bodies]
-    if (name is None) == bool(scene.others) or name not in (None, *names):
-        raise InputError(
-            f"{where} body: must name the body of the point; give one of {', '.join(names)}"
-            if scene.others
-            else f"{where} body: the scene has one body only; remove it"
-        )
-    return scene.bodies[names.index(name) if name is not None else 0]
 
 
 def check_inside(scene: Scene, body: Body, point: tuple[float, ...], where: str) -> None:

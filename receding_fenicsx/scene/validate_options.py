@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.acting.validate import body_named
 from receding_fenicsx.scene.checks import (
     check_choice,
     check_count,
@@ -13,7 +14,7 @@ from receding_fenicsx.scene.checks import (
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
 from receding_fenicsx.scene.options import NUMBERS
-from receding_fenicsx.scene.validate_loads import body_of_point, check_inside
+from receding_fenicsx.scene.validate_loads import check_inside
 
 MAX_STEPS = 1_000_000
 """Largest number of load steps or samples of a leg."""
@@ -165,7 +166,7 @@ def check_probes(scene: Scene) -> None:
             raise InputError(f"{where}: two probes have this name; rename one")
         seen.add(probe.name.casefold())
         _check_probe_points(probe, where)
-        body = body_of_point(scene, probe.body, where)
+        body = body_named(scene, probe.body, where)
         for point in probe.coordinates if body.mesh is None else ():
             check_inside(scene, body, point, where)
     total = sum(len(probe.coordinates) for probe in scene.probes)

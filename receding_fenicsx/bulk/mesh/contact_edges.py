@@ -90,7 +90,7 @@ def _uses(scene: Scene) -> list[tuple[str, str]]:
         found.append((contact.edge, f"{where} edge"))
         if contact.against is not None:
             found.append((contact.against, f"{where} against"))
-    found += [(load.edge, f"load '{load.name}' edge") for load in scene.loads]
+    found += [(load.edge, f"load '{load.name}' edge") for load in scene.edge_loads]
     found += [(s.edge, "[[support]] edge") for s in scene.supports if s.edge is not None]
     return found
 
@@ -218,7 +218,7 @@ def _check_apart(
                     )
             taken.append((edge, place, facets))
     uses: list[tuple[str, str, Load | Support]] = [
-        (load.edge, f"load '{load.name}'", load) for load in scene.loads
+        (load.edge, f"load '{load.name}'", load) for load in scene.edge_loads
     ]
     uses += [(s.edge, "[[support]] edge", s) for s in scene.supports if s.edge is not None]
     for edge, where, thing in uses:

@@ -106,7 +106,7 @@ def _block(bulk: Bulk, solve: Solve, values: PointValues, rows: tuple[int, int])
         of_loads[:, k] = z.T @ load.getArray(readonly=True) / bulk.young
         if name in bulk.prescribed:
             of_loads[:, k] += g.T @ bulk.prescribed[name].getArray(readonly=True)
-    of_loads = bulk.comm.allreduce(of_loads)
+    of_loads = bulk.comm.allreduce(of_loads) + values.of_loads[first:last]
     of_contact = gather_contact(bulk, g - times(bulk.stiffness, z))
     if of_contact is None:
         return None

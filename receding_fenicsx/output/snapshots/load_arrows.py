@@ -61,7 +61,7 @@ def load_arrows(
     largest = dict(zip(names, largest_factors(scene), strict=True))
     found = [
         (load, *_traction(scene, load, ARROW_SPACING * size))
-        for load in scene.loads
+        for load in scene.edge_loads
         if scene.find_edge(load.edge)[0].is_rectangle
     ]
     sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, t in found]

@@ -1,0 +1,71 @@
+"""Dataclasses of what acts on the bodies: loads and supports."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from receding_fenicsx.scene.options import Table
+from receding_fenicsx.scene.profiles import Profile
+
+FREE = "free"
+"""Component of a prescribed displacement that is not prescribed."""
+KINDS = ("pressure", "traction", "displacement", "force", "body_force", "thermal_strain")
+"""Keys of a load of which exactly one is given."""
+
+
+@dataclass(frozen=True, repr=False)
+class Load(Table):
+    """Named load: exactly one of the ``KINDS``; the last two act on a body, the others on an edge.
+
+    The history multiplies it by its load factor.
+
+    Attributes:
+        name: name of the load in the history.
+        edge: edge on which it acts.
+        span: part of the edge on which it acts; positions as in a contact.
+        pressure: stress normal to the edge; positive is compression.
+        traction: components [x, y] in global axes, stresses.
+        displacement: prescribed components [x, y]; "free" for a component that is not prescribed.
+        platen: the edge moves rigidly without rotation, under ``force`` or by a constant
+            ``displacement``. Loads with the same edge and span act on the same platen.
+        force: resultant [x, y] on a platen, of the whole body (axisymmetric: of the full circle);
+            or on the far field of a half-plane, which without ``platen`` turns freely under a force
+            through the middle of the contact.
+        body: name of the body with a body force or thermal strain, in a scene of two bodies.
+        body_force: force [x, y] per volume; for example ["rho*omega^2*x", 0] with numbers.
+        thermal_strain: strain alpha dT of the free material, alike in all directions of space.
+    """
+
+    name: str
+    edge: str = ""
+    span: tuple[float, float] | None = None
+    pressure: Profile | None = None
+    traction: tuple[Profile, Profile] | None = None
+    displacement: tuple[Profile, Profile] | None = None
+    platen: bool = False
+    force: tuple[float, float] | None = None
+    body: str | None = None
+    body_force: tuple[Profile, Profile] | None = None
+    thermal_strain: Profile | None = None
+
+    @property
+    def on_body(self) -> bool:
+        """Whether the load acts on a body, not on an edge."""
+        return self.body_force is not None or self.thermal_strain is not None
+
+
+@dataclass(frozen=True)
+class Support:
+    """Homogeneous displacement condition at an edge or a point.
+
+    Attributes:
+        fix: components held: "x", "y" or "xy".
+        edge: edge that is held; or ``point``.
+        point: coordinates, or the name of a physical point of a mesh file.
+        body: name of the point's body, in a scene of two bodies.
+    """
+
+    fix: str
+    edge: str | None = None
+    point: tuple[float, float] | str | None = None
+    body: str | None = None

@@ -1,0 +1,327 @@
+"""Body forces and thermal strains, against closed forms, halves and wholes, and work."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import block, cylinder
+from numpy.typing import NDArray
+
+from receding_fenicsx.bulk.fields import fields_at, gather_cell_stresses, solve_fields
+from receding_fenicsx.bulk.mesh.meshing import make_meshes
+from receding_fenicsx.bulk.two_bodies import build_all
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.mpi import given
+from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.scene.model import (
+    Body,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    OutputOptions,
+    Probe,
+    Scene,
+    SolverOptions,
+    Support,
+)
+from receding_fenicsx.scene.symmetry import is_half_meshed, is_mirror_symmetric
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.study import condense
+
+comm = MPI.COMM_WORLD
+Array = NDArray[np.float64]
+E, NU = 2.0, 0.3
+HEAT = Load("heat", thermal_strain=0.013)
+ONCE = HistoryOptions(kind="monotonic")
+KINDS = ("plane stress", "plane strain", "axisymmetric")
+ORDERS = ((1, "triangle"), (1, "quadrilateral"), (2, "triangle"), (2, "quadrilateral"))
+POINTS = Probe("s", points=((0.3, 0.4), (0.7, 0.9), (1.1, 0.12)))
+
+
+def played(scene: Scene) -> Record:
+    """The record, on every rank."""
+    system = condense(scene, comm)
+    record = evolve(system, scene) if system is not None else None
+    return given(comm.bcast(record))
+
+
+def at_probe(record: Record) -> dict[str, Array]:
+    """Values of the probe "s" at the end, each (points,)."""
+    probe = record.probe("s")
+    values = np.hstack([probe.displacement[-1], probe.stress[-1]])
+    return dict(zip(("ux", "uy", "sxx", "syy", "szz", "sxy"), values.T, strict=True))
+
+
+def stresses_of(scene: Scene, record: Record) -> dict[str, Array]:
+    """Stresses at the vertices, and in the cells as "cell ...", at the end; on every rank."""
+    bulk = build_all(scene, make_meshes(comm, scene, is_half_meshed(scene)))
+    end, n = record.turning_points, len(bulk.contact.x)
+    u = np.concatenate([end.v[-1][-n:], end.w[-1][-n:]])
+    fields = fields_at(bulk, end.load[-1], u)
+    cells = gather_cell_stresses(solve_fields(bulk, end.load[-1], u))
+    bulk.destroy()
+    found = None
+    if fields is not None and cells is not None:
+        found = fields.stress | {f"cell {name}": value for name, value in cells.items()}
+    return given(comm.bcast(found))
+
+
+@pytest.mark.parametrize(("degree", "cell"), ORDERS)
+@pytest.mark.parametrize("kinematics", KINDS)
+def test_bar_between_walls(kinematics: str, degree: int, cell: str) -> None:
+    """Sides free: s_yy = -E alpha dT; in plane strain s_yy = s_zz = -E alpha dT / (1 - nu)."""
+    heat = 0.013
+    scene = block(
+        cell,
+        degree,
+        load=HEAT,
+        material=Material(E, NU, kinematics),
+        contacts=(Contact(friction=0.0),),
+        supports=(Support("y", edge="top"),),
+        history=ONCE,
+        probes=(POINTS,),
+    )
+    known = -E * heat / (1.0 - NU if kinematics == "plane strain" else 1.0)
+    stress = {"sxx": 0.0, "syy": known, "sxy": 0.0}
+    stress["szz"] = known if kinematics == "plane strain" else 0.0
+    record = played(scene)
+    assert record.turning_points.p[-1] == pytest.approx(-known, rel=1e-9)
+    found = stresses_of(scene, record)
+    at = at_probe(record)
+    for name, value in stress.items():
+        for values in (found[name], found[f"cell {name}"], at[name]):
+            np.testing.assert_allclose(values, value, atol=1e-9 * abs(known))
+    # the conjugate: integral of the held stress times the dilation
+    dilation = {"plane stress": 1.0 + NU, "axisymmetric": 2.0 * (1.0 + NU)}
+    dilation["plane strain"] = 1.0 + 2.0 * NU / (1.0 - NU)
+    held = E * heat / (1.0 - NU if kinematics == "plane stress" else 1.0 - 2.0 * NU)
+    volume = 4.0 * np.pi if kinematics == "axisymmetric" else 4.0
+    conjugate = held * heat * dilation[kinematics] * volume
+    assert record.turning_points.load_displacement[-1, 0] == pytest.approx(conjugate, rel=1e-9)
+
+
+@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
+@pytest.mark.parametrize("kinematics", ["plane stress", "plane strain"])
+def test_free_expansion_by_a_linear_field(kinematics: str, cell: str) -> None:
+    """Strains a + b x + c y are compatible: no stress in the plane; s_zz = -E alpha dT."""
+    heat = Load("heat", thermal_strain="0.01 + 0.004*x - 0.003*y")
+    material = Material(E, NU, kinematics)
+    scene = block(cell, 2, load=heat, material=material, probes=(POINTS,))
+    system = condense(scene, comm)
+    if system is None:
+        return
+    # contact displacements that leave no reaction
+    u = -np.linalg.lstsq(system.K, system.r_star[0], rcond=1e-12)[0]
+    left = np.abs(system.r_star[0] + system.K @ u).max()
+    assert left < 1e-11 * np.abs(system.r_star[0]).max()
+    at = given(system.probes).rows @ np.concatenate([u, [1.0]])
+    x, y = np.array(POINTS.points).T
+    strain = 0.01 + 0.004 * x - 0.003 * y
+    assert np.abs(at[:, [2, 3, 5]]).max() < 1e-10 * E
+    szz = -E * strain if kinematics == "plane strain" else 0.0 * x
+    np.testing.assert_allclose(at[:, 4], szz, atol=1e-10 * E)
+
+
+# -- rotation ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_rotating_shaft_between_smooth_plates(degree: int) -> None:
+    """Long shaft, e_zz given: s_rr = (3 - 2 nu)/(8 (1 - nu)) rho omega^2 (R^2 - r^2)."""
+    squeeze, rate = 0.5, 0.4
+    scene = cylinder(
+        degree=degree,
+        loads=(
+            Load("press", "top", displacement=("free", -squeeze)),
+            Load("spin", body_force=(f"{rate}*x", 0.0)),
+        ),
+        mesh=MeshOptions(32, "quadrilateral", degree, 1.0),
+        history=HistoryOptions(kind="monotonic", load="spin", constant={"press": 1.0}),
+        probes=(POINTS,),
+    )
+    record = played(scene)
+    r = np.array(POINTS.points)[:, 0]
+    c, R = 1.0 / (8.0 * (1.0 - NU)), 2.0
+    srr = c * (3.0 - 2.0 * NU) * rate * (R**2 - r**2)
+    stt = c * rate * ((3.0 - 2.0 * NU) * R**2 - (1.0 + 2.0 * NU) * r**2)
+    szz = -E * squeeze + NU * (srr + stt)
+    at = at_probe(record)
+    off = 2e-2 if degree == 1 else 3e-4
+    for found, known in (("sxx", srr), ("szz", stt), ("syy", szz)):
+        np.testing.assert_allclose(at[found], known, atol=off * srr.max())
+    eps = (stt - NU * (srr + szz)) / E
+    np.testing.assert_allclose(at["ux"], r * eps, rtol=1e-2 * off, atol=0.2 * off * eps.max())
+
+
+def annulus(folder: Path) -> Path:
+    """A .geo file of a quarter of an annulus, radii 1 and 2."""
+    file = folder / "annulus.geo"
+    file.write_text(
+        "h = 0.03; Point(1) = {0, 0, 0, h}; Point(2) = {1, 0, 0, h}; Point(3) = {2, 0, 0, h};\n"
+        "Point(4) = {0, 2, 0, h}; Point(5) = {0, 1, 0, h}; Line(1) = {2, 3};\n"
+        "Circle(2) = {3, 1, 4}; Line(3) = {4, 5}; Circle(4) = {5, 1, 2};\n"
+        "Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1}; Physical Surface('s') = {1};\n"
+        "Physical Curve('down') = {1}; Physical Curve('side') = {3};\n",
+        encoding="utf-8",
+    )
+    return file
+
+
+@pytest.mark.one_rank
+def test_disc_under_a_field_towards_its_axis(tmp_path: Path) -> None:
+    """A rotating disc with the sign reversed, so that its section is pressed on the plane."""
+    rate, a, b = 0.5, 1.0, 2.0
+    scene = Scene(
+        body=Body(mesh=str(annulus(tmp_path))),
+        material=Material(E, NU, "plane stress"),
+        mesh=MeshOptions(contact_elements=16, degree=2),
+        contacts=(Contact("down", friction=0.0),),
+        loads=(Load("spin", body_force=(f"-{rate}*x", f"-{rate}*y")),),
+        supports=(Support("x", edge="side"),),
+        history=ONCE,
+        probes=(Probe("s", points=((1.2, 0.9), (0.9, 1.2))),),
+    )
+    record = played(scene)
+    r = record.x + 1.5
+    hoop = (3 + NU) / 8 * rate * (a**2 + b**2 + (a * b / r) ** 2 - (1 + 3 * NU) / (3 + NU) * r**2)
+    p = record.turning_points.p[-1]
+    np.testing.assert_allclose(p[2:-2:2], hoop[2:-2:2], rtol=2e-3)
+    at = at_probe(record)
+    r = np.array([1.5, 1.5])
+    srr = -(3 + NU) / 8 * rate * (a**2 + b**2 - (a * b / r) ** 2 - r**2)
+    stt = -(3 + NU) / 8 * rate * (a**2 + b**2 + (a * b / r) ** 2 - (1 + 3 * NU) / (3 + NU) * r**2)
+    assert at["sxx"] + at["syy"] == pytest.approx(srr + stt, rel=2e-3)
+    moved = np.hypot(at["ux"], at["uy"])
+    assert moved == pytest.approx(-r * (stt - NU * srr) / E, rel=2e-4)
+
+
+# -- halves, wholes, pairs, work -----------------------------------------------------------------
+
+CYCLE = HistoryOptions(kind="cyclic", load="T", maximum=1.0, minimum=-1.0, cycles=3)
+PRESSED = replace(CYCLE, constant={"P": 1.0})
+CASES = {
+    "heat": Load("T", thermal_strain="0.02*(1 + x**2)*(2 - y)"),
+    "force": Load("T", body_force=("0.6*x", "0.3*y")),
+}
+
+
+def pressed(kind: str, **parts: Any) -> Scene:
+    loads = (Load("P", "top", pressure=0.5), CASES[kind])
+    return block(degree=2, loads=loads, history=PRESSED, **parts)
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("kind", CASES)
+def test_half_and_whole_are_equal(kind: str) -> None:
+    scene = pressed(kind, probes=(replace(POINTS, points=((-0.3, 0.4), (0.3, 0.4))),))
+    assert is_mirror_symmetric(scene)
+    whole = replace(scene, solver=SolverOptions(symmetry="none"))
+    a, b = played(scene), played(whole)
+    assert a.half and not b.half
+    for name in ("P", "Q", "v", "w", "load_displacement"):
+        one, two = (getattr(r.turning_points, name) for r in (a, b))
+        np.testing.assert_allclose(one, two, atol=1e-9 * np.abs(two).max())
+    one, two = at_probe(a), at_probe(b)
+    for name in ("ux", "sxx", "syy", "szz", "sxy"):
+        np.testing.assert_allclose(one[name], two[name], atol=1e-9 * np.abs(two["syy"]).max())
+    means = [np.sort(stresses_of(x, r)["cell syy"]) for x, r in ((scene, a), (whole, b))]
+    np.testing.assert_allclose(means[0], means[1], atol=1e-8 * np.abs(means[1]).max())
+
+
+@pytest.mark.parametrize(
+    "load",
+    [
+        Load("T", thermal_strain="0.01*x"),
+        Load("T", body_force=(1.0, 0.0)),
+        Load("T", body_force=("x", "x")),
+    ],
+)
+def test_uneven_loads_are_not_mirror_symmetric(load: Load) -> None:
+    assert not is_mirror_symmetric(block(load=load))
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("kind", CASES)
+def test_work_over_a_cycle_is_its_dissipation(kind: str) -> None:
+    scene = pressed(kind, solver=SolverOptions(symmetry="none"))
+    record = played(replace(scene, output=OutputOptions(samples_per_leg=400)))
+    assert record.energy_error_max < 1e-9
+    D = record.cycles.dissipation[-1]
+    assert D > 1e-6
+    assert loop_of(record, 3).area().sum() == pytest.approx(D, rel=1e-3)
+
+
+@pytest.mark.parametrize("kind", ["heat", "force"])
+def test_body_cut_in_two_layers(kind: str) -> None:
+    """A bar of two layers, each with its own part of the load, against the bar of one."""
+    loads: dict[str, dict[str, Any]] = {
+        "heat": {"thermal_strain": 0.01},
+        "force": {"body_force": (0.0, -0.2)},
+    }
+    load = loads[kind]
+    fixed = (Support("y", edge="top"),) if kind == "heat" else ()
+    one = block(degree=2, load=Load("T", **load), contacts=(Contact(friction=0.0),), history=ONCE)
+    one = replace(one, supports=fixed)
+    halves = [Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
+    two = replace(
+        one,
+        body=halves[0],
+        others=(halves[1],),
+        contacts=(Contact("a.bottom", friction=0.0, against="b.top"),),
+        loads=tuple(Load("T", body=name, **load) for name in "ab"),
+        supports=(
+            *(replace(s, edge="a.top") for s in fixed),
+            Support("y", edge="b.bottom"),
+        ),
+    )
+    a, b = played(one), played(two)
+    known = (4.0 * E * 0.01 / (1.0 - NU),) * 2 if kind == "heat" else (0.8, 0.4)
+    assert a.turning_points.P[-1].sum() == pytest.approx(known[0], rel=1e-8)
+    assert b.turning_points.P[-1].sum() == pytest.approx(known[1], rel=1e-8)
+    moved = [r.turning_points.load_displacement[-1, 0] for r in (a, b)]
+    assert kind == "force" or moved[0] == pytest.approx(moved[1], rel=1e-9)
+
+
+def test_scene_file_keeps_loads_on_bodies() -> None:
+    scene = pressed("force")
+    text = to_toml(scene)
+    assert 'body_force = ["0.6*x", "0.3*y"]' in text and 'edge = ""' not in text
+    assert from_toml(text) == scene
+
+
+@pytest.mark.parametrize(
+    ("load", "words"),
+    [
+        ({"body_force": (1.0, "1/0*x")}, "load 'T' body_force: .* is not a finite number"),
+        ({"thermal_strain": "log(y - 2)"}, "load 'T' thermal_strain: .* is not a finite number"),
+        ({"body_force": (0.0, 0.0)}, "load 'T' body_force: is zero everywhere"),
+        ({"thermal_strain": {"x": [0.0, 1.0], "value": [0.0, 1.0]}}, "runs along an edge"),
+        ({"thermal_strain": 1.0, "edge": "top"}, "acts on a whole body; remove edge"),
+        ({"thermal_strain": 1.0, "body_force": (1.0, 0.0)}, "remove thermal_strain"),
+        ({"thermal_strain": 1.0, "body": "a"}, "load 'T' body: the scene has one body only"),
+        ({"pressure": 1.0, "edge": "top", "body": "a"}, "body: is for body_force and thermal"),
+        ({"pressure": 1.0}, "load 'T': the key 'edge' is missing; add it"),
+    ],
+)
+def test_bad_loads_are_refused(load: dict[str, Any], words: str) -> None:
+    scene = block(load=Load("T", **load))
+    with pytest.raises(InputError, match=words) as error:
+        condense(scene, comm)
+    assert "\n" not in str(error.value)
+
+
+def test_profile_that_fails_on_a_mesh_is_refused_on_all_ranks() -> None:
+    """A value that no sample sees, at a radius inside a cell."""
+    load = Load("T", thermal_strain="0.01 + 0/(x < 0.013)")
+    with pytest.raises(InputError, match="not a finite number"):
+        condense(cylinder(loads=(load,)), comm)
