@@ -220,15 +220,20 @@ def replay(system: Any, history: Any, record: Any) -> Replay:
 
 
 def _limit_start(run: Replay, u: Array, state: Array) -> tuple[Array, Array]:
-    """Return where the limit cycle starts: where it ends, less its slip, after a jump."""
+    """Return where the limit cycle starts: where it ends, less a rigid walk, after a jump."""
     record, ends = run.record, run.record.turning_points
     if not record.limit.jumped:
         return u, state
-    slip = record.cycles.slip_increment[-1]
-    size = float(np.abs(slip).max(initial=0.0))
+    slip, rigid = record.cycles.slip_increment[-1], run.system.rigid
+    back = np.concatenate([slip, np.zeros(len(slip))])
+    # of open nodes the record tells no slip: they move with the body
+    known = np.concatenate([ends.state[-1] != OPEN, np.full(len(slip), True)])
+    walk = rigid @ np.linalg.lstsq(rigid[known], back[known], rcond=None)[0]
+    size = float(np.abs(walk - back)[known].max(initial=0.0))
     if size > LIMIT * float(np.abs(ends.v).max()):
         run.object("the limit", "its cycle does not repeat itself", size)
-    return np.concatenate([ends.v[-1] - slip, ends.w[-1]]).astype(np.longdouble), ends.state[-1]
+    back[~known] = walk[~known]
+    return np.concatenate([ends.v[-1], ends.w[-1]]).astype(np.longdouble) - back, ends.state[-1]
 
 
 def _leg(

@@ -107,6 +107,8 @@ def continue_history(
     # the limit is searched along the first continuation only
     searches = history.until_limit and problem.chooser is None
     search = LimitSearch(problem) if searches else None
+    if search is not None:
+        search.repeat(cycles)
     try:
         for number in range(len(cycles), problem.last_cycle + 1):
             if run.steady.cycle >= 0 and (history.until_steady or search is not None):
@@ -134,7 +136,7 @@ def continue_history(
     record = record_of(problem.system, problem.solver, cycles, last=last)
     record.choices = _choices(problem)
     if search is not None:
-        search.tell(record, cycles)
+        search.tell(record)
     return record
 
 

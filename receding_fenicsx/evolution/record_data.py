@@ -132,15 +132,16 @@ class Limit:
     Attributes:
         reached: True when a cycle that repeats itself was found, played and checked.
         cycle: its number in the record, the last one; -1 when not reached.
-        cycles_played: cycles played from cycle 1, with and without frozen nodes; those of searches
-            that found nothing are not counted.
+        cycles_played: cycles played from cycle 1, with and without frozen nodes, those of searches
+            that found nothing too.
         newton_steps: Newton steps.
         residual: change of the forces over the cycle, or natural map of drifts and margins, over
             the largest force; the larger one. NaN without a search.
         unique: 1 when the limit does not depend on the start, to first order; 0 when that is not
             certain; -1 when it was not examined.
         reason: why it was reached or not, and is unique or not, in words.
-        jumped: True when the cycle starts where it ends itself.
+        jumped: True when the cycle starts where it ends itself; in ratchetting, by its rigid walk
+            behind that.
     """
 
     reached: bool
@@ -258,7 +259,8 @@ class RecordData:
     def start_row(self, cycle: int) -> int | None:
         """Return the turning point from which a cycle starts; None at rest.
 
-        It is the end of the cycle before, or of the cycle itself after a jump to the limit.
+        It is the end of the cycle before, or of the cycle itself after a jump to the limit; in
+        ratchetting the cycle starts by its slip increment behind that.
         """
         jumped = self.limit is not None and self.limit.jumped and self.limit.cycle == cycle
         rows = np.flatnonzero(self.turning_points.cycle == (cycle if jumped else cycle - 1))

@@ -9,10 +9,12 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.instants import Instant, instant, rest_state
+from receding_fenicsx.evolution.limit.walking import walk_of, walking_motions
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.branches.choice import chooser_for
 from receding_fenicsx.interface.law import SLIP_SIGN, State
+from receding_fenicsx.interface.measures.steady import RATCHETTING
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
@@ -61,11 +63,11 @@ def state_at(
     if s == 1.0:
         state = turning_point(record, system, row)
     elif s == 0.0 and before is not None:
-        state = turning_point(record, system, before)
+        state = _start_of(record, system, before, cycle, leg)
     else:
         start, scale = rest_state(system), 0.0
         if before is not None:
-            start = turning_point(record, system, before)
+            start = _start_of(record, system, before, cycle, leg)
             scale = float(max(np.abs(table.P[:row]).max(), np.abs(table.Q[:row]).max()))
         state = start
         if s > 0.0:
@@ -78,6 +80,22 @@ def state_at(
             tracer = make_solver(frictional_form(system), options, chooser)
             state = tracer.trace_leg(start, (a, load), scale).end
     return instant(system, where, load, state)
+
+
+def _start_of(
+    record: Record, system: ContactSystem, row: int, cycle: int, leg: int
+) -> ContactState:
+    """Return the start of a leg from the turning point before it.
+
+    The limit cycle of a body that walks starts by the walk behind the place where it ends.
+    """
+    start = turning_point(record, system, row)
+    if leg == 0 and record.turning_points.cycle[row] == cycle:
+        if record.steady.kind == RATCHETTING:
+            slip = record.cycles.slip_increment[cycle - 1][~mirror_of(system).left]
+            touches = start.state != State.SEPARATION
+            start.u[: system.n] -= walk_of(walking_motions(system), slip, touches)
+    return start
 
 
 def turning_point(record: Record, system: ContactSystem, row: int) -> ContactState:

@@ -24,9 +24,12 @@ open, and forget what was before, or stick for good. The limit, from top to bott
 7. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,
    with the residuals and energies of any other. It is accepted only if it repeats itself as a
    steady cycle does (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`).
-8. **Uniqueness** (`uniqueness.is_unique`): whether the derivatives of the margins in the drifts
+8. **Walk** (`walking.find_walk`): where most nodes slipped along one rigid motion in the last
+   cycle, a state is searched for first whose cycle repeats itself but for such a motion. Every
+   node slips then, and none is frozen.
+9. **Uniqueness** (`uniqueness.is_unique`): whether the derivatives of the margins in the drifts
    are a P-matrix. This is about the drifts from one start.
-9. **Other starts** (`starts.steady_states`): the limits from many initial slips.
+10. **Other starts** (`starts.steady_states`): the limits from many initial slips.
 
 :func:`~receding_fenicsx.evolution.limit.search.find_limit` takes a system, a state at the start of
 a cycle and the loop, and returns the limit that belongs to it, whatever the state came from.

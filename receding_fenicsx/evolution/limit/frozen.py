@@ -65,6 +65,29 @@ class NoLimit(Exception):
     """The search for the limit has failed; the text says why."""
 
 
+@dataclass
+class Budget:
+    """Cycles that one search may play.
+
+    Attributes:
+        allowed: how many.
+        played: how many it has played, the last one perhaps in part.
+    """
+
+    allowed: int
+    played: int = 0
+
+    def take(self) -> None:
+        """Count a cycle that is about to be played.
+
+        Raises:
+            NoLimit: none is left.
+        """
+        if self.played >= self.allowed:
+            raise NoLimit(f"the search has played {self.played} cycles, and may play no more")
+        self.played += 1
+
+
 class MovedCycle(NamedTuple):
     """Derivatives of a cycle in the shifts.
 
@@ -139,6 +162,7 @@ class Frozen:
         shifted: those that can be shifted.
         loop: (m + 1, n_loads) load factors of a cycle.
         force: largest nodal force of the history.
+        budget: counts the cycles.
     """
 
     system: ContactSystem
@@ -146,6 +170,7 @@ class Frozen:
     shifted: Ints
     loop: Array
     force: float
+    budget: Budget
     segments: Segments = field(init=False)
 
     def __post_init__(self) -> None:
@@ -178,7 +203,9 @@ class Frozen:
 
         Raises:
             SolveError: the path ends, or its residual is above its tolerance.
+            NoLimit: no cycle may be played any more, or the contact is unloaded in it.
         """
+        self.budget.take()
         stops: list[Stop] = []
         start, opens = state, state.state == SEPARATION
         for a, b in pairwise(self.loop):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
@@ -10,14 +11,20 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
-from receding_fenicsx.evolution.limit.frozen import NoLimit
-from receding_fenicsx.evolution.limit.search import find_limit
+from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
+from receding_fenicsx.evolution.limit.search import Candidate, find_limit
 from receding_fenicsx.evolution.limit.uniqueness import is_unique
+from receding_fenicsx.evolution.limit.walking import find_walk, may_walk, walking_motions
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Limit, Steady
 from receding_fenicsx.evolution.run_state import Position, RunState
-from receding_fenicsx.interface.measures.steady import CYCLIC_SLIP, SHAKEDOWN, SteadyWatch
+from receding_fenicsx.interface.measures.steady import (
+    CYCLIC_SLIP,
+    RATCHETTING,
+    SHAKEDOWN,
+    SteadyWatch,
+)
 from receding_fenicsx.interface.system import typical_stiffness
 
 Progress = Callable[[int, int, str], None]
@@ -25,6 +32,9 @@ Progress = Callable[[int, int, str], None]
 
 FIRST_SEARCH = 3
 """Cycle after which the limit is searched for first; then after twice as many, and so on."""
+
+MAX_CYCLES = 30
+"""Cycles after which a search is given up; those that succeed mostly play a dozen."""
 
 MAX_CHECKS = 3
 """Cycles played from the one that was found until the states at start and end are the same."""
@@ -39,6 +49,7 @@ class LimitSearch:
     Attributes:
         limit: what has been found so far.
         steady: the steady state that was found, None before.
+        searched: cycles that all searches have played, those that failed too.
     """
 
     def __init__(self, problem: Problem) -> None:
@@ -46,27 +57,38 @@ class LimitSearch:
         self.problem = problem
         self.limit = Limit(False, -1, 0, 0, np.nan, -1, "the search has not begun")
         self.steady: Steady | None = None
-        self._last = 0
+        self.searched = 0
 
     def is_due(self, number: int) -> bool:
         """Return whether the limit is searched for before a cycle is played."""
         doublings, rest = divmod(number - 1, FIRST_SEARCH)
         return number > 1 and rest == 0 and doublings.bit_count() == 1
 
+    def repeat(self, cycles: list[FinishedCycle]) -> None:
+        """Repeat the searches that a run made before it was resumed."""
+        for number in filter(self.is_due, range(len(cycles))):
+            before = self.limit
+            if self.found(cycles[:number], None):  # a history that began without searches
+                self.limit, self.steady = before, None
+
     def found(self, cycles: list[FinishedCycle], progress: Progress | None) -> bool:
         """Search for the cycle that repeats itself; add it to the finished ones if it was found."""
-        self._last = len(cycles)
+        budget = Budget(min(MAX_CYCLES, self.problem.history.cycles - len(cycles)))
         try:
-            cycle = self._cycle(cycles)
+            cycle = self._cycle(cycles, budget)
         except (NoLimit, SolveError) as error:
             self.limit = replace(self.limit, reason=str(error))
             return False
+        finally:
+            self.searched += budget.played
+        played = len(cycles) - 1 + self.searched
+        self.limit = replace(self.limit, cycles_played=played)
         cycles.append(cycle)
         if progress is not None:
             progress(len(cycles) - 1, self.problem.history.cycles, in_words(self.limit))
         return True
 
-    def _cycle(self, cycles: list[FinishedCycle]) -> FinishedCycle:
+    def _cycle(self, cycles: list[FinishedCycle], budget: Budget) -> FinishedCycle:
         """Return the cycle that repeats itself, played and checked.
 
         Raises:
@@ -79,11 +101,11 @@ class LimitSearch:
         if problem.chooser is not None:
             raise NoLimit('the search needs [solver] branch = "first"')
         trial = RunState(problem, cycles)
-        start, loop = trial.position, problem.history.loop
-        force, budget = start.totals.force_scale, problem.history.cycles - number
-        found = find_limit(trial.model, trial.solver, start.state, loop, force, budget)
+        start = trial.position
+        found = self._candidate(trial, budget)
         state = found.state
-        for played in range(1, MAX_CHECKS + 1):
+        for _ in range(MAX_CHECKS):
+            budget.played += 1
             trial.position = Position(state, start.load, start.totals)
             begin = instant(problem.system, (number, 0, 0.0), start.load, state)
             cycle = trial.trace_cycle(number, problem.output.cycles is None)
@@ -94,9 +116,14 @@ class LimitSearch:
             state = end
         else:
             raise NoLimit("the cycle that was found does not end in the states it begins in")
-        watch = self._watch(begin, cycles, cycle)
+        ends = [begin, cycle.corners[-1]]
+        if found.solution is None:
+            budget.played += 1
+            ends += trial.trace_cycle(number).corners[-1:]
+        watch = self._watch(ends, cycles, cycle)
         # one cycle does not tell a drift that stays from one that decays
-        if watch.kind not in (SHAKEDOWN, CYCLIC_SLIP):
+        kinds = (RATCHETTING,) if found.solution is None else (SHAKEDOWN, CYCLIC_SLIP)
+        if watch.kind not in kinds:
             raise NoLimit(
                 f"the cycle that was found changes its forces by {watch.change[0]:.1e} and "
                 f"displacements by {np.abs(cycle.slip).max():.1e}"
@@ -105,7 +132,7 @@ class LimitSearch:
         self.limit = Limit(
             reached=True,
             cycle=number,
-            cycles_played=number - 1 + found.cycles + played,
+            cycles_played=-1,
             newton_steps=found.steps,
             residual=max(watch.change[0], found.residual),
             unique=unique,
@@ -116,41 +143,51 @@ class LimitSearch:
         self.steady = Steady(True, number, watch.kind, watch.period, change)
         return cycle
 
-    def tell(self, record: Record, cycles: list[FinishedCycle]) -> None:
+    def _candidate(self, trial: RunState, budget: Budget) -> Candidate:
+        """Return a state whose cycle should repeat itself, first one of a body that walks."""
+        start, before = trial.position, trial.cycles[-2].corners[-1].state
+        model, loop, force = trial.model, self.problem.history.loop, start.totals.force_scale
+        if may_walk(walking_motions(model), before, start.state):
+            with suppress(NoLimit):
+                return find_walk(model, start.state, loop, force, budget)
+        return find_limit(model, trial.solver, start.state, loop, force, budget)
+
+    def tell(self, record: Record) -> None:
         """Add the limit to the record, and its steady state where the search has found it."""
         last = len(record.cycles.dissipation)
         if self.steady is not None:
             record.steady = self.steady
         elif record.steady.reached:
-            why = "the cycles repeated themselves as they were played"
-            self.limit = Limit(True, last, last, 0, float("nan"), -1, why)
+            each = "the cycles" if record.steady.period == 1 else "pairs of cycles"
+            why = f"{each} repeated themselves as they were played"
+            played = last + self.searched
+            self.limit = Limit(True, last, played, 0, float("nan"), -1, why)
         else:
-            self._repeat_last(cycles)
             why = f"{self.limit.reason}; raise [history] cycles"
-            self.limit = replace(self.limit, cycles_played=last, reason=why)
+            self.limit = replace(self.limit, cycles_played=last + self.searched, reason=why)
         record.limit = self.limit
 
-    def _repeat_last(self, cycles: list[FinishedCycle]) -> None:
-        """Repeat the last search where it was made before the run was resumed: for its reason."""
-        last = max((n for n in range(len(cycles)) if self.is_due(n)), default=0)
-        if last > self._last:
-            before = self.limit
-            if self.found(cycles[:last], None):  # a history that began without a search
-                self.limit, self.steady = before, None
-
     def _watch(
-        self, begin: Instant, cycles: list[FinishedCycle], cycle: FinishedCycle
+        self, ends: list[Instant], cycles: list[FinishedCycle], cycle: FinishedCycle
     ) -> SteadyWatch:
-        """Return the watch that has seen the cycle, and its changes once more."""
-        problem, end = self.problem, cycle.corners[-1]
+        """Return the watch that has seen the cycle and the next, or its changes once more.
+
+        Args:
+            ends: start and end of the cycle, and end of the next where that was played.
+            cycles: the finished cycles.
+            cycle: the cycle.
+        """
+        problem, (begin, end) = self.problem, ends[:2]
         r, v = begin.state.r, begin.v
+        seen = [(instant.state.r, instant.v) for instant in ends[1:]]
+        if len(seen) == 1:
+            seen.append((r + 2.0 * (end.state.r - r), v + 2.0 * (end.v - v)))
         watch = SteadyWatch(
             problem.solver.steady_tolerance or LIMIT_TOLERANCE, typical_stiffness(problem.system)
         )
         watch.start(r, v)
         D, first = float(cycle.dissipation.sum()), float(cycles[1].dissipation.sum())
-        for k in (1.0, 2.0):
-            again = r + k * (end.state.r - r), v + k * (end.v - v)
+        for again in seen:
             watch.add(*again, cycle.slip_range, D, first, cycle.totals.force_scale)
         return watch
 

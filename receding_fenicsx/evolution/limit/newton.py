@@ -43,7 +43,6 @@ class Solution:
         cycle: the cycle with frozen nodes.
         shifts: (k,) drifts of the shifted nodes.
         steps: Newton steps.
-        cycles: cycles played with frozen nodes.
         residual: natural map over the largest nodal force.
         active: (k,) 1 where the margin A vanishes after a drift forward, -1 where B does after one
             backward, 0 where the node stays.
@@ -53,7 +52,6 @@ class Solution:
     cycle: FrozenCycle
     shifts: Array
     steps: int
-    cycles: int
     residual: float
     active: NDArray[np.int8]
     margins: Margins
@@ -97,7 +95,7 @@ def margin_derivatives(
     return a @ moved.S[: 2 * n] + weights @ moved.ds + a[:, frozen.shifted]
 
 
-def solve(frozen: Frozen, start: ContactState, budget: int) -> Solution:
+def solve(frozen: Frozen, start: ContactState) -> Solution:
     """Find shifts x of the nodes that can be shifted so that none of them would slip.
 
     With the smallest margins A and B of a node over the periodic cycle: x > 0 only where A = 0,
@@ -107,20 +105,16 @@ def solve(frozen: Frozen, start: ContactState, budget: int) -> Solution:
     Args:
         frozen: the contact.
         start: state at the start of a cycle, no node shifted.
-        budget: cycles that may be played.
 
     Raises:
-        NoLimit: it does not converge.
+        NoLimit: it does not converge within the contact's budget of cycles.
         SolveError: a cycle with frozen nodes ends early.
     """
     nodes = frozen.shifted
     k = local_stiffness(frozen.system)[0][nodes]
-    x, state, played = np.zeros(len(nodes)), start, 0
+    x, state = np.zeros(len(nodes)), start
     for step in range(MAX_STEPS):
-        if played >= budget:
-            raise NoLimit(f"the search has played {played} cycles, and may play no more")
-        cycle, count = _repeating(frozen, state, x)
-        played += count
+        cycle = _repeating(frozen, state, x)
         m = smallest_margins(frozen, cycle, nodes)
         inner = np.maximum(k * x, -m.B)
         R = np.minimum(m.A, inner)
@@ -129,7 +123,7 @@ def solve(frozen: Frozen, start: ContactState, budget: int) -> Solution:
         active = forward.astype(np.int8) - backward.astype(np.int8)
         residual = float(np.abs(R).max(initial=0.0)) / frozen.force
         if residual <= CONVERGED:
-            return Solution(cycle, x, step, played, residual, active, m)
+            return Solution(cycle, x, step, residual, active, m)
         moved = frozen.periodic_change(cycle)
         J, chosen = np.diag(k), np.flatnonzero(active)
         signs = active[chosen].astype(float)
@@ -146,12 +140,12 @@ def solve(frozen: Frozen, start: ContactState, budget: int) -> Solution:
     raise NoLimit(f"{MAX_STEPS} Newton steps did not converge")
 
 
-def _repeating(frozen: Frozen, state: ContactState, x: Array) -> tuple[FrozenCycle, int]:
-    """Return the cycle with given shifts that repeats itself, and the cycles played for it."""
-    for count in range(1, MAX_FROZEN_CYCLES + 1):
+def _repeating(frozen: Frozen, state: ContactState, x: Array) -> FrozenCycle:
+    """Return the cycle with given shifts that repeats itself."""
+    for _ in range(MAX_FROZEN_CYCLES):
         cycle = frozen.cycle(state, x)
         change = np.abs(cycle.end.u - cycle.start.u).max()
         if change <= REPEATS * np.abs(cycle.end.u).max():
-            return cycle, count
+            return cycle
         state = cycle.end
     raise NoLimit(f"{MAX_FROZEN_CYCLES} cycles with frozen nodes did not repeat themselves")

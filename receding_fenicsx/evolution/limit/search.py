@@ -9,7 +9,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.limit.frozen import Frozen, NoLimit
+from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
 from receding_fenicsx.evolution.limit.newton import Solution, smallest_margins, solve
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
@@ -20,9 +20,6 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem, react
 
 MAX_SORTS = 10
 """Sortings of the nodes after which the search is given up."""
-
-MAX_CYCLES = 30
-"""Cycles after which the search is given up; those that succeed mostly play a dozen."""
 
 VIOLATED = 1e-12
 """Margin of a frozen node below zero, over the largest nodal force, that is no round-off."""
@@ -35,18 +32,17 @@ class Candidate:
     Attributes:
         state: the state.
         steps: Newton steps.
-        cycles: cycles played to find it.
-        residual: natural map of drifts and margins, over the largest nodal force.
+        residual: natural map of drifts and margins, over the largest nodal force; of a body that
+            walks, change of the forces.
         frozen: the contact with frozen nodes.
-        solution: the cycle with frozen nodes.
+        solution: the cycle with frozen nodes; None where the body walks.
     """
 
     state: ContactState
     steps: int
-    cycles: int
     residual: float
     frozen: Frozen
-    solution: Solution
+    solution: Solution | None
 
 
 def find_limit(
@@ -55,7 +51,7 @@ def find_limit(
     start: ContactState,
     loop: Array,
     force: float,
-    budget: int,
+    budget: Budget,
 ) -> Candidate:
     """Find the state to which the starts of cycles tend.
 
@@ -65,23 +61,23 @@ def find_limit(
         start: state at the start of a cycle.
         loop: (m + 1, n_loads) load factors of a cycle.
         force: largest nodal force of the history so far.
-        budget: cycles that may be played.
+        budget: cycles that may be played; it counts them.
 
     Raises:
         NoLimit: none was found.
     """
-    steps, cycles, budget = 0, 1, min(budget, MAX_CYCLES)
+    steps = 0
     if carries_nothing(start, force) or any(zero_crossing(leg) for leg in pairwise(loop)):
         raise NoLimit("the contact is unloaded in the cycle, and begins anew")
     try:
+        budget.take()
         nodes = sort_nodes(model, solver, start, loop, force)
         for _ in range(MAX_SORTS):
-            frozen = Frozen(
-                model, np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting), loop, force
-            )
+            held, shifted = np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting)
+            frozen = Frozen(model, held, shifted, loop, force, budget)
             states = np.where(nodes.frozen, STICK, start.state).astype(np.int8)
-            solution = solve(frozen, replace(start, state=states), budget - cycles)
-            steps, cycles = steps + solution.steps, cycles + solution.cycles
+            solution = solve(frozen, replace(start, state=states))
+            steps += solution.steps
             again = _sorted_again(frozen, solution, nodes)
             if again is None:
                 shift = np.zeros(model.n)
@@ -91,7 +87,7 @@ def find_limit(
                         "some node would slip back on the way to the limit that was found"
                     )
                 state = _unfrozen(frozen, solution)
-                return Candidate(state, steps, cycles, solution.residual, frozen, solution)
+                return Candidate(state, steps, solution.residual, frozen, solution)
             nodes = again
     except SolveError as error:
         raise NoLimit(f"a cycle with frozen nodes ends early: {error}") from error

@@ -49,6 +49,8 @@ def is_unique(found: Candidate) -> tuple[int, str]:
     whatever q. M is that of the cycle found; other cycles may change state in another order.
     """
     frozen, solution = found.frozen, found.solution
+    if solution is None:
+        return NOT_EXAMINED, "whether the body may walk otherwise is not examined"
     m, nodes = solution.margins, frozen.shifted
     if not len(nodes):
         return YES, "no node drifts"

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.steady import RATCHETTING
 
 UNIQUE = {1: True, 0: False}
 """Value of "unique" in the summary; None where it was not examined."""
@@ -18,16 +19,20 @@ def limit_summary(record: Record) -> dict[str, Any]:
     limit, D = record.limit, record.cycles.dissipation
     if limit is None:
         return {}
-    ratio = float(D[-1] / D[0]) if limit.reached and record.dissipates else None
+    period = record.steady.period
+    last = float(D[-period:].mean()) if limit.reached else None
+    ratio = last / float(D[0]) if last is not None and record.dissipates else None
     return {
         "limit": {
             "reached": bool(limit.reached),
             "cycle": int(limit.cycle),
             "cycles_played": int(limit.cycles_played),
             "newton_steps": int(limit.newton_steps),
-            "dissipation": float(D[-1]) if limit.reached else None,
+            "dissipation": last,
             "dissipation_ratio": ratio,
             "residual": float(limit.residual) if np.isfinite(limit.residual) else None,
+            "period": int(period) if limit.reached else None,
+            "walk": _walk(record) if limit.reached else None,
             "unique": UNIQUE.get(int(limit.unique)),
             "reason": limit.reason,
             "jumped": bool(limit.jumped),
@@ -35,12 +40,23 @@ def limit_summary(record: Record) -> dict[str, Any]:
     }
 
 
+def _walk(record: Record) -> float | None:
+    """Return the largest slip that each cycle of ratchetting adds, None for other kinds."""
+    if record.steady.kind != RATCHETTING:
+        return None
+    gained = record.cycles.slip_increment[-record.steady.period :].mean(axis=0)
+    return float(gained[np.abs(gained).argmax()])
+
+
 def limit_lines(summary: Mapping[str, Any]) -> list[str]:
     """Return lines on the limit of infinitely many cycles, if it was asked for."""
     limit = summary.get("limit")
     if limit is None:
         return []
-    return [*_found_lines(limit), *_starts_lines(limit.get("starts"))]
+    walk, period = limit.get("walk"), limit.get("period")
+    each = "" if period in (None, 1) else f", each {period} cycles in turn"
+    ratchets = [] if walk is None else [f"ratchetting: a cycle adds the slip {walk:.6g}{each}"]
+    return [*_found_lines(limit), *ratchets, *_starts_lines(limit.get("starts"))]
 
 
 def _found_lines(limit: Mapping[str, Any]) -> list[str]:
@@ -53,6 +69,8 @@ def _found_lines(limit: Mapping[str, Any]) -> list[str]:
         f"{limit['cycles_played']} played cycles, shown as cycle {limit['cycle']}, residual "
         f"{limit['residual']:.1e}"
     ]
+    if limit.get("walk") is not None:
+        return [*lines, limit["reason"]]
     unique = {True: "the drifts have one limit only", False: "the drifts may have other limits"}
     words = unique.get(limit["unique"], "whether the drifts have other limits is not known")
     return [*lines, f"{words}: {limit['reason']}"]
