@@ -89,6 +89,9 @@ if TYPE_CHECKING:
     from receding_fenicsx.interface.system import reactions as reactions
     from receding_fenicsx.joints.curve import joint_curve as joint_curve
     from receding_fenicsx.joints.figure import joint_figure as joint_figure
+    from receding_fenicsx.joints.fits import JointFit as JointFit
+    from receding_fenicsx.joints.fits import fit_iwan as fit_iwan
+    from receding_fenicsx.joints.fits import fit_jenkins as fit_jenkins
     from receding_fenicsx.joints.result import JointCurve as JointCurve
     from receding_fenicsx.mpi import given as given
     from receding_fenicsx.mpi import on_all as on_all
@@ -221,6 +224,9 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
     "Joints": {
         "joint_curve": ("joints.curve", "Dissipation and stiffness over the amplitude"),
         "JointCurve": ("joints.result", "These, with Masing's rule and the first loading"),
+        "fit_iwan": ("joints.fits", "Fit Iwan's model of four parameters to a curve"),
+        "fit_jenkins": ("joints.fits", "Fit Jenkins elements in parallel to a curve"),
+        "JointFit": ("joints.fits", "Parameters and errors of a fit"),
         "joint_figure": ("joints.figure", "Figure of a curve"),
     },
     "Evaluation": {
