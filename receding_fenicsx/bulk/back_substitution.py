@@ -10,9 +10,12 @@ from dolfinx import fem
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.acting.interference import interference_shift
 from receding_fenicsx.bulk.body import Bulk, gather_contact, interior_solver, owned_contact
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.two_bodies import Bodies, Pair
+from receding_fenicsx.mpi import given
+from receding_fenicsx.scene.model import INTERFERENCE
 
 Side = tuple[Bulk | HalfPlane, Array | None, Array | None]
 """A body with its own load factors and contact displacements, on rank 0."""
@@ -38,12 +41,16 @@ def sides_of(bulk: Bodies, load: Array | None, u: Array | None) -> list[Side]:
     Args:
         bulk: the body or bodies; a pair is condensed by then.
         load: (n_loads,) load factors; only rank 0's are used.
-        u: (2N,) contact displacements [v; w], of a pair the first body's less the second's; only
-            rank 0's are used.
+        u: (2N,) contact displacements [v; w], of a pair the first body's less the second's, with
+            an interference as in the record; only rank 0's are used.
 
     Returns:
         One body, or two.
     """
+    if load is not None and u is not None and INTERFERENCE in bulk.scene.preloads:
+        held = bulk.joined.held if isinstance(bulk, Pair) and bulk.joined else bulk.contact.held
+        shift = interference_shift(bulk.scene, bulk.contact, held)
+        load, u = np.asarray(load)[:-1], u + np.asarray(load)[-1] * given(shift)
     if not isinstance(bulk, Pair):
         return [(bulk, load, u)]
     sides: list[tuple[Array | None, Array | None]] = [(None, None), (None, None)]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk.acting.interference import interference_shift, with_interference
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.elimination import Elimination, eliminate_interior, load_sign
@@ -119,14 +120,15 @@ def _system(
 ) -> ContactSystem:
     """Add the data of the contact nodes, those of the first body; on rank 0."""
     contact = bulk.contact
+    shift = interference_shift(scene, contact, condensed.held)
     unknown = np.full(len(contact.x), np.nan)
-    return ContactSystem(
+    system = ContactSystem(
         x=contact.x,
         points=contact.points,
         weight=contact.weight,
         K=condensed.K,
         r_star=condensed.r_star,
-        load_names=scene.load_names,
+        load_names=scene.driven_names,
         f=unknown,
         g0=unknown.copy(),
         held=condensed.held,
@@ -139,6 +141,7 @@ def _system(
         axisymmetric=scene.axisymmetric,
         scene_toml=to_toml(scene),
     )
+    return system if shift is None else with_interference(system, shift)
 
 
 def _edge_names(scene: Scene) -> tuple[str, ...]:

@@ -15,7 +15,7 @@ It holds where contact and pressure stay as they are, as for uncoupled contacts 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -69,7 +69,7 @@ class Backbone:
 def first_loading(
     system: ContactSystem,
     drive: str,
-    preload: Mapping[str, float],
+    preload: Array,
     amplitudes: Sequence[float] | Array,
     solver: SolverOptions | None = None,
 ) -> Backbone:
@@ -78,7 +78,7 @@ def first_loading(
     Args:
         system: the condensed body.
         drive: name of the driven load.
-        preload: load factors of the other loads, applied first.
+        preload: (k, n_loads) load factors from rest to the preload, those of the drive zero.
         amplitudes: load factors of the drive, positive.
         solver: method and tolerances.
 
@@ -86,12 +86,12 @@ def first_loading(
         SolveError: the preload has no equilibrium, or a solver fails.
     """
     names = system.load_names
-    held = np.array([preload.get(name, 0.0) for name in names])
+    held = preload[-1]
     unit = np.array([float(name == drive) for name in names])
     reason = ""
 
     def played(load: Array) -> Record:
-        path = np.vstack([np.zeros_like(held), held, held + load[:, None] * unit])
+        path = np.vstack([preload, held + load[:, None] * unit])
         moves = np.append(True, np.any(np.diff(path, axis=0) != 0.0, axis=1))
         history = History(names, path[moves], np.zeros((0, len(names))))
         return evolve(system, history, solver, OutputOptions(1, "all"))

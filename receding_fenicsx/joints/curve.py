@@ -27,6 +27,7 @@ from receding_fenicsx.parameter_sweep.measure import Cell
 from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
 from receding_fenicsx.parameter_sweep.table import SweepTable
 from receding_fenicsx.scene.checks import suggestion
+from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.model import Harmonic, HistoryOptions, OutputOptions, Scene
 
 TABLE, SUMMARY, PICTURE = "joint.csv", "joint.json", "joint.png"
@@ -106,9 +107,9 @@ def joint_curve(
     system = study.condense(cyclic, comm, options.progress, whole=True)
 
     def finish() -> JointCurve:
-        backbone = first_loading(
-            mpi.given(system), drive, cyclic.history.constant, values, cyclic.solver
-        )
+        path = from_scene(cyclic).path
+        start = path[path[:, cyclic.load_names.index(drive)] == 0.0]
+        backbone = first_loading(mpi.given(system), drive, start, values, cyclic.solver)
         curve = _curve(drive, values, (mpi.given(table), coarse), backbone)
         if folder is not None:
             _write(folder, scene, curve)
@@ -119,7 +120,7 @@ def joint_curve(
 
 def _driven(scene: Scene, drive: str, values: Array) -> Scene:
     """Return the scene with a harmonic drive and the other loads constant."""
-    names = scene.load_names
+    names = scene.driven_names
     if drive not in names:
         raise InputError(f"drive: no load is named '{drive}'; {suggestion(drive, names)}")
     if values.ndim != 1 or not len(values) or not np.all(np.isfinite(values) & (values > 0.0)):

@@ -39,7 +39,7 @@ SCENE_TOLERANCE = 1e-6
 def is_papers_block(scene: Scene) -> bool:
     """Return whether a scene is the paper's block cycled between p0 and p0/3 (sections 2, 3.2)."""
     body, material, history = scene.body, scene.material, scene.history
-    if len(scene.contacts) != 1 or len(scene.loads) != 1 or scene.supports:
+    if len(scene.contacts) != 1 or len(scene.loads) != 1 or scene.preloads or scene.supports:
         return False
     contact, load = scene.contacts[0], scene.loads[0]
     span = load.span or (-0.5 * body.width, 0.5 * body.width)

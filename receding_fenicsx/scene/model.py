@@ -10,6 +10,7 @@ from dataclasses import dataclass, field, fields
 from receding_fenicsx.arrays import call_of, described
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.acting.tables import FREE as FREE
+from receding_fenicsx.scene.acting.tables import INTERFERENCE as INTERFERENCE
 from receding_fenicsx.scene.acting.tables import Load as Load
 from receding_fenicsx.scene.acting.tables import Support as Support
 from receding_fenicsx.scene.checks import nearest, unknown_name
@@ -147,6 +148,7 @@ class Contact(Table):
             differs between slip along +t and -t.
         initial_gap: gap before loading, a length, not negative.
         against: edge of the other body; default: a rigid plane.
+        interference: depth by which the bodies would overlap as made, a length, not negative.
 
     Positions in ``span`` and in profiles are measured along the edge from its middle: to the right
     or upwards on a rectangle, along t (the body on the left) on a mesh file. On a body of
@@ -158,6 +160,7 @@ class Contact(Table):
     friction: FrictionProfile = 0.35
     initial_gap: Profile = 0.0
     against: str | None = None
+    interference: Profile | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -206,9 +209,20 @@ class Scene:
         return tuple(load for load in self.loads if not load.on_body)
 
     @property
-    def load_names(self) -> tuple[str, ...]:
+    def driven_names(self) -> tuple[str, ...]:
         """Names of the loads, each once: the parts of a load on two bodies share its name."""
         return tuple(dict.fromkeys(load.name for load in self.loads))
+
+    @property
+    def load_names(self) -> tuple[str, ...]:
+        """Names of the load factors of a history: of the loads, then of the preloads."""
+        return (*self.driven_names, *self.preloads)
+
+    @property
+    def preloads(self) -> dict[str, float]:
+        """Load factors that first legs of their own bring up one after the other, by name."""
+        fits = any(contact.interference is not None for contact in self.contacts)
+        return {INTERFERENCE: 1.0} if fits else {}
 
     @property
     def bodies(self) -> tuple[Body, ...]:

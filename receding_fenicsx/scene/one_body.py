@@ -43,6 +43,9 @@ def part_of(scene: Scene, body: Body) -> Scene:
     contacts, loads, supports = [], [], []
     for contact in scene.contacts:
         edge, against = own(contact.edge), own(contact.against)
+        if scene.others:
+            # the joined system has the interference
+            contact = replace(contact, interference=None)
         if edge is not None:
             contacts.append(replace(contact, edge=edge, against=None))
         elif against is not None:

@@ -23,7 +23,15 @@ DIRECTIONS = ("forward", "backward")
 FrictionProfile = Profile | dict[str, Profile]
 """A profile, or one for each of the ``DIRECTIONS``."""
 
-PROFILE_KEYS = ("friction", "initial_gap", "pressure", "traction", "displacement", "initial_slip")
+PROFILE_KEYS = (
+    "friction",
+    "initial_gap",
+    "interference",
+    "pressure",
+    "traction",
+    "displacement",
+    "initial_slip",
+)
 """Keys of a scene file whose values may be read from a file."""
 
 

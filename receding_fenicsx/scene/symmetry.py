@@ -43,7 +43,9 @@ def is_mirror_symmetric(scene: Scene) -> bool:
         ):
             return False
         x = contact_samples(scene, contact)
-        if not _is_even(evaluate(contact.initial_gap, x)):
+        if not all(
+            _is_even(evaluate(p or 0.0, x)) for p in (contact.initial_gap, contact.interference)
+        ):
             return False
         # the mirror image of forward slip is backward slip
         forward, backward = (evaluate(profile, x) for profile in directions(contact.friction))

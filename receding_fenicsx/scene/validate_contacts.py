@@ -72,6 +72,10 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
     check_span(scene, contact.edge, contact.span, f"{where} span")
     forward, backward = directions(contact.friction, f"{where} friction")
     profiles = [(forward, "friction"), (contact.initial_gap, "initial_gap")]
+    if contact.interference is not None:
+        profiles.append((contact.interference, "interference"))
+        if not scene.others and scene.body.is_half_plane:
+            raise InputError(f"{where} interference: a half-plane moves as a whole; remove it")
     if forward != backward:
         profiles[:1] = [(forward, "friction forward"), (backward, "friction backward")]
     for profile, key in profiles:

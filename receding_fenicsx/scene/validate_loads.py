@@ -129,9 +129,11 @@ def _check_far_load(load: Load, kind: str, where: str) -> None:
 
 
 def _check_load_names(scene: Scene) -> None:
-    if not scene.loads:
+    if not scene.load_names:
         raise InputError("[[load]]: the scene has none; add one")
     for load in scene.loads:
+        if load.name in scene.preloads:
+            raise InputError(f"load '{load.name}': the scene has a preload of this name; rename it")
         if not load.name.strip():
             raise InputError("[[load]] name: is empty; give the load a name")
         if not load.name.isprintable():

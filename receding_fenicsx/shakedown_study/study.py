@@ -155,7 +155,7 @@ def _diagram(
     scene: Scene, margins: Margins, limits: ShakedownLimits | None, comm: MPI.Comm
 ) -> Diagram:
     """Return the diagram on all ranks, each of which has found some of its points."""
-    options, names = scene.shakedown, scene.load_names
+    options, names = scene.shakedown, scene.driven_names
     first = next(name for vertex in options.range for name in vertex if vertex[name] != 0.0)
     name = options.diagram or first
     size = max(abs(vertex.get(name, 0.0)) for vertex in options.range)

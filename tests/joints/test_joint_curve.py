@@ -73,7 +73,7 @@ def test_one_node_is_an_element_of_jenkins() -> None:
     system = replace(system, load_compliance=np.zeros((2, 2)), load_sign=-np.ones(2))
     pulls = np.array([0.2, 0.7, 1.5])
     # a support of stiffness k holds the node, so that it never slides off
-    found = first_loading(system, "pull", {"P": 1.0}, pulls)
+    found = first_loading(system, "pull", np.array([[0.0, 0.0], [1.0, 0.0]]), pulls)
     assert np.isinf(found.macroslip) and found.load[0] == found.work[0] == 0.0
     for pull, D in zip(pulls, found.masing(pulls), strict=True):
         assert D == pytest.approx(masing_of_one_node(system, pull, f), rel=1e-12, abs=1e-15)
@@ -149,4 +149,4 @@ def test_a_solver_that_fails_is_no_macroslip(monkeypatch: pytest.MonkeyPatch) ->
 
     monkeypatch.setattr("receding_fenicsx.joints.backbone.evolve", fails)
     with pytest.raises(rf.SolveError, match="lost accuracy"):
-        first_loading(system, "pull", {}, [0.2])
+        first_loading(system, "pull", np.zeros((1, 2)), [0.2])

@@ -1,4 +1,4 @@
-r"""Loads on whole bodies: body forces and thermal strains.
+r"""Loads of joints: body forces, thermal strains, interference.
 
 A body force $b$ has the nodal forces $f_i = \int N_i\, b \, dV$. A thermal strain
 $\varepsilon^\theta = \alpha\, \Delta T\, 1$ in $\sigma = C (\varepsilon - \lambda\,
@@ -9,4 +9,6 @@ strain $\int E / (1 - 2 \nu)\, \alpha \Delta T\, \mathrm{tr}\, \varepsilon \, dV
 $E / (1 - \nu)$). Where stresses are evaluated, the load's factor times $\varepsilon^\theta$ is
 subtracted from the strain (`thermal`); on elements of order 1, whose strain is that of the cell's
 midpoint, at the midpoint.
+
+An interference alters $r^*$ by $K s$, after the bodies are joined (`interference`).
 """

@@ -73,7 +73,7 @@ class HalfPlane:
     @property
     def load_names(self) -> tuple[str, ...]:
         """Names of the loads."""
-        return self.scene.load_names
+        return self.scene.driven_names
 
     @property
     def body(self) -> BodyMesh:
@@ -244,7 +244,7 @@ def _far_field(scene: Scene) -> FarField:
 
     Supports and prescribed displacements hold the rotation, and so do platens.
     """
-    names = scene.load_names
+    names = scene.driven_names
     free, sign = np.ones(3, dtype=bool), np.zeros(len(names))
     force, moved = np.zeros((len(names), 3)), np.zeros((len(names), 3))
     for support in scene.supports:

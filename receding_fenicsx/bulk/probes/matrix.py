@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk.acting.interference import interference_shift
 from receding_fenicsx.bulk.body import Bulk, gather_contact, interior_solver
 from receding_fenicsx.bulk.condensation import condense_pair
 from receding_fenicsx.bulk.elimination import BLOCK_COLUMNS, Solve, block_solver, times
@@ -55,6 +56,10 @@ def probe_matrix(bulk: Bodies, scene: Scene) -> ProbeMatrix | None:
             if here:
                 own = given(found)
                 rows[here] = _of_pair(bulk, side, own) if isinstance(bulk, Pair) else own
+        held = given(bulk.joined).held if isinstance(bulk, Pair) else bulk.contact.held
+        shift = interference_shift(scene, bulk.contact, held)
+        if shift is not None:
+            rows = np.concatenate([rows, (rows[..., : len(shift)] @ shift)[..., None]], axis=-1)
         return ProbeMatrix(names, points, rows)
 
     return on_root(bulk.comm, work)

@@ -233,7 +233,7 @@ def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float
 
     Without such a pressure, and in a scene with a unit of stress, they are 1 and "".
     """
-    if scene is None or len(load_names) != 1 or scene.units.stress:
+    if scene is None or not scene.loads or len(load_names) != 1 or scene.units.stress:
         return 1.0, ""
     value = scene.loads[0].pressure
     # a load may have parts on two bodies

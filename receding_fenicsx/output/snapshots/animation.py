@@ -124,7 +124,7 @@ def draw_frames(
 ) -> list[Frame]:
     """Draw the frames of a film, on rank 0; tell the progress."""
     largest = largest_factors(bulk.scene)
-    symbol = pressure_of(bulk.scene, bulk.load_names)[1]
+    symbol = pressure_of(bulk.scene, bulk.scene.load_names)[1]
     units = units_of(bulk, fields, largest, peak(symbol) if symbol else "")
     views = [
         view_of(bulk, found, now, units) for found, now in zip(fields, film.instants, strict=True)
@@ -134,7 +134,7 @@ def draw_frames(
     first = Clock(
         time=film.time,
         load=load,
-        names=tuple(f"${load_symbol(name)}$" for name in bulk.load_names),
+        names=tuple(f"${load_symbol(name)}$" for name in bulk.scene.load_names),
         now=0.0,
         now_load=load[0],
         tractions=(float(limits[:, 0].min()), float(limits[:, 1].max())),

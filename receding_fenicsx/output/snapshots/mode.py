@@ -35,7 +35,7 @@ def draw(bulk: Bodies, critical: CriticalFriction | None, file: Path) -> Path | 
     Raises:
         InputError: there is no mode, or the body's contact nodes are not those of the mode.
     """
-    n, none = len(bulk.contact.x), np.zeros(len(bulk.load_names))
+    n, none = len(bulk.contact.x), np.zeros(len(bulk.scene.load_names))
 
     def checked() -> CriticalFriction:
         found = given(critical)

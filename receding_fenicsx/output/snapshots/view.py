@@ -150,7 +150,7 @@ def view_of(bulk: Bodies, fields: Fields, instant: Instant, units: Units | None 
     Returns:
         The view.
     """
-    scene, names = bulk.scene, bulk.load_names
+    scene, names = bulk.scene, bulk.scene.load_names
     if bulk.body.half:
         fields = merge_axis(fields)
     length = length_of(scene)
@@ -223,7 +223,7 @@ def units_of(bulk: Bodies, fields: list[Fields], load: Array, symbol: str = "") 
     factor = _round_down(LARGEST_DISPLACEMENT * size / largest) if largest > 0.0 else 1.0
     if all(body.is_half_plane for body in bulk.scene.bodies) and len(bulk.scene.bodies) > 1:
         factor = min(factor, 1.0)  # the gap between them is not drawn, they would overlap
-    pressure, own = pressure_of(bulk.scene, bulk.load_names)
+    pressure, own = pressure_of(bulk.scene, bulk.scene.load_names)
     traction = pressure * abs(float(load[0])) if own else 0.0
     return Units(factor, traction, symbol or own) if traction else Units(factor, 1.0, "")
 

@@ -9,6 +9,8 @@ from receding_fenicsx.scene.profiles import Profile
 
 FREE = "free"
 """Component of a prescribed displacement that is not prescribed."""
+INTERFERENCE = "interference"
+"""Name of the load factor that closes the interference of the contacts, from 0 to 1."""
 KINDS = ("pressure", "traction", "displacement", "force", "body_force", "thermal_strain")
 """Keys of a load of which exactly one is given."""
 

@@ -44,7 +44,8 @@ def from_scene(scene: Scene) -> History:
       the number of corners, the polygon is the coarsest one:
       :func:`~receding_fenicsx.evolution.corners.with_corners` finds how many are needed.
 
-    Loads in ``constant`` are applied first, on a leg of their own, and kept.
+    Loads in ``constant`` are applied first, on a leg of their own, and kept. Before them each of
+    the scene's preloads has a leg of its own.
 
     Args:
         scene: the scene; the order of its loads is that of the columns of the history.
@@ -57,17 +58,21 @@ def from_scene(scene: Scene) -> History:
     """
     if not isinstance(scene, Scene):
         raise InputError(f"a Scene is needed, not a {type(scene).__name__}")
-    options, names = scene.history, scene.load_names
+    options, names = scene.history, scene.driven_names
     check_choice(options.kind, KINDS, "[history] kind")
     _check_keys(options)
     check_known(tuple(options.constant), names, "constant")
+    if not names:
+        nothing = History((), np.zeros((1, 0)), np.zeros((0, 0)))
+        return _with_preloads(nothing, scene)
     varying = tuple(name for name in names if name not in options.constant)
     if not varying:
         raise InputError("[history] constant: names every load; leave out the one that varies")
     history = _from_options(options, varying)
     if len(history.loop):
         _check_cycles(options.cycles)
-    return ended_by(_with_constant(history, options, names), options.until)
+    history = _with_preloads(_with_constant(history, options, names), scene)
+    return ended_by(history, options.until)
 
 
 def _from_options(options: HistoryOptions, names: tuple[str, ...]) -> History:
@@ -118,6 +123,25 @@ def _with_constant(history: History, options: HistoryOptions, names: tuple[str, 
     path = widened(history.path)
     if np.any(factors):
         path = np.vstack([np.zeros_like(path[:1]), path])
+    return dataclasses.replace(history, load_names=names, path=path, loop=widened(history.loop))
+
+
+def _with_preloads(history: History, scene: Scene) -> History:
+    """Return a history with the scene's preloads, brought up before all else and kept."""
+    preloads = scene.preloads
+    if not preloads:
+        return history
+    names, n = scene.load_names, len(history.load_names)
+    legs = np.zeros((len(preloads) + 1, len(names)))
+    for row, (name, factor) in enumerate(preloads.items(), start=1):
+        legs[row:, names.index(name)] = factor
+
+    def widened(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+        wide = np.tile(legs[-1], (len(rows), 1))
+        wide[:, :n] = rows
+        return wide
+
+    path = np.vstack([legs[:-1], widened(history.path)])
     return dataclasses.replace(history, load_names=names, path=path, loop=widened(history.loop))
 
 
