@@ -31,6 +31,8 @@ from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 ENDS = (NoEquilibrium, NoQuasiStaticContinuation)
 """Ends of a path that are mechanics; any other failure is one of the solver, and is raised."""
 
+NO_DISSIPATION = 1e-10
+"""Dissipation of a cycle, over ranges of load times displacement, below which it is round-off."""
 RESOLUTION = 1e-6
 """Relative width of the interval in which macroslip is found."""
 
@@ -61,8 +63,9 @@ class Backbone:
         for k, a in enumerate(amplitude):
             at = np.flatnonzero(self.load == a)
             if len(at):
-                i = int(at[0])
-                found[k] = 8.0 * self.work[i] - 4.0 * a * self.displacement[i]
+                box = 4.0 * a * self.displacement[int(at[0])]
+                D = 8.0 * self.work[int(at[0])] - box
+                found[k] = D if D > NO_DISSIPATION * abs(box) else 0.0
         return found
 
 

@@ -18,7 +18,8 @@ from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.joints.backbone import Backbone, first_loading
+from receding_fenicsx.interface.measures.steady import SHAKEDOWN
+from receding_fenicsx.joints.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.joints.figure import joint_figure
 from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.output.plots.saving import drawing, save
@@ -50,9 +51,11 @@ def loop_numbers(record: Record) -> dict[str, Cell]:
     load, conjugate = table.load[rows, k], table.load_displacement[rows, k]
     low, high = int(np.argmin(load)), int(np.argmax(load))
     ratio = (load[high] - load[low]) / (conjugate[high] - conjugate[low])
+    D, work = float(record.cycles.dissipation[-1]), np.ptp(load) * np.ptp(conjugate)
+    still = record.steady.kind == SHAKEDOWN and D <= NO_DISSIPATION * work
     touching = np.all(table.state[rows] != State.SEPARATION, axis=0)
     return {
-        "dissipation": float(record.cycles.dissipation[-1]),
+        "dissipation": 0.0 if still else D,
         "stiffness": float(1.0 / ratio if record.load_sign[k] > 0.0 else ratio),
         "slip": float(np.max(np.ptp(table.v[rows], axis=0)[touching], initial=0.0)),
         "kind": record.steady.kind,
@@ -102,7 +105,10 @@ def joint_curve(
 
     table = swept(cyclic, "cases")
     coarse, elements = None, scene.mesh.contact_elements // 4 * 2
-    if not is_refined(scene) and elements >= MIN_ELEMENTS:
+    if is_refined(scene):
+        # the file itself has no coarser partner
+        elements = scene.mesh.contact_elements // 2 if scene.mesh.refinements else 0
+    if elements >= MIN_ELEMENTS:
         coarse = swept(scaled(cyclic, elements), "coarse")
     system = study.condense(cyclic, comm, options.progress, whole=True)
 

@@ -1,0 +1,99 @@
+"""Joints whose dissipation is known: a strip on a wall, two clamped beams, one node, a dovetail."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from small import small_system
+
+import receding_fenicsx as rf
+
+ROOT = Path(__file__).parents[2]
+STRIP = ROOT / "tests" / "trials" / "strip_on_wall.toml"
+BEAMS = ROOT / "tests" / "trials" / "goodman_klumpp.toml"
+comm = MPI.COMM_WORLD
+
+HEIGHT, YOUNG, LIMIT = 0.125, 1.0, 0.5 * 0.001
+"""Strip: height, Young's modulus, limit q = f p of the traction."""
+
+
+def test_a_strip_on_a_wall_obeys_shear_lag_to_second_order() -> None:
+    """With u = F^2/(2 q E A) cycles 0..F dissipate F^3/(12 q E A), first loadings twice that."""
+    scene = rf.read_scene(STRIP, ["mesh.contact_elements=80"])
+    system = rf.condense(scene, whole=True)
+    if system is None:
+        return
+    slender, errors, first, lengths = [], [], [], []
+    for factor in (0.25, 0.5, 1.0):
+        F = factor * 0.024 * HEIGHT
+        slip_length, unit = F / LIMIT, F**3 / (LIMIT * YOUNG * HEIGHT)
+        loop = np.array([[1.0, 0.0], [1.0, factor], [1.0, 0.0]])
+        path = np.array([[0.0, 0.0], [1.0, 0.0]])
+        record = rf.evolve(system, rf.History(("N", "P"), path, loop, 3))
+        D = record.cycles.dissipation
+        table = record.turning_points
+        top = np.flatnonzero((table.cycle == 1) & (table.load[:, 1] > 0.9 * factor))[0]
+        slips = np.isin(table.state[top], (rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP))
+        slender.append(slip_length / HEIGHT)
+        errors.append(1.0 - D[-1] / (unit / 12.0))
+        # loading again and unloading dissipate alike
+        first.append(1.0 - (D[0] - 0.5 * D[1]) / (unit / 6.0))
+        lengths.append(slip_length - record.weight[slips].sum())
+    order = np.polyfit(np.log(slender), np.log(errors), 1)[0]
+    assert order == pytest.approx(-2.0, abs=0.05) and errors[-1] < 4e-3
+    # the load on the end face reaches the wall within one height: first order
+    assert np.all(np.array(first) < 0.55 / np.array(slender))
+    assert np.all((0.5 * HEIGHT < np.array(lengths)) & (np.array(lengths) < HEIGHT))
+
+
+@pytest.mark.parametrize("length", [10.0, 40.0])
+def test_two_clamped_beams_dissipate_as_goodman_and_klumpp_say(length: float) -> None:
+    """The interface slips at once where its shear 3 V/(4 h) exceeds f p; stiffness falls to 1/4."""
+    text = BEAMS.read_text().replace("width = 20.0", f"width = {length}")
+    scene = rf.from_toml(text.replace("cycles = 2", "cycles = 100"), ["mesh.contact_elements=40"])
+    system = rf.condense(scene)
+    if system is None:
+        return
+    fp, height, young = 0.3 * 0.01, 1.0, 1000.0
+    V, slip = 2.0 * 0.004 * height, 4.0 * height * fp / 3.0
+    D = 8.0 * fp * length**3 * (V - slip) / (young * height**2)
+    found = rf.evolve(system, scene).cycles.dissipation
+    assert found[-1] == pytest.approx(D, rel=2e-4)
+    assert np.ptp(found) < 1e-10 * D and len(found) == 100
+
+
+@pytest.mark.one_rank
+def test_the_limit_cycle_of_one_node_is_exact() -> None:
+    k, f = 2.5, 0.4
+    system = small_system(np.diag([k, 2.0]), {"P": [0.0, 1.0], "pull": [-1.0, 0.0]}, f)
+    system = replace(system, load_compliance=np.zeros((2, 2)), load_sign=-np.ones(2))
+    for pull in (0.5, 1.3):
+        path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, pull]])
+        loop = np.array([[1.0, pull], [1.0, -pull], [1.0, pull]])
+        record = rf.evolve(system, rf.History(("P", "pull"), path, loop, 3))
+        assert record.cycles.dissipation[-1] == pytest.approx(4 * f * (pull - f) / k, rel=1e-14)
+
+
+def dovetail(elements: int) -> rf.Scene:
+    """A pulled dovetail whose blade is shaken sideways."""
+    scene = rf.read_scene(ROOT / "demos" / "dovetail.toml", [f"mesh.contact_elements={elements}"])
+    shake = rf.Load("shake", "blade.pull", traction=(0.5, 0.0))
+    return replace(scene, loads=(*scene.loads, shake))
+
+
+def test_a_dovetail_has_estimates_on_its_own_mesh_file() -> None:
+    coarse = rf.joint_curve(dovetail(16), "shake", [0.05, 0.2])
+    fine = rf.joint_curve(dovetail(28), "shake", [0.2])
+    if coarse is None or fine is None:
+        return
+    # the contact has slid under the pull: small amplitudes shake down, and Masing's rule fails
+    assert coarse.kind == ("shakedown", "cyclic slip") and coarse.dissipation[0] == 0.0
+    assert coarse.masing[0] == 0.0 and coarse.masing_defect[1] > 0.5
+    change = abs(fine.dissipation[0] - coarse.dissipation[1])
+    assert change < coarse.estimate[1] < 0.3 * coarse.dissipation[1]
+    assert fine.estimate[0] < coarse.estimate[1]
