@@ -106,3 +106,24 @@ def test_coupled_starts_differ_and_uncoupled_ones_do_not() -> None:
     assert same["same"] and same["dissipation"][0] > 0.0
     (line,) = limit_lines({"limit": {"reached": False, "reason": "", "starts": differ}})[1:]
     assert line.startswith("limits from 21 initial slips differ: ")
+
+
+def test_a_run_that_its_limit_has_ended_is_not_played_again(
+    scene: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = scene.parent / "out"
+    run = ["run", str(scene), "--out", str(out), "--pictures=none"]
+    assert cli.main(run) == 0
+    before = (out / "record.h5").read_bytes()
+    for more in ((), ("--set", "history.cycles=300")):
+        assert cli.main([*run, "--resume", *more]) == 0
+        assert ("was finished already" in capsys.readouterr().out) == (COMM.rank == 0)
+        assert (out / "record.h5").read_bytes() == before
+    # plain cycles do not begin where the limit has jumped to
+    plain = SCENE.replace('until = "limit"', "").replace("200", "3")
+    COMM.Barrier()
+    on_root(COMM, lambda: scene.write_text(plain))
+    assert cli.main([*run, "--resume"]) == 0
+    COMM.Barrier()
+    record = rf.read_record(out / "record.h5")
+    assert record.limit is None and len(record.cycles.dissipation) == 3

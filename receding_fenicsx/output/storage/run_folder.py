@@ -184,9 +184,14 @@ def is_finished(path: Path, scene: Scene) -> bool:
         raise InputError(f"{path}: that run has failed ({summary['failure']}); change the scene")
     if difference(_scene_of(path), scene, FREE_WHEN_FINISHED) is not None:
         return False
-    steady = summary["steady"]["reached"] and scene.history.until == "steady"
+    until, limit = scene.history.until, summary.get("limit")
     wanted = scene.history.cycles if len(summary["dissipation_per_cycle"]) else 0
-    return bool(steady or len(summary["dissipation_per_cycle"]) >= wanted)
+    played = len(summary["dissipation_per_cycle"]) >= wanted
+    if until == "limit":
+        return limit is not None and bool(limit["reached"] or played)
+    if limit is not None and limit["jumped"]:
+        return False  # its last cycle does not follow the one before
+    return bool(played or (summary["steady"]["reached"] and until == "steady"))
 
 
 def _earlier(path: Path) -> Path | None:
