@@ -1,6 +1,7 @@
 """Limit of infinitely many cycles against plain playing, closed forms and bad input."""
 
 from dataclasses import replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -17,7 +18,9 @@ from receding_fenicsx.evolution.limit import jump
 from receding_fenicsx.evolution.limit.uniqueness import is_p_matrix
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.replay import state_at
+from receding_fenicsx.evolution.replay import state_at, turning_point
+from receding_fenicsx.evolution.solvers import make_solver
+from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.storage.hdf5 import read_record, write_record
@@ -88,15 +91,40 @@ def test_one_spring_has_its_limit_in_closed_form() -> None:
     assert np.isclose(record.cycles.dissipation[-1], 4 * 0.3 * 0.2 / 2, rtol=1e-12)
 
 
-def test_a_search_that_is_not_possible_goes_on_playing() -> None:
-    steps = SolverOptions(method="gauss-seidel", steps_per_leg=4)
+def test_a_search_that_fails_goes_on_playing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(jump, "MAX_CYCLES", 3)
     small = block_system(12, 6)
-    record = evolve(small, cyclic(12), steps, until="limit")
-    plain = evolve(small, cyclic(12), steps)
+    record, plain = evolve(small, cyclic(8), until="limit"), evolve(small, cyclic(8))
     assert record.limit is not None and not record.limit.reached
-    assert "events" in record.limit.reason and "raise [history] cycles" in record.limit.reason
+    assert "may play no more" in record.limit.reason
+    assert "raise [history] cycles" in record.limit.reason
+    # the cycles of both searches are counted too; the second one might play cycle 8 only
+    assert record.limit.cycles_played == 8 + 3 + 1
     assert np.array_equal(record.cycles.dissipation, plain.cycles.dissipation)
     assert "not reached" in limit_lines(summarise(record))[0]
+
+
+def test_load_steps_from_the_exact_limit_repeat_themselves() -> None:
+    small = block_system(16, 8)
+    steps = SolverOptions(method="gauss-seidel", steps_per_leg=10)
+    record = evolve(small, cyclic(200), steps, until="limit")
+    plain = evolve(small, cyclic(200), replace(steps, steady_tolerance=1e-10), until="steady")
+    exact = evolve(small, cyclic(200), until="limit")
+    assert record.limit is not None and record.limit.reached and record.limit.jumped
+    assert record.limit.cycles_played < 20 < plain.steady.cycle
+    assert record.limit.residual < 1e-10 and "load steps" in record.limit.reason
+    assert record.steady.kind == plain.steady.kind == "cyclic slip"
+    D, own, path = (r.cycles.dissipation[-1] for r in (record, plain, exact))
+    # nearer to the cycle that plain steps come to than steps are to the exact path
+    assert abs(D - own) < 0.2 * abs(own - path) and abs(own - path) < 0.05 * path
+    # from the end of the limit cycle, the steps play it again
+    again = make_solver(frictional_form(small), steps)
+    state, D_again = turning_point(record, small, -1), 0.0
+    for a, b in pairwise(cyclic(200).loop):
+        leg = again.trace_leg(state, (a, b), float(record.turning_points.P.max()))
+        state, D_again = leg.end, D_again + float(leg.dissipation.sum())
+    assert np.isclose(2.0 * D_again, D, rtol=1e-9)
+    assert np.abs(state.v - turning_point(record, small, -1).v).max() < 1e-9
 
 
 @pytest.mark.parametrize(
@@ -184,14 +212,17 @@ def test_an_interrupted_history_resumes_to_the_same_limit(tmp_path: Path) -> Non
     assert resumed.limit == whole.limit
 
 
-def test_a_resumed_history_says_the_same_of_a_search_before_it() -> None:
-    steps = SolverOptions(method="gauss-seidel", steps_per_leg=4)
-    problem_ = problem_of_history(block_system(6, 3), ended_by(cyclic(9), "limit"), steps)
+def test_a_resumed_history_says_the_same_of_searches_before_it(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setattr(jump, "MAX_CYCLES", 3)
+    problem_ = problem_of_history(block_system(12, 6), ended_by(cyclic(8), "limit"))
     journal = Journal(1)
-    whole = continue_history(problem_, journal)
-    again = Journal(1)
-    again.cycles = journal.cycles[:9]
-    resumed = continue_history(problem_, again)
-    assert whole.limit is not None and resumed.limit is not None
-    assert not whole.limit.reached and "events" in whole.limit.reason
-    assert resumed.limit.reason == whole.limit.reason
+    whole = continue_history(problem_, journal).limit
+    assert whole is not None and not whole.reached
+    for finished in (3, 6, 9):
+        again = Journal(1)
+        again.cycles = journal.cycles[:finished]
+        resumed = continue_history(problem_, again).limit
+        assert resumed is not None
+        assert resumed.reason == whole.reason and resumed.cycles_played == whole.cycles_played

@@ -8,16 +8,14 @@ from models import pushed_block
 from replay import replay
 from small import table, walker
 
-from receding_fenicsx.evolution.evolve import continue_history, evolve
-from receding_fenicsx.evolution.journal import Journal
+from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit import jump
-from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.scene.history import History, ended_by
+from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -92,16 +90,3 @@ def test_a_push_below_that_of_walking_has_a_limit_without_a_walk() -> None:
     D = record.cycles.dissipation[-1] - plain.cycles.dissipation[-1]
     assert abs(D) < 1e-8 * plain.cycles.dissipation[0]
     assert summarise(record)["limit"]["walk"] is None
-
-
-def test_failed_searches_are_counted_also_after_an_interruption() -> None:
-    body, history = rocked(0.16)
-    problem = problem_of_history(body, ended_by(history, "limit"))
-    journal = Journal(1)
-    whole = continue_history(problem, journal)
-    assert whole.limit is not None and whole.limit.jumped and whole.limit.cycle > 4
-    # the searches before the last one have found nothing
-    assert whole.limit.cycles_played > whole.limit.cycle + 2 * 5
-    resumed = Journal(1)
-    resumed.cycles = journal.cycles[:11]
-    assert continue_history(problem, resumed).limit == whole.limit

@@ -13,19 +13,20 @@ from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
 from receding_fenicsx.evolution.limit.search import Candidate, find_limit
-from receding_fenicsx.evolution.limit.uniqueness import is_unique
+from receding_fenicsx.evolution.limit.uniqueness import NOT_EXAMINED, is_unique
 from receding_fenicsx.evolution.limit.walking import find_walk, may_walk, walking_motions
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Limit, Steady
 from receding_fenicsx.evolution.run_state import Position, RunState
+from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.measures.steady import (
     CYCLIC_SLIP,
     RATCHETTING,
     SHAKEDOWN,
     SteadyWatch,
 )
-from receding_fenicsx.interface.system import typical_stiffness
+from receding_fenicsx.interface.system import ContactState, typical_stiffness
 
 Progress = Callable[[int, int, str], None]
 """Called as progress(cycle, cycles, message) after every cycle."""
@@ -33,11 +34,17 @@ Progress = Callable[[int, int, str], None]
 FIRST_SEARCH = 3
 """Cycle after which the limit is searched for first; then after twice as many, and so on."""
 
-MAX_CYCLES = 30
+MAX_CYCLES = 40
 """Cycles after which a search is given up; those that succeed mostly play a dozen."""
 
 MAX_CHECKS = 3
 """Cycles played from the one that was found until the states at start and end are the same."""
+
+MAX_STEPPED = 10
+"""The same of load steps, whose forces must repeat themselves too."""
+
+IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
+"""What is said of the limit of load steps."""
 
 
 class LimitSearch:
@@ -95,40 +102,23 @@ class LimitSearch:
             NoLimit: none was found.
             SolveError: its path ends early.
         """
-        problem, number = self.problem, len(cycles)
-        if problem.solver.method != "events":
-            raise NoLimit('the search needs [solver] method = "events"')
-        if problem.chooser is not None:
-            raise NoLimit('the search needs [solver] branch = "first"')
-        trial = RunState(problem, cycles)
-        start = trial.position
+        number, in_steps = len(cycles), self.problem.solver.method != "events"
+        trial = RunState(self.problem, cycles)
         found = self._candidate(trial, budget)
-        state = found.state
-        for _ in range(MAX_CHECKS):
-            budget.played += 1
-            trial.position = Position(state, start.load, start.totals)
-            begin = instant(problem.system, (number, 0, 0.0), start.load, state)
-            cycle = trial.trace_cycle(number, problem.output.cycles is None)
-            end = trial.position.state
-            if np.array_equal(state.state, end.state):
-                break
-            # a node that just reaches its limit at the end begins the next cycle in slip
-            state = end
-        else:
-            raise NoLimit("the cycle that was found does not end in the states it begins in")
+        begin, cycle = self._played(trial, found.state, budget)
         ends = [begin, cycle.corners[-1]]
-        if found.solution is None:
+        walks = found.solution is None
+        if walks or in_steps:
             budget.played += 1
             ends += trial.trace_cycle(number).corners[-1:]
         watch = self._watch(ends, cycles, cycle)
         # one cycle does not tell a drift that stays from one that decays
-        kinds = (RATCHETTING,) if found.solution is None else (SHAKEDOWN, CYCLIC_SLIP)
-        if watch.kind not in kinds:
+        if watch.kind not in ((RATCHETTING,) if walks else (SHAKEDOWN, CYCLIC_SLIP)):
             raise NoLimit(
                 f"the cycle that was found changes its forces by {watch.change[0]:.1e} and "
                 f"displacements by {np.abs(cycle.slip).max():.1e}"
             )
-        unique, why = is_unique(found)
+        unique, why = (NOT_EXAMINED, IN_STEPS) if in_steps else is_unique(found)
         self.limit = Limit(
             reached=True,
             cycle=number,
@@ -143,14 +133,40 @@ class LimitSearch:
         self.steady = Steady(True, number, watch.kind, watch.period, change)
         return cycle
 
+    def _played(
+        self, trial: RunState, state: ContactState, budget: Budget
+    ) -> tuple[Instant, FinishedCycle]:
+        """Play cycles from a state until one ends as it begins; return its start and itself.
+
+        Load steps come to the cycle of their own, which is near that of the exact path.
+        """
+        problem, number, start = self.problem, len(trial.cycles), trial.position
+        in_steps = problem.solver.method != "events"
+        bound = (problem.solver.steady_tolerance or LIMIT_TOLERANCE) * start.totals.force_scale
+        for _ in range(MAX_STEPPED if in_steps else MAX_CHECKS):
+            budget.played += 1
+            trial.position = Position(state, start.load, start.totals)
+            begin = instant(problem.system, (number, 0, 0.0), start.load, state)
+            cycle = trial.trace_cycle(number, problem.output.cycles is None)
+            end = trial.position.state
+            change = np.abs(end.r - state.r).max() if in_steps else 0.0
+            if change <= bound and np.array_equal(state.state, end.state):
+                return begin, cycle
+            # a node that just reaches its limit at the end begins the next cycle in slip
+            state = end
+        raise NoLimit("the cycle that was found does not end as it begins")
+
     def _candidate(self, trial: RunState, budget: Budget) -> Candidate:
         """Return a state whose cycle should repeat itself, first one of a body that walks."""
         start, before = trial.position, trial.cycles[-2].corners[-1].state
         model, loop, force = trial.model, self.problem.history.loop, start.totals.force_scale
         if may_walk(walking_motions(model), before, start.state):
+            if self.problem.solver.method != "events":
+                raise NoLimit("load steps of a body that walks repeat themselves soon, or it stops")
             with suppress(NoLimit):
                 return find_walk(model, start.state, loop, force, budget)
-        return find_limit(model, trial.solver, start.state, loop, force, budget)
+        exact = make_solver(model, replace(self.problem.solver, method="events"))
+        return find_limit(model, exact, start.state, loop, force, budget)
 
     def tell(self, record: Record) -> None:
         """Add the limit to the record, and its steady state where the search has found it."""

@@ -18,7 +18,7 @@ MAX_STEPS = 20
 CONVERGED = 1e-13
 """Natural map over the largest nodal force below which it is zero."""
 
-MAX_FROZEN_CYCLES = 6
+MAX_FROZEN_CYCLES = 12
 """Cycles with frozen nodes, after a Newton step, that may differ from each other."""
 
 REPEATS = 1e-13
