@@ -18,6 +18,7 @@ from receding_fenicsx.interface.uniqueness.first_loading import solutions_from_r
 from receding_fenicsx.interface.uniqueness.instants import Event, Instant, InstantsOfLegs
 from receding_fenicsx.interface.uniqueness.patterns import Pattern, certify, grouped, halves
 from receding_fenicsx.interface.uniqueness.sides import Sides, States, mask_of
+from receding_fenicsx.interface.uniqueness.whole_legs import WholeLegs
 
 NAMED_NODES = 8
 """Largest number of nodes that are named at the first doubt."""
@@ -102,6 +103,7 @@ class UniquenessWatch:
         self.found, self.in_steps = found, in_steps
         self.certificate = Certificate(system)
         self._instants = InstantsOfLegs()
+        self._whole_legs = WholeLegs(self.certificate, LARGE_MARGIN)
         self._patterns: list[Pattern] = []
         self.indefinite: set[Sides] = set()
         self._measured: set[Sides] = set()
@@ -205,7 +207,11 @@ class UniquenessWatch:
             if self._last.get(way) == leg:
                 return
             self._last[way] = leg
-        instants = self._instants.new(way, *path, self._is_finite)
+            if not self.in_steps:
+                at_start = [event for event in events if event[0] <= 0.0]
+                if self._whole_legs.hold(way, start, events, len(at_start)):
+                    events = at_start
+        instants = self._instants.new(way, start, events, touching, self._is_finite)
         few = [instant for instant in instants if len(instant.touching) <= MOST_TOUCHING]
         sets = {id(i): list(i.sets(self.certificate)) for i in few}
         # directions of slip on the path come before those that nodes on the edge might take
