@@ -159,3 +159,33 @@ def sticks(Q: float, P: float, f_forward: float, f_backward: float) -> bool:
 def slips(state: int, slip: float, P: float) -> bool:
     """Return whether one node slips in the direction of a state: P > 0 and no slip against it."""
     return P > 0.0 and (slip >= 0.0 if state == FORWARD else slip <= 0.0)
+
+
+def limit_distances(
+    friction: Friction,
+    nodes: tuple[NDArray[np.bool_], NDArray[np.bool_]],
+    state: NDArray[np.int8],
+    r: Array,
+) -> tuple[Array, Array]:
+    """Return the margins A and B of all nodes, or their rates.
+
+    At a slipping node one of them is zero and the other A + B: as a difference of Q and f P it
+    would carry the round-off of Q, which a small f P does not bear. Both are zero at an open node,
+    and at one that a support holds normally, which has no limit.
+
+    Args:
+        friction: (N,) coefficients of friction.
+        nodes: (N,) nodes with friction, and smooth ones, at which P stands in place of A.
+        state: (N,) states.
+        r: (2N,) reactions [Q; P], or their rates.
+    """
+    frictional, smooth = nodes
+    n = len(state)
+    Q, P = r[:n], r[n:]
+    sliding, (margin_A, margin_B) = friction.opening(P), friction.margins(Q, P)
+    distance_A = np.where(state == BACKWARD, sliding, margin_A)
+    distance_B = np.where(state == FORWARD, sliding, margin_B)
+    distance_A[state == FORWARD] = distance_B[state == BACKWARD] = 0.0
+    contact = state != SEPARATION
+    distance_A = np.where(smooth, P, np.where(frictional, distance_A, 0.0))
+    return np.where(contact, distance_A, 0.0), np.where(contact & frictional, distance_B, 0.0)

@@ -66,8 +66,8 @@ class Chain:
         segments: k segments.
         following: what came of the event at the end of each.
         labels: (k,) quantities that reached their limits.
-        rows: (k, 4N + watched) rates.
         triangle: (k, k) rate of quantity ``labels[i]`` in segment j.
+        rows: (k, 4N + watched) rates; they and all below are made by :meth:`complete`.
         low: (m,) quantities that cease to fall at one of the events, but for those of ``labels``.
         fall: (k, m) their rates up to there.
         rates: rates of the integrals along the leg.
@@ -76,13 +76,19 @@ class Chain:
         missed: times that not all of them were those that came last.
     """
 
-    def __init__(self, segments: list[Segment], following: list[Following], sums: Sums) -> None:
+    def __init__(self, segments: list[Segment], following: list[Following]) -> None:
         """Stack the rates."""
-        k, n = len(segments), sums.system.n
         self.segments, self.following, self.missed = segments, following, 0
         self.labels = np.array([step.label for step in following])
-        self.rows = sums.with_watched(np.array([segment.q for segment in segments]))
+        self.rows = np.array([segment.q for segment in segments])
         self.triangle = self.rows[:, self.labels].T
+        self.is_complete = False
+
+    def complete(self, sums: Sums) -> None:
+        """Make what the verification of its events needs."""
+        k, n, following = len(self.labels), sums.system.n, self.following
+        self.is_complete = True
+        self.rows = sums.with_watched(self.rows)
         ends = self.rows[:, n:] < 0.0
         ends[:-1] &= ~ends[1:]
         ends[np.arange(k), self.labels - n] = False
@@ -202,7 +208,7 @@ class Replay:
             holding = len(following)
             if holding < SHORTEST:
                 return None, 0
-            chain = Chain(segments, following, self._sums)
+            chain = Chain(segments, following)
         known[id(segment)] = chain
         if len(known) > KEPT_CHAINS:
             del known[next(iter(known))]
@@ -235,17 +241,20 @@ class Replay:
         Returns:
             (m,) lengths of the segments up to these events, and all quantities at the last one.
         """
-        point, rows = self._point, chain.rows
-        y, labels = point.y, chain.labels
-        if self._sums.watch is not None:
-            now = np.concatenate([point.displacements(y), point.load])
-            y = np.concatenate([y, self._sums.watch.rows @ now])
+        point, labels = self._point, chain.labels
+        y = point.y
         h, singular = dtrtrs(chain.triangle, -y[labels], lower=1)
         holds = (h >= 0.0) & (point.s + h.cumsum() < s_end)
         holds[foreseen:] = False
         m = 0 if singular else _leading(holds)
-        if m == 0:
+        if m == 0 or (m < WORTH_WHILE and not chain.is_complete):
             return h[:0], y
+        if not chain.is_complete:
+            chain.complete(self._sums)
+        rows = chain.rows
+        if self._sums.watch is not None:
+            now = np.concatenate([point.displacements(y), point.load])
+            y = np.concatenate([y, self._sums.watch.rows @ now])
         end = y + h[:m] @ rows[:m]
         end[labels[m - 1]] = 0.0
         within = self._within_limits(chain, h, m, (y, end))

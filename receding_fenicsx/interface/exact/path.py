@@ -40,7 +40,7 @@ from receding_fenicsx.interface.exact.unloading import (
     zero_crossing,
 )
 from receding_fenicsx.interface.exact.walk import Walk
-from receding_fenicsx.interface.law import BACKWARD, FORWARD
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.residual import largest_force, reachable
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
 
@@ -88,6 +88,7 @@ class EventPath:
         self.reduction: Reduction | None = None
         self._low_friction_node = _low_friction_node(self.segments)
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
+        self._opened = np.zeros(system.n, dtype=bool)
         self._limits: dict[tuple[bytes, bytes], Limit | None] = {}
 
     def trace_leg(
@@ -236,6 +237,7 @@ class EventPath:
         """Remember which nodes changed state on a leg in this direction."""
         changed = self.changed.setdefault(direction.tobytes(), np.zeros(self.system.n, dtype=bool))
         changed[[event[1] for event in leg.events]] = True
+        self._opened[[i for _, i, *sides in leg.events if SEPARATION in sides]] = True
 
     def _walk_reduced(self, problem: LegProblem) -> Leg | None:
         """Follow a leg without the nodes that have kept their states on every such leg before.
@@ -252,7 +254,8 @@ class EventPath:
             if self.reduction is None or not self.reduction.fits(start):
                 changed = np.logical_or.reduce(list(self.changed.values()))
                 slips = (start.state == FORWARD) | (start.state == BACKWARD)
-                self.reduction = reduce(self.segments, start, widen(changed | slips))
+                active, opening = widen(changed | slips), widen(self._opened)
+                self.reduction = reduce(self.segments, start, active, opening)
             if self.reduction is None:
                 return None
             try:

@@ -11,7 +11,7 @@ a rank-one update. Updates of T are collected and applied by one matrix product.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -38,10 +38,10 @@ class PivotData:
     """Matrices and labels of a :class:`PivotMatrix`.
 
     Attributes:
-        T: (m, m) outputs from inputs.
+        T: (m, k) outputs from inputs; those that stay inputs may be left out.
         G: (m, n_loads) outputs from unit loads.
         row_label: (m,) label of each output.
-        column_label: (m,) label of each input.
+        column_label: (k,) label of each input.
         age: exchanges since the matrix was made from scratch.
     """
 
@@ -51,12 +51,20 @@ class PivotData:
     column_label: Indices
     age: int = 0
 
+    def without(self, inputs: Indices) -> PivotData:
+        """Return the same without the columns of some inputs."""
+        if not len(inputs):
+            return self
+        kept = ~np.isin(self.column_label, inputs)
+        T = np.ascontiguousarray(self.T[:, kept])
+        return replace(self, T=T, column_label=self.column_label[kept])
+
 
 class PivotMatrix:
     """Outputs = T inputs + G loads, with rank-one updates of T pending.
 
     Attributes:
-        T: (m, m) outputs from inputs, without the pending updates.
+        T: (m, k) outputs from inputs, without the pending updates.
         G: (m, n_loads) outputs from unit loads.
         row_label: (m,) label of each output.
         row_of, column_of: row or column of each label, -1 where the label has none.
@@ -65,9 +73,9 @@ class PivotMatrix:
 
     def __init__(self, data: PivotData, n_labels: int) -> None:
         """Take over ``data``, whose labels are below ``n_labels``."""
-        m = len(data.T)
-        self.T = np.empty((m, m))
-        self._U, self._V = np.zeros((m, MAX_PENDING), order="F"), np.zeros((MAX_PENDING, m))
+        m, k = data.T.shape
+        self.T = np.empty((m, k))
+        self._U, self._V = np.zeros((m, MAX_PENDING), order="F"), np.zeros((MAX_PENDING, k))
         self._pending = 0
         self.row_of = np.full(n_labels, -1, dtype=np.intp)
         self.column_of = np.full(n_labels, -1, dtype=np.intp)

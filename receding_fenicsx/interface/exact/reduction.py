@@ -148,13 +148,19 @@ def widen(changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
     return np.convolve(changed, window, mode="full")[reach : reach + n] > 0.5
 
 
-def reduce(full: Segments, start: ContactState, active: NDArray[np.bool_]) -> Reduction | None:
+def reduce(
+    full: Segments,
+    start: ContactState,
+    active: NDArray[np.bool_],
+    opening: NDArray[np.bool_] | None = None,
+) -> Reduction | None:
     """Leave the nodes that are not active out of a contact.
 
     Args:
         full: rates of the whole contact.
         start: a state of it; the frozen nodes keep their states and the stuck ones their place.
         active: (N,) nodes that may change.
+        opening: (N,) nodes expected to open; None for all.
 
     Returns:
         The reduction; None where it is not worth while.
@@ -205,9 +211,8 @@ def reduce(full: Segments, start: ContactState, active: NDArray[np.bool_]) -> Re
     swing = r_star[:, loose] @ moved[:, m : m + loads]
     watched, watched_node = _watch(full, start, ~active, reaction, back)
     states = np.where(active, 0, start.state).astype(np.int8)
-    return Reduction(
-        system, nodes, fixed, Segments(reduced), states, back, watched, watched_node, swing
-    )
+    segments = Segments(reduced, None if opening is None else opening[nodes])
+    return Reduction(system, nodes, fixed, segments, states, back, watched, watched_node, swing)
 
 
 def _watch(

@@ -19,8 +19,15 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.balance import BalanceCheck
 from receding_fenicsx.interface.exact.legs import Change
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.tableau import A, B, Tableau, limit_distances
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
+from receding_fenicsx.interface.exact.tableau import A, B, Tableau
+from receding_fenicsx.interface.law import (
+    BACKWARD,
+    FORWARD,
+    SEPARATION,
+    SLIP_SIGN,
+    STICK,
+    limit_distances,
+)
 from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.rigid_motions import (
     RIGID_TOLERANCE,
@@ -115,9 +122,14 @@ class Segments:
         sliding.
     """
 
-    def __init__(self, system: ContactSystem) -> None:
-        """Start with nothing remembered."""
-        self.system = system
+    def __init__(self, system: ContactSystem, opening: NDArray[np.bool_] | None = None) -> None:
+        """Start with nothing remembered.
+
+        Args:
+            system: the condensed body in 2N form.
+            opening: (N,) nodes expected to open, see :class:`Tableau`.
+        """
+        self.system, self._opening = system, opening
         n = system.n
         normal = ~system.held[n:]
         self.frictional = ~system.held[:n] & normal & system.friction.present
@@ -153,7 +165,7 @@ class Segments:
         """
         try:
             if self._tableau is None:
-                self._tableau = Tableau(self.system, state)
+                self._tableau = Tableau(self.system, state, self._opening)
             else:
                 self._tableau.move_to(state)
         except SingularExchange:

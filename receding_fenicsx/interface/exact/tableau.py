@@ -25,7 +25,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.pivot_matrix import PivotData, PivotMatrix, block_pivot
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, limit_distances
 from receding_fenicsx.interface.system import ContactSystem
 
 V, W, A, B, REACTION = range(5)
@@ -62,36 +62,6 @@ MAX_AGE = 10
 round-off."""
 
 
-def limit_distances(
-    friction: Friction,
-    nodes: tuple[NDArray[np.bool_], NDArray[np.bool_]],
-    state: NDArray[np.int8],
-    r: Array,
-) -> tuple[Array, Array]:
-    """Return the margins A and B of all nodes, or their rates.
-
-    At a slipping node one of them is zero and the other A + B: as a difference of Q and f P it
-    would carry the round-off of Q, which a small f P does not bear. Both are zero at an open node,
-    and at one that a support holds normally, which has no limit.
-
-    Args:
-        friction: (N,) coefficients of friction.
-        nodes: (N,) nodes with friction, and smooth ones, at which P stands in place of A.
-        state: (N,) states.
-        r: (2N,) reactions [Q; P], or their rates.
-    """
-    frictional, smooth = nodes
-    n = len(state)
-    Q, P = r[:n], r[n:]
-    sliding, (margin_A, margin_B) = friction.opening(P), friction.margins(Q, P)
-    distance_A = np.where(state == BACKWARD, sliding, margin_A)
-    distance_B = np.where(state == FORWARD, sliding, margin_B)
-    distance_A[state == FORWARD] = distance_B[state == BACKWARD] = 0.0
-    contact = state != SEPARATION
-    distance_A = np.where(smooth, P, np.where(frictional, distance_A, 0.0))
-    return np.where(contact, distance_A, 0.0), np.where(contact & frictional, distance_B, 0.0)
-
-
 class Tableau:
     """Maps the rates of inputs and loads to the rates of outputs, for the present states.
 
@@ -103,8 +73,19 @@ class Tableau:
         rebuilds: times that the tableau was made from scratch.
     """
 
-    def __init__(self, system: ContactSystem, state: NDArray[np.int8]) -> None:
+    def __init__(
+        self,
+        system: ContactSystem,
+        state: NDArray[np.int8],
+        opening: NDArray[np.bool_] | None = None,
+    ) -> None:
         """Make the tableau of ``system`` (2N form) for the given states.
+
+        Args:
+            system: the condensed body.
+            state: (N,) states.
+            opening: (N,) nodes expected to open; w of the others stays an input, whose column is
+                left out until one of them opens after all. None where all may open.
 
         Raises:
             SingularExchange: the body has a motion without stiffness in these states.
@@ -122,11 +103,13 @@ class Tableau:
         diagonal = np.abs(np.diagonal(system.K))
         typical = np.median(diagonal[diagonal > 0.0]) if np.any(diagonal) else 1.0
         self._unit = 2.0 ** int(np.frexp(typical)[1])
+        stays = np.zeros(n, dtype=bool) if opening is None else ~opening & (state != SEPARATION)
+        self._left_out = W * n + np.flatnonzero(stays)
         self._all_stuck = self._with_all_stuck()
         self._copies: deque[tuple[NDArray[np.int8], PivotData]] = deque(maxlen=STORED_COPIES)
         self.rebuilds = 1
         self.state = state.copy()
-        self.matrix = PivotMatrix(self._made(state), 5 * n)
+        self.matrix = PivotMatrix(self._made(state).without(self._left_out), 5 * n)
 
     def _with_all_stuck(self) -> PivotData:
         """Return the map with all nodes stuck, whose matrix is the stiffness itself."""
@@ -150,7 +133,11 @@ class Tableau:
         Raises:
             SingularExchange: the body has a motion without stiffness in these states.
         """
-        self.matrix.restore(self._made(state))
+        data = self._made(state).without(self._left_out)
+        if data.T.shape == self.matrix.T.shape:
+            self.matrix.restore(data)
+        else:
+            self.matrix = PivotMatrix(data, 5 * len(state))
         self.state = state.copy()
         self._copies.clear()
         self.rebuilds += 1
@@ -194,7 +181,8 @@ class Tableau:
         distances = [len(self._different(state, stored)) for stored, _ in candidates]
         if min(distances, default=changes) < changes:
             self.state, data = candidates[distances.index(min(distances))]
-            self.matrix.restore(data)
+            first = data is self._all_stuck
+            self.matrix.restore(data.without(self._left_out) if first else data)
 
     def move_to(self, state: NDArray[np.int8]) -> None:
         """Exchange what differs between the present and the wanted states.
@@ -209,7 +197,10 @@ class Tableau:
             changing = self._different(state, self.state)
         outputs, inputs = self._exchanges(changing, self.state, state)
         matrix = self.matrix
-        if matrix.age > MAX_AGE * len(matrix.T):
+        if any(matrix.column_of[label] < 0 for label in inputs):
+            self._left_out = self._left_out[:0]
+            done = False
+        elif matrix.age > MAX_AGE * len(matrix.T):
             done = False
         elif len(outputs) > ONE_BY_ONE:
             done = matrix.exchange_many(np.array(outputs), np.array(inputs))

@@ -48,6 +48,7 @@ def test_a_replayed_path_is_that_from_event_to_event(
     system, passed = block_system(40, 10), []
     plain = play(EventPath(system, check_all=True), samples)
     monkeypatch.setattr(chain, "SHORTEST", 2)
+    monkeypatch.setattr(chain, "WORTH_WHILE", 1)
     verified = chain.Replay._verified
 
     def counting(self: chain.Replay, *args: object) -> tuple[Array, Array]:
@@ -76,6 +77,7 @@ def test_wrong_foresight_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> N
         patch.setattr(chain, "SHORTEST", 10**6)
         plain = play(EventPath(system))
     monkeypatch.setattr(chain, "SHORTEST", 2)
+    monkeypatch.setattr(chain, "WORTH_WHILE", 1)
     follow, wrong = chain.Replay.follow, [0]
 
     def misled(
