@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from operator import gt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -201,9 +202,9 @@ class UniquenessWatch:
         """Judge the rates along a leg, or a part of it, given as for ``InstantsOfLegs.new``."""
         way, (start, events, touching) = direction.tobytes(), path
         if not self._jumps and not touching:
-            places = [event[0] for event in events]
-            later = tuple(s > last for last, s in zip([0.0, *places], places, strict=False))
-            leg = start.tobytes(), later, tuple(event[1:] for event in events)
+            places, *changed = zip(*events, strict=True) if events else ((),)
+            later = tuple(map(gt, places, (0.0, *places)))
+            leg = start.tobytes(), later, tuple(changed)
             if self._last.get(way) == leg:
                 return
             self._last[way] = leg
