@@ -20,6 +20,10 @@ class InputError(RecedingError):
     exit_code = 2
 
 
+class MeshMisfit(InputError):
+    """A mesh has no vertices where the scene needs them; one of other elements may have them."""
+
+
 class SolveError(RecedingError):
     """A solver found no answer that satisfies its own checks (exit code 1).
 

@@ -56,6 +56,7 @@ class Level:
         seconds: what the run took.
         numbers: its headline numbers.
         resolved: every zone is more than two nodes wide.
+        sharp: a contact edge ends in a large pressure, at a sharp corner.
     """
 
     elements: int
@@ -63,6 +64,7 @@ class Level:
     seconds: float
     numbers: Mapping[str, Number]
     resolved: bool = True
+    sharp: bool = False
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from receding_fenicsx.accuracy.numbers import Number
 from receding_fenicsx.accuracy.search import search
 from receding_fenicsx.accuracy.space_errors import level_of, shown, warning
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
+from receding_fenicsx.errors import InputError, MeshMisfit, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.accuracy import unmet
 from receding_fenicsx.output.storage.hdf5 import read_system
@@ -69,15 +69,18 @@ def within_tolerance(
     Returns:
         The run of the last mesh, with the summary's keys on its errors and on the search.
     """
-    if scene.accuracy.grading:
-        from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
 
-        sizes = comm.bcast(mpi.on_root(comm, lambda: contact_sizes_of(scene)))
-        scene = graded_at_ends(scene, sizes)
+    def graded(coarse: Scene) -> Scene | None:
+        if scene.accuracy.grading is not None:
+            return None
+        return comm.bcast(mpi.on_root(comm, lambda: _graded_if_possible(coarse)))
+
+    if scene.accuracy.grading:
+        scene = comm.bcast(mpi.on_root(comm, lambda: _graded(scene)))
     attempts = _Attempts(scene, comm, folder, run, say)
     known = comm.bcast(mpi.on_root(comm, attempts.known))
     try:
-        found = search(scene, attempts.solve, known, attempts.move_on)
+        found = search(scene, attempts.solve, known, attempts.move_on, graded)
     except SolveError:
         if attempts.last is None or attempts.last.failure is None:
             raise
@@ -92,6 +95,27 @@ def within_tolerance(
     if not found.met:
         last.failure = ToleranceNotMet(unmet(last.extra))
     return last
+
+
+def _graded(scene: Scene) -> Scene:
+    """Return the scene on meshes graded towards corners; no communication."""
+    from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
+
+    return graded_at_ends(scene, contact_sizes_of(scene))
+
+
+def _graded_if_possible(scene: Scene) -> Scene | None:
+    """Return the scene on graded meshes; None where it cannot be meshed so; no communication."""
+    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
+
+    if scene.mesh.cell != "triangle":
+        return None
+    try:
+        found = _graded(scene)
+        contact_nodes_of(found)
+    except InputError:
+        return None
+    return found
 
 
 def draw_way(folder: Path, extra: dict[str, Any]) -> None:
@@ -119,14 +143,16 @@ class _Attempts:
         begin = time.perf_counter()
         try:
             self.last = self.run(scene)
-        except InputError:
+        except MeshMisfit:
+            raise
+        except InputError as error:
             if not self.checked:
                 from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
 
-                # a scene that no mesh can serve
+                # raises where no mesh can serve the scene
                 mpi.on_root(self.comm, lambda: contact_nodes_of(self.scene))
                 self.checked = True
-            raise
+            raise MeshMisfit(str(error)) from error
         if self.last.failure is not None:
             raise self.last.failure
         seconds = time.perf_counter() - begin

@@ -14,7 +14,7 @@ from dataclasses import replace
 from typing import TypeVar
 
 from receding_fenicsx.bulk.mesh.geo_words import takes_elements
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import Refinement, Scene
 from receding_fenicsx.scene.validate_bodies import MIN_REFINED_GROWTH, MOST_REFINEMENTS
 
@@ -26,6 +26,8 @@ CORNER_RATIO = 100.0
 """Size of the elements of a graded edge over that at its ends."""
 GRADED_ELEMENTS = 24
 """Contact elements with which a graded edge has a growth of 2."""
+BULK_ELEMENTS = 12
+"""Contact elements with which a body with graded edges has at most a growth of 2."""
 MIN_ELEMENTS = 8
 """Smallest number of contact elements of a mesh."""
 LIMIT_CYCLES = 50
@@ -39,6 +41,11 @@ SEARCH_RATIO = 1.6
 def is_refined(scene: Scene) -> bool:
     """Return whether other meshes of a scene come from uniform refinement of a file."""
     return any(body.mesh is not None and not takes_elements(body) for body in scene.bodies)
+
+
+def is_graded(scene: Scene) -> bool:
+    """Return whether a scene's meshes are graded towards the ends of a contact edge."""
+    return any(place.at == "ends" for place in scene.mesh.refine)
 
 
 def scaled(scene: Scene, elements: int) -> Scene:
@@ -72,10 +79,11 @@ def scaled(scene: Scene, elements: int) -> Scene:
 
 
 def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
-    """Return a scene whose meshes are graded towards the ends of its contact edges.
+    """Return a scene whose meshes are graded to the ends of contact edges and re-entrant corners.
 
     In all meshes of the family the elements there are smaller than the others by the same ratio,
-    and grow away from them at a rate whose distance from 1 is in proportion to their size.
+    and grow away from them at a rate whose distance from 1 is in proportion to their size. Without
+    the errors of the corners those inside the body count: it gets smaller elements too.
 
     Args:
         scene: a scene; one with a place at "ends" is returned as it is.
@@ -90,14 +98,17 @@ def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
             ".geo file that takes contact_elements"
         )
     places = scene.mesh.refine
-    if any(place.at == "ends" for place in places):
+    if is_graded(scene):
         return scene
     growth = min(1.0 + GRADED_ELEMENTS / scene.mesh.contact_elements, LARGEST_GROWTH)
+    files = any(body.mesh is not None for body in scene.bodies)
     places += tuple(
-        Refinement(size / CORNER_RATIO, "ends", growth, contact.edge)
+        Refinement(size / CORNER_RATIO, at, growth, contact.edge)
         for contact, size in zip(scene.contacts, sizes, strict=True)
+        for at in (("ends", "corners") if files else ("ends",))
     )
-    return replace(scene, mesh=replace(scene.mesh, refine=places))
+    bulk = min(scene.mesh.growth, 1.0 + BULK_ELEMENTS / scene.mesh.contact_elements)
+    return replace(scene, mesh=replace(scene.mesh, refine=places, growth=bulk))
 
 
 def to_limit(scene: Scene) -> Scene:
@@ -132,17 +143,22 @@ def elements_near(scene: Scene, wanted: float, limits: tuple[float, float]) -> I
 def first_that_fits(
     scene: Scene, numbers: Iterator[int], solve: Callable[[Scene, int], T]
 ) -> tuple[int, T] | None:
-    """Solve on the first mesh whose vertices fit the scene; None where none does.
+    """Solve on the first mesh whose vertices fit the scene; None where no numbers are given.
 
     Args:
         scene: a scene of the family.
         numbers: numbers of contact elements.
-        solve: called with a scene and its elements; raises InputError where loads or supports need
-            a vertex that a mesh does not have.
+        solve: called with a scene and its elements.
+
+    Raises:
+        MeshMisfit: loads or supports need a vertex that none of the meshes has.
     """
+    misfit = None
     for elements in numbers:
         try:
             return elements, solve(scaled(scene, elements), elements)
-        except InputError:
-            continue
+        except MeshMisfit as error:
+            misfit = error
+    if misfit is not None:
+        raise misfit
     return None

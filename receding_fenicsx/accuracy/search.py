@@ -12,18 +12,19 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
-from receding_fenicsx.accuracy.estimate import MIN_RATIO, ORDERS, Estimate, Level, estimates_of
+from receding_fenicsx.accuracy.asked import MIN_LEVELS, asked_numbers, hopeless, is_met
+from receding_fenicsx.accuracy.estimate import MIN_RATIO, ORDERS, Estimate, Level
 from receding_fenicsx.accuracy.meshes import (
     doublings,
     elements_near,
     first_that_fits,
+    is_graded,
     is_refined,
     scaled,
     to_limit,
 )
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.errors import InputError, MeshMisfit, SolveError
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.options import LOCAL_NUMBERS
 
 log = logging.getLogger(__name__)
 
@@ -31,11 +32,12 @@ FIRST_ELEMENTS = 24
 """Contact elements of the first mesh, or the least that fit the scene."""
 FIRST_RATIO = 2.5
 """Ratio of the elements of the first meshes, from which the orders are seen."""
-MIN_LEVELS = 3
-"""Smallest number of meshes of an accepted estimate."""
 RATIOS = (1.6, 2.8)
 """Smallest and largest ratio of the elements of two successive meshes: smaller ones repeat work,
 larger ones leave the estimate without meshes to compare with."""
+SLOW = (1.0, 1.8)
+"""Observed order below which the coarse meshes may have shown too little, and the largest ratio of
+the next mesh then: mostly it shows a higher order."""
 AIM = 0.75
 """Part of the tolerance that a predicted mesh aims at."""
 MOST_NODES = 8000
@@ -75,6 +77,7 @@ class Search:
             "tolerance": options.tolerance,
             "budget_seconds": options.budget_seconds,
             "met": self.met,
+            "graded": is_graded(self.scene),
             "reason": self.reason,
             "seconds": sum(level.seconds for level in self.levels),
             "failures": [list(failure) for failure in self.failures],
@@ -107,14 +110,17 @@ def search(
     solve: Solve,
     levels: Sequence[Level] = (),
     moving_on: Callable[[Sequence[Level]], None] = lambda _: None,
+    graded: Callable[[Scene], Scene | None] = lambda _: None,
 ) -> Search:
     """Solve a scene on finer and finer meshes until its numbers meet its tolerance; collective.
 
     Args:
         scene: a scene with ``accuracy.tolerance``.
-        solve: runs the scene of a mesh; raises InputError where its vertices do not fit the scene.
+        solve: runs the scene of a mesh; raises MeshMisfit where its vertices do not fit the scene.
         levels: meshes of an interrupted search.
         moving_on: called with the meshes so far when another one is to be solved.
+        graded: returns a scene whose meshes are graded, None where they cannot be; called where the
+            first mesh has sharp corners in contact, which then begins anew.
 
     Returns:
         The search; the run of the last mesh is the last that ``solve`` has done.
@@ -125,10 +131,12 @@ def search(
     """
     tolerance = scene.accuracy.tolerance
     assert tolerance is not None
-    scene = to_limit(scene)
+    scene, own = to_limit(scene), scene.mesh.contact_elements
+    if levels and levels[0].sharp and not is_graded(scene):
+        scene = graded(scaled(scene, levels[0].elements)) or scene
     found, known = Search(scene, list(levels)), len(levels)
     for k in range(len(found.levels)):
-        found.way.append(_asked(scene, found.levels[: k + 1]))
+        found.way.append(asked_numbers(scene, found.levels[: k + 1]))
     while True:
         wanted = next_elements(scene, found.levels, found.failures)
         found.reason = _too_much(scene, found.levels, wanted)
@@ -140,20 +148,26 @@ def search(
         try:
             level = _solved(scene, wanted, solve)
         except SolveError as error:
-            if found.levels or wanted >= scene.mesh.contact_elements:
+            if found.levels or wanted >= own:
                 raise
             # a mesh as coarse as this may have no answer
             found.failures.append((wanted, str(error)))
             continue
         found.scene = scaled(scene, level.elements)
+        if level.sharp and not found.levels and not is_graded(scene):
+            finer = graded(found.scene)
+            if finer is not None:
+                log.info("sharp corners in contact: meshes are graded")
+                scene = finer
+                continue
         found.levels.append(level)
-        found.way.append(_asked(scene, found.levels))
+        found.way.append(asked_numbers(scene, found.levels))
         for name, e in found.way[-1].items():
             log.info("%d elements: %s %.6g, error %.1e", level.elements, name, e.value, e.relative)
-        found.met = len(found.levels) >= MIN_LEVELS and _is_met(found.way[-1], tolerance)
+        found.met = len(found.levels) >= MIN_LEVELS and is_met(found.way[-1], tolerance)
         if found.met:
             return found
-        found.reason = _hopeless(found.way)
+        found.reason = hopeless(found.way)
         if found.reason:
             return found
 
@@ -174,9 +188,11 @@ def next_elements(
         return 2 * last
     ratio = FIRST_RATIO
     if len(levels) >= MIN_LEVELS:
-        asked, tolerance = _asked(scene, levels), scene.accuracy.tolerance or 1.0
+        asked, tolerance = asked_numbers(scene, levels), scene.accuracy.tolerance or 1.0
         needed = max(needed_ratio(asked, AIM * tolerance), RATIOS[0])
-        ratio = needed ** (1.0 / math.ceil(math.log(needed) / math.log(RATIOS[1])))
+        slow = any(e.order < SLOW[0] and 2.0 * e.relative > tolerance for e in asked.values())
+        most = SLOW[1] if slow else RATIOS[1]
+        ratio = needed ** (1.0 / math.ceil(math.log(needed) / math.log(most)))
         finest = MOST_NODES / max(levels[-1].nodes, 1)
         if max(needed_ratio(asked, tolerance), MIN_RATIO) <= finest < ratio:
             return 2 * int(0.5 * finest * last)
@@ -193,60 +209,6 @@ def _needed(e: Estimate, tolerance: float) -> float:
         return RATIOS[1]
     order = 1.0 if math.isnan(e.order) else min(max(e.order, ORDERS[0]), ORDERS[1])
     return float((2.0 * e.relative / tolerance) ** (1.0 / order))
-
-
-def _asked(scene: Scene, levels: Sequence[Level]) -> dict[str, Estimate]:
-    """Return the estimates of the numbers that were asked for, on the last of some meshes."""
-    every = estimates_of(levels)
-    wanted = scene.accuracy.numbers
-    if not wanted:
-        return {n: e for n, e in every.items() if n.partition("[")[0] not in LOCAL_NUMBERS}
-    found = {n: e for n, e in every.items() if n in wanted or n.partition("[")[0] in wanted}
-    for name in wanted:
-        if not _has(levels[-1], name):
-            if len(levels) > 1 and not _has(levels[-2], name):
-                raise InputError(
-                    f"[accuracy] numbers: the run has no '{name}'; it has {', '.join(every)}"
-                )
-            found[name] = Estimate(math.nan, math.nan, math.nan, 1.0)
-    return found
-
-
-def _has(level: Level, name: str) -> bool:
-    """Return whether a run has a number, or one of that name in front of brackets."""
-    return any(name in (n, n.partition("[")[0]) for n in level.numbers)
-
-
-def _is_met(asked: Mapping[str, Estimate], tolerance: float) -> bool:
-    """Return whether twice the estimate of each number is within the tolerance."""
-    return bool(asked) and all(2.0 * e.relative <= tolerance for e in asked.values())
-
-
-def _hopeless(way: Sequence[Mapping[str, Estimate]]) -> str:
-    """Return why no mesh will do: a number does not converge on two meshes running."""
-    infinite = [
-        n
-        for n, e in way[-1].items()
-        if len(way) > 1 and e.value == math.inf and n in way[-2] and way[-2][n].value == math.inf
-    ]
-    if infinite:
-        return (
-            f"{', '.join(infinite)} does not converge: singular, stresses are infinite at a corner "
-            "in contact; ask for other numbers"
-        )
-    if len(way) < MIN_LEVELS + 1:
-        return ""
-    names = [
-        name
-        for name, e in way[-1].items()
-        if e.error == math.inf and name in way[-2] and way[-2][name].error == math.inf
-    ]
-    if not names:
-        return ""
-    return (
-        f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not converge in order "
-        "(singular, or the mesh is far from resolving it); ask for other numbers"
-    )
 
 
 def _too_much(scene: Scene, levels: Sequence[Level], wanted: int) -> str:
@@ -295,14 +257,14 @@ def _most_elements(scene: Scene) -> int:
 
 def _solved(scene: Scene, wanted: int, solve: Solve) -> Level:
     """Solve on the mesh nearest to a wanted one whose vertices fit the scene, or on a finer one."""
-    near = 1.0 if is_refined(scene) else NEIGHBOURS
+    near, reason = 1.0 if is_refined(scene) else NEIGHBOURS, ""
     while wanted <= _most_elements(scene):
         numbers = elements_near(scene, wanted, (wanted / near, wanted * near))
-        found = first_that_fits(scene, numbers, solve)
+        try:
+            found = first_that_fits(scene, numbers, solve)
+        except MeshMisfit as error:
+            found, reason = None, str(error)
         if found is not None:
             return found[1]
         wanted *= 2
-    raise InputError(
-        "[mesh]: no mesh that was tried has vertices where the scene needs them; move the ends of "
-        "spans and the points of supports to round fractions of the contact edge"
-    )
+    raise InputError(f"[mesh]: no mesh that was tried fits the scene; on the last one: {reason}")

@@ -19,9 +19,10 @@ from receding_fenicsx.accuracy.meshes import (
     to_limit,
 )
 from receding_fenicsx.accuracy.numbers import headline
-from receding_fenicsx.errors import InputError, RecedingError
+from receding_fenicsx.errors import InputError, MeshMisfit, RecedingError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.scene.model import Scene
 
 FACTORS = (2.0, 2.5, 4.0)
@@ -31,6 +32,11 @@ UNRESOLVED_NODES = 2
 AT_LIMIT = 1e-9
 """Friction margin over the largest nodal force below which a stuck node is at its limit: whether it
 slips is round-off. So are nodes that drift until they only touch their limit."""
+NEGLIGIBLE_ZONE = 0.1
+"""Width of a zone, over the mean node spacing, below which it is not counted: at a graded corner
+the nodes are that close, and a zone there has no part in the numbers."""
+SHARP_PRESSURE = 1.5
+"""Pressure at an end of a contact edge, over the mean, from which the end is a sharp corner."""
 
 Solve = Callable[[Scene], Record | None]
 """Goes from a scene to its record on rank 0; all ranks call it together, and it raises on all."""
@@ -39,7 +45,7 @@ Solve = Callable[[Scene], Record | None]
 def narrowest_zone(record: Record) -> int:
     """Count the nodes of the narrowest zone at turning points of cycles 0, 1 and the last.
 
-    Stuck nodes at their friction limit are no zone of their own.
+    Stuck nodes at their friction limit are no zone of their own, nor are negligible zones.
     """
     table = record.turning_points
     rows = np.isin(table.cycle, (0, 1, table.cycle.max(initial=0)))
@@ -47,12 +53,13 @@ def narrowest_zone(record: Record) -> int:
     margin = np.minimum(*record.friction.margins(table.Q[rows], P))
     round_off = AT_LIMIT * P.max(axis=1, initial=0.0)[:, None]
     at_limit = record.friction.present & (state == State.STICK) & (margin <= round_off)
-    ends = (
-        np.flatnonzero(np.diff(own[~none], prepend=-1, append=-1))
-        for own, none in zip(state, at_limit, strict=True)
-    )
-    n = len(record.x)
-    return min((int(np.diff(at).min(initial=n)) for at in ends), default=n)
+    n, share = len(record.x), record.weight / record.weight.mean()
+    narrowest = n
+    for own, none in zip(state, at_limit, strict=True):
+        ends = np.flatnonzero(np.diff(own[~none], prepend=-1, append=-1))
+        seen = np.diff(np.append(0.0, np.cumsum(share[~none]))[ends]) > NEGLIGIBLE_ZONE
+        narrowest = min(narrowest, int(np.diff(ends)[seen].min(initial=n)))
+    return narrowest
 
 
 def with_coarser_partner(scene: Scene) -> Scene:
@@ -79,7 +86,17 @@ def level_of(record: Record | None, elements: int, seconds: float = 0.0) -> Leve
     if record is None:
         return Level(elements, 0, seconds, {})
     resolved = narrowest_zone(record) > UNRESOLVED_NODES
-    return Level(elements, len(record.x), seconds, headline(record), resolved)
+    sharp = any(map(_ends_sharply, record.by_edge().values()))
+    return Level(elements, len(record.x), seconds, headline(record), resolved, sharp)
+
+
+def _ends_sharply(record: Record) -> bool:
+    """Return whether a contact edge ends at a sharp corner in contact at some turning point."""
+    table = record.turning_points
+    on_axis = record.axisymmetric and begins_on_axis(record.x)
+    ends = table.p[:, -1] if on_axis or record.half else table.p[:, [0, -1]].max(axis=1)
+    mean = table.P.sum(axis=1) / record.weight.sum()
+    return bool(np.any((mean > 0.0) & (ends > SHARP_PRESSURE * mean)))
 
 
 def space_errors(scene: Scene, record: Record | None, solve: Solve) -> dict[str, Estimate]:
@@ -99,12 +116,20 @@ def space_errors(scene: Scene, record: Record | None, solve: Solve) -> dict[str,
     """
     most = scene.mesh.contact_elements
     levels = [level_of(record, most)]
+
+    def on(coarser: Scene, _: int) -> Record | None:
+        try:
+            return solve(to_limit(coarser))
+        except InputError as error:
+            # the run itself was accepted
+            raise MeshMisfit(str(error)) from error
+
     for factor in FACTORS:
         below = levels[-1].elements - 1
         limits = most / factor / SEARCH_RATIO, min(most / factor, below)
         try:
             numbers = elements_near(scene, most / factor, limits)
-            found = first_that_fits(scene, numbers, lambda coarser, _: solve(to_limit(coarser)))
+            found = first_that_fits(scene, numbers, on)
         except RecedingError:
             if len(levels) == 1:
                 raise

@@ -12,7 +12,7 @@ from receding_fenicsx.bulk.edges import edge_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.platens import Prescribed, Ties
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import Scene, Support
@@ -123,6 +123,6 @@ def _check_found(supports: tuple[Support, ...], parts: list[list[Held]]) -> None
     """Check that every support holds a node of the user's mesh."""
     for k, support in enumerate(supports, start=-len(supports)):
         if not any(len(part[k][0]) for part in parts):
-            raise InputError(
+            raise MeshMisfit(
                 f"support at {support.edge or support.point}: no node lies there; move it"
             )

@@ -112,19 +112,21 @@ def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
                 )
             places = _on_rectangle(scene, contact, body, places)
         elif contact.span is not None:
-            places = _resolved(places, contact.span)
+            corners = [place for place in places if place.at == "corners"]
+            places = _resolved(places, contact.span) + corners
         if all(files) and body != sides[0][0]:
             # along t, which is opposite on the other body
-            places = [p if p.at == "ends" else _moved(p, -1.0, 0.0) for p in places]
+            places = [p if isinstance(p.at, str) else _moved(p, -1.0, 0.0) for p in places]
         found += [replace(place, edge=own) for place in places]
     return tuple(found)
 
 
 def _resolved(places: Iterable[Refinement], ends: Iterable[float]) -> list[Refinement]:
-    """Return the places, those at "ends" replaced by one at each end."""
+    """Return the places, those at "ends" by one at each end, without those at "corners"."""
     return [
         replace(place, at=at)
         for place in places
+        if place.at != "corners"
         for at in (ends if isinstance(place.at, str) else (place.at,))
     ]
 

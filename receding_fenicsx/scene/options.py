@@ -57,14 +57,15 @@ class Table:
 
 @dataclass(frozen=True)
 class Refinement:
-    """Place on a contact edge at which elements are smaller.
+    """Place at which elements are smaller.
 
     At the distance d from it elements have the size ``size + (growth - 1) d``, where that is less
     than their size without it.
 
     Attributes:
         size: length of the elements at the place, positive.
-        at: position along the edge, a range [from, to], or "ends": both ends of the contact.
+        at: position along the edge, a range [from, to], "ends": both ends of the contact, or
+            "corners": the re-entrant corners of a body from a .geo file.
         growth: size ratio of neighbouring elements away from the place; default: that of the mesh.
         edge: contact edge; default: all contact edges.
     """
@@ -76,7 +77,7 @@ class Refinement:
 
     @property
     def span(self) -> tuple[float, float]:
-        """Range of a place that is not "ends"."""
+        """Range of a place by position."""
         assert not isinstance(self.at, str)
         return self.at if isinstance(self.at, tuple) else (self.at, self.at)
 
@@ -266,10 +267,11 @@ class AccuracyOptions:
         numbers: names of the numbers. Default: all but the ends of zones and the largest pressure.
             A name without brackets stands for that number of all edges, loads or probes.
         budget_seconds: no mesh is begun that would end later, by prediction.
-        grading: the meshes are graded towards the ends of the contact edges, for sharp corners.
+        grading: the meshes are graded towards the ends of the contact edges and the re-entrant
+            corners of bodies. Default: where a sharp corner is in contact and it is possible.
     """
 
     tolerance: float | None = None
     numbers: tuple[str, ...] = ()
     budget_seconds: float = 600.0
-    grading: bool = False
+    grading: bool | None = None

@@ -191,6 +191,7 @@ BY_TYPE: dict[str, Callable[[object, str], Any]] = {
     "int | None": _integer,
     "str | int": _name_or_integer,
     "bool": _boolean,
+    "bool | None": _boolean,
     "Profile": _profile,
     "FrictionProfile": _friction,
     "Profile | None": _profile,

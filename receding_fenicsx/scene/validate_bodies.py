@@ -219,8 +219,12 @@ def check_mesh(scene: Scene) -> None:
 def _check_refinement(scene: Scene, place: Refinement, where: str) -> None:
     """Check one entry of refine; whether it lies on its edge is found when the body is meshed."""
     check_positive(place.size, f"{where} size")
-    if isinstance(place.at, str) and place.at != "ends":
-        raise InputError(f'{where} at: "{place.at}" is unknown; use "ends", a position or a range')
+    if isinstance(place.at, str) and place.at not in ("ends", "corners"):
+        raise InputError(
+            f'{where} at: "{place.at}" is unknown; use "ends", "corners", a position or a range'
+        )
+    if place.at == "corners" and all(body.mesh is None for body in scene.bodies):
+        raise InputError(f"{where} at: rectangles have no re-entrant corners; leave it out")
     if not isinstance(place.at, str) and place.span[0] > place.span[1]:
         raise InputError(f"{where} at: is empty; write [from, to]")
     growth = scene.mesh.growth if place.growth is None else place.growth

@@ -254,3 +254,40 @@ def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Pat
 def test_a_sweep_does_not_leave_a_tolerance_aside_without_a_word(shared_tmp_path: Path) -> None:
     with pytest.raises(InputError, match="tolerance: a sweep solves all its cases"):
         sweep(searching(block(), 1e-2), {"contact.friction": [0.1]}, shared_tmp_path / "sweep")
+
+
+def test_a_search_says_what_is_wrong_with_a_mesh_file_that_no_mesh_can_serve(
+    shared_tmp_path: Path,
+) -> None:
+    if COMM.rank == 0:
+        empty = "$MeshFormat\n4.1 0 8\n$EndMeshFormat\n$Nodes\n0 0 0 0\n$EndNodes\n"
+        (shared_tmp_path / "empty.msh").write_text(empty)
+    COMM.barrier()
+    scene = replace(block(), body=replace(block().body, mesh=str(shared_tmp_path / "empty.msh")))
+    with pytest.raises(InputError, match=r"empty.msh\": has no cells"):
+        study.run(searching(scene, 1e-2), shared_tmp_path / "run", PLAIN, COMM)
+    assert not (shared_tmp_path / "run" / "summary.json").exists()
+
+
+def test_sharp_corners_in_contact_are_graded_unasked(shared_tmp_path: Path) -> None:
+    """True errors against a mesh twice as fine; equal elements are three times worse."""
+    scene = read_scene(DEMOS / "punch_axisymmetric.toml", ["output.cycles=[]"])
+    record = study.run(searching(scene, 4e-3), shared_tmp_path / "run", PLAIN, COMM)
+    off = replace(scene, accuracy=replace(scene.accuracy, grading=False))
+    study.run(searching(off, 0.2), shared_tmp_path / "off", PLAIN, COMM)
+    if record is None:
+        return
+    assert not summary_of(shared_tmp_path / "off")["accuracy"]["graded"]
+    summary = summary_of(shared_tmp_path / "run")
+    assert summary["accuracy"]["met"] and summary["accuracy"]["graded"]
+    assert record.scene is not None
+    elements = record.scene.mesh.contact_elements
+    finest, equal = (
+        headline(study.run(each, None, PLAIN, MPI.COMM_SELF))  # type: ignore[arg-type]
+        for each in (scaled(record.scene, 2 * elements), scaled(scene, elements))
+    )
+    for name in ("centre_pressure", "load_displacement[P]", "dissipation_first_loading"):
+        exact, found = finest[name].value, summary["errors"][name]
+        true = abs(found["value"] - exact)
+        assert true <= 2.0 * found["error"] <= 4e-3 * abs(exact)
+        assert 3.0 * true < abs(equal[name].value - exact)

@@ -12,9 +12,10 @@ import pytest
 
 from receding_fenicsx.accuracy import search as module
 from receding_fenicsx.accuracy.estimate import Level
+from receding_fenicsx.accuracy.meshes import graded_at_ends, is_graded
 from receding_fenicsx.accuracy.numbers import Number
 from receding_fenicsx.accuracy.search import Search, search
-from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.errors import InputError, MeshMisfit, NotConverged
 from receding_fenicsx.output.plots.accuracy_plots import error_over_time
 from receding_fenicsx.output.report.accuracy import way_lines
 from receding_fenicsx.scene.model import Scene
@@ -158,7 +159,7 @@ def test_meshes_that_do_not_fit_or_have_no_answer_are_passed_over() -> None:
 
     def solve(scene: Scene, elements: int) -> Level:
         if elements % 12:
-            raise InputError("no vertex")
+            raise MeshMisfit("no vertex")
         if elements < 48:
             raise NotConverged("too coarse")
         return plain(scene, elements)
@@ -174,10 +175,34 @@ def test_meshes_that_do_not_fit_or_have_no_answer_are_passed_over() -> None:
         search(scene_of(1e-3), never)
 
     def nowhere(_: Scene, elements: int) -> Level:
-        raise InputError("no vertex")
+        raise MeshMisfit("no vertex")
 
-    with pytest.raises(InputError, match="no mesh that was tried has vertices"):
+    with pytest.raises(InputError, match=r"no mesh that was tried fits the scene; .*: no vertex"):
         search(scene_of(1e-3), nowhere)
+
+
+def test_a_search_begins_anew_on_graded_meshes_where_corners_are_sharp() -> None:
+    def graded(scene: Scene) -> Scene:
+        return graded_at_ends(scene, [2.0 / scene.mesh.contact_elements])
+
+    def solve(scene: Scene, elements: int) -> Level:
+        tried.append((elements, is_graded(scene)))
+        error = 0.3 * (16.0 / elements) ** (1.5 if is_graded(scene) else 0.5)
+        return replace(made_up(centre_pressure=lambda _: error)(scene, elements), sharp=True)
+
+    tried: list[tuple[int, bool]] = []
+    found = search(scene_of(1e-2), solve, graded=graded)
+    assert tried[0] == (24, False) and all(each[1] for each in tried[1:])
+    assert found.met and sizes(found) == [elements for elements, _ in tried[1:]]
+    assert is_graded(found.scene) and found.shown()["graded"]
+    tried.clear()
+    again = search(scene_of(1e-3), solve, found.levels, graded=graded)
+    assert again.levels[: len(found.levels)] == found.levels
+    assert tried and all(each[1] for each in tried) and again.met
+    # where nothing can be graded the meshes stay as they are
+    tried.clear()
+    equal = search(scene_of(0.3), solve, graded=lambda _: None)
+    assert equal.met and not any(each[1] for each in tried)
 
 
 def test_an_interrupted_search_goes_on_as_if_undisturbed() -> None:

@@ -17,7 +17,7 @@ from receding_fenicsx.bulk.mesh.raw_mesh import (
     facets_between,
     line_of,
 )
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import Contact, Load, Scene, Support
 
 MATCH_TOLERANCE = 1e-6
@@ -162,7 +162,7 @@ def _matched(
     b = other.points[np.unique(across[against])]
     a, b = (points[np.argsort(line.along(points))] for points in (a, b))
     if len(a) < 2 or len(b) < 2:
-        raise InputError(f"{where}: {names} share no facet; refine both meshes")
+        raise MeshMisfit(f"{where}: {names} share no facet; refine both meshes")
     close = MATCH_TOLERANCE * min(np.diff(line.along(p)).min() for p in (a, b))
     for here, there, names_of in (
         (a, b, (contact.edge, contact.against)),
@@ -171,7 +171,7 @@ def _matched(
         distance = np.abs(line.along(here)[:, None] - line.along(there)).min(axis=1)
         if np.any(distance > close):
             i = int(np.argmax(distance > close))
-            raise InputError(
+            raise MeshMisfit(
                 f"{where}: the nodes of {names} do not match: at ({here[i, 0]:g}, {here[i, 1]:g}) "
                 f"'{names_of[0]}' has one, but '{names_of[1]}' only {distance[i]:.3g} away; give "
                 "both edges the same nodes"

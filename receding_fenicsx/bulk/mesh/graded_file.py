@@ -1,4 +1,4 @@
-"""Mesh of a .geo file made again, with smaller elements at places on its contact edges."""
+"""Mesh of a .geo file made again, with smaller elements at places on its edges and at corners."""
 
 from __future__ import annotations
 
@@ -10,9 +10,12 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.mesh.graded_edges import NEAR, Base, graded, place_nodes, size_callback
-from receding_fenicsx.bulk.mesh.raw_mesh import Line, RawMesh, line_of
+from receding_fenicsx.bulk.mesh.raw_mesh import Line, RawMesh, line_of, sides
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Refinement
+
+REENTRANT = 7.0 / 6.0 * np.pi
+"""Angle of a body from which a corner is re-entrant; where curves join it is nearly pi."""
 
 
 def mesh_refined(
@@ -34,7 +37,11 @@ def mesh_refined(
         raise InputError(f"{where}: is for triangles; leave it out, or mesh without Recombine")
     model = gmsh.model
     groups = {model.getPhysicalName(1, t) or str(t): t for _, t in model.getPhysicalGroups(1)}
-    spots: list[tuple[Refinement, Array, Array]] = []
+    spots = [
+        (replace(place, size=place.size / scale), point, point)
+        for place in dict.fromkeys(replace(p, edge=None) for p in places if p.at == "corners")
+        for point in _reentrant_corners(gmsh, coarse, scale)
+    ]
     vertices: list[tuple[int, Array]] = []
     for edge in dict.fromkeys(place.edge for place in places):
         assert edge is not None
@@ -73,7 +80,7 @@ def _places_on(
     """Return the places on an edge, "ends" by their positions."""
     found = []
     for place in places:
-        if place.edge != edge:
+        if place.edge != edge or place.at == "corners":
             continue
         # nothing ends on the axis of a body of revolution
         at = ends if isinstance(place.at, str) else (place.at,)
@@ -85,6 +92,19 @@ def _places_on(
                 f"which runs from {ends[0]:g} to {ends[1]:g}; move it"
             )
     return found
+
+
+def _reentrant_corners(gmsh: Any, mesh: RawMesh, scale: float) -> list[Array]:
+    """Return the points of gmsh's geometry at which the angle of a mesh is re-entrant."""
+    x = mesh.points[mesh.cells]
+    after, before = np.roll(x, -1, axis=1) - x, np.roll(x, 1, axis=1) - x
+    cross = np.abs(after[..., 0] * before[..., 1] - after[..., 1] * before[..., 0])
+    angle = np.bincount(mesh.cells.ravel(), np.arctan2(cross, (after * before).sum(axis=2)).ravel())
+    pairs, count = np.unique(sides(mesh.cells)[0], axis=0, return_counts=True)
+    outline = np.unique(pairs[count == 1])
+    sharp = mesh.points[outline[angle[outline] > REENTRANT]] / scale
+    points = [gmsh.model.getValue(0, tag, [])[:2] for _, tag in gmsh.model.getEntities(0)]
+    return [p for p in points if np.any(np.hypot(*(sharp - p).T) < NEAR * mesh.size / scale)]
 
 
 def _ends_of(gmsh: Any, curve: int, line: Line, scale: float) -> tuple[float, float]:

@@ -8,7 +8,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.checks import nearest
 
 STRAIGHT_TOLERANCE = 1e-6
@@ -176,7 +176,7 @@ def check_span(
     """Check that a span is part of its edge and ends at vertices.
 
     Raises:
-        InputError: it does not; ``where`` begins the message.
+        InputError: it does not; ``where`` begins the message. MeshMisfit where a vertex is missing.
     """
     along = line.along(mesh.points[np.unique(facets)])
     near = STRAIGHT_TOLERANCE * line.length
@@ -190,7 +190,7 @@ def check_span(
             )
         if np.abs(along - end).min() > near:
             closest = along[np.argmin(np.abs(along - end))]
-            raise InputError(
+            raise MeshMisfit(
                 f"{where}: no vertex of the mesh lies at {end:g}, the nearest at {closest:g}; put "
                 "a point of the geometry there, or move the end"
             )

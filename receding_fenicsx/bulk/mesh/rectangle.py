@@ -11,7 +11,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.errors import InputError, MeshMisfit, SolveError
 from receding_fenicsx.scene.model import Refinement, Scene
 from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range, is_cylinder
 
@@ -137,7 +137,7 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
             stops.append(s)
             continue
         if (on_contact or (columns and not on_side)) and abs(s - round(s / dx) * dx) > near:
-            raise InputError(_misfit(scene, frame, key, s))
+            raise MeshMisfit(_misfit(scene, frame, key, s))
         if on_contact or (on_top and (on_side or s <= near)):
             continue
         if on_top:

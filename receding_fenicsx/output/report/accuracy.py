@@ -64,7 +64,8 @@ def verdict(summary: Mapping[str, Any]) -> str:
     search = summary.get("accuracy")
     if search is None:
         return ""
-    spent = f"{search['seconds']:.3g} s on {len(search['way'])} meshes"
+    kind = "graded meshes" if search.get("graded") else "meshes"
+    spent = f"{search['seconds']:.3g} s on {len(search['way'])} {kind}"
     if search["met"]:
         return f"tolerance {search['tolerance']:g} met: twice each estimate is below it; {spent}"
     return f"tolerance {search['tolerance']:g} NOT met: {search['reason']}; {spent}"

@@ -15,6 +15,7 @@ from bodies import block, everything, make_mesh
 import receding_fenicsx as rf
 from receding_fenicsx.accuracy.meshes import scaled
 from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
+from receding_fenicsx.bulk.mesh.user_mesh import read_user_mesh
 from receding_fenicsx.errors import InputError
 
 comm = MPI.COMM_WORLD
@@ -134,6 +135,31 @@ def test_geo_files_take_a_size_field() -> None:
         assert np.diff(right).min() < 0.007
 
 
+def test_re_entrant_corners_of_a_geo_file_get_smaller_elements() -> None:
+    scene = rf.read_scene(DEMOS / "dovetail.toml", ["mesh.contact_elements=8", "mesh.growth=1.6"])
+    place = rf.Refinement(0.002, "corners", 1.6)
+    for body, corners in zip(
+        scene.bodies, ([(1.0, 0.0)], [(1.8, -0.8), (2.2, -1.8), (2.2, -0.8)]), strict=True
+    ):
+        plain = read_user_mesh(body, scene.mesh)
+        fine = read_user_mesh(body, replace(scene.mesh, refine=(replace(place, edge="right"),)))
+        near = [
+            (mesh.points[:, None] - [(sign * x, y) for x, y in corners for sign in (1, -1)])
+            for mesh in (plain, fine)
+        ]
+        # the second smallest distance from a corner, which is a node, is that of a neighbour
+        before, after = (np.sort(np.hypot(d[..., 0], d[..., 1]), axis=0)[1] for d in near)
+        refined = [x != 1.8 for x, _ in corners for _ in (1, -1)]
+        assert np.all(before > 0.05)
+        assert np.all((after < 0.004) == refined)
+    system, graded = (
+        rf.condense(replace(scene, mesh=replace(scene.mesh, refine=places)))
+        for places in ((), (place,))
+    )
+    if system is not None and graded is not None:
+        assert np.allclose(system.x, graded.x, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("places", "parts", "message"),
     [
@@ -141,6 +167,7 @@ def test_geo_files_take_a_size_field() -> None:
         ([rf.Refinement(1e-9)], {}, r"size: 1e-09 is less than 1e-06 of the contact edge"),
         ([rf.Refinement(0.1, (1.0, 0.5))], {}, r"at: is empty"),
         ([rf.Refinement(0.1, "middle")], {}, r'"middle" is unknown; use "ends"'),
+        ([rf.Refinement(0.1, "corners")], {}, r"rectangles have no re-entrant corners"),
         ([rf.Refinement(0.1, growth=1.0)], {}, r"growth: 1 is not a valid size ratio"),
         ([rf.Refinement(0.1, edge="botom")], {}, r"did you mean 'bottom'"),
         (
