@@ -18,6 +18,7 @@ from receding_fenicsx.errors import InputError, RecedingError, ToleranceNotMet
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from receding_fenicsx.interface.system import ContactSystem
     from receding_fenicsx.parameter_sweep.sweep import SweepOptions
     from receding_fenicsx.scene.model import Scene
 
@@ -167,9 +168,14 @@ def _joint(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
     import numpy as np
 
     from receding_fenicsx.joints.curve import joint_curve
+    from receding_fenicsx.output.storage.hdf5 import read_system
     from receding_fenicsx.scene.toml_file import read_scene
 
-    scene = read_scene(options.scene, options.overrides)
+    scene: Scene | ContactSystem
+    if options.scene.endswith(".h5") and not options.overrides:
+        scene = read_system(Path(options.scene))
+    else:
+        scene = read_scene(options.scene, options.overrides)
     if not 0.0 < options.smallest <= options.largest < np.inf or options.count < 1:
         raise InputError("joint: needs 0 < --from <= --to, and a --count of at least 1")
     amplitudes = np.geomspace(options.smallest, options.largest, options.count)

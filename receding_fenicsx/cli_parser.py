@@ -143,7 +143,9 @@ def _shakedown(added: argparse.ArgumentParser) -> None:
 
 def _joint(added: argparse.ArgumentParser) -> None:
     _scene(added)
-    added.add_argument("--drive", required=True, metavar="LOAD", help="name of the driven load")
+    added.add_argument(
+        "--drive", required=True, metavar="LOAD", help="driven load, or mode:1, mode:2"
+    )
     for name, text in (("from", "smallest"), ("to", "largest")):
         added.add_argument(
             f"--{name}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -15,44 +16,57 @@ from receding_fenicsx.accuracy.meshes import MIN_ELEMENTS, is_refined, scaled
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.environment import versions
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import SHAKEDOWN
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.joints.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.joints.figure import joint_figure
+from receding_fenicsx.joints.modes import mode_number, mode_system
 from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.output.plots.saving import drawing, save
 from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.parameter_sweep.measure import Cell
 from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
-from receding_fenicsx.parameter_sweep.table import SweepTable
+from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
 from receding_fenicsx.scene.checks import suggestion
-from receding_fenicsx.scene.history import from_scene
-from receding_fenicsx.scene.model import Harmonic, HistoryOptions, OutputOptions, Scene
+from receding_fenicsx.scene.history import History, from_scene
+from receding_fenicsx.scene.model import (
+    Harmonic,
+    HistoryOptions,
+    OutputOptions,
+    Scene,
+    SolverOptions,
+)
 
 TABLE, SUMMARY, PICTURE = "joint.csv", "joint.json", "joint.png"
 """Files of a curve; the sweeps are in folders of their own beside them."""
+ROUND_OFF = 1e-12
+"""Dissipation of a cycle, over the work of all loads, below which it is round-off."""
 CYCLES = 1000
 """Most cycles that are played where the limit is not found at once."""
 
 
-def loop_numbers(record: Record) -> dict[str, Cell]:
+def loop_numbers(record: Record, drive: str = "") -> dict[str, Cell]:
     """Return dissipation, secant stiffness, largest slip and kind of the last cycle.
 
-    The drive is the load with an amplitude in the record's scene.
+    The drive is by default the load with an amplitude in the record's scene.
     """
-    scene = record.scene
-    if scene is None:
-        raise InputError("loop_numbers: the record is not of a scene")
-    drive = next(name for name, h in scene.history.harmonic.items() if h.amplitude > 0.0)
+    if not drive:
+        harmonic = mpi.given(record.scene).history.harmonic
+        drive = next(name for name, h in harmonic.items() if h.amplitude > 0.0)
     table, k = record.turning_points, record.load_names.index(drive)
     rows = np.flatnonzero(table.cycle == table.cycle.max())
     load, conjugate = table.load[rows, k], table.load_displacement[rows, k]
     low, high = int(np.argmin(load)), int(np.argmax(load))
-    ratio = (load[high] - load[low]) / (conjugate[high] - conjugate[low])
+    with np.errstate(divide="ignore"):  # a system may be rigid
+        ratio = (load[high] - load[low]) / (conjugate[high] - conjugate[low])
     D, work = float(record.cycles.dissipation[-1]), np.ptp(load) * np.ptp(conjugate)
-    still = record.steady.kind == SHAKEDOWN and D <= NO_DISSIPATION * work
+    energy = np.abs(table.load * table.load_displacement).sum(axis=1).max()
+    none = max(NO_DISSIPATION * work, ROUND_OFF * energy)
+    still = record.steady.kind == SHAKEDOWN and D <= none
     touching = np.all(table.state[rows] != State.SEPARATION, axis=0)
     return {
         "dissipation": 0.0 if still else D,
@@ -65,7 +79,7 @@ def loop_numbers(record: Record) -> dict[str, Cell]:
 
 
 def joint_curve(
-    scene: Scene,
+    scene: Scene | ContactSystem,
     drive: str,
     amplitudes: Sequence[float] | Array,
     out: str | Path | None = None,
@@ -77,8 +91,9 @@ def joint_curve(
     The other loads are applied first and kept: with their factors in ``history.constant``, or 1.
 
     Args:
-        scene: the joint; of its history only ``constant`` counts.
-        drive: name of the driven load.
+        scene: the joint; of its history only ``constant`` counts. Or a condensed system, whose
+            other loads are kept with factor 1; without estimate.
+        drive: name of the driven load, or "mode:1", "mode:2", ...: a vibration mode of a scene.
         amplitudes: load factors, positive; the drive goes between plus and minus each.
         out: folder for the table, the figure and the sweeps, from which an interrupted curve goes
             on. None writes nothing.
@@ -94,9 +109,14 @@ def joint_curve(
     """
     comm = mpi.world()
     values = np.asarray(amplitudes, dtype=float)
-    cyclic = _driven(scene, drive, values)
     folder = None if out is None else Path(out)
-    mpi.on_root(comm, lambda: _check(folder, options))
+    if isinstance(scene, ContactSystem) or mode_number(drive):
+        work = partial(
+            _without_sweep, scene, drive, values, folder, options.overwrite or options.resume
+        )
+        return mpi.on_root(comm, work)
+    cyclic = _driven(scene, drive, values)
+    mpi.on_root(comm, lambda: _check(folder, options.overwrite or options.resume))
 
     def swept(which: Scene, name: str) -> SweepTable | None:
         place = None if folder is None else folder / name
@@ -104,12 +124,8 @@ def joint_curve(
         return sweep(which, over, place, workers, loop_numbers, options)
 
     table = swept(cyclic, "cases")
-    coarse, elements = None, scene.mesh.contact_elements // 4 * 2
-    if is_refined(scene):
-        # the file itself has no coarser partner
-        elements = scene.mesh.contact_elements // 2 if scene.mesh.refinements else 0
-    if elements >= MIN_ELEMENTS:
-        coarse = swept(scaled(cyclic, elements), "coarse")
+    coarser = _coarser(cyclic)
+    coarse = None if coarser is None else swept(coarser, "coarse")
     system = study.condense(cyclic, comm, options.progress, whole=True)
 
     def finish() -> JointCurve:
@@ -118,25 +134,93 @@ def joint_curve(
         backbone = first_loading(mpi.given(system), drive, start, values, cyclic.solver)
         curve = _curve(drive, values, (mpi.given(table), coarse), backbone)
         if folder is not None:
-            _write(folder, scene, curve)
+            _write(folder, scene.title, curve)
         return curve
 
     return mpi.on_root(comm, finish)
 
 
-def _driven(scene: Scene, drive: str, values: Array) -> Scene:
-    """Return the scene with a harmonic drive and the other loads constant."""
-    names = scene.driven_names
-    if drive not in names:
+def _without_sweep(
+    scene: Scene | ContactSystem, drive: str, values: Array, folder: Path | None, replaces: bool
+) -> JointCurve:
+    """Return the curve of a system, or of a mode of a scene; on rank 0 alone."""
+    preload = _preload(scene, drive, values)
+    _check(folder, replaces)
+    solver, title, coarse = SolverOptions(), "", None
+    if isinstance(scene, ContactSystem):
+        system = scene
+    else:
+        solver, title, coarser = scene.solver, scene.title, _coarser(scene)
+        system = mode_system(scene, drive, preload)[0]
+        if coarser is not None:
+            coarse = _played(
+                mode_system(coarser, drive, preload)[0], drive, preload, values, solver
+            )
+    table = _played(system, drive, preload, values, solver)
+    start = _start(system, preload)
+    backbone = first_loading(system, drive, start, values, solver)
+    curve = _curve(drive, values, (table, coarse), backbone)
+    if folder is not None:
+        _write(folder, title, curve)
+    return curve
+
+
+def _start(system: ContactSystem, preload: Mapping[str, float]) -> Array:
+    """Return the load factors at rest and at the preload."""
+    held = np.array([preload.get(name, 0.0) for name in system.load_names])
+    return np.array([0.0 * held, held] if np.any(held) else [held])
+
+
+def _played(
+    system: ContactSystem,
+    drive: str,
+    preload: Mapping[str, float],
+    values: Array,
+    solver: SolverOptions,
+) -> SweepTable:
+    """Play a system to the limit cycle of each amplitude."""
+    rows: list[dict[str, Any]] = []
+    start = _start(system, preload)
+    for value in values.tolist():
+        unit = np.array(system.load_names) == drive
+        loop = start[-1] + np.outer([value, -value, value], unit)
+        history = History(system.load_names, np.vstack([start, loop[0]]), loop, CYCLES)
+        row: dict[str, Any] = {"amplitude": value, ERROR: ""}
+        try:
+            record = evolve(system, history, solver, OutputOptions(1, ()), until="limit")
+            row |= loop_numbers(record, drive)
+        except SolveError as error:
+            row[ERROR] = str(error)
+        rows.append(row)
+    return SweepTable(("amplitude",), (tuple(values.tolist()),), tuple(rows))
+
+
+def _coarser(scene: Scene) -> Scene | None:
+    """Return the scene on a mesh of half as many elements, None where there is none."""
+    elements = scene.mesh.contact_elements // 4 * 2
+    if is_refined(scene):
+        # the file itself has no coarser partner
+        elements = scene.mesh.contact_elements // 2 if scene.mesh.refinements else 0
+    return scaled(scene, elements) if elements >= MIN_ELEMENTS else None
+
+
+def _preload(scene: Scene | ContactSystem, drive: str, values: Array) -> dict[str, float]:
+    """Check drive and amplitudes; return the load factors of the other loads."""
+    names = scene.load_names if isinstance(scene, ContactSystem) else scene.driven_names
+    if drive not in names and (isinstance(scene, ContactSystem) or not mode_number(drive)):
         raise InputError(f"drive: no load is named '{drive}'; {suggestion(drive, names)}")
     if values.ndim != 1 or not len(values) or not np.all(np.isfinite(values) & (values > 0.0)):
         raise InputError("amplitudes: must be positive numbers, at least one")
-    given = scene.history.constant
-    preload = {name: given.get(name, 1.0) for name in names if name != drive}
+    given = {} if isinstance(scene, ContactSystem) else scene.history.constant
+    return {name: given.get(name, 1.0) for name in names if name != drive}
+
+
+def _driven(scene: Scene, drive: str, values: Array) -> Scene:
+    """Return the scene with a harmonic drive and the other loads constant."""
     history = HistoryOptions(
         kind="harmonic",
         harmonic={drive: Harmonic(amplitude=float(values[0]))},
-        constant=preload,
+        constant=_preload(scene, drive, values),
         cycles=CYCLES,
         until="limit",
     )
@@ -176,14 +260,14 @@ def _curve(
     )
 
 
-def _check(folder: Path | None, options: SweepOptions) -> None:
-    if folder is None or options.overwrite or options.resume:
+def _check(folder: Path | None, replaces: bool) -> None:
+    if folder is None or replaces:
         return
     if any((folder / name).exists() for name in (TABLE, SUMMARY, PICTURE)):
         raise InputError(f"{folder}: holds a curve; give --overwrite, --resume or another folder")
 
 
-def _write(folder: Path, scene: Scene, curve: JointCurve) -> None:
+def _write(folder: Path, title: str, curve: JointCurve) -> None:
     """Write table, summary and figure."""
     make_folder(folder)
     rows = curve.rows()
@@ -197,7 +281,7 @@ def _write(folder: Path, scene: Scene, curve: JointCurve) -> None:
     slope, error = curve.exponent
     backbone = curve.backbone
     content: Mapping[str, Any] = {
-        "title": scene.title,
+        "title": title,
         "drive": curve.drive,
         "exponent": slope,
         "exponent_error": error,

@@ -13,28 +13,32 @@ from receding_fenicsx.output.plots import style
 
 def joint_figure(curve: JointCurve) -> Figure:
     """Draw D and the secant stiffness over the amplitude, with Masing's rule and the exponent."""
-    a, D = curve.amplitude, curve.dissipation
+    a, D, stiffness = curve.amplitude, curve.dissipation, curve.stiffness
+    labels, unit = ("dissipation per cycle $D$", "secant stiffness"), np.ones(len(a))
+    if curve.is_mode:
+        labels = (r"damping ratio $\zeta$", r"angular frequency $\omega$")
+        stiffness, unit = curve.omega, stiffness / (2.0 * np.pi * a**2)
     slope, _ = curve.exponent
     blue, orange = style.SERIES_COLOURS[:2]
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.PAGE, 2.9)
         left, right = figure.subplots(1, 2)
-        fit = f", exponent {slope:.2f}" if np.isfinite(slope) else ""
+        fit = f", exponent of D {slope:.2f}" if np.isfinite(slope) else ""
         left.errorbar(
             a,
-            D,
-            np.nan_to_num(curve.estimate),
+            unit * D,
+            np.nan_to_num(unit * curve.estimate),
             fmt="o",
             ms=3,
             color=blue,
             label=f"limit cycle{fit}",
         )
-        left.plot(a, curve.masing, color=orange, label="Masing's rule")
-        left.set(xscale="log", ylabel="dissipation per cycle $D$")
+        left.plot(a, unit * curve.masing, color=orange, label="Masing's rule")
+        left.set(xscale="log", ylabel=labels[0])
         if np.any(D > 0.0):
             left.set_yscale("log")
-        right.plot(a, curve.stiffness, "o-", ms=3, color=blue, label="limit cycle")
-        right.set(xscale="log", ylabel="secant stiffness")
+        right.plot(a, stiffness, "o-", ms=3, color=blue, label="limit cycle")
+        right.set(xscale="log", ylabel=labels[1])
         for axes in (left, right):
             axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))

@@ -52,6 +52,21 @@ class JointCurve:
         return np.abs(D - self.masing) / D
 
     @property
+    def omega(self) -> Array:
+        """(n,) angular frequency of a driven mode, sqrt(alpha / q)."""
+        return np.sqrt(self.stiffness)
+
+    @property
+    def zeta(self) -> Array:
+        """(n,) damping ratio of a driven mode, D / (2 pi omega^2 q^2)."""
+        return self.dissipation * self.stiffness / (2.0 * np.pi * self.amplitude**2)
+
+    @property
+    def is_mode(self) -> bool:
+        """Whether the drive is a vibration mode."""
+        return self.drive.startswith("mode:")
+
+    @property
     def exponent(self) -> tuple[float, float]:
         """Slope of log D over log amplitude, and its standard error; NaN for too few points."""
         alive = self.dissipation > 0.0
@@ -68,6 +83,7 @@ class JointCurve:
         names = (
             *("amplitude", "dissipation", "estimate", "stiffness"),
             *("masing", "masing_defect", "slip"),
+            *(("omega", "zeta") if self.is_mode else ()),
         )
         columns = [getattr(self, name).tolist() for name in names]
         return [

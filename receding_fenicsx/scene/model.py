@@ -102,12 +102,14 @@ class Material:
         poisson: Poisson's ratio, above -1 and below 0.5 (below 1 in plane stress).
         kinematics: "plane strain", "plane stress" or "axisymmetric" (x is r, y is z).
         name: NAME of a table [material.NAME].
+        density: mass per volume, for vibration modes; 0 where it is not given.
     """
 
     young: float = 1.0
     poisson: float = 0.3
     kinematics: str = "plane strain"
     name: str = ""
+    density: float = 0.0
 
     @property
     def poisson_limit(self) -> float:

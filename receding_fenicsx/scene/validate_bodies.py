@@ -177,6 +177,8 @@ def _check_material(material: Material) -> None:
             f"{where} poisson: must be above -1 and below {material.poisson_limit:g} in "
             f"{material.kinematics}, not {material.poisson:g}"
         )
+    if material.density:
+        check_positive(material.density, f"{where} density")
 
 
 def check_mesh(scene: Scene) -> None:

@@ -1,0 +1,195 @@
+r"""Vibration modes of a preloaded joint, and the load $M \phi$ that drives one quasi-statically.
+
+After the preload the nodes in contact are tied, in normal direction and, with friction, along the
+contact; open nodes are free. With A and M of the whole bodies and ties T,
+
+$$T^T A T y = \omega^2\, T^T M T y , \qquad \phi = T y , \qquad \phi \cdot M \phi = 1 .$$
+
+Under the load $\alpha M \phi$ the displacement is $q = \phi \cdot M (u - u_{preload})$, and
+
+$$\omega^2(\alpha) = \alpha / q , \qquad \zeta(\alpha) = \frac{D}{2 \pi\, \omega^2 q^2}$$
+
+(quasi-static modal analysis, Lacayo & Allen 2019). For small $\alpha$, $\omega$ is the linear one.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import ufl
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.sparse.linalg import eigsh
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk import _dolfinx, condensation
+from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.from_scene import bulk_of
+from receding_fenicsx.bulk.two_bodies import Pair
+from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.prepare import with_profiles
+from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.history import History
+from receding_fenicsx.scene.model import Load, OutputOptions, Scene
+from receding_fenicsx.timing import Timer
+
+MODE = "mode:"
+"""Beginning of the name of a drive that is a mode, as in "mode:1"."""
+COMPLIANCE_TOLERANCE = 1e-6
+"""Relative difference of the compliance found by the eigenvalue and by condensation."""
+SHIFT = -1e-10
+"""Shift of the eigenvalues over the ratio of the traces of A and M: A may be singular."""
+
+
+def mode_number(drive: str) -> int:
+    """Return the number of the mode that a drive names, 0 if it is a load."""
+    if not drive.startswith(MODE):
+        return 0
+    if not drive[len(MODE) :].isdigit() or int(drive[len(MODE) :]) < 1:
+        raise InputError(f'drive: "{drive}" is no mode; modes are {MODE}1, {MODE}2 and so on')
+    return int(drive[len(MODE) :])
+
+
+def mode_system(
+    scene: Scene, drive: str, preload: Mapping[str, float]
+) -> tuple[ContactSystem, Array]:
+    """Condense the whole bodies with the load M phi of a mode beside the scene's loads.
+
+    Args:
+        scene: the joint; its materials have a density.
+        drive: "mode:1" for the lowest mode.
+        preload: load factors at which the contact is tied.
+
+    Returns:
+        The system, with the drive as its last load, and the angular frequencies up to this mode.
+
+    Raises:
+        InputError: there is no density, or no such mode.
+        SolveError: the preload has no equilibrium.
+    """
+    number = mode_number(drive)
+    scene = replace(scene, solver=replace(scene.solver, symmetry="none"), probes=())
+    if any(body.is_half_plane for body in scene.bodies):
+        raise InputError("drive: half-planes have no vibration modes; use bodies with a mesh")
+    if scene.preloads:
+        raise InputError("drive: modes of contacts with interference are not available")
+    if any(scene.material_of(body).density <= 0.0 for body in scene.bodies):
+        raise InputError("[material] density: vibration modes need one of every body; give it")
+    bulk: Any = bulk_of(scene, MPI.COMM_SELF, Timer(None))
+    try:
+        system = condensation.condense(bulk)
+        assert system is not None
+        system = with_profiles(scene, system)
+        state = _preloaded(system, preload, scene)
+        closed = np.asarray(state != State.SEPARATION)
+        # along t only with friction
+        tied = np.concatenate([closed & system.friction.present, closed])
+        phi, omega = _modes(bulk.parts, tied, number)
+        named = Load(drive, scene.loads[0].edge, traction=(0.0, 0.0))
+        bulk.scene = replace(scene, loads=(*scene.loads, named))
+        for part, force in zip(bulk.parts, phi, strict=True):
+            vector = part.stiffness.createVecLeft()
+            vector.setArray(force)
+            part.loads.append(vector)
+            part.load_names = (*part.load_names, drive)
+        if isinstance(bulk, Pair):
+            bulk.condensed = False
+        driven = condensation.condense(bulk)
+        assert driven is not None
+        _check_compliance(driven, tied, omega[-1])
+        law = {key: getattr(system, key) for key in ("f", "f_backward", "g0")}
+        return replace(driven, **law, scene_toml=""), omega
+    finally:
+        bulk.destroy()
+
+
+def _preloaded(system: ContactSystem, preload: Mapping[str, float], scene: Scene) -> Array:
+    """Return the states of the nodes under the preload."""
+    held = np.array([preload.get(name, 0.0) for name in system.load_names])
+    if not np.any(held):
+        return np.where(system.g0 > 0.0, State.SEPARATION, State.STICK)
+    path = np.vstack([0.0 * held, held])
+    history = History(system.load_names, path, np.zeros((0, len(held))))
+    record = evolve(system, history, scene.solver, OutputOptions(1, ()))
+    return record.turning_points.state[-1]
+
+
+def _check_compliance(system: ContactSystem, tied: NDArray[np.bool_], omega: float) -> None:
+    """Raise unless the tied contact gives q = alpha / omega^2 under the mode's load."""
+    free = np.flatnonzero(~(tied | system.held))
+    r_star = system.r_star[-1, free]
+    moved = np.linalg.lstsq(system.K[np.ix_(free, free)], r_star, rcond=None)[0]
+    error = abs(1.0 - omega**2 * (system.load_compliance[-1, -1] + r_star @ moved))
+    if not error <= COMPLIANCE_TOLERANCE:
+        raise SolveError(
+            f"the mode's compliance is off by {error:.1e} from 1 / omega^2 (at most "
+            f"{COMPLIANCE_TOLERANCE:g}): the mode does not see all that holds the bodies"
+        )
+
+
+def _modes(
+    parts: tuple[Bulk, ...], tied: NDArray[np.bool_], number: int
+) -> tuple[list[Array], Array]:
+    """Return M phi of each part, and the angular frequencies up to a mode."""
+    A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
+    M = sparse.block_diag([_mass(part) for part in parts], "csr")
+    starts = np.cumsum([0, *(part.dofs for part in parts)])
+    turns, locals_, fixed = [], [], np.zeros(A.shape[0], dtype=bool)
+    for part, start in zip(parts, starts, strict=False):
+        n, contact = len(part.contact.x), part.contact
+        turn = sparse.eye(part.dofs, format="lil")
+        turn[np.ix_(contact.dofs, contact.dofs)] = contact.to_global(np.eye(2 * n))
+        turns.append(turn)
+        locals_.append(start + contact.dofs)
+        fixed[start + part.fixed] = True
+        fixed[locals_[-1][contact.held]] = True
+    same = np.arange(A.shape[0])
+    if len(parts) == 1:
+        fixed[locals_[0][tied]] = True
+    else:
+        a, b = (own[tied] for own in locals_)
+        same[b] = a
+        fixed[a] |= fixed[b]
+    free = np.flatnonzero((same == np.arange(len(same))) & ~fixed)
+    column = np.full(len(same), -1)
+    column[free] = np.arange(len(free))
+    rows = np.flatnonzero(~fixed[same])
+    T = sparse.csr_matrix(
+        (np.ones(len(rows)), (rows, column[same[rows]])), shape=(len(same), len(free))
+    )
+    T = sparse.block_diag(turns, "csr") @ T
+    K, m = T.T @ A @ T, T.T @ M @ T
+    if not number < len(free):
+        raise InputError(f"drive: the bodies have fewer than {number} modes")
+    shift = SHIFT * K.diagonal().sum() / m.diagonal().sum()
+    squares, y = eigsh(K.tocsc(), number, m.tocsc(), sigma=shift, v0=np.ones(len(free)))
+    order = np.argsort(squares)
+    if squares[order[-1]] <= -1e3 * shift:
+        raise InputError(f"drive: mode {number} moves the bodies rigidly; add a [[support]]")
+    phi = M @ (T @ y[:, order[-1]])
+    omega = np.sqrt(np.maximum(squares[order], 0.0))
+    return np.split(phi, starts[1:-1]), omega
+
+
+def _csr(matrix: Any) -> sparse.csr_matrix:
+    """Return a PETSc matrix of one process as one of SciPy."""
+    start, columns, values = matrix.getValuesCSR()
+    return sparse.csr_matrix((values, columns, start), shape=matrix.getSize())
+
+
+def _mass(part: Bulk) -> sparse.csr_matrix:
+    """Return the mass matrix of a body, reduced like its stiffness where there are platens."""
+    u, v = ufl.TrialFunction(part.space), ufl.TestFunction(part.space)
+    radius = ufl.SpatialCoordinate(part.space.mesh)[0] if part.scene.axisymmetric else 1.0
+    matrix = _dolfinx.assemble_matrix(_dolfinx.compile_form(radius * ufl.inner(u, v) * ufl.dx))
+    M = _csr(matrix) * part.scene.material.density
+    matrix.destroy()
+    P = None if part.ties is None else _csr(part.ties)
+    return M if P is None else P.T @ M @ P

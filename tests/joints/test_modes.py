@@ -1,0 +1,130 @@
+"""Vibration modes of preloaded contacts, and frequency and damping over the amplitude."""
+
+from __future__ import annotations
+
+import csv
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from small import small_system
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+from receding_fenicsx.joints.modes import mode_system
+
+ROOT = Path(__file__).parents[2]
+comm = MPI.COMM_WORLD
+
+BLOCK = """
+[body]
+width = {width}
+height = {height}
+[material]
+young = {young}
+poisson = {poisson}
+kinematics = "plane stress"
+density = 2.0
+[mesh]
+contact_elements = {elements}
+[contact]
+edge = "bottom"
+friction = {friction}
+[[load]]
+name = "N"
+edge = "top"
+pressure = 0.01
+"""
+
+
+def block(width: float, height: float, elements: int, friction: float = 0.4) -> rf.Scene:
+    """A block pressed on a plane."""
+    given = {"width": width, "height": height, "elements": elements, "friction": friction}
+    return rf.from_toml(BLOCK.format(young=200.0, poisson=0.0, **given))
+
+
+@pytest.mark.one_rank
+def test_a_slender_block_that_sticks_vibrates_as_a_cantilever_and_a_bar() -> None:
+    height, length = 0.05, 1.0
+    _, omega = mode_system(block(height, length, 8), "mode:5", {"N": 1.0})
+    bar = 0.5 * np.pi / length * np.sqrt(200.0 / 2.0)
+    assert omega[3] == pytest.approx(bar, rel=1e-6)
+    # Euler and Bernoulli: roots of cos x cosh x = -1
+    roots = np.array([1.87510407, 4.69409113, 7.85475744])
+    beam = roots**2 * np.sqrt(200.0 * height**2 / 12.0 / 2.0) / length**2
+    lacking = 1.0 - omega[:3] / beam
+    # shear and rotary inertia: with the square of height over wave length
+    assert np.all((lacking > 0.0) & (lacking < 0.8 * (height * roots / length) ** 2))
+
+
+@pytest.mark.one_rank
+def test_a_free_block_has_a_mode_without_friction_that_slides() -> None:
+    with pytest.raises(rf.InputError, match="mode 1 moves the bodies rigidly"):
+        mode_system(block(1.0, 1.0, 8, friction=0.0), "mode:1", {"N": 1.0})
+
+
+def test_frequency_and_damping_follow_from_the_loop() -> None:
+    scene = block(4.0, 1.0, 16, friction=0.5)
+    # the load of the mode shears the block
+    curve = rf.joint_curve(scene, "mode:1", [1e-6, 0.0077, 0.0082])
+    if curve is None:
+        return
+    system, omega = mode_system(scene, "mode:1", {"N": 1.0})
+    assert curve.omega[0] == pytest.approx(omega[0], rel=1e-9) and curve.zeta[0] == 0.0
+    a = curve.amplitude[2]
+    names, held = system.load_names, np.array([1.0, 0.0])
+    loop = held + np.array([[0.0, a], [0.0, -a], [0.0, a]])
+    path = np.vstack([0.0 * held, held, loop[0]])
+    record = rf.evolve(system, rf.History(names, path, loop, 40), until="limit")
+    table = record.turning_points
+    q = 0.5 * np.ptp(table.load_displacement[-3:, 1])
+    D, square = record.cycles.dissipation[-1], a / q
+    assert D > 0.0 and curve.omega[2] == pytest.approx(np.sqrt(square), rel=1e-9)
+    assert curve.zeta[2] == pytest.approx(D / (2 * np.pi * square * q**2), rel=1e-9)
+    assert curve.omega[0] > curve.omega[1] > curve.omega[2]
+    assert curve.zeta[0] < curve.zeta[1] < curve.zeta[2]
+    assert curve.estimate[2] < curve.dissipation[2]
+
+
+@pytest.mark.one_rank
+def test_two_bodies_vibrate_together() -> None:
+    scene = rf.read_scene(ROOT / "demos" / "dovetail.toml", ["mesh.contact_elements=6"])
+    scene = replace(scene, materials=tuple(replace(m, density=1.0) for m in scene.materials))
+    # the condensed pair has the compliance of the mode, or this raises
+    _, omega = mode_system(scene, "mode:2", {"F": 1.0})
+    heavy = replace(scene, materials=tuple(replace(m, density=4.0) for m in scene.materials))
+    assert mode_system(heavy, "mode:2", {"F": 1.0})[1] == pytest.approx(0.5 * omega, rel=1e-9)
+
+
+@pytest.mark.one_rank
+def test_a_system_has_a_curve_by_command(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    k, f = 2.5, 0.4
+    system = small_system(np.diag([k, 2.0]), {"P": [0.0, 1.0], "pull": [-1.0, 0.0]}, f)
+    system = replace(system, load_compliance=np.zeros((2, 2)), load_sign=-np.ones(2))
+    rf.write_system(tmp_path / "node.h5", system)
+    head = ["joint", str(tmp_path / "node.h5"), "--from", "0.2", "--to", "1.8", "--count", "3"]
+    head += ["--out", str(tmp_path / "curve"), "--drive"]
+    assert cli.main([*head, "mode:1"]) == 2 and "no load is named" in capsys.readouterr().err
+    assert cli.main([*head, "pull"]) == 0
+    with (tmp_path / "curve" / "joint.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    for row in rows:
+        pull = float(row["amplitude"])
+        D = max(0.0, 4 * f * (pull - f) / k)
+        assert float(row["dissipation"]) == pytest.approx(D, rel=1e-12, abs=1e-15)
+
+
+@pytest.mark.parametrize(
+    ("drive", "density", "told"),
+    [("mode:1", 0.0, "vibration modes need one"), ("mode:x", 1.0, "is no mode")],
+)
+def test_bad_modes_are_refused(drive: str, density: float, told: str) -> None:
+    scene = block(1.0, 1.0, 8)
+    scene = replace(scene, material=replace(scene.material, density=density))
+    with pytest.raises(rf.InputError, match=told):
+        rf.joint_curve(scene, drive, [1.0])
