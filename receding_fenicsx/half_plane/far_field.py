@@ -14,12 +14,13 @@ from receding_fenicsx.arrays import Array
 class FarField:
     """What acts on the far field of a half-plane.
 
-    The three motions are translations in x and y, and the rotation about the contact's middle.
+    The four motions are translations in x and y, the rotation about the contact's middle, and the
+    uniform strain along the surface, which is never free.
 
     Attributes:
-        free: (3,) motions that follow from the balance of forces; the others are given.
-        force: (n_loads, 3) forces of unit loads in the free motions.
-        moved: (n_loads, 3) given motions of unit loads.
+        free: (4,) motions that follow from the balance of forces; the others are given.
+        force: (n_loads, 4) forces of unit loads in the free motions.
+        moved: (n_loads, 4) given motions of unit loads.
         sign: (n_loads,) -1 for forces, +1 for displacements, 0 where none acts.
     """
 
@@ -37,7 +38,7 @@ class CondensedHalfPlane:
         K: (2N, 2N) stiffness.
         r_star: (n_loads, 2N) reactions to unit loads, contact nodes held.
         compliance: (n_loads, n_loads) work-conjugate quantities, contact nodes held.
-        motion: (3, 2N) and (3, n_loads): the motion of the far field is their sum for u and the
+        motion: (4, 2N) and (4, n_loads): the motion of the far field is their sum for u and the
             load factors.
     """
 
@@ -57,7 +58,7 @@ def condense_far_field(A: Array, modes: Array, far: FarField) -> CondensedHalfPl
 
     Args:
         A: (2N, 2N) stiffness with the far field held.
-        modes: (2N, 3) displacements [v; w] of the nodes in the three motions.
+        modes: (2N, 4) displacements [v; w] of the nodes in the four motions.
         far: what acts on the far field.
     """
     R = modes[:, far.free]
@@ -77,7 +78,7 @@ def condense_far_field(A: Array, modes: Array, far: FarField) -> CondensedHalfPl
     held = given @ K @ given.T
     cross = given @ half @ force.T  # a force on the motion that a displacement causes
     compliance = own + held + cross - cross.T
-    on_u, on_loads = np.zeros((3, len(A))), far.moved.T.copy()
+    on_u, on_loads = np.zeros((len(far.free), len(A))), far.moved.T.copy()
     on_u[far.free] = half.T
     on_loads[far.free] = G @ force.T - half.T @ given.T
     return CondensedHalfPlane(K, r_star, compliance, (on_u, on_loads))

@@ -36,6 +36,16 @@ class HalfPlaneMaterial:
         """Displacement by a unit force across itself, the same at all distances."""
         return (self.kappa - 1.0) / (8.0 * self.mu)
 
+    @property
+    def stretch(self) -> float:
+        """Stress over strain along a surface without tractions: E / (1 - nu^2) in plane strain."""
+        return 8.0 * self.mu / (self.kappa + 1.0)
+
+    @property
+    def contraction(self) -> float:
+        """Strain across, negative, over strain along: nu / (1 - nu) in plane strain."""
+        return (3.0 - self.kappa) / (self.kappa + 1.0)
+
 
 def plane_material(young: float, poisson: float, plane_stress: bool) -> HalfPlaneMaterial:
     """Return the constants of a material in plane strain or plane stress."""

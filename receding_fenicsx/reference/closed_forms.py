@@ -164,13 +164,28 @@ class CattaneoMindlin:
     """A Hertz line contact held by P and sheared by Q, -f P < Q < f P, where beta = 0.
 
     With Q from 0 to ``largest``, back to -``largest`` and up again; q and Q have the same sign.
+    A body that is stretched along its surface in proportion to Q, by the stress ``tension`` at
+    ``largest``, moves the stick zones, as long as they stay within the contact. Its dissipation is
+    known without tension only.
 
-    Source: K.L. Johnson, Contact Mechanics (1985), sections 7.2 and 7.4.
+    Source: K.L. Johnson, Contact Mechanics (1985), sections 7.2 and 7.4; with tension D. Nowell and
+    D.A. Hills, Int. J. Mech. Sci. 29 (1987) 355-365.
     """
 
     hertz: Hertz
     f: float
     largest: float
+    tension: float = 0.0
+
+    def middle(self, Q: float, leg: str) -> float:
+        """Middle of the stick zone: e = tension a / (4 f p0) at ``largest``, equal materials.
+
+        It is on the side of Q where the body that Q does not push is stretched. After a reversal
+        e grows from zero again, to the same at the next one.
+        """
+        reversal = {"loading": 0.0, "unloading": self.largest, "reloading": -self.largest}[leg]
+        part = abs(Q - reversal) / self.largest * (1.0 if leg == "loading" else 0.5)
+        return part * self.tension * self.hertz.a / (4.0 * self.f * self.hertz.p0)
 
     def _part(self, Q: float) -> float:
         """Half width that sticks when Q is reached from rest: a sqrt(1 - Q / (f P))."""
@@ -192,11 +207,13 @@ class CattaneoMindlin:
             return -self.traction(x, -Q, "unloading")
         a, c = self.hertz.a, self._part(self.largest if leg == "unloading" else Q)
         scale = self.f * self.hertz.p0
-        first = arc(x, a) - c / a * arc(x, c)
+        x = np.asarray(x, dtype=float)
+        e = self.middle(self.largest if leg == "unloading" else Q, "loading")
+        first = arc(x, a) - c / a * arc(x - e, c)
         if leg == "loading":
             return scale * first
-        d = self.stick_half_width(Q, leg)
-        return scale * (first - 2.0 * (arc(x, a) - d / a * arc(x, d)))
+        d, e = self.stick_half_width(Q, leg), self.middle(Q, leg)
+        return scale * (first - 2.0 * (arc(x, a) - d / a * arc(x - e, d)))
 
     def dissipation(self) -> float:
         """Return the frictional dissipation of a cycle of Q between -``largest`` and ``largest``.

@@ -99,6 +99,8 @@ def _check_kind(scene: Scene, load: Load, where: str) -> None:
         )
     kind = kinds[0]
     far = scene.find_edge(load.edge)[0].is_half_plane
+    if load.tension is not None and not far:
+        raise InputError(f"{where} tension: acts on the far field of a half-plane; use traction")
     if load.force is not None and not load.platen and not far:
         raise InputError(
             f"{where} force: acts on a platen only; add platen = true, or use traction"
@@ -115,13 +117,14 @@ def _check_kind(scene: Scene, load: Load, where: str) -> None:
 
 
 def _check_far_load(load: Load, kind: str, where: str) -> None:
-    """Check a load on the far field of a half-plane: a force or a displacement, not zero."""
-    if kind not in ("force", "displacement"):
+    """Check a load on the far field: a force, a displacement or a tension, not zero."""
+    if kind not in ("force", "displacement", "tension"):
         raise InputError(
-            f"{where} {kind}: the far field of a half-plane takes a force or a displacement; use "
-            "one of them"
+            f"{where} {kind}: the far field of a half-plane takes a force, a displacement or a "
+            "tension; use one of them"
         )
-    parts = [part for part in getattr(load, kind) if part != FREE]
+    value = getattr(load, kind)
+    parts = [part for part in (value if kind != "tension" else (value,)) if part != FREE]
     if any(not isinstance(part, float | int) for part in parts):
         raise InputError(f"{where} {kind}: the far field moves as a whole; write numbers")
     if not any(abs(part) >= SMALLEST for part in parts):
@@ -148,8 +151,8 @@ def _check_load_names(scene: Scene) -> None:
 
 def _check_parts(scene: Scene, a: Load, b: Load) -> None:
     """Check two parts of one load: both forces or both displacements, and not the same part."""
-    if (a.displacement is None) != (b.displacement is None):
-        forced, moved = (a, b) if b.displacement is not None else (b, a)
+    if a.is_prescribed != b.is_prescribed:
+        forced, moved = (a, b) if b.is_prescribed else (b, a)
         raise InputError(
             f"load '{a.name}': is a force on \"{forced.edge or 'a body'}\" and a displacement on "
             f'"{moved.edge}"; give them two names'
@@ -230,6 +233,8 @@ def _check_acts(scene: Scene, load: Load) -> None:
     edge, value = scene.find_edge(load.edge), getattr(load, kind)
     on_edge = [s for s in scene.supports if s.edge and scene.find_edge(s.edge) == edge]
     held = {axis for support in on_edge for axis in support.fix}
+    if kind == "tension":
+        return
     if kind == "pressure":
         # the normal of an edge of a mesh file is not known before meshing
         normal = "y" if is_horizontal(scene, load.edge) else "x"

@@ -264,3 +264,81 @@ def test_cylinders_of_different_materials_stick_by_dundurs_beta() -> None:
     touching = np.abs(record.x[state != rf.State.SEPARATION]).max()
     assert abs(touching - 1.0) < 0.03
     assert abs(stick / touching - PUNCH_STICK[0.3, 0.2]) < 1.5 * (record.x[1] - record.x[0])
+
+
+TENSION = 0.4 * 1.2 * SHEARED.f * HERTZ.p0
+STRETCHED = """
+[[load]]
+name = "S"
+edge = "{edge}"
+tension = {tension}
+[history]
+kind = "table"
+columns = [{columns}]
+rows = [{rows}]
+"""
+
+
+def stretched(text: str, edge: str, columns: str, rows: str, tension: float = TENSION) -> str:
+    """Return a scene with a tension in one body and another history."""
+    head, tail = text.split("[history]")
+    load = STRETCHED.format(edge=edge, tension=tension, columns=columns, rows=rows)
+    return head + load + tail[tail.index("[output]") :]
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize(("edge", "side"), [("lower.far", 1.0), ("upper.far", -1.0)])
+def test_cylinder_on_a_stretched_body_sticks_where_nowell_and_hills_say(
+    edge: str, side: float
+) -> None:
+    rows = "[1.0, 0.0, 0.0], [1.0, 0.3, 1.0], [1.0, -0.18, -0.6]"
+    record = rf.run(rf.from_toml(stretched(PAIR, edge, '"P", "Q", "S"', rows)))
+    assert record is not None
+    assert record.energy_error_max < 1e-10
+    instant, spacing = record.turning_points, 2.4 / 160
+    known = closed_forms.CattaneoMindlin(HERTZ, 0.5, 0.3, side * TENSION)
+    assert abs(known.middle(0.3, "loading")) > 8.0 * spacing
+    for row, Q, leg in ((1, 0.3, "loading"), (2, -0.18, "unloading")):
+        # q on the upper body resists Q
+        error = np.abs(-instant.q[row] - known.traction(record.x, Q, leg))
+        assert error.max() < 0.04 * SHEARED.f * HERTZ.p0
+        assert np.sqrt(np.mean(error**2)) < 6e-3 * SHEARED.f * HERTZ.p0
+        sticks = record.x[instant.state[row] == rf.State.STICK]
+        ends = known.middle(Q, leg) + np.array([-1.0, 1.0]) * known.stick_half_width(Q, leg)
+        np.testing.assert_allclose([sticks[0], sticks[-1]], ends, atol=1.5 * spacing)
+
+
+@pytest.mark.parametrize("kinematics", ["plane strain", "plane stress"])
+def test_tension_without_friction_is_a_uniform_stress(kinematics: str) -> None:
+    probe = '[[probe]]\nname = "inside"\npoints = [[0.4, 0.3], [-0.2, 1.1]]\n[history]'
+    text = stretched(ONE, "far", '"P", "S"', "[1.0, 0.0], [1.0, 1.0]", tension=3.0)
+    text = text.replace("[history]", probe)
+    record = rf.run(rf.from_toml(text, [f"material.kinematics={kinematics}"]))
+    if record is None:
+        return
+    at, end = record.probe("inside"), record.turning_points
+    np.testing.assert_allclose(end.P[1], end.P[0], atol=1e-12 * end.P[0].max())
+    stress = (at.stress[-1] - at.stress[-2]) / 3.0
+    plane = kinematics == "plane strain"
+    out = np.array([1.0, 0.0, 0.3 if plane else 0.0, 0.0])
+    np.testing.assert_allclose(stress, np.tile(out, (2, 1)), atol=1e-12)
+    # plane Hooke's law, relative to the middle of the surface
+    along = 3.0 / 200.0 * (1.0 - 0.3**2 if plane else 1.0)
+    across = -3.0 / 200.0 * (0.3 * 1.3 if plane else 0.3)
+    moved = at.displacement[-1] - at.displacement[-2]
+    known = np.array([[0.4 * along, 0.3 * across], [-0.2 * along, 1.1 * across]])
+    np.testing.assert_allclose(moved, known, atol=1e-12)
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ("load.S.tension=0.0", "load 'S' tension: is zero"),
+        ("load.S.tension=nan", "tension"),
+        ("load.S.force=[1.0, 0.0]", "has force and tension"),
+    ],
+)
+def test_tensions_that_cannot_be_are_refused(change: str, told: str) -> None:
+    text = stretched(ONE, "far", '"P", "S"', "[1.0, 0.0], [1.0, 1.0]")
+    with pytest.raises(rf.InputError, match=told):
+        rf.condense(rf.from_toml(text, [change]))

@@ -83,9 +83,7 @@ class HalfPlane:
     @property
     def material(self) -> HalfPlaneMaterial:
         """Elastic constants."""
-        material = self.scene.material
-        plane_stress = material.kinematics == "plane stress"
-        return plane_material(material.young, material.poisson, plane_stress)
+        return material_of(self.scene)
 
     @cached_property
     def compliance(self) -> Array:
@@ -96,7 +94,15 @@ class HalfPlane:
     def condensed(self) -> CondensedHalfPlane:
         """Stiffness of the contact nodes."""
         stiffness = SurfaceStiffness(self.surface, self.compliance)
-        return condense_far_field(stiffness.A, self.contact.modes, self.far)
+        return condense_far_field(stiffness.A, self.far_modes, self.far)
+
+    @property
+    def far_modes(self) -> Array:
+        """(2N, 4) displacements [v; w] of the nodes in the motions of the far field."""
+        strained = stretched(self, self.contact.points)
+        axes = self.contact.tangent, self.contact.normal
+        along = [np.einsum("nc,nc->n", axis, strained) for axis in axes]
+        return np.column_stack([self.contact.modes, np.concatenate(along)])
 
     def condensed_body(self) -> CondensedBody:
         """Return the stiffness in the form that bodies are joined in."""
@@ -140,7 +146,7 @@ def half_plane_of(
         contact = partner
         _check_straight(scene, partner)
         size = _rotation_length(contact)
-    constraints = np.eye(3)[~far.free]
+    constraints = np.eye(3)[~far.free[:3]]
     contact = replace(
         contact,
         held=np.zeros(2 * len(contact.x), dtype=bool),
@@ -212,6 +218,18 @@ def _positions(scene: Scene, contact: Contact) -> Array:
     return graded(ends, Base(np.array(ends), np.array([size])), places)
 
 
+def material_of(scene: Scene) -> HalfPlaneMaterial:
+    """Return the elastic constants of the half-plane of a scene."""
+    material = scene.material
+    return plane_material(material.young, material.poisson, material.kinematics == "plane stress")
+
+
+def stretched(part: HalfPlane, points: Array) -> Array:
+    """Return displacements (m, 2) of points under unit strain along a surface free of tractions."""
+    apart = points - _pivot(part.contact.points)
+    return apart * [1.0, -part.material.contraction]
+
+
 def _pivot(points: Array) -> Array:
     """Return the point that the far field rotates about: the middle of all contact nodes."""
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
@@ -245,8 +263,9 @@ def _far_field(scene: Scene) -> FarField:
     Supports and prescribed displacements hold the rotation, and so do platens.
     """
     names = scene.driven_names
-    free, sign = np.ones(3, dtype=bool), np.zeros(len(names))
-    force, moved = np.zeros((len(names), 3)), np.zeros((len(names), 3))
+    free, sign = np.array([True, True, True, False]), np.zeros(len(names))
+    force, moved = np.zeros((len(names), 4)), np.zeros((len(names), 4))
+    material = material_of(scene)
     for support in scene.supports:
         free[["xy".index(axis) for axis in support.fix] + [2]] = False
     for load in scene.loads:
@@ -256,6 +275,9 @@ def _far_field(scene: Scene) -> FarField:
         if load.force is not None:
             force[k, :2] += load.force
             sign[k] = -1.0
+        if load.tension is not None:
+            moved[k, 3] += load.tension / material.stretch
+            sign[k] = 1.0
         for axis, value in enumerate(load.displacement or ()):
             if value != FREE:
                 assert isinstance(value, float | int)

@@ -32,7 +32,7 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
             on the other.
     """
     n = len(load_names)
-    force, moved, sign = np.zeros((2, n, 3)), np.zeros((2, n, 3)), np.zeros((2, n))
+    force, moved, sign = np.zeros((2, n, 4)), np.zeros((2, n, 4)), np.zeros((2, n))
     for k, part in enumerate((a, b)):
         rows = [load_names.index(name) for name in part.load_names]
         force[k, rows], moved[k, rows] = part.far.force, part.far.moved
@@ -60,7 +60,7 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
         np.where(sign[0] == 0.0, sign[1], sign[0]),
     )
     stiffness = SurfaceStiffness(a.surface, a.compliance + b.compliance)
-    modes = a.contact.modes
+    modes = a.far_modes
     found = condense_far_field(stiffness.A, modes, relative)
     on_u, on_loads = found.motion
     count = len(modes)

@@ -9,7 +9,7 @@ from dolfinx import fem
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.half_planes.body import HalfPlane
+from receding_fenicsx.bulk.half_planes.body import HalfPlane, stretched
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.rigid_motions import motions
 from receding_fenicsx.bulk.stress import Stresses, named_stresses
@@ -72,7 +72,7 @@ def value_rows(part: HalfPlane, points: Array, labels: list[str]) -> Array:
     rows[..., :n] = of_forces @ found.K
     rows[..., n:] = of_forces @ found.r_star.T
     for columns, motion in zip((slice(0, n), slice(n, None)), found.motion, strict=True):
-        rows[:, :2, columns] += of_motion @ motion
+        rows[..., columns] += of_motion @ motion
     return rows
 
 
@@ -83,7 +83,7 @@ def values_at(part: HalfPlane, points: Array, load: Array, u: Array) -> Array:
     forces = (Q + 1j * P)[:, None]
     blocks = [points[k : k + BLOCK_POINTS] for k in range(0, len(points), BLOCK_POINTS)]
     values = np.concatenate([_values(part, block, forces)[..., 0] for block in blocks])
-    values[:, :2] += _motion(part, points) @ (found.motion[0] @ u + found.motion[1] @ load)
+    values += _motion(part, points) @ (found.motion[0] @ u + found.motion[1] @ load)
     return np.asarray(values)
 
 
@@ -106,9 +106,14 @@ def _values(part: HalfPlane, points: Array, forces: Complexes) -> Array:
 
 
 def _motion(part: HalfPlane, points: Array) -> Array:
-    """Return displacements (m, 2, 3) of points in the motions of the far field."""
-    places = part.contact.points
-    return motions(points, 0.5 * (places.min(axis=0) + places.max(axis=0)), part.size)
+    """Return values (m, 6, 4) at points in the motions of the far field."""
+    places, material = part.contact.points, part.material
+    values = np.zeros((len(points), 6, 4))
+    pivot = 0.5 * (places.min(axis=0) + places.max(axis=0))
+    values[:, :2, :3] = motions(points, pivot, part.size)
+    values[:, :2, 3] = stretched(part, points)
+    values[:, [2, 4], 3] = material.stretch * np.array([1.0, material.nu_out])
+    return values
 
 
 def window_fields(

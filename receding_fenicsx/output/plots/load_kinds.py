@@ -62,7 +62,7 @@ def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
 
 def _size_and_kind(load: Load) -> tuple[float, str]:
     """Return the size of one part of a load and its kind; 0 if it is no single number."""
-    if load.on_body:
+    if load.on_body or load.tension is not None:
         return 0.0, "factor"
     if load.force is not None:
         return hypot(*load.force), "force"

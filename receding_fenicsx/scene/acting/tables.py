@@ -11,7 +11,7 @@ FREE = "free"
 """Component of a prescribed displacement that is not prescribed."""
 INTERFERENCE = "interference"
 """Name of the load factor that closes the interference of the contacts, from 0 to 1."""
-KINDS = ("pressure", "traction", "displacement", "force", "body_force", "thermal_strain")
+KINDS = ("pressure", "traction", "displacement", "force", "tension", "body_force", "thermal_strain")
 """Keys of a load of which exactly one is given."""
 
 
@@ -33,6 +33,7 @@ class Load(Table):
         force: resultant [x, y] on a platen, of the whole body (axisymmetric: of the full circle);
             or on the far field of a half-plane, which without ``platen`` turns freely under a force
             through the middle of the contact.
+        tension: stress along the surface of a half-plane far from the contact, on its far field.
         body: name of the body with a body force or thermal strain, in a scene of two bodies.
         body_force: force [x, y] per volume; for example ["rho*omega^2*x", 0] with numbers.
         thermal_strain: strain alpha dT of the free material, alike in all directions of space.
@@ -46,9 +47,15 @@ class Load(Table):
     displacement: tuple[Profile, Profile] | None = None
     platen: bool = False
     force: tuple[float, float] | None = None
+    tension: float | None = None
     body: str | None = None
     body_force: tuple[Profile, Profile] | None = None
     thermal_strain: Profile | None = None
+
+    @property
+    def is_prescribed(self) -> bool:
+        """Whether displacements are given, not forces: tension gives those far from the contact."""
+        return self.displacement is not None or self.tension is not None
 
     @property
     def on_body(self) -> bool:

@@ -10,7 +10,7 @@ from receding_fenicsx.scene.model import Body, Load, Scene
 from receding_fenicsx.scene.profiles import evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import body_points
 
-ON_EDGES = ("edge", "span", "platen", "pressure", "traction", "displacement", "force")
+ON_EDGES = ("edge", "span", "platen", "pressure", "traction", "displacement", "force", "tension")
 """Keys of a load on an edge."""
 
 
