@@ -207,15 +207,12 @@ def _rigid(K: Array, held: NDArray[np.bool_], moved: Array, free: int) -> Array:
     return motion
 
 
-def _profiles(
-    edges: tuple[Edge, ...], x: Array, number: Array, held: NDArray[np.bool_]
-) -> tuple[Array, Array, Array]:
-    """Return friction forward and backward, and the gap, at the nodes."""
+def _profiles(edges: tuple[Edge, ...], x: Array, number: Array, held: NDArray[np.bool_]) -> Array:
+    """Return friction forward and backward, and the gap, at the nodes, (3, N)."""
     found = np.zeros((3, len(x)))
     for k, edge in enumerate(edges):
         on, profiles = number == k, (*directions(edge.friction), edge.initial_gap)
         for row, profile in enumerate(profiles):
-            key = ("friction", "friction", "initial_gap")[row]
-            found[row, on] = evaluate_checked(profile, x[on], None, f"[[contact]] {key}")
+            found[row, on] = evaluate_checked(profile, x[on], None, f"contact '{edge.name}'")
     found[:2, held[len(x) :]] = 0.0  # the support carries the normal force there
-    return found[0], found[1], found[2]
+    return found

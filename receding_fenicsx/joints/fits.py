@@ -29,8 +29,8 @@ LARGEST_LOG = 50.0
 """Bound of the logarithms of parameters."""
 LEAST_SENSITIVITY = 1e-7
 """Ratio of the sensitivities of the residuals below which a parameter is not determined."""
-CHI = (-0.999, 1.0)
-"""Range of the exponent chi; it must be above -1."""
+CHI = 0.999
+"""Largest size of the exponent chi, which must be above -1."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,6 @@ def fit_iwan(amplitude: Array, dissipation: Array, stiffness: Array, slip_force:
         NotConverged: the fit did not converge.
     """
     x, F, D = _curve(amplitude, dissipation, stiffness)
-
     if not F.max() <= slip_force < np.inf:
         raise InputError(f"slip_force: must be finite, and at least the amplitude {F.max():g}")
 
@@ -90,20 +89,16 @@ def fit_iwan(amplitude: Array, dissipation: Array, stiffness: Array, slip_force:
     chi = np.clip(np.polyfit(np.log(x), np.log(D), 1)[0] - 3.0, -0.9, 0.9)
     starts = [[np.log(1.001 * F[0] / x[0]), chi, beta] for beta in (0.0, -4.0, 4.0)]
     p = _least(lambda p: _errors(iwan(x, **named(p)), F, D), starts, CHI)
-    return _fit({k: np.array(v) for k, v in named(p).items()}, iwan(x, **named(p)), F, D)
+    errors = np.split(_errors(iwan(x, **named(p)), F, D), 2)
+    return JointFit({k: np.array(v) for k, v in named(p).items()}, errors[1], errors[0])
 
 
 def fit_jenkins(amplitude: Array, dissipation: Array, stiffness: Array, count: int) -> JointFit:
     """Fit Jenkins elements in parallel, and a spring, by least squares of relative errors.
 
     F and D are linear in the stiffnesses, which are not negative: they follow for each set of slip
-    displacements, which are searched. Arguments and errors as of :func:`fit_iwan`.
-
-    Args:
-        amplitude: (n,) amplitudes of the force.
-        dissipation: (n,) per cycle, positive.
-        stiffness: (n,) secant.
-        count: number of elements.
+    displacements, which are searched. The curve and errors are as of :func:`fit_iwan`; ``count`` is
+    the number of elements.
     """
     x, F, D = _curve(amplitude, dissipation, stiffness)
     if not 1 <= count < len(x):
@@ -125,7 +120,8 @@ def fit_jenkins(amplitude: Array, dissipation: Array, stiffness: Array, count: i
     ]
     p = np.sort(_least(lambda p: _errors(model(p)[1:], F, D), starts))
     k, *found = model(p)
-    return _fit({"k": k[:-1], "phi": np.exp(p), "k0": k[-1]}, found, F, D)
+    errors = np.split(_errors(found, F, D), 2)
+    return JointFit({"k": k[:-1], "phi": np.exp(p), "k0": k[-1]}, errors[1], errors[0])
 
 
 def _curve(amplitude: Array, dissipation: Array, stiffness: Array) -> tuple[Array, Array, Array]:
@@ -145,21 +141,13 @@ def _errors(model: Sequence[Array], F: Array, D: Array) -> Array:
 
 
 def _least(
-    errors: Callable[[Array], Array],
-    starts: Sequence[Sequence[float]],
-    chi: tuple[float, float] = (-np.inf, np.inf),
+    errors: Callable[[Array], Array], starts: Sequence[Sequence[float]], chi: float = LARGEST_LOG
 ) -> Array:
-    """Return the parameters of least squares found from several starts; chi bounds the second."""
-    free = len(starts[0])
-    bounds = np.tile([[-LARGEST_LOG], [LARGEST_LOG]], free)
-    if np.isfinite(chi[0]):
-        bounds[:, 1] = chi
-    runs = [
-        least_squares(
-            errors, start, bounds=bounds, x_scale="jac", xtol=1e-15, ftol=1e-15, gtol=1e-15
-        )
-        for start in starts
-    ]
+    """Return the parameters of least squares from several starts; |second| is at most chi."""
+    most = np.full(len(starts[0]), LARGEST_LOG)
+    most[1:2] = chi
+    limits = {"bounds": (-most, most), "xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
+    runs = [least_squares(errors, start, x_scale="jac", **limits) for start in starts]
     best = min((run for run in runs if run.success), key=lambda run: run.cost, default=None)
     if best is None:
         raise NotConverged("fit: did not converge; use fewer elements or more amplitudes")
@@ -167,8 +155,3 @@ def _least(
     if size[-1] <= LEAST_SENSITIVITY * size[0]:
         raise InputError("fit: the curve does not determine all parameters; give more of them")
     return np.asarray(best.x)
-
-
-def _fit(parameters: dict[str, Array], model: Sequence[Array], F: Array, D: Array) -> JointFit:
-    force, dissipation = np.split(_errors(model, F, D), 2)
-    return JointFit(parameters, dissipation, force)

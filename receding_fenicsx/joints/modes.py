@@ -44,8 +44,10 @@ MODE = "mode:"
 """Beginning of the name of a drive that is a mode, as in "mode:1"."""
 COMPLIANCE_TOLERANCE = 1e-6
 """Relative difference of the compliance found by the eigenvalue and by condensation."""
-SHIFT = -1e-10
+SHIFT = -1e-12
 """Shift of the eigenvalues over the ratio of the traces of A and M: A may be singular."""
+RIGID = 1e-11
+"""Largest square of the frequency of a rigid motion, over the same ratio."""
 
 
 def mode_number(drive: str) -> int:
@@ -168,10 +170,10 @@ def _modes(
     K, m = T.T @ A @ T, T.T @ M @ T
     if not number < len(free):
         raise InputError(f"drive: the bodies have fewer than {number} modes")
-    shift = SHIFT * K.diagonal().sum() / m.diagonal().sum()
-    squares, y = eigsh(K.tocsc(), number, m.tocsc(), sigma=shift, v0=np.ones(len(free)))
+    ratio = K.diagonal().sum() / m.diagonal().sum()
+    squares, y = eigsh(K.tocsc(), number, m.tocsc(), sigma=SHIFT * ratio, v0=np.ones(len(free)))
     order = np.argsort(squares)
-    if squares[order[-1]] <= -1e3 * shift:
+    if squares[order[-1]] <= RIGID * ratio:
         raise InputError(f"drive: mode {number} moves the bodies rigidly; add a [[support]]")
     phi = M @ (T @ y[:, order[-1]])
     omega = np.sqrt(np.maximum(squares[order], 0.0))
