@@ -23,10 +23,11 @@ def import_file(specification: str, out: str, overwrite: bool) -> None:
     check_file(path, overwrite)
     system = import_system(specification)
     write_system(path, system, overwrite)
-    print(
-        f"{system.n} contact nodes, {system.rigid.shape[1]} rigid motion(s), loads "
-        f"{', '.join(system.load_names)}, written to {path}"
-    )
+    pressed = system.r_star[:, system.n :].sum(axis=1)
+    loads = zip(system.load_names, pressed, strict=True)
+    told = ", ".join(f"{name} (pressed by {P:.6g})" for name, P in loads)
+    motions = system.rigid.shape[1]
+    print(f"{system.n} contact nodes, {motions} rigid motion(s), {told}, written to {path}")
 
 
 def export_matrices(source: Path, out: Path, overwrite: bool) -> None:

@@ -28,6 +28,8 @@ Freedom = tuple[int, int]
 Named = tuple[sparse.csc_matrix, list[Freedom] | None]
 """A square matrix, and the freedom of each row where the file names them."""
 
+LARGEST_LABEL = 2**53
+"""Number up to which whole numbers are exact."""
 TYPE = r"(?im)^\*MATRIX\s*,\s*TYPE\s*=\s*(\w+).*$"
 """Keyword line before the entries of a user element."""
 
@@ -51,7 +53,7 @@ def read_matrix(path: Path) -> Named:
     text = read_text(path)
     try:
         if text.startswith("%%MatrixMarket"):
-            matrix = sparse.csc_matrix(io.mmread(path))
+            matrix = sparse.csc_matrix(_real(io.mmread(path)))
             if matrix.shape[0] != matrix.shape[1]:
                 raise ValueError(f"it is {matrix.shape[0]} by {matrix.shape[1]}, not square")
             return matrix, None
@@ -83,7 +85,7 @@ def read_vector(path: Path, freedoms: list[Freedom]) -> Array:
     text, values = read_text(path), np.zeros(len(freedoms))
     try:
         if text.startswith("%%MatrixMarket"):
-            found: Any = io.mmread(path)
+            found = _real(io.mmread(path))
             values = np.ravel(found.toarray() if sparse.issparse(found) else found).astype(float)
         else:
             rows, place = _table(text), {freedom: i for i, freedom in enumerate(freedoms)}
@@ -108,8 +110,14 @@ def _table(text: str) -> Array:
     return np.atleast_2d(np.array([_numbers(line) for line in lines], dtype=float))
 
 
+def _real(values: Any) -> Any:
+    if np.iscomplexobj(values):
+        raise ValueError("its numbers are complex")
+    return values.astype(float)
+
+
 def _whole(values: Array) -> Any:
-    if np.any(values != np.round(values)):
+    if not np.all((values == np.round(values)) & (np.abs(values) < LARGEST_LABEL)):
         raise ValueError("numbers of nodes, freedoms and rows have to be whole")
     return values.astype(int)
 

@@ -25,6 +25,8 @@ RESISTANCE = 1e-7
 """The same, from which a rigid motion is resisted; what is between cannot be judged."""
 STRAIGHT = 1e-6
 """Distance of an edge's nodes from a line, over its length, up to which it is straight."""
+PENALTY = 1e15
+"""Diagonal entry over their median that is no stiffness but a support."""
 X, Y = 1, 2
 """Numbers of the freedoms of a node."""
 
@@ -85,7 +87,7 @@ def _system(given: Import) -> ContactSystem:
 
 def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
     """Raise where a stiffness does not fit the freedoms, or is not symmetric."""
-    if A.shape[0] != len(freedoms):
+    if A.shape[0] != len(freedoms) or not freedoms:
         raise InputError(
             f"stiffness: has {A.shape[0]} rows, the file of the nodes has {len(freedoms)} freedoms"
         )
@@ -93,6 +95,12 @@ def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
         raise InputError("stiffness: freedoms have to be 1 (x) or 2 (y) of a node, each once")
     if not np.all(np.isfinite(A.data)):
         raise InputError("stiffness: has entries that are not finite")
+    diagonal = np.abs(A.diagonal())
+    if diagonal.max() > PENALTY * np.median(np.append(diagonal[diagonal > 0.0], 0.0)):
+        raise InputError(
+            f"stiffness: has entries of {diagonal.max():.0e}, which stand for supports; export it "
+            "without them, and name them by [[support]]"
+        )
     if abs(A - A.T).max() > UNSYMMETRIC * abs(A).max():
         raise InputError("stiffness: is not symmetric")
 

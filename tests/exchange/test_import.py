@@ -184,7 +184,9 @@ def test_an_imported_system_has_the_path_of_the_arrays_bit_by_bit(
     block.freedoms, block.forces = freedoms, {k: -r[by_node] for k, r in r_star.items()}
     path = specification(tmp_path, name, block)
     assert cli.main(["import", str(path), "--out", str(tmp_path / "system.h5")]) == 0
-    assert f"{n} contact nodes, 3 rigid motion(s), loads P, Q" in capsys.readouterr().out
+    assert (
+        f"{n} contact nodes, 3 rigid motion(s), P (pressed by 0.06), Q (" in capsys.readouterr().out
+    )
     imported = rf.read_system(tmp_path / "system.h5")
     assert np.array_equal(imported.K, K)
     by_hand = rf.ContactSystem(
@@ -271,9 +273,14 @@ def grounded(A: np.ndarray) -> None:
     A[0, 0] += 1e-9
 
 
+def penalised(A: np.ndarray) -> None:
+    A[-1, -1] = 1e36
+
+
 @pytest.mark.parametrize(
     ("change", "told"),
     [
+        (penalised, "entries of 1e.36, which stand for supports"),
         (stretched, "is not symmetric"),
         (indefinite, "is indefinite"),
         (holed, "singular with the contact held"),
@@ -297,6 +304,9 @@ def test_a_triangle_of_the_wrong_length_is_refused(tmp_path: Path) -> None:
     name = write_user_element(tmp_path, block.A[:5, :5], block.freedoms[:6], False)
     with pytest.raises(rf.InputError, match="15 entries for the triangle of 6 freedoms"):
         rf.import_system(specification(tmp_path, name, block))
+    io.mmwrite(tmp_path / "K.mtx", sparse.coo_matrix(block.A * 1j))
+    with pytest.raises(rf.InputError, match="its numbers are complex"):
+        rf.import_system(specification(tmp_path, "K.mtx", block))
     (tmp_path / name).write_text("1 1 2.0\n2 2")
     with pytest.raises(rf.InputError, match="is not a stiffness"):
         rf.import_system(specification(tmp_path, name, block))
