@@ -204,9 +204,9 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     low, high = states.interval
     assert low == 0.0 < high
     assert states.counts.keys() == {"shakedown", "cyclic slip"}
-    row = states.rows()[states.names.index("safe")]
-    assert row["dissipation"] == 0.0
-    assert row["zones"] == [("stick", 0.0, 1.0)]
+    safe = states.names.index("safe")
+    assert states.dissipation[safe] == 0.0
+    assert states.zones(safe) == [("stick", 0.0, 1.0)]
     figure = steady_states_figure(states)
     assert figure.axes[0].get_xlabel().startswith("dissipation")
 

@@ -21,15 +21,17 @@ open, and forget what was before, or stick for good. The limit, from top to bott
    one triangular system for all events (`frozen.FrozenCycle.moved_events`).
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
    those that violate one drift.
-7. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,
+7. **Overshoot** (`uniqueness.is_overshot`): slip does not go back. A limit beyond which some node
+   would slip on the way is refused, and searched for again later.
+8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,
    with the residuals and energies of any other. It is accepted only if it repeats itself as a
    steady cycle does (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`).
-8. **Walk** (`walking.find_walk`): where most nodes slipped along one rigid motion in the last
+9. **Walk** (`walking.find_walk`): where most nodes slipped along one rigid motion in the last
    cycle, a state is searched for first whose cycle repeats itself but for such a motion. Every
    node slips then, and none is frozen.
-9. **Uniqueness** (`uniqueness.is_unique`): whether the derivatives of the margins in the drifts
+10. **Uniqueness** (`uniqueness.is_unique`): whether the derivatives of the margins in the drifts
    are a P-matrix. This is about the drifts from one start.
-10. **Other starts** (`starts.steady_states`): the limits from many initial slips.
+11. **Other starts** (`starts.steady_states`): the limits from many initial slips.
 
 :func:`~receding_fenicsx.evolution.limit.search.find_limit` takes a system, a state at the start of
 a cycle and the loop, and returns the limit that belongs to it, whatever the state came from.

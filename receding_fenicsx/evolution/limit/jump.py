@@ -13,7 +13,7 @@ from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
 from receding_fenicsx.evolution.limit.search import Candidate, find_limit
-from receding_fenicsx.evolution.limit.uniqueness import NOT_EXAMINED, is_unique
+from receding_fenicsx.evolution.limit.uniqueness import NOT_EXAMINED, is_overshot, is_unique
 from receding_fenicsx.evolution.limit.walking import find_walk, may_walk, walking_motions
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
@@ -92,7 +92,9 @@ class LimitSearch:
         self.limit = replace(self.limit, cycles_played=played)
         cycles.append(cycle)
         if progress is not None:
-            progress(len(cycles) - 1, self.problem.history.cycles, in_words(self.limit))
+            text = f"limit found by {self.limit.newton_steps} Newton steps, residual "
+            text += f"{self.limit.residual:.1e}"
+            progress(len(cycles) - 1, self.problem.history.cycles, text)
         return True
 
     def _cycle(self, cycles: list[FinishedCycle], budget: Budget) -> FinishedCycle:
@@ -105,6 +107,8 @@ class LimitSearch:
         number, in_steps = len(cycles), self.problem.solver.method != "events"
         trial = RunState(self.problem, cycles)
         found = self._candidate(trial, budget)
+        if is_overshot(found):
+            raise NoLimit("some node would slip beyond the limit that was found, and stay there")
         begin, cycle = self._played(trial, found.state, budget)
         ends = [begin, cycle.corners[-1]]
         walks = found.solution is None
@@ -162,7 +166,7 @@ class LimitSearch:
         model, loop, force = trial.model, self.problem.history.loop, start.totals.force_scale
         if may_walk(walking_motions(model), before, start.state):
             if self.problem.solver.method != "events":
-                raise NoLimit("load steps of a body that walks repeat themselves soon, or it stops")
+                raise NoLimit("a body that may walk is played plainly in load steps")
             with suppress(NoLimit):
                 return find_walk(model, start.state, loop, force, budget)
         exact = make_solver(model, replace(self.problem.solver, method="events"))
@@ -206,8 +210,3 @@ class LimitSearch:
         for again in seen:
             watch.add(*again, cycle.slip_range, D, first, cycle.totals.force_scale)
         return watch
-
-
-def in_words(limit: Limit) -> str:
-    """Return what was found, for the progress."""
-    return f"limit found by {limit.newton_steps} Newton steps, residual {limit.residual:.1e}"

@@ -81,19 +81,6 @@ class SteadyStates:
         """Return the zones of one steady state over its last cycle."""
         return zones(self.x, self.state[start])
 
-    def rows(self) -> list[dict[str, object]]:
-        """Return the table: a row for each start."""
-        return [
-            {
-                "start": name,
-                "dissipation": float(self.dissipation[k]),
-                "kind": self.kind[k],
-                "cycles": int(self.cycles[k]),
-                "zones": self.zones(k) if self.kind[k] != FAILED else [],
-            }
-            for k, name in enumerate(self.names)
-        ]
-
     def __repr__(self) -> str:
         """Return the interval of dissipation and how many starts are of each kind."""
         low, high = self.interval

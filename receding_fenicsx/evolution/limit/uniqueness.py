@@ -18,6 +18,12 @@ from receding_fenicsx.interface.residual import local_stiffness
 ALL_MINORS = 12
 """Largest matrix all of whose principal minors are computed."""
 
+OVERSHOT = 1e-10
+"""Slip beyond the limit, as a force over the largest nodal force, that is none."""
+
+NO_STEP = 1e-2
+"""Slip of a cycle, over that, with which the drifts have come to their end."""
+
 YES, NO, NOT_EXAMINED = 1, 0, -1
 
 
@@ -41,6 +47,41 @@ def is_p_matrix(M: Array) -> bool | None:
     return all(np.linalg.det(M[np.ix_(s, s)]) > 0.0 for s in subsets)
 
 
+def _drifts(found: Candidate) -> tuple[Array, Array, Array, Array]:
+    """Return drifts y, margins m towards the nearer limits, M = dm/dy, stiffnesses k of nodes."""
+    frozen, solution = found.frozen, found.solution
+    assert solution is not None
+    m, nodes = solution.margins, frozen.shifted
+    forward = (solution.active > 0) | ((solution.active == 0) & (m.A < m.B))
+    signs, at = np.where(forward, 1.0, -1.0), np.where(forward, m.at_A, m.at_B)
+    moved = frozen.periodic_change(solution.cycle)
+    M = margin_derivatives(frozen, solution.cycle, moved, nodes, signs, at) * signs
+    k = local_stiffness(frozen.system)[0][nodes]
+    return np.maximum(signs * solution.shifts, 0.0), np.where(forward, m.A, m.B), M, k
+
+
+def is_overshot(found: Candidate) -> bool:
+    """Return whether a node would slip beyond the limit on the way to it, and stay there.
+
+    To first order each cycle adds max(-m, 0) / M_ii to the drifts y, with m = m* + M (y - y*), and
+    nothing takes them back. From y = 0 they end at the limit y* where no M_ij > 0 (i other than j):
+    it is the least solution. Elsewhere a node may pass it while others still drift.
+    """
+    if found.solution is None or not len(found.frozen.shifted):
+        return False
+    limit, m, M, k = _drifts(found)
+    bound, diagonal = OVERSHOT * found.frozen.force / k, np.diag(M)
+    if np.any(diagonal <= 0.0):
+        return True
+    y, m = np.zeros_like(limit), m - M @ limit
+    while np.all(y <= limit + bound):
+        step = np.maximum(-m, 0.0) / diagonal
+        if np.all(step <= NO_STEP * bound):
+            return False
+        y, m = y + step, m + M @ step
+    return True
+
+
 def is_unique(found: Candidate) -> tuple[int, str]:
     """Return whether no other drifts satisfy the complementarity, to first order, and why.
 
@@ -48,18 +89,12 @@ def is_unique(found: Candidate) -> tuple[int, str]:
     that is nearer, must be a P-matrix: then y >= 0, m = q + M y >= 0, y . m = 0 has one solution
     whatever q. M is that of the cycle found; other cycles may change state in another order.
     """
-    frozen, solution = found.frozen, found.solution
-    if solution is None:
+    if found.solution is None:
         return NOT_EXAMINED, "whether the body may walk otherwise is not examined"
-    m, nodes = solution.margins, frozen.shifted
-    if not len(nodes):
+    if not len(found.frozen.shifted):
         return YES, "no node drifts"
-    forward = (solution.active > 0) | ((solution.active == 0) & (m.A < m.B))
-    signs, at = np.where(forward, 1.0, -1.0), np.where(forward, m.at_A, m.at_B)
-    moved = frozen.periodic_change(solution.cycle)
-    M = margin_derivatives(frozen, solution.cycle, moved, nodes, signs, at) * signs
-    k = np.sqrt(local_stiffness(frozen.system)[0][nodes])
-    verdict = is_p_matrix(M / k[:, None] / k)
+    M, k = _drifts(found)[2:]
+    verdict = is_p_matrix(M / np.sqrt(k)[:, None] / np.sqrt(k))
     if verdict is None:
         return NOT_EXAMINED, "whether the drifts have one limit only is not decided"
     if verdict:
