@@ -94,7 +94,7 @@ def mode_system(
         # along t only with friction
         tied = np.concatenate([closed & system.friction.present, closed])
         phi, omega = _modes(bulk.parts, tied, number)
-        named = Load(drive, scene.loads[0].edge, traction=(0.0, 0.0))
+        named = Load(drive, scene.contacts[0].edge, traction=(0.0, 0.0))
         bulk.scene = replace(scene, loads=(*scene.loads, named))
         for part, force in zip(bulk.parts, phi, strict=True):
             vector = part.stiffness.createVecLeft()
