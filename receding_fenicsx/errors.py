@@ -21,7 +21,7 @@ class InputError(RecedingError):
 
 
 class MeshMisfit(InputError):
-    """A mesh has no vertices where the scene needs them; one of other elements may have them."""
+    """A mesh cannot serve a scene, as for a missing vertex, but one of other elements may."""
 
 
 class SolveError(RecedingError):

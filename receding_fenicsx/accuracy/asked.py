@@ -43,24 +43,17 @@ def is_met(asked: Mapping[str, Estimate], tolerance: float) -> bool:
 
 def hopeless(way: Sequence[Mapping[str, Estimate]]) -> str:
     """Return why no mesh will do: a number does not converge on two meshes running."""
-    infinite = [
-        n
-        for n, e in way[-1].items()
-        if len(way) > 1 and e.value == math.inf and n in way[-2] and way[-2][n].value == math.inf
-    ]
+    if len(way) < 2:
+        return ""
+    now, before = way[-1], way[-2]
+    names = [n for n in now if n in before and now[n].error == before[n].error == math.inf]
+    infinite = [n for n in names if now[n].value == before[n].value == math.inf]
     if infinite:
         return (
             f"{', '.join(infinite)} does not converge: singular, stresses are infinite at a corner "
             "in contact; ask for other numbers"
         )
-    if len(way) < MIN_LEVELS + 1:
-        return ""
-    names = [
-        name
-        for name, e in way[-1].items()
-        if e.error == math.inf and name in way[-2] and way[-2][name].error == math.inf
-    ]
-    if not names:
+    if not names or len(way) < MIN_LEVELS + 1:
         return ""
     return (
         f"{', '.join(names)} {'does' if len(names) == 1 else 'do'} not converge in order "

@@ -16,7 +16,7 @@ from receding_fenicsx.accuracy.numbers import Number
 from receding_fenicsx.accuracy.search import search
 from receding_fenicsx.accuracy.space_errors import level_of, shown, warning
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.errors import InputError, MeshMisfit, SolveError, ToleranceNotMet
+from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.accuracy import unmet
 from receding_fenicsx.output.storage.hdf5 import read_system
@@ -71,12 +71,12 @@ def within_tolerance(
     """
 
     def graded(coarse: Scene) -> Scene | None:
-        if scene.accuracy.grading is not None:
+        if scene.accuracy.grading is False:
             return None
-        return comm.bcast(mpi.on_root(comm, lambda: _graded_if_possible(coarse)))
+        return comm.bcast(mpi.on_root(comm, lambda: _graded(coarse)))
 
     if scene.accuracy.grading:
-        scene = comm.bcast(mpi.on_root(comm, lambda: _graded(scene)))
+        scene = graded(scene) or scene
     attempts = _Attempts(scene, comm, folder, run, say)
     known = comm.bcast(mpi.on_root(comm, attempts.known))
     try:
@@ -97,23 +97,18 @@ def within_tolerance(
     return last
 
 
-def _graded(scene: Scene) -> Scene:
-    """Return the scene on meshes graded towards corners; no communication."""
-    from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
+def _graded(scene: Scene) -> Scene | None:
+    """Return the scene on graded meshes, None where they are impossible and not asked for."""
+    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, contact_sizes_of
 
-    return graded_at_ends(scene, contact_sizes_of(scene))
-
-
-def _graded_if_possible(scene: Scene) -> Scene | None:
-    """Return the scene on graded meshes; None where it cannot be meshed so; no communication."""
-    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
-
-    if scene.mesh.cell != "triangle":
+    if not scene.accuracy.grading and scene.mesh.cell != "triangle":
         return None
     try:
-        found = _graded(scene)
+        found = graded_at_ends(scene, contact_sizes_of(scene))
         contact_nodes_of(found)
     except InputError:
+        if scene.accuracy.grading:
+            raise
         return None
     return found
 
@@ -133,7 +128,6 @@ class _Attempts:
     ) -> None:
         self.scene, self.comm, self.folder, self.run, self.say = scene, comm, folder, run, say
         self.last: Solved | None = None
-        self.checked = False
 
     def solve(self, scene: Scene, elements: int) -> Level:
         """Run the scene of a mesh; return what was found, on all ranks."""
@@ -141,18 +135,7 @@ class _Attempts:
             self.say(f"accuracy: mesh of {elements} contact elements")
         mpi.on_root(self.comm, lambda: self._keep_only(scene))
         begin = time.perf_counter()
-        try:
-            self.last = self.run(scene)
-        except MeshMisfit:
-            raise
-        except InputError as error:
-            if not self.checked:
-                from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
-
-                # raises where no mesh can serve the scene
-                mpi.on_root(self.comm, lambda: contact_nodes_of(self.scene))
-                self.checked = True
-            raise MeshMisfit(str(error)) from error
+        self.last = self.run(scene)
         if self.last.failure is not None:
             raise self.last.failure
         seconds = time.perf_counter() - begin

@@ -141,7 +141,10 @@ def elements_near(scene: Scene, wanted: float, limits: tuple[float, float]) -> I
 
 
 def first_that_fits(
-    scene: Scene, numbers: Iterator[int], solve: Callable[[Scene, int], T]
+    scene: Scene,
+    numbers: Iterator[int],
+    solve: Callable[[Scene, int], T],
+    refused: type[InputError] = MeshMisfit,
 ) -> tuple[int, T] | None:
     """Solve on the first mesh whose vertices fit the scene; None where no numbers are given.
 
@@ -149,15 +152,13 @@ def first_that_fits(
         scene: a scene of the family.
         numbers: numbers of contact elements.
         solve: called with a scene and its elements.
-
-    Raises:
-        MeshMisfit: loads or supports need a vertex that none of the meshes has.
+        refused: the error with which a mesh is refused; that of the last one is raised.
     """
     misfit = None
     for elements in numbers:
         try:
             return elements, solve(scaled(scene, elements), elements)
-        except MeshMisfit as error:
+        except refused as error:
             misfit = error
     if misfit is not None:
         raise misfit

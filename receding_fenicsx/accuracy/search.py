@@ -23,6 +23,7 @@ from receding_fenicsx.accuracy.meshes import (
     scaled,
     to_limit,
 )
+from receding_fenicsx.accuracy.space_errors import shown
 from receding_fenicsx.errors import InputError, MeshMisfit, SolveError
 from receding_fenicsx.scene.model import Scene
 
@@ -86,15 +87,7 @@ class Search:
                     "elements": level.elements,
                     "nodes": level.nodes,
                     "seconds": level.seconds,
-                    "numbers": {
-                        name: {
-                            "value": e.value if math.isfinite(e.value) else None,
-                            "error": e.error if math.isfinite(e.error) else None,
-                            "relative": e.relative if math.isfinite(e.error) else None,
-                            "converges": e.error != math.inf,
-                        }
-                        for name, e in found.items()
-                    },
+                    "numbers": shown(found),
                 }
                 for level, found in zip(self.levels, self.way, strict=True)
             ],
@@ -154,12 +147,12 @@ def search(
             found.failures.append((wanted, str(error)))
             continue
         found.scene = scaled(scene, level.elements)
-        if level.sharp and not found.levels and not is_graded(scene):
-            finer = graded(found.scene)
-            if finer is not None:
-                log.info("sharp corners in contact: meshes are graded")
-                scene = finer
-                continue
+        anew = level.sharp and not found.levels and not is_graded(scene)
+        finer = graded(found.scene) if anew else None
+        if finer is not None:
+            log.info("sharp corners in contact: meshes are graded")
+            scene = finer
+            continue
         found.levels.append(level)
         found.way.append(asked_numbers(scene, found.levels))
         for name, e in found.way[-1].items():

@@ -19,7 +19,7 @@ from receding_fenicsx.accuracy.meshes import (
     to_limit,
 )
 from receding_fenicsx.accuracy.numbers import headline
-from receding_fenicsx.errors import InputError, MeshMisfit, RecedingError
+from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.axis import begins_on_axis
@@ -116,20 +116,15 @@ def space_errors(scene: Scene, record: Record | None, solve: Solve) -> dict[str,
     """
     most = scene.mesh.contact_elements
     levels = [level_of(record, most)]
-
-    def on(coarser: Scene, _: int) -> Record | None:
-        try:
-            return solve(to_limit(coarser))
-        except InputError as error:
-            # the run itself was accepted
-            raise MeshMisfit(str(error)) from error
-
     for factor in FACTORS:
         below = levels[-1].elements - 1
         limits = most / factor / SEARCH_RATIO, min(most / factor, below)
         try:
             numbers = elements_near(scene, most / factor, limits)
-            found = first_that_fits(scene, numbers, on)
+            # the run itself was accepted: a coarser mesh is refused for its vertices
+            found = first_that_fits(
+                scene, numbers, lambda coarser, _: solve(to_limit(coarser)), InputError
+            )
         except RecedingError:
             if len(levels) == 1:
                 raise
@@ -161,11 +156,12 @@ def errors_of_run(scene: Scene, record: Record | None, solve: Solve) -> dict[str
 
 
 def shown(estimates: dict[str, Estimate]) -> dict[str, dict[str, Any]]:
-    """Return estimates for the summary: value, error and order, None where not known."""
+    """Return estimates for the summary: None where not known."""
     return {
         name: {
             "value": e.value if math.isfinite(e.value) else None,
             "error": e.error if math.isfinite(e.error) else None,
+            "relative": e.relative if math.isfinite(e.relative) else None,
             "order": None if math.isnan(e.order) else e.order,
             "converges": e.error < math.inf if not math.isnan(e.error) else None,
             "size": e.size if math.isfinite(e.size) else None,

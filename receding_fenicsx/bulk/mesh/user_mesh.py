@@ -17,7 +17,7 @@ from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model, mesh_of
 from receding_fenicsx.bulk.mesh.gmsh_process import in_fork
 from receding_fenicsx.bulk.mesh.graded_file import mesh_refined
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides, with_radii
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import Body, MeshOptions
 
@@ -142,7 +142,7 @@ def _check_cells(mesh: RawMesh, where: str) -> None:
     flat = turn.min(axis=1) <= THIN_TOLERANCE * longest
     if np.any(flat):
         x, y = corners[np.argmax(flat)].mean(axis=0)
-        raise InputError(
+        raise MeshMisfit(
             f"{where}: {int(flat.sum())} of its cells are flat or folded, one at ({x:g}, {y:g}); "
             "mesh the body better"
         )

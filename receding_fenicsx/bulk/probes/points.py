@@ -20,7 +20,7 @@ from receding_fenicsx.bulk.probes.shape_functions import (
     shape_functions,
     touches,
 )
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.mpi import on_all
 
 
@@ -63,7 +63,7 @@ def point_values(bulk: Bulk, points: Array, labels: list[str]) -> PointValues:
     count = np.bincount([part[0] for part in every], minlength=len(points))
     for point, label, n in zip(points, labels, count, strict=True):
         if n == 0:
-            raise InputError(
+            raise MeshMisfit(
                 f"{label}: ({point[0]:g}, {point[1]:g}) lies outside the mesh of the body; move it "
                 "inside"
             )

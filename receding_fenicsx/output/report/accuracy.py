@@ -43,7 +43,7 @@ def way_rows(summary: Mapping[str, Any]) -> list[list[str]]:
             error, relative = (
                 "-" if found[key] is None else f"{found[key]:.1e}" for key in ("error", "relative")
             )
-            if not found["converges"]:
+            if found["converges"] is False:
                 error = DIVERGES
                 value = SINGULAR if found["value"] is None else value
             rows.append([*mesh, name, value, error, relative, seconds])
