@@ -124,6 +124,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.history import from_scene as history_from_scene
     from receding_fenicsx.scene.model import AccuracyOptions as AccuracyOptions
     from receding_fenicsx.scene.model import Body as Body
+    from receding_fenicsx.scene.model import Bolt as Bolt
     from receding_fenicsx.scene.model import Contact as Contact
     from receding_fenicsx.scene.model import Harmonic as Harmonic
     from receding_fenicsx.scene.model import HistoryOptions as HistoryOptions
@@ -136,6 +137,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.model import Scene as Scene
     from receding_fenicsx.scene.model import ShakedownOptions as ShakedownOptions
     from receding_fenicsx.scene.model import SolverOptions as SolverOptions
+    from receding_fenicsx.scene.model import Spring as Spring
     from receding_fenicsx.scene.model import Support as Support
     from receding_fenicsx.scene.options import NUMBERS as HEADLINE_NAMES
     from receding_fenicsx.scene.toml_file import from_toml as from_toml
@@ -168,6 +170,8 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "Refinement": ("scene.model", "Place on a contact edge with smaller elements"),
         "Contact": ("scene.model", "Contact edge, its friction and its initial gap"),
         "Load": ("scene.model", "What acts on an edge or a body, times a load factor"),
+        "Bolt": ("scene.model", "Bolt between two patches"),
+        "Spring": ("scene.model", "Elastic foundation of an edge"),
         "Support": ("scene.model", "Edge or point that is fixed"),
         "Probe": ("scene.model", "Points at which displacement and stress are recorded"),
         "Units": ("scene.units", "Names of the units that a scene's numbers are in, for labels"),

@@ -7,12 +7,15 @@ from dataclasses import replace
 from mpi4py import MPI
 
 import numpy as np
+from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.back_substitution import back_substitute, sides_of
+from receding_fenicsx.bulk.body import Bulk, gather_contact
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
+from receding_fenicsx.bulk.two_bodies import Pair
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -102,3 +105,48 @@ def facet_ends(body: BodyMesh, edge: str) -> Array:
         points.append(np.array(sorted(map(tuple, ends))))
     every = [tuple(p.ravel()) for part in body.mesh.comm.allgather(points) for p in part]
     return np.array(sorted(set(every))).reshape(-1, 2, 2)
+
+
+def displacements(
+    bulk: Bulk | Pair, load: Array | None, u: Array | None
+) -> list[tuple[Bulk, fem.Function]]:
+    """Return each body that has a mesh with its displacement field; collective.
+
+    Arguments as of ``sides_of``.
+    """
+    return [
+        (part, back_substitute(part, *side))
+        for part, *side in sides_of(bulk, load, u)
+        if isinstance(part, Bulk)
+    ]
+
+
+def reactions(bulk: Bulk, load: Array | None, displacement: fem.Function) -> Array | None:
+    """Return the contact reactions [Q; P] of a displacement field.
+
+    They are the nodal forces E A u less the loads: an independent check of
+    r = sum lambda r* + K u.
+
+    Args:
+        bulk: the body.
+        load: (n_loads,) load factors; only rank 0's are used.
+        displacement: field in the body's space.
+
+    Returns:
+        (2N,) reactions on rank 0, None elsewhere.
+    """
+    factors = bulk.comm.bcast(load, root=0)
+    vector, force = bulk.stiffness.createVecRight(), bulk.stiffness.createVecLeft()
+    vector.getArray()[:] = _dolfinx.owned_values(displacement)
+    bulk.stiffness.mult(vector, force)
+    force.scale(bulk.young)
+    for name, factor, nodal in zip(
+        bulk.load_names, np.asarray(factors, float), bulk.loads, strict=True
+    ):
+        # a prescribed displacement is in the field already
+        if name not in bulk.prescribed:
+            force.axpy(-factor, nodal)
+    gathered = gather_contact(bulk, force.getArray(readonly=True)[:, None])
+    vector.destroy()
+    force.destroy()
+    return None if gathered is None else bulk.contact.to_local(gathered[:, 0])

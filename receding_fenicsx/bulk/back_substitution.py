@@ -10,8 +10,9 @@ from dolfinx import fem
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.acting.bolts import bolt_law
 from receding_fenicsx.bulk.acting.interference import interference_shift
-from receding_fenicsx.bulk.body import Bulk, gather_contact, interior_solver, owned_contact
+from receding_fenicsx.bulk.body import Bulk, interior_solver, owned_contact
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.two_bodies import Bodies, Pair
 from receding_fenicsx.mpi import given
@@ -19,20 +20,6 @@ from receding_fenicsx.scene.model import INTERFERENCE
 
 Side = tuple[Bulk | HalfPlane, Array | None, Array | None]
 """A body with its own load factors and contact displacements, on rank 0."""
-
-
-def displacements(
-    bulk: Bulk | Pair, load: Array | None, u: Array | None
-) -> list[tuple[Bulk, fem.Function]]:
-    """Return each body that has a mesh with its displacement field; collective.
-
-    Arguments as of :func:`sides_of`.
-    """
-    return [
-        (part, back_substitute(part, *side))
-        for part, *side in sides_of(bulk, load, u)
-        if isinstance(part, Bulk)
-    ]
 
 
 def sides_of(bulk: Bodies, load: Array | None, u: Array | None) -> list[Side]:
@@ -47,10 +34,8 @@ def sides_of(bulk: Bodies, load: Array | None, u: Array | None) -> list[Side]:
     Returns:
         One body, or two.
     """
-    if load is not None and u is not None and INTERFERENCE in bulk.scene.preloads:
-        held = bulk.joined.held if isinstance(bulk, Pair) and bulk.joined else bulk.contact.held
-        shift = interference_shift(bulk.scene, bulk.contact, held)
-        load, u = np.asarray(load)[:-1], u + np.asarray(load)[-1] * given(shift)
+    if bulk.comm.rank == 0:
+        load, u = _true(bulk, np.asarray(load, float), np.asarray(u, float))
     if not isinstance(bulk, Pair):
         return [(bulk, load, u)]
     sides: list[tuple[Array | None, Array | None]] = [(None, None), (None, None)]
@@ -61,6 +46,26 @@ def sides_of(bulk: Bodies, load: Array | None, u: Array | None) -> list[Side]:
             own = [bulk.load_names.index(name) for name in bulk.parts[k].load_names]
             sides[k] = factors[own], moved
     return [(part, *side) for part, side in zip(bulk.parts, sides, strict=True)]
+
+
+def _true(bulk: Bodies, load: Array, u: Array) -> tuple[Array, Array]:
+    """Return the factors of what acts on the bodies, and the true contact displacements."""
+    if INTERFERENCE in bulk.scene.preloads:
+        held = given(bulk.joined).held if isinstance(bulk, Pair) else bulk.contact.held
+        shift = given(interference_shift(bulk.scene, bulk.contact, held))
+        load, u = load[:-1], u + load[-1] * shift
+    if bulk.scene.bolts:
+        T, G = law_of(bulk)
+        load = T @ load + G @ u
+    return load, u
+
+
+def law_of(bulk: Bodies) -> tuple[Array, Array]:
+    """Return what turns the shortenings of a condensed body's bolts into forces, on rank 0."""
+    if isinstance(bulk, Pair):
+        return bolt_law(bulk.scene, given(bulk.joined))
+    assert isinstance(bulk, Bulk)
+    return given(bulk.law)
 
 
 def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Function:
@@ -105,34 +110,3 @@ def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Func
     for vector in (held, rhs, solution):
         vector.destroy()
     return displacement
-
-
-def reactions(bulk: Bulk, load: Array | None, displacement: fem.Function) -> Array | None:
-    """Return the contact reactions [Q; P] of a displacement field.
-
-    They are the nodal forces E A u less the loads: an independent check of
-    r = sum lambda r* + K u.
-
-    Args:
-        bulk: the body.
-        load: (n_loads,) load factors; only rank 0's are used.
-        displacement: field in the body's space.
-
-    Returns:
-        (2N,) reactions on rank 0, None elsewhere.
-    """
-    factors = bulk.comm.bcast(load, root=0)
-    vector, force = bulk.stiffness.createVecRight(), bulk.stiffness.createVecLeft()
-    vector.getArray()[:] = _dolfinx.owned_values(displacement)
-    bulk.stiffness.mult(vector, force)
-    force.scale(bulk.young)
-    for name, factor, nodal in zip(
-        bulk.load_names, np.asarray(factors, float), bulk.loads, strict=True
-    ):
-        # a prescribed displacement is in the field already
-        if name not in bulk.prescribed:
-            force.axpy(-factor, nodal)
-    gathered = gather_contact(bulk, force.getArray(readonly=True)[:, None])
-    vector.destroy()
-    force.destroy()
-    return None if gathered is None else bulk.contact.to_local(gathered[:, 0])

@@ -34,6 +34,7 @@ class Bulk:
         prescribed: prescribed displacement d with factor 1, by the name of its load.
         ties: P, when there are platens: u = P u'.
         seconds: time spent on "forms" (compiling or loading them) and on "assemble".
+        law: what turns shortenings of bolts into forces, on rank 0, once the body is ``condensed``.
         interior: solver with contact and supports held, made at its first use.
     """
 
@@ -49,6 +50,8 @@ class Bulk:
     ties: PETSc.Mat | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     interior: PETSc.KSP | None = None
+    law: tuple[Array, Array] | None = None
+    condensed: bool = False
 
     @property
     def comm(self) -> MPI.Comm:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk.acting.bolts import bolt_law, with_bolts
 from receding_fenicsx.bulk.acting.interference import interference_shift, with_interference
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
@@ -71,12 +72,24 @@ def condense_pair(pair: Pair, route: str = "schur") -> None:
         join_pair(pair, (_condense_body(first, route), _condense_body(second, route)))
 
 
+def condense_for_fields(bulk: Bodies) -> None:
+    """Condense what the fields need: a pair, and a body with bolts; once, collective."""
+    if isinstance(bulk, Pair):
+        condense_pair(bulk)
+    elif isinstance(bulk, Bulk) and bulk.scene.bolts and not bulk.condensed:
+        _condense_body(bulk, "schur")
+
+
 def _condense_body(bulk: Bulk | HalfPlane, route: str) -> CondensedBody | None:
     """Condense one body; the result on rank 0, None on the others."""
     if isinstance(bulk, HalfPlane):
         return on_root(bulk.comm, bulk.condensed_body)
     eliminated = eliminate_interior(bulk, route)
-    return on_root(bulk.comm, lambda: _checked(bulk, eliminated))
+    found = on_root(bulk.comm, lambda: _checked(bulk, eliminated))
+    if bulk.scene.bolts:
+        bulk.condensed = True
+        bulk.law = None if found is None else bolt_law(bulk.scene, found)
+    return found
 
 
 def _checked(bulk: Bulk, eliminated: Elimination) -> CondensedBody:
@@ -128,7 +141,7 @@ def _system(
         weight=contact.weight,
         K=condensed.K,
         r_star=condensed.r_star,
-        load_names=scene.driven_names,
+        load_names=scene.body_names,
         f=unknown,
         g0=unknown.copy(),
         held=condensed.held,
@@ -141,6 +154,8 @@ def _system(
         axisymmetric=scene.axisymmetric,
         scene_toml=to_toml(scene),
     )
+    if scene.bolts:
+        system = with_bolts(system, scene, bolt_law(scene, condensed))
     return system if shift is None else with_interference(system, shift)
 
 

@@ -10,6 +10,7 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk.acting.springs import spring_rows
 from receding_fenicsx.bulk.edges import EdgeFacets, integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
 from receding_fenicsx.bulk.platens import Prescribed, Ties, tied_dofs
@@ -121,7 +122,10 @@ def find_contact(
     constraints = motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
     apart = motions(ties.places, pivot, body.size) - motions(ties.master_places, pivot, body.size)
     # a body of revolution moves along its axis only
-    excluded = np.vstack([apart.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []]])
+    springs = spring_rows(space, body, scene, pivot)
+    excluded = np.vstack(
+        [apart.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []], springs]
+    )
     at_contact = np.isin(dofs // 2, node)
     on_nodes = motions(points, pivot, body.size)
     modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])

@@ -130,10 +130,7 @@ def integrate(facets: EdgeFacets, traction: Callable[[Array, Array], Array]) -> 
     """
     s, weight = gauss()
     n, nodes = facets.nodes.shape
-    if nodes == 2:
-        shape = np.array([1.0 - s, s])
-    else:
-        shape = np.array([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)])
+    shape = shape_functions(nodes)
     a, b = facets.points[:, 0], facets.points[:, 1]
     points = a[:, None, :] + s[None, :, None] * (b - a)[:, None, :]
     normals = np.repeat(facets.outward, GAUSS_POINTS, axis=0)
@@ -141,6 +138,14 @@ def integrate(facets: EdgeFacets, traction: Callable[[Array, Array], Array]) -> 
     values = values.reshape(n, GAUSS_POINTS, values.shape[-1])
     length = np.hypot(b[:, 0] - a[:, 0], b[:, 1] - a[:, 1])
     return length[:, None, None] * np.einsum("iq,q,nqk->nik", shape, weight, values)
+
+
+def shape_functions(nodes: int) -> Array:
+    """Return the values (nodes, points) of a facet's shape functions at Gauss's points."""
+    s, _ = gauss()
+    if nodes == 2:
+        return np.array([1.0 - s, s])
+    return np.array([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)])
 
 
 def integrate_arcs(

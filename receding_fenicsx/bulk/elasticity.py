@@ -18,12 +18,14 @@ import ufl
 from dolfinx import fem
 
 from receding_fenicsx.bulk import _dolfinx
+from receding_fenicsx.bulk.acting.springs import add_springs
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import find_contact
 from receding_fenicsx.bulk.loads import add_load
 from receding_fenicsx.bulk.material import lame_constants
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.platens import Prescribed, find_prescribed, find_ties, tie_matrix
+from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
 
 
@@ -47,6 +49,8 @@ def build(scene: Scene, body: BodyMesh) -> Bulk:
 
     clock = time.perf_counter()
     stiffness = _dolfinx.assemble_matrix(form)
+    on_all(body.mesh.comm, lambda: add_springs(stiffness, space, body, scene))
+    stiffness.assemble()
     ties = find_ties(scene, space, body)
     prescribed = find_prescribed(scene, space, body, ties)
     contact, held = find_contact(scene, space, body, ties, prescribed.values())
@@ -87,10 +91,10 @@ def _nodal_forces(
 
     Those of a prescribed displacement are zero.
     """
-    forces = {load.name: stiffness.createVecLeft() for load in scene.loads}
+    forces = {load.name: stiffness.createVecLeft() for load in scene.applied}
     for vector in forces.values():
         vector.set(0.0)
-    for load in scene.loads:
+    for load in scene.applied:
         if load.displacement is None:
             add_load(forces[load.name], space, body, scene, load)
     if P is not None:

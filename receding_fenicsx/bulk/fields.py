@@ -14,11 +14,11 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.back_substitution import back_substitute, sides_of
 from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.condensation import condense_pair
+from receding_fenicsx.bulk.condensation import condense_for_fields
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.half_planes.window import window_fields
 from receding_fenicsx.bulk.stress import Stresses, stresses
-from receding_fenicsx.bulk.two_bodies import Bodies, Pair
+from receding_fenicsx.bulk.two_bodies import Bodies
 
 
 @dataclass(frozen=True)
@@ -72,8 +72,7 @@ def fields_at(bulk: Bodies, load: Array, u: Array) -> Fields | None:
 
 def solve_fields(bulk: Bodies, load: Array, u: Array) -> list[BodyFields]:
     """Solve for the fields of each modelled body; collective. Arguments as :func:`fields_at`."""
-    if isinstance(bulk, Pair):
-        condense_pair(bulk)
+    condense_for_fields(bulk)
     found = []
     for part, own_load, own_u in sides_of(bulk, load, u):
         if isinstance(part, HalfPlane):

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 from petsc4py import PETSc
 
@@ -42,9 +43,11 @@ def add_load(
     Raises:
         InputError: the load's profile cannot be evaluated; on all ranks.
     """
-    if load.force is not None:
+    if load.force is not None and load.platen:
         _add_force(vector, space, body, scene, load)
         return
+    if load.force is not None:
+        load = replace(load, force=None, traction=_spread(space, body, load))
     if load.on_body:
         _add(vector, *on_all(body.mesh.comm, lambda: domain_forces(space, body, scene, load)))
         return
@@ -67,6 +70,14 @@ def _add(vector: PETSc.Vec, nodes: Ints, values: Array) -> None:
     rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
     vector.setValues(rows.ravel(), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
     vector.assemble()
+
+
+def _spread(space: fem.FunctionSpace, body: BodyMesh, load: Load) -> tuple[float, float]:
+    """Return the uniform traction whose resultant is the load's force; collective."""
+    facets = on_all(body.mesh.comm, lambda: edge_facets(space, body, load.edge, load.span))
+    length = integrate(facets, lambda points, _: np.ones((len(points), 1))).sum()
+    x, y = np.array(load.force) / body.mesh.comm.allreduce(length)
+    return x, y
 
 
 def _beyond_chords(

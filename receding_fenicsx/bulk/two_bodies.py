@@ -59,7 +59,7 @@ class Pair:
     @property
     def load_names(self) -> tuple[str, ...]:
         """Names of the loads on both bodies."""
-        return self.scene.driven_names
+        return self.scene.body_names
 
     @property
     def dofs(self) -> int:

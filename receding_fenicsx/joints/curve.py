@@ -40,6 +40,7 @@ from receding_fenicsx.scene.model import (
     Scene,
     SolverOptions,
 )
+from receding_fenicsx.scene.toml_file import from_toml
 
 TABLE, SUMMARY, PICTURE = "joint.csv", "joint.json", "joint.png"
 """Files of a curve; the sweeps are in folders of their own beside them."""
@@ -211,7 +212,11 @@ def _preload(scene: Scene | ContactSystem, drive: str, values: Array) -> dict[st
         raise InputError(f"drive: no load is named '{drive}'; {suggestion(drive, names)}")
     if values.ndim != 1 or not len(values) or not np.all(np.isfinite(values) & (values > 0.0)):
         raise InputError("amplitudes: must be positive numbers, at least one")
-    given = {} if isinstance(scene, ContactSystem) else scene.history.constant
+    if isinstance(scene, ContactSystem):
+        # the factor of a bolt is its shortening
+        given = from_toml(scene.scene_toml).preloads if scene.scene_toml else {}
+    else:
+        given = scene.history.constant
     return {name: given.get(name, 1.0) for name in names if name != drive}
 
 

@@ -81,7 +81,7 @@ def mode_system(
     if any(body.is_half_plane for body in scene.bodies):
         raise InputError("drive: half-planes have no vibration modes; use bodies with a mesh")
     if scene.preloads:
-        raise InputError("drive: modes of contacts with interference are not available")
+        raise InputError("drive: modes of contacts with interference or bolts are not available")
     if any(scene.material_of(body).density <= 0.0 for body in scene.bodies):
         raise InputError("[material] density: vibration modes need one of every body; give it")
     bulk: Any = bulk_of(scene, MPI.COMM_SELF, Timer(None))

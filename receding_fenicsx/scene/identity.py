@@ -89,6 +89,8 @@ def condensed_part(scene: Scene) -> Scene:
         contacts=tuple(replace(c, friction=0.0, initial_gap=0.0) for c in scene.contacts),
         loads=scene.loads,
         supports=scene.supports,
+        springs=scene.springs,
+        bolts=tuple(replace(bolt, shortening=0.0) for bolt in scene.bolts),
         # explicit, as it enters the digest of saved systems
         output=OutputOptions(samples_per_leg=SAMPLES_PER_LEG),
     )

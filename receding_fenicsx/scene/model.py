@@ -11,7 +11,9 @@ from receding_fenicsx.arrays import call_of, described
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.acting.tables import FREE as FREE
 from receding_fenicsx.scene.acting.tables import INTERFERENCE as INTERFERENCE
+from receding_fenicsx.scene.acting.tables import Bolt as Bolt
 from receding_fenicsx.scene.acting.tables import Load as Load
+from receding_fenicsx.scene.acting.tables import Spring as Spring
 from receding_fenicsx.scene.acting.tables import Support as Support
 from receding_fenicsx.scene.checks import nearest, unknown_name
 from receding_fenicsx.scene.options import AccuracyOptions as AccuracyOptions
@@ -36,6 +38,8 @@ TABLE_OF = {
     "contacts": "contact",
     "loads": "load",
     "supports": "support",
+    "springs": "spring",
+    "bolts": "bolt",
     "probes": "probe",
 }
 """Table of the scene file for each attribute of a scene that has another name."""
@@ -182,6 +186,8 @@ class Scene:
     contacts: tuple[Contact, ...] = (Contact(),)
     loads: tuple[Load, ...] = ()
     supports: tuple[Support, ...] = ()
+    springs: tuple[Spring, ...] = ()
+    bolts: tuple[Bolt, ...] = ()
     history: HistoryOptions = field(default_factory=HistoryOptions)
     solver: SolverOptions = field(default_factory=SolverOptions)
     output: OutputOptions = field(default_factory=OutputOptions)
@@ -206,9 +212,19 @@ class Scene:
         return self.material_of(self.body).kinematics == "axisymmetric"
 
     @property
+    def applied(self) -> tuple[Load, ...]:
+        """Loads, and the unit tensions of the bolts."""
+        return (*self.loads, *(patch for bolt in self.bolts for patch in bolt.patches))
+
+    @property
     def edge_loads(self) -> tuple[Load, ...]:
-        """Loads on edges, without those on whole bodies."""
-        return tuple(load for load in self.loads if not load.on_body)
+        """Of these the ones on edges, without those on whole bodies."""
+        return tuple(load for load in self.applied if not load.on_body)
+
+    @property
+    def edge_parts(self) -> tuple[Load | Spring, ...]:
+        """What acts on edges or parts of them: loads and springs."""
+        return (*self.edge_loads, *self.springs)
 
     @property
     def driven_names(self) -> tuple[str, ...]:
@@ -217,14 +233,20 @@ class Scene:
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of the load factors of a history: of the loads, then of the preloads."""
+        """Names of the load factors of a history: of the loads, bolts and interference."""
         return (*self.driven_names, *self.preloads)
 
     @property
     def preloads(self) -> dict[str, float]:
         """Load factors that first legs of their own bring up one after the other, by name."""
         fits = any(contact.interference is not None for contact in self.contacts)
-        return {INTERFERENCE: 1.0} if fits else {}
+        tightened = {bolt.name: bolt.shortening for bolt in self.bolts}
+        return tightened | ({INTERFERENCE: 1.0} if fits else {})
+
+    @property
+    def body_names(self) -> tuple[str, ...]:
+        """Names of what acts on the bodies: loads and bolts."""
+        return tuple(name for name in self.load_names if name != INTERFERENCE)
 
     @property
     def bodies(self) -> tuple[Body, ...]:

@@ -50,7 +50,8 @@ def part_of(scene: Scene, body: Body) -> Scene:
             contacts.append(replace(contact, edge=edge, against=None))
         elif against is not None:
             contacts.append(replace(contact, edge=against, against=None, span=None))
-    for load in scene.loads:
+    # the joined system of a pair has its bolts
+    for load in scene.applied if scene.others else scene.loads:
         edge = None if load.on_body else own(load.edge)
         if load.on_body and load.body in (None, body.name):
             loads.append(replace(load, body=None))
@@ -62,6 +63,8 @@ def part_of(scene: Scene, body: Body) -> Scene:
             supports.append(replace(support, edge=edge))
         elif support.edge is None and (support.body is None or support.body == body.name):
             supports.append(replace(support, body=None))
+    bolts = [replace(b, head=own(b.head) or "", nut=own(b.nut) or "") for b in scene.bolts]
+    springs = [(own(spring.edge), spring) for spring in scene.springs]
     return replace(
         scene,
         body=body,
@@ -76,6 +79,8 @@ def part_of(scene: Scene, body: Body) -> Scene:
         contacts=tuple(contacts),
         loads=tuple(loads),
         supports=tuple(supports),
+        bolts=() if scene.others else tuple(bolts),
+        springs=tuple(replace(spring, edge=edge) for edge, spring in springs if edge),
         probes=() if scene.others else scene.probes,
     )
 

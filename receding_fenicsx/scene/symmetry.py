@@ -7,7 +7,7 @@ from collections import Counter
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.scene.model import FREE, Load, Scene, Support
+from receding_fenicsx.scene.model import FREE, Load, Scene, Spring, Support
 from receding_fenicsx.scene.profiles import directions, evaluate
 from receding_fenicsx.scene.rectangle_edges import (
     body_points,
@@ -35,7 +35,9 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     Returns:
         True when mesh, supports, contacts, each load and the initial slip are symmetric.
     """
-    if any(not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies):
+    if scene.bolts or any(
+        not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies
+    ):
         return False
     for contact in scene.contacts:
         if not is_horizontal(scene, contact.edge) or not _span_is_even(
@@ -76,6 +78,9 @@ def is_mirror_symmetric(scene: Scene) -> bool:
             scale = max(np.abs(values).max() for _, values in parts)
             if not all(_is_even(values, sign, scale) for sign, values in parts):
                 return False
+    springs = [Counter(_spring_key(scene, s, m) for s in scene.springs) for m in (False, True)]
+    if springs[0] != springs[1]:
+        return False
     return Counter(_support_key(scene, s) for s in scene.supports) == Counter(
         _support_key(scene, s, mirrored=True) for s in scene.supports
     )
@@ -110,6 +115,15 @@ def _body_load_is_even(scene: Scene, load: Load) -> bool:
     fx, fy = (evaluate(part, x, y).T for part in load.body_force)
     scale = max(np.abs(fx).max(), np.abs(fy).max())
     return _is_even(fx, -1.0, scale) and _is_even(fy, 1.0, scale)
+
+
+def _spring_key(scene: Scene, spring: Spring, mirrored: bool) -> tuple[object, ...]:
+    body, edge = scene.find_edge(spring.edge)
+    span = spring.span or edge_range(scene, spring.edge)
+    if mirrored and is_horizontal(scene, spring.edge):
+        span = (0.0 - span[1], 0.0 - span[0])
+    swap = {"left": "right", "right": "left"} if mirrored else {}
+    return body.name, swap.get(edge, edge), span, spring.normal, spring.tangential
 
 
 def _support_key(scene: Scene, support: Support, mirrored: bool = False) -> tuple[object, ...]:

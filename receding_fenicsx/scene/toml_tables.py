@@ -13,6 +13,7 @@ from receding_fenicsx.scene.model import (
     TABLE_OF,
     AccuracyOptions,
     Body,
+    Bolt,
     Contact,
     HistoryOptions,
     Load,
@@ -23,6 +24,7 @@ from receding_fenicsx.scene.model import (
     Scene,
     ShakedownOptions,
     SolverOptions,
+    Spring,
     Support,
 )
 from receding_fenicsx.scene.toml_values import BY_TYPE, read_string
@@ -39,11 +41,18 @@ TABLES: dict[str, type] = {
     "accuracy": AccuracyOptions,
 }
 """Tables that occur once, with the dataclass of each."""
-ARRAYS: dict[str, type] = {"contact": Contact, "load": Load, "support": Support, "probe": Probe}
+ARRAYS: dict[str, type] = {
+    "contact": Contact,
+    "load": Load,
+    "support": Support,
+    "spring": Spring,
+    "bolt": Bolt,
+    "probe": Probe,
+}
 """Tables that may occur several times, with the dataclass of each."""
 ATTRIBUTE = {table: attribute for attribute, table in TABLE_OF.items()}
 """Attribute of a scene for each table that may occur several times."""
-NAMED = ("body", "load", "probe")
+NAMED = ("body", "load", "probe", "bolt")
 """Tables that are identified by their names where there are several."""
 KNOWN = ("title", "body", *TABLES, *ARRAYS)
 """Keys at the top of a scene file."""

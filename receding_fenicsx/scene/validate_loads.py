@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from math import hypot
+
 import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.acting.tables import KINDS
 from receding_fenicsx.scene.acting.validate import body_named, check_body_load
-from receding_fenicsx.scene.checks import SMALLEST
-from receding_fenicsx.scene.model import FREE, Body, Load, Scene, Support
+from receding_fenicsx.scene.checks import SMALLEST, check_positive
+from receding_fenicsx.scene.model import FREE, Body, Bolt, Load, Scene, Spring, Support
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     edge_points,
@@ -29,6 +31,8 @@ def check_loads(scene: Scene) -> None:
     """Check that loads act on edges outside the contact, are not zero, and have names."""
     for load in scene.loads:
         _check_load(scene, load)
+    for bolt in scene.bolts:
+        _check_bolt(scene, bolt)
     _check_load_names(scene)
 
 
@@ -36,6 +40,8 @@ def check_supports(scene: Scene) -> None:
     """Check what supports hold, and that no load acts on held degrees of freedom only."""
     for support in scene.supports:
         _check_support(scene, support)
+    for spring in scene.springs:
+        _check_spring(scene, spring)
     for load in scene.edge_loads:
         _check_acts(scene, load)
 
@@ -56,21 +62,13 @@ def _check_load(scene: Scene, load: Load) -> None:
     if scene.find_edge(load.edge)[0].is_half_plane:
         _check_far_load(load, kind, where)
         return
+    _check_off_contact(scene, load, where)
     value, key = getattr(load, kind), f"{where} {kind}"
     parts = value if isinstance(value, tuple) else (value,)
     for part in parts:
         check_table(part, key)
     if has_mesh_file(scene, load.edge):
         return
-    for contact in scene.contacts:
-        if scene.find_edge(load.edge) == scene.find_edge(contact.edge):
-            whole = edge_range(scene, load.edge)
-            (a, b), (c, d) = load.span or whole, contact.span or whole
-            if min(b, d) - max(a, c) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
-                raise InputError(
-                    f'{where}: overlaps the contact on the contact edge "{load.edge}"; use another '
-                    "edge, or a span outside the contact's"
-                )
     along = load_samples(scene, load)
     x, y = edge_points(scene, load.edge, along)
     zero = True
@@ -82,6 +80,37 @@ def _check_load(scene: Scene, load: Load) -> None:
             zero = zero and bool(np.all(np.abs(values) < SMALLEST))
     if zero:
         raise InputError(f"{key}: is zero everywhere; give it a value or remove the load")
+
+
+def _check_off_contact(scene: Scene, load: Load, where: str) -> None:
+    """Check that a load on a rectangle is off the contact."""
+    if has_mesh_file(scene, load.edge):
+        return
+    for contact in scene.contacts:
+        if scene.find_edge(load.edge) == scene.find_edge(contact.edge):
+            whole = edge_range(scene, load.edge)
+            (a, b), (c, d) = load.span or whole, contact.span or whole
+            if min(b, d) - max(a, c) > LENGTH_TOLERANCE * (whole[1] - whole[0]):
+                raise InputError(
+                    f'{where}: overlaps the contact on the contact edge "{load.edge}"; use another '
+                    "edge, or a span outside the contact's"
+                )
+
+
+def _check_bolt(scene: Scene, bolt: Bolt) -> None:
+    where = f"bolt '{bolt.name}'"
+    if [name for name in scene.load_names].count(bolt.name) > 1 or not bolt.name.strip():
+        raise InputError(f"{where} name: is empty or taken; give it a name of its own")
+    if scene.axisymmetric:
+        raise InputError(f"{where}: a body of revolution has no single bolts; use a traction")
+    if not hypot(*bolt.axis) > 0.0:
+        raise InputError(f"{where} axis: has no direction; give [x, y] from head to nut")
+    check_positive(bolt.shortening, f"{where} shortening")
+    check_positive(1.0 if bolt.stiffness is None else bolt.stiffness, f"{where} stiffness")
+    for patch, key in zip(bolt.patches, ("head", "nut"), strict=True):
+        check_edge(scene, patch.edge, f"{where} {key}", ())
+        check_span(scene, patch.edge, patch.span, f"{where} {key}_span")
+        _check_off_contact(scene, patch, f"{where} {key}")
 
 
 def _kinds(load: Load) -> list[str]:
@@ -195,6 +224,16 @@ def _check_support(scene: Scene, support: Support) -> None:
     edge = scene.find_edge(support.edge)
     if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.contacts):
         raise InputError(f'{where} edge: "{support.edge}" is the contact edge; use another edge')
+
+
+def _check_spring(scene: Scene, spring: Spring) -> None:
+    check_edge(scene, spring.edge, "[[spring]] edge", ())
+    check_span(scene, spring.edge, spring.span, "[[spring]] span")
+    for key, value in (("normal", spring.normal), ("tangential", spring.tangential)):
+        if value < 0.0:
+            raise InputError(f"[[spring]] {key}: is {value:g}; must not be negative")
+    if max(spring.normal, spring.tangential) < SMALLEST:
+        raise InputError("[[spring]]: has no stiffness; give normal, tangential or both")
 
 
 def _check_point(scene: Scene, support: Support, where: str) -> None:

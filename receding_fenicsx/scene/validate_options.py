@@ -73,11 +73,6 @@ def check_branch(solver: SolverOptions) -> None:
 def check_shakedown(scene: Scene) -> None:
     """Check the loads of the table [shakedown], and its choices."""
     options, known = scene.shakedown, scene.driven_names
-    if options.range and scene.preloads:
-        raise InputError(
-            "[shakedown] range: limits are those of loads alone; remove "
-            f"{', '.join(scene.preloads)}"
-        )
     check_choice(options.separated, ("refuse", "stay"), "[shakedown] separated")
     if options.largest_slip is not None:
         check_positive(options.largest_slip, "[shakedown] largest_slip")

@@ -81,6 +81,8 @@ def shakedown(
     options = scene.shakedown
     if not options.mean or not options.range:
         raise InputError("[shakedown]: mean and range are missing; give the load factors of both")
+    if scene.preloads:
+        raise InputError(f"[shakedown]: is for loads alone; remove {', '.join(scene.preloads)}")
     if out is not None:
         mpi.on_root(comm, lambda: check_folder(Path(out), overwrite, SUMMARY))
     # whole: a contact without friction is refused as such

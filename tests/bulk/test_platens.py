@@ -8,11 +8,11 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, make_mesh
+from bodies import CELLS, block, built, make_mesh, reactions
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.back_substitution import back_substitute, reactions
+from receding_fenicsx.bulk.back_substitution import back_substitute
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.elasticity import build

@@ -9,12 +9,12 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS
+from bodies import CELLS, displacements, reactions
 from models import q1_stiffness
 from msh import rectangle, turned, write_msh
 
 from receding_fenicsx import evolve, read_scene
-from receding_fenicsx.bulk.back_substitution import back_substitute, displacements, reactions
+from receding_fenicsx.bulk.back_substitution import back_substitute
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.fields import Fields, gather_fields, solve_fields

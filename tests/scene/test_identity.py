@@ -17,6 +17,7 @@ from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.scene.identity import digest
 from receding_fenicsx.scene.model import (
     Body,
+    Bolt,
     Contact,
     HistoryOptions,
     Load,
@@ -27,6 +28,7 @@ from receding_fenicsx.scene.model import (
     Scene,
     ShakedownOptions,
     SolverOptions,
+    Spring,
     Support,
 )
 from receding_fenicsx.scene.units import Units
@@ -48,6 +50,8 @@ FULL = Scene(
         Load("f", "a.right", platen=True, force=(1.0, 2.0)),
     ),
     supports=(Support("xy", edge="b.bottom"), Support("x", point=(0.0, 0.0), body="b")),
+    springs=(Spring("b.left", (-0.1, 0.1), 1.0, 2.0),),
+    bolts=(Bolt("m", "a.top", "b.right", 0.1, (0.6, 0.8), (0.1, 0.2), (1.0, 0.0), 5.0),),
     history=HistoryOptions(
         "table",
         cycles=7,
@@ -76,6 +80,12 @@ FREE = {"title", "history.cycles", "history.until", "output.cycles", *UNITS, *RA
 NAMED = {"others": "body", "materials": "material", "contacts": "contact", "loads": "load"}
 
 
+PHYSICAL = ("body", "material", "mesh", "contact", "load", "support", "spring", "bolt")
+"""Tables that a condensed system depends on."""
+UNCONDENSED = (("contact", "friction"), ("contact", "initial_gap"), ("bolt", "shortening"))
+"""Their keys that it does not depend on."""
+
+
 def changed(value: Any) -> Any:
     """Return another value of the same sort."""
     if isinstance(value, bool):
@@ -93,7 +103,7 @@ def variants(table: Any, key: str = "") -> Iterator[tuple[str, Any]]:
     """Yield ("table.key", the scene with another value of that key), for every key there is."""
     for field in dataclasses.fields(table):
         value, name = getattr(table, field.name), NAMED.get(field.name, field.name)
-        name = name.replace("supports", "support").replace("probes", "probe")
+        name = name[:-1] if name in ("supports", "springs", "bolts", "probes") else name
         below = f"{key}.{name}" if key else name
         if dataclasses.is_dataclass(value):
             for path, other in variants(value, below):
@@ -135,8 +145,8 @@ def test_saved_system_depends_on_all_of_the_body_and_on_nothing_else() -> None:
     mine, impossible = digest(FULL), set()
     for key, other in variants(FULL):
         table, _, last = key.rpartition(".")
-        physical = (table or key) in ("body", "material", "mesh", "contact", "load", "support")
-        physical &= (table, last) not in (("contact", "friction"), ("contact", "initial_gap"))
+        physical = (table or key) in PHYSICAL
+        physical &= (table, last) not in UNCONDENSED
         try:
             found = digest(other)
         except InputError:

@@ -10,5 +10,7 @@ $E / (1 - \nu)$). Where stresses are evaluated, the load's factor times $\vareps
 subtracted from the strain (`thermal`); on elements of order 1, whose strain is that of the cell's
 midpoint, at the midpoint.
 
-An interference alters $r^*$ by $K s$, after the bodies are joined (`interference`).
+Springs add their part to $A$ and hold the rigid motions that they resist (`springs`). An
+interference alters $r^*$ by $K s$, after the bodies are joined (`interference`); bolts
+close a load's force by their law, a change of $K$ and $r^*$ by rank one each (`bolts`).
 """

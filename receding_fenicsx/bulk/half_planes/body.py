@@ -73,7 +73,7 @@ class HalfPlane:
     @property
     def load_names(self) -> tuple[str, ...]:
         """Names of the loads."""
-        return self.scene.driven_names
+        return self.scene.body_names
 
     @property
     def body(self) -> BodyMesh:
@@ -262,7 +262,7 @@ def _far_field(scene: Scene) -> FarField:
 
     Supports and prescribed displacements hold the rotation, and so do platens.
     """
-    names = scene.driven_names
+    names = scene.body_names
     free, sign = np.array([True, True, True, False]), np.zeros(len(names))
     force, moved = np.zeros((len(names), 4)), np.zeros((len(names), 4))
     material = material_of(scene)

@@ -18,7 +18,7 @@ from receding_fenicsx.bulk.mesh.raw_mesh import (
     line_of,
 )
 from receding_fenicsx.errors import InputError, MeshMisfit
-from receding_fenicsx.scene.model import Contact, Load, Scene, Support
+from receding_fenicsx.scene.model import Contact, Load, Scene, Spring, Support
 
 MATCH_TOLERANCE = 1e-6
 """Largest distance of matching nodes, over the length of the shortest facet."""
@@ -90,7 +90,7 @@ def _uses(scene: Scene) -> list[tuple[str, str]]:
         found.append((contact.edge, f"{where} edge"))
         if contact.against is not None:
             found.append((contact.against, f"{where} against"))
-    found += [(load.edge, f"load '{load.name}' edge") for load in scene.edge_loads]
+    found += [(part.edge, f"{part.label} edge") for part in scene.edge_parts]
     found += [(s.edge, "[[support]] edge") for s in scene.supports if s.edge is not None]
     return found
 
@@ -179,19 +179,19 @@ def _matched(
     return Interface(line, mine, against)
 
 
-def load_facets(mesh: RawMesh, load: Load | Support, edge: str, half: bool) -> Ints:
+def load_facets(mesh: RawMesh, load: Load | Spring | Support, edge: str, half: bool) -> Ints:
     """Return the facets (k, 2) of a load or support on an edge of its body.
 
     Raises:
         InputError: the load's span does not fit the mesh.
     """
     facets = mesh.edges[edge]
-    span = load.span if isinstance(load, Load) else None
+    span = None if isinstance(load, Support) else load.span
     if span is None or half:
         return facets
-    assert isinstance(load, Load)
-    line = line_of(mesh, edge, f"load '{load.name}' span")
-    check_span(mesh, facets, line, span, f"load '{load.name}' span")
+    assert not isinstance(load, Support)
+    line = line_of(mesh, edge, f"{load.label} span")
+    check_span(mesh, facets, line, span, f"{load.label} span")
     return facets[facets_between(mesh, facets, line, span)]
 
 
@@ -217,8 +217,8 @@ def _check_apart(
                         "which cannot lie on two planes; keep a facet off one of them by its span"
                     )
             taken.append((edge, place, facets))
-    uses: list[tuple[str, str, Load | Support]] = [
-        (load.edge, f"load '{load.name}'", load) for load in scene.edge_loads
+    uses: list[tuple[str, str, Load | Spring | Support]] = [
+        (part.edge, part.label, part) for part in scene.edge_parts
     ]
     uses += [(s.edge, "[[support]] edge", s) for s in scene.supports if s.edge is not None]
     for edge, where, thing in uses:

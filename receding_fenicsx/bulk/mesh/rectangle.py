@@ -113,7 +113,7 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
     """
     wanted: list[tuple[str, float, float]] = []
     spans = [("contact.span", c.edge, c.span) for c in scene.contacts]
-    spans += [(f"load.{load.name}.span", load.edge, load.span) for load in scene.edge_loads]
+    spans += [(f"{part.label} span", part.edge, part.span) for part in scene.edge_parts]
     for key, edge, span in spans:
         if span is not None:
             ends = np.column_stack(edge_points(scene, edge, np.array(span)))
@@ -186,7 +186,7 @@ def _find_ends(scene: Scene, frame: Frame) -> Array:
     """Return where loads and supports end off the contact edge, mirrored to s >= 0."""
     left, bottom = scene.body.position
     near = POSITION_TOLERANCE * frame.depth
-    spans = [(load.edge, load.span) for load in scene.edge_loads]
+    spans = [(part.edge, part.span) for part in scene.edge_parts]
     spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
     ends = {}
     for edge, span in spans:

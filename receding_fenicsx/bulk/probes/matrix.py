@@ -6,8 +6,9 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.acting.interference import interference_shift
+from receding_fenicsx.bulk.back_substitution import law_of
 from receding_fenicsx.bulk.body import Bulk, gather_contact, interior_solver
-from receding_fenicsx.bulk.condensation import condense_pair
+from receding_fenicsx.bulk.condensation import condense_for_fields
 from receding_fenicsx.bulk.elimination import BLOCK_COLUMNS, Solve, block_solver, times
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.half_planes.window import value_rows
@@ -38,8 +39,7 @@ def probe_matrix(bulk: Bodies, scene: Scene) -> ProbeMatrix | None:
     Raises:
         InputError: a point lies outside its body; on all ranks.
     """
-    if isinstance(bulk, Pair):
-        condense_pair(bulk)
+    condense_for_fields(bulk)
     names = tuple(probe.name for probe in scene.probes for _ in probe.coordinates)
     owners = [probe.body for probe in scene.probes for _ in probe.coordinates]
     points = np.array([place for probe in scene.probes for place in probe.coordinates], dtype=float)
@@ -56,6 +56,10 @@ def probe_matrix(bulk: Bodies, scene: Scene) -> ProbeMatrix | None:
             if here:
                 own = given(found)
                 rows[here] = _of_pair(bulk, side, own) if isinstance(bulk, Pair) else own
+        if bulk.scene.bolts:
+            T, G = law_of(bulk)
+            n = G.shape[1]
+            rows = np.concatenate([rows[..., :n] + rows[..., n:] @ G, rows[..., n:] @ T], axis=-1)
         held = given(bulk.joined).held if isinstance(bulk, Pair) else bulk.contact.held
         shift = interference_shift(scene, bulk.contact, held)
         if shift is not None:

@@ -41,6 +41,8 @@ def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
     # work is stress times area in the plane, for unit thickness, or stress times volume
     work = (1, 3 if axisymmetric else 2)
     parts = [load for load in scene.loads if load.name == name] if scene else []
+    if scene and name in [bolt.name for bolt in scene.bolts]:
+        return LoadKind(1.0, (0, 1), "force of the bolt", (1, 1))
     found = {_size_and_kind(part) for part in parts}
     size, kind = found.pop() if len(found) == 1 else (0.0, "factor")
     if (len(parts) > 1 and kind in ("force", "displacement")) or size == 0.0:

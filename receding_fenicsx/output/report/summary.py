@@ -12,6 +12,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
 from receding_fenicsx.interface.measures.zones import contact_zones
 from receding_fenicsx.output.plots.touching import limit_without_slip
+from receding_fenicsx.output.report.bolts import bolt_summary, loose_warnings
 from receding_fenicsx.output.report.choices import choices_summary
 from receding_fenicsx.output.report.corner_stress import corners_of
 from receding_fenicsx.output.report.half_widths import (
@@ -70,6 +71,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         },
         "limit_without_slip": _limit_ranges(record),
         **_polygon(record),
+        **bolt_summary(record),
         **limit_summary(record),
         **uniqueness_summary(record),
         **choices_summary(record),
@@ -79,7 +81,11 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "jumps": {"count": int(record.jumps), "energy_released": float(record.released)},
         "sweeps": int(record.sweeps),
         "paper": paper_table(record),
-        "warnings": [*(warnings(scene) if scene else []), *cut_off_warnings(record)],
+        "warnings": [
+            *(warnings(scene) if scene else []),
+            *cut_off_warnings(record),
+            *loose_warnings(record),
+        ],
         **_units(scene),
         **(extra or {}),
     }

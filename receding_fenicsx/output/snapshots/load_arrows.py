@@ -61,8 +61,8 @@ def load_arrows(
     largest = dict(zip(names, largest_factors(scene), strict=True))
     found = [
         (load, *_traction(scene, load, ARROW_SPACING * size))
-        for load in scene.edge_loads
-        if scene.find_edge(load.edge)[0].is_rectangle
+        for load in scene.loads
+        if not load.on_body and scene.find_edge(load.edge)[0].is_rectangle
     ]
     sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, t in found]
     scale = ARROW_LENGTH * size / max([*sizes, np.finfo(float).tiny])

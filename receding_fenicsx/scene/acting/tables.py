@@ -1,8 +1,9 @@
-"""Dataclasses of what acts on the bodies: loads and supports."""
+"""Dataclasses of what acts on the bodies: loads, supports, springs and bolts."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import hypot
 
 from receding_fenicsx.scene.options import Table
 from receding_fenicsx.scene.profiles import Profile
@@ -58,6 +59,11 @@ class Load(Table):
         return self.displacement is not None or self.tension is not None
 
     @property
+    def label(self) -> str:
+        """Name in messages."""
+        return f"load '{self.name}'"
+
+    @property
     def on_body(self) -> bool:
         """Whether the load acts on a body, not on an edge."""
         return self.body_force is not None or self.thermal_strain is not None
@@ -78,3 +84,53 @@ class Support:
     edge: str | None = None
     point: tuple[float, float] | str | None = None
     body: str | None = None
+
+
+@dataclass(frozen=True)
+class Spring:
+    """Elastic foundation of an edge (Winkler): springs to the ground, evenly spread.
+
+    Attributes:
+        edge: edge that it holds.
+        span: part of the edge; positions as in a contact.
+        normal, tangential: stiffness against displacements along the edge's normal and along it,
+            stresses per length, not negative.
+    """
+
+    edge: str
+    span: tuple[float, float] | None = None
+    normal: float = 0.0
+    tangential: float = 0.0
+    label = "[[spring]]"
+
+
+@dataclass(frozen=True)
+class Bolt:
+    """Bolt that draws two patches together, and then follows the load as a spring.
+
+    Attributes:
+        name: name of its load factor, the shortening.
+        head, nut: edges with the patches.
+        head_span, nut_span: the patches on them.
+        axis: direction [x, y] from head to nut.
+        shortening: by how much tightening shortens the bolt, a length, not negative.
+        stiffness: force for unit thickness over elongation; default: rigid.
+    """
+
+    name: str
+    head: str
+    nut: str
+    shortening: float
+    head_span: tuple[float, float] | None = None
+    nut_span: tuple[float, float] | None = None
+    axis: tuple[float, float] = (0.0, -1.0)
+    stiffness: float | None = None
+
+    @property
+    def patches(self) -> tuple[Load, Load]:
+        """Unit tension: a force on each patch, towards the other one."""
+        x, y = (part / hypot(*self.axis) for part in self.axis)
+        return (
+            Load(self.name, self.head, self.head_span, force=(x, y)),
+            Load(self.name, self.nut, self.nut_span, force=(0.0 - x, 0.0 - y)),
+        )

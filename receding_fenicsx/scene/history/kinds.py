@@ -13,7 +13,7 @@ from receding_fenicsx.scene.history.driven import check_driven, check_known
 from receding_fenicsx.scene.history.harmonic import from_harmonic
 from receding_fenicsx.scene.history.polyline import History, ended_by
 from receding_fenicsx.scene.history.table import from_table
-from receding_fenicsx.scene.model import HistoryOptions, Scene
+from receding_fenicsx.scene.model import INTERFERENCE, HistoryOptions, Scene
 
 KINDS = ("monotonic", "cyclic", "table", "harmonic")
 MAX_CYCLES = 1_000_000_000
@@ -133,8 +133,9 @@ def _with_preloads(history: History, scene: Scene) -> History:
         return history
     names, n = scene.load_names, len(history.load_names)
     legs = np.zeros((len(preloads) + 1, len(names)))
-    for row, (name, factor) in enumerate(preloads.items(), start=1):
-        legs[row:, names.index(name)] = factor
+    # parts are fitted before they are bolted
+    for row, name in enumerate(sorted(preloads, key=lambda name: name != INTERFERENCE), start=1):
+        legs[row:, names.index(name)] = preloads[name]
 
     def widened(rows: NDArray[np.float64]) -> NDArray[np.float64]:
         wide = np.tile(legs[-1], (len(rows), 1))

@@ -1,0 +1,63 @@
+"""Bolts: springs between the mean displacements of two patches, shortened by tightening.
+
+With unit tensions as loads, a bolt of stiffness k, shortened by s, has the force F = k (s - D),
+where D = C_bb F + C_bl lambda - R u is the work-conjugate of its tension: by how much the patches
+approach. So
+
+    F = kappa (s - C_bl lambda + R u),   kappa = (1 / k + C_bb)^-1,
+
+for all bolts at once, and the factors of all loads are T lambda' + G u with s in the place of F.
+K' = K + r*^T G, r*' = T^T r* and C' = C T follow; the conjugate of a shortening is the force F.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies
+from receding_fenicsx.bulk.rigid_motions import scaled
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.model import Scene
+
+FREE_TOLERANCE = 1e-9
+"""Force of a bolt by a rigid motion, over the sum of its parts, that counts as none."""
+
+
+def bolt_law(scene: Scene, condensed: CondensedBody | JoinedBodies) -> tuple[Array, Array]:
+    """Return T (n_loads, n_loads) and G (n_loads, 2N); the identity and zero without bolts."""
+    names = scene.body_names
+    T, G = np.eye(len(names)), np.zeros_like(condensed.r_star)
+    at = [names.index(bolt.name) for bolt in scene.bolts]
+    if at:
+        C = condensed.compliance[at]
+        soft = np.diag([1.0 / (bolt.stiffness or np.inf) for bolt in scene.bolts])
+        kappa = np.linalg.inv(soft + C[:, at])
+        T[at], G[at] = -kappa @ C, kappa @ condensed.r_star[at]
+        T[np.ix_(at, at)] = kappa
+    return T, G
+
+
+def with_bolts(system: ContactSystem, scene: Scene, law: tuple[Array, Array]) -> ContactSystem:
+    """Return a system whose unit tensions are replaced by shortenings of its bolts."""
+    T, G = law
+    at = [system.load_names.index(bolt.name) for bolt in scene.bolts]
+    K = system.K + system.r_star.T @ G
+    C = system.load_compliance @ T
+    C[at] = T[at]
+    # motions that lengthen a bolt are no longer free
+    pull = system.r_star[at] @ system.rigid
+    size = np.abs(system.r_star[at]) @ np.abs(system.rigid) + np.finfo(float).tiny
+    held = np.where(np.abs(pull) > FREE_TOLERANCE * size, pull / size, 0.0)
+    _, values, motions = np.linalg.svd(held)
+    rank = int(np.sum(values > FREE_TOLERANCE))
+    return replace(
+        system,
+        K=0.5 * (K + K.T),
+        r_star=T.T @ system.r_star,
+        load_compliance=C,
+        load_sign=np.where(np.isin(np.arange(len(T)), at), 1.0, system.load_sign),
+        rigid=scaled(system.rigid @ motions[rank:].T),
+    )

@@ -1,0 +1,217 @@
+"""Bolts: the joint diagram of two springs, a lap joint, fields and probes, work, bad input."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import block
+
+from receding_fenicsx.bulk.fields import fields_at
+from receding_fenicsx.bulk.from_scene import bulk_of
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.mpi import given
+from receding_fenicsx.output.plots.loops import loop_of
+from receding_fenicsx.output.storage.hdf5 import read_system, write_system
+from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.model import (
+    Body,
+    Bolt,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    OutputOptions,
+    Probe,
+    Scene,
+    Support,
+)
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.study import condense
+from receding_fenicsx.timing import Timer
+
+comm = MPI.COMM_WORLD
+E = 2.0
+JOINT = 8.0  # E times width over both heights
+
+
+def played(scene: Scene) -> Record:
+    """The record, on every rank."""
+    system = condense(scene, comm)
+    record = evolve(system, scene) if system is not None else None
+    return given(comm.bcast(record))
+
+
+def clamped(stiffness: float, degree: int = 1) -> Scene:
+    """Two layers without Poisson's effect, clamped by a bolt over all of their outer edges."""
+    bodies = [Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
+    return replace(
+        block(degree=degree, material=Material(E, 0.0)),
+        body=bodies[0],
+        others=(bodies[1],),
+        contacts=(Contact("a.bottom", friction=0.0, against="b.top"),),
+        loads=(
+            Load("pull", "a.top", traction=(0.0, 1.0)),
+            Load("pull", "b.bottom", traction=(0.0, -1.0)),
+        ),
+        supports=(
+            Support("x", edge="a.left"),
+            Support("x", edge="b.left"),
+            Support("y", point=(0.0, 0.0), body="b"),
+        ),
+        bolts=(Bolt("bolt", "a.top", "b.bottom", 0.04, stiffness=stiffness),),
+        history=HistoryOptions("table", columns=("pull",), rows=((0.03,), (0.2,), (0.01,))),
+    )
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("k", [3.0, 1e4])
+def test_joint_diagram_of_two_springs(k: float, degree: int) -> None:
+    """F0 = s / (1/k + 1/k_j); a pull X adds X k / (k + k_j), and X itself once the joint gapes."""
+    record = played(clamped(k, degree))
+    table = record.turning_points
+    share = k / (k + JOINT)
+    F0 = 0.04 * JOINT * share
+    pull = 4.0 * np.array([0.0, 0.03, 0.2, 0.01])
+    gapes = F0 < pull * (1.0 - share)
+    assert list(gapes) == ([False, False, k < JOINT, False])
+    force = np.where(gapes, pull, F0 + share * pull)
+    assert record.load_names == ("pull", "bolt")
+    assert table.load[:, 1].tolist() == [0.04] * 4
+    np.testing.assert_allclose(table.load_displacement[:, 1], force, rtol=1e-9)
+    np.testing.assert_allclose(table.P.sum(axis=1), force - pull, atol=1e-10)
+    assert record.energy_error_max < 1e-10
+
+
+def test_bolt_in_one_body_prestresses_it() -> None:
+    """A block, nu = 0, between head and nut: s + L alpha dT = F (1/k + L / (E H))."""
+    scene = block(
+        degree=1,
+        material=Material(E, 0.0),
+        loads=(Load("heat", thermal_strain=0.01),),
+        supports=(Support("y", edge="top"),),
+        contacts=(Contact(friction=0.0),),
+        bolts=(Bolt("tie", "left", "right", 0.1, axis=(1.0, 0.0), stiffness=3.0),),
+        history=HistoryOptions(kind="monotonic"),
+        probes=(Probe("s", points=((0.3, 0.4),)),),
+    )
+    record = played(scene)
+    force = (0.1 + 4.0 * 0.01) / (1.0 / 3.0 + 4.0 / E)
+    assert record.turning_points.load_displacement[-1, 1] == pytest.approx(force, rel=1e-9)
+    assert record.probe("s").stress[-1, 0, 0] == pytest.approx(-force, rel=1e-9)
+    end = record.turning_points
+    bulk = bulk_of(scene, comm, Timer())
+    fields = fields_at(bulk, end.load[-1], np.concatenate([end.v[-1], end.w[-1]]))
+    bulk.destroy()
+    if fields is not None:
+        np.testing.assert_allclose(fields.stress["sxx"], -force, rtol=1e-8)
+        np.testing.assert_allclose(fields.stress["syy"], -E * 0.01, rtol=1e-8)
+
+
+def lap(**parts: Any) -> Scene:
+    """Two overlapping plates, clamped by two bolts, pulled to and fro."""
+    scene = replace(
+        block(degree=1, elements=24, growth=1.6),
+        body=Body("a", width=3.0, height=0.4, position=(-0.5, 0.4)),
+        others=(Body("b", width=3.0, height=0.4, position=(0.5, 0.0)),),
+        contacts=(Contact("a.bottom", span=(-0.5, 1.5), friction=0.4, against="b.top"),),
+        loads=(Load("pull", "a.left", traction=(-0.012, 0.0)),),
+        supports=(Support("xy", edge="b.right"),),
+        bolts=(
+            Bolt("one", "a.top", "b.bottom", 0.01, (-0.25, 0.25), (-1.25, -0.75), stiffness=2.0),
+            Bolt("two", "a.top", "b.bottom", 0.01, (0.75, 1.25), (-0.25, 0.25)),
+        ),
+        history=HistoryOptions(kind="cyclic", minimum=-1.0, cycles=20, until="steady"),
+        probes=(Probe("s", points=((-0.5, 0.6), (0.3, 0.7)), body="a"),),
+    )
+    return replace(scene, **parts)
+
+
+@pytest.mark.one_rank
+def test_lap_joint_fields_probes_and_work() -> None:
+    scene = lap(output=OutputOptions(samples_per_leg=200))
+    history = from_scene(scene)
+    assert history.load_names == ("pull", "one", "two")
+    rows: Any = [[0, 0, 0], [0, 0.01, 0], [0, 0.01, 0.01], [1, 0.01, 0.01]]
+    np.testing.assert_allclose(history.path, rows)
+    record = played(scene)
+    assert record.energy_error_max < 1e-9 and record.residual_max < 1e-9
+    D = record.cycles.dissipation[-1]
+    assert D > 1e-7
+    area = loop_of(record, len(record.cycles.dissipation)).area().sum()
+    assert area == pytest.approx(D, rel=1e-3)
+    table, at = record.turning_points, record.probe("s")
+    # tightening the second bolt changes the first one's force; then both follow the load
+    force = table.load_displacement[:, 1:]
+    assert force[0, 0] > 0.0 and force[1, 1] > 0.0 and force[0, 0] != force[1, 0]
+    assert np.all(np.ptp(force[2:], axis=0) > 0.0)
+    bulk = bulk_of(scene, comm, Timer())
+    u = np.concatenate([table.v[-1], table.w[-1]])
+    fields = given(fields_at(bulk, table.load[-1], u))
+    bulk.destroy()
+    for point, moved in zip(at.points, at.displacement[-1], strict=True):
+        near = np.argsort(np.hypot(*(fields.points - point).T))[:4]
+        spread = np.ptp(fields.displacement[near], axis=0).max()
+        assert np.abs(fields.displacement[near].mean(axis=0) - moved).max() <= spread
+    # the law of the elastic bolt from the mean displacements of its patches
+    means = []
+    for k, y, low in ((0, 0.8, -0.75), (1, 0.0, -0.75)):
+        on = (fields.body == k) & (np.abs(fields.points[:, 1] - y) < 1e-9)
+        on &= np.abs(fields.points[:, 0] - low - 0.25) < 0.25 + 1e-9
+        order = np.argsort(fields.points[on, 0])
+        x, v = fields.points[on, 0][order], fields.displacement[on, 1][order]
+        means.append(np.sum(np.diff(x) * (v[1:] + v[:-1])) / (2.0 * (x[-1] - x[0])))
+    assert 2.0 * (0.01 - (means[1] - means[0])) == pytest.approx(force[-1, 0], rel=1e-9)
+
+
+@pytest.mark.one_rank
+def test_rigid_bolt_is_the_limit_of_stiff_ones() -> None:
+    scene = lap(probes=())
+    stiff = replace(scene, bolts=(scene.bolts[0], replace(scene.bolts[1], stiffness=1e9)))
+    a, b = (played(s).turning_points for s in (scene, stiff))
+    np.testing.assert_allclose(a.P[-1], b.P[-1], atol=1e-6 * a.P.max())
+    np.testing.assert_allclose(a.load_displacement[-1], b.load_displacement[-1], rtol=1e-6)
+
+
+def test_saved_system_serves_other_shortenings(shared_tmp_path: Any) -> None:
+    scene = lap(probes=())
+    assert from_toml(to_toml(scene)) == scene
+    system = condense(scene, comm)
+    if system is None:
+        return
+    write_system(shared_tmp_path / "bolts.h5", system)
+    other = replace(scene, bolts=tuple(replace(bolt, shortening=0.02) for bolt in scene.bolts))
+    saved = read_system(shared_tmp_path / "bolts.h5", other)
+    assert np.array_equal(saved.K, system.K)
+    with pytest.raises(InputError, match="bolt"):
+        read_system(shared_tmp_path / "bolts.h5", replace(scene, bolts=scene.bolts[:1]))
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"shortening": 0.0}, "bolt 'x' shortening: must be positive"),
+        ({"stiffness": -1.0}, "bolt 'x' stiffness: must be positive"),
+        ({"axis": (0.0, 0.0)}, "bolt 'x' axis: has no direction"),
+        ({"head": "topp"}, "bolt 'x' head: .* unknown"),
+        ({"nut": "bottom"}, "bolt 'x' nut: overlaps the contact"),
+        ({"name": "p0"}, "bolt 'p0' name: is empty or taken"),
+        ({"head_span": (1.0, 0.0)}, "bolt 'x' head_span: .* is empty"),
+    ],
+)
+def test_bad_bolts_are_refused(parts: dict[str, Any], words: str) -> None:
+    bolt = replace(Bolt("x", "left", "right", 0.1), **parts)
+    with pytest.raises(InputError, match=words) as error:
+        condense(block(bolts=(bolt,)), comm)
+    assert "\n" not in str(error.value)
+
+
+def test_bolt_without_patches_is_refused() -> None:
+    with pytest.raises(InputError, match=r"bolt 'x': the key 'head' is missing; add it"):
+        from_toml('[[load]]\nname = "p"\nedge = "top"\npressure = 1\n[[bolt]]\nname = "x"\n')
