@@ -10,12 +10,16 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
+from receding_fenicsx import study
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.back_substitution import back_substitute, sides_of
 from receding_fenicsx.bulk.body import Bulk, gather_contact
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.two_bodies import Pair
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -150,3 +154,10 @@ def reactions(bulk: Bulk, load: Array | None, displacement: fem.Function) -> Arr
     vector.destroy()
     force.destroy()
     return None if gathered is None else bulk.contact.to_local(gathered[:, 0])
+
+
+def played(scene: Scene) -> Record:
+    """The record of a scene, on every rank."""
+    system = study.condense(scene, MPI.COMM_WORLD)
+    record = evolve(system, scene) if system is not None else None
+    return given(MPI.COMM_WORLD.bcast(record))

@@ -10,14 +10,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import block, cylinder
+from bodies import block, cylinder, played
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.fields import fields_at, gather_cell_stresses, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.two_bodies import build_all
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of
@@ -46,13 +45,6 @@ ONCE = HistoryOptions(kind="monotonic")
 KINDS = ("plane stress", "plane strain", "axisymmetric")
 ORDERS = ((1, "triangle"), (1, "quadrilateral"), (2, "triangle"), (2, "quadrilateral"))
 POINTS = Probe("s", points=((0.3, 0.4), (0.7, 0.9), (1.1, 0.12)))
-
-
-def played(scene: Scene) -> Record:
-    """The record, on every rank."""
-    system = condense(scene, comm)
-    record = evolve(system, scene) if system is not None else None
-    return given(comm.bcast(record))
 
 
 def at_probe(record: Record) -> dict[str, Array]:

@@ -9,13 +9,11 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import block
+from bodies import block, played
 
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.output.storage.hdf5 import read_system, write_system
@@ -39,13 +37,6 @@ from receding_fenicsx.timing import Timer
 comm = MPI.COMM_WORLD
 E = 2.0
 JOINT = 8.0  # E times width over both heights
-
-
-def played(scene: Scene) -> Record:
-    """The record, on every rank."""
-    system = condense(scene, comm)
-    record = evolve(system, scene) if system is not None else None
-    return given(comm.bcast(record))
 
 
 def clamped(stiffness: float, degree: int = 1) -> Scene:

@@ -10,15 +10,13 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import block
+from bodies import block, played
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.two_bodies import build_all
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.output.storage.hdf5 import read_system, write_system
@@ -46,13 +44,6 @@ Array = NDArray[np.float64]
 E, NU, DEPTH = 2.0, 0.3, 0.004
 ONCE = HistoryOptions(kind="monotonic")
 A, B, C = 0.5, 1.0, 2.0
-
-
-def played(scene: Scene) -> Record:
-    """The record, on every rank."""
-    system = condense(scene, comm)
-    record = evolve(system, scene) if system is not None else None
-    return given(comm.bcast(record))
 
 
 def ring(folder: Path, name: str, inner: float, outer: float) -> str:

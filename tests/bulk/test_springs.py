@@ -9,11 +9,9 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import block, cylinder
+from bodies import block, cylinder, played
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.scene.model import (
@@ -23,7 +21,6 @@ from receding_fenicsx.scene.model import (
     Load,
     Material,
     OutputOptions,
-    Scene,
     SolverOptions,
     Spring,
     Support,
@@ -35,13 +32,6 @@ comm = MPI.COMM_WORLD
 E, K = 2.0, 0.7
 ONCE = HistoryOptions(kind="monotonic")
 SMOOTH = (Contact(friction=0.0),)
-
-
-def played(scene: Scene) -> Record:
-    """The record, on every rank."""
-    system = condense(scene, comm)
-    record = evolve(system, scene) if system is not None else None
-    return given(comm.bcast(record))
 
 
 @pytest.mark.parametrize("degree", [1, 2])
