@@ -106,9 +106,7 @@ def continue_history(
     run.sample_finished()
     # the limit is searched along the first continuation only
     searches = history.until_limit and problem.chooser is None
-    search = LimitSearch(problem) if searches else None
-    if search is not None:
-        search.repeat(cycles)
+    search = LimitSearch(problem, cycles) if searches else None
     try:
         for number in range(len(cycles), problem.last_cycle + 1):
             if run.steady.cycle >= 0 and (history.until_steady or search is not None):

@@ -63,11 +63,11 @@ def state_at(
     if s == 1.0:
         state = turning_point(record, system, row)
     elif s == 0.0 and before is not None:
-        state = _start_of(record, system, before, cycle, leg)
+        state = _start(record, system, before, leg)
     else:
         start, scale = rest_state(system), 0.0
         if before is not None:
-            start = _start_of(record, system, before, cycle, leg)
+            start = _start(record, system, before, leg)
             scale = float(max(np.abs(table.P[:row]).max(), np.abs(table.Q[:row]).max()))
         state = start
         if s > 0.0:
@@ -82,19 +82,17 @@ def state_at(
     return instant(system, where, load, state)
 
 
-def _start_of(
-    record: Record, system: ContactSystem, row: int, cycle: int, leg: int
-) -> ContactState:
+def _start(record: Record, system: ContactSystem, row: int, leg: int) -> ContactState:
     """Return the start of a leg from the turning point before it.
 
     The limit cycle of a body that walks starts by the walk behind the place where it ends.
     """
-    start = turning_point(record, system, row)
-    if leg == 0 and record.turning_points.cycle[row] == cycle:
-        if record.steady.kind == RATCHETTING:
-            slip = record.cycles.slip_increment[cycle - 1][~mirror_of(system).left]
-            touches = start.state != State.SEPARATION
-            start.u[: system.n] -= walk_of(walking_motions(system), slip, touches)
+    start, table = turning_point(record, system, row), record.turning_points
+    jumped = leg == 0 and row > 0 and row == len(table.s) - 1
+    if jumped and record.steady.kind == RATCHETTING:
+        slip = record.cycles.slip_increment[-1][~mirror_of(system).left]
+        touches = start.state != State.SEPARATION
+        start.u[: system.n] -= walk_of(walking_motions(system), slip, touches)
     return start
 
 

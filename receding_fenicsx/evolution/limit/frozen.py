@@ -67,22 +67,13 @@ class NoLimit(Exception):
 
 @dataclass
 class Budget:
-    """Cycles that one search may play.
-
-    Attributes:
-        allowed: how many.
-        played: how many it has played, the last one perhaps in part.
-    """
+    """Cycles that one search may play, and has played, the last one perhaps in part."""
 
     allowed: int
     played: int = 0
 
     def take(self) -> None:
-        """Count a cycle that is about to be played.
-
-        Raises:
-            NoLimit: none is left.
-        """
+        """Count a cycle that is about to be played; raise NoLimit if none is left."""
         if self.played >= self.allowed:
             raise NoLimit(f"the search has played {self.played} cycles, and may play no more")
         self.played += 1

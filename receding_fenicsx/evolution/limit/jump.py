@@ -59,24 +59,21 @@ class LimitSearch:
         searched: cycles that all searches have played, those that failed too.
     """
 
-    def __init__(self, problem: Problem) -> None:
-        """Start with nothing found."""
+    def __init__(self, problem: Problem, cycles: list[FinishedCycle]) -> None:
+        """Repeat the searches that a run made before it was resumed after some cycles."""
         self.problem = problem
         self.limit = Limit(False, -1, 0, 0, np.nan, -1, "the search has not begun")
         self.steady: Steady | None = None
         self.searched = 0
+        for number in filter(self.is_due, range(len(cycles))):
+            before = self.limit
+            if self.found(cycles[:number], None):  # a history that began without searches
+                self.limit, self.steady = before, None
 
     def is_due(self, number: int) -> bool:
         """Return whether the limit is searched for before a cycle is played."""
         doublings, rest = divmod(number - 1, FIRST_SEARCH)
         return number > 1 and rest == 0 and doublings.bit_count() == 1
-
-    def repeat(self, cycles: list[FinishedCycle]) -> None:
-        """Repeat the searches that a run made before it was resumed."""
-        for number in filter(self.is_due, range(len(cycles))):
-            before = self.limit
-            if self.found(cycles[:number], None):  # a history that began without searches
-                self.limit, self.steady = before, None
 
     def found(self, cycles: list[FinishedCycle], progress: Progress | None) -> bool:
         """Search for the cycle that repeats itself; add it to the finished ones if it was found."""
@@ -88,13 +85,10 @@ class LimitSearch:
             return False
         finally:
             self.searched += budget.played
-        played = len(cycles) - 1 + self.searched
-        self.limit = replace(self.limit, cycles_played=played)
+        self.limit = replace(self.limit, cycles_played=len(cycles) - 1 + self.searched)
         cycles.append(cycle)
         if progress is not None:
-            text = f"limit found by {self.limit.newton_steps} Newton steps, residual "
-            text += f"{self.limit.residual:.1e}"
-            progress(len(cycles) - 1, self.problem.history.cycles, text)
+            progress(len(cycles) - 1, self.problem.history.cycles, "limit found")
         return True
 
     def _cycle(self, cycles: list[FinishedCycle], budget: Budget) -> FinishedCycle:
@@ -180,8 +174,7 @@ class LimitSearch:
         elif record.steady.reached:
             each = "the cycles" if record.steady.period == 1 else "pairs of cycles"
             why = f"{each} repeated themselves as they were played"
-            played = last + self.searched
-            self.limit = Limit(True, last, played, 0, float("nan"), -1, why)
+            self.limit = Limit(True, last, last + self.searched, 0, float("nan"), -1, why)
         else:
             why = f"{self.limit.reason}; raise [history] cycles"
             self.limit = replace(self.limit, cycles_played=last + self.searched, reason=why)
@@ -192,10 +185,7 @@ class LimitSearch:
     ) -> SteadyWatch:
         """Return the watch that has seen the cycle and the next, or its changes once more.
 
-        Args:
-            ends: start and end of the cycle, and end of the next where that was played.
-            cycles: the finished cycles.
-            cycle: the cycle.
+        The ends are its start, its end, and that of the next where this was played.
         """
         problem, (begin, end) = self.problem, ends[:2]
         r, v = begin.state.r, begin.v

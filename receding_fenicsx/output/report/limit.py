@@ -53,10 +53,9 @@ def limit_lines(summary: Mapping[str, Any]) -> list[str]:
     limit = summary.get("limit")
     if limit is None:
         return []
-    walk, period = limit.get("walk"), limit.get("period")
-    each = "" if period in (None, 1) else f", each {period} cycles in turn"
-    ratchets = [] if walk is None else [f"ratchetting: a cycle adds the slip {walk:.6g}{each}"]
-    return [*_found_lines(limit), *ratchets, *_starts_lines(limit.get("starts"))]
+    walk = limit.get("walk")
+    words = [] if walk is None else [f"ratchetting: a cycle adds the slip {walk:.6g}"]
+    return [*_found_lines(limit), *words, *_starts_lines(limit.get("starts"))]
 
 
 def _found_lines(limit: Mapping[str, Any]) -> list[str]:
