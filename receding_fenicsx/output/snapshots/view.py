@@ -253,4 +253,8 @@ def _caption(scene: Scene, names: tuple[str, ...], instant: Instant) -> str:
     falls = (min(instant.cycle, 1), instant.leg) in falling
     first = falling[:1] == [(instant.cycle, instant.leg)]
     way = name_leg(instant.cycle, instant.leg, falls, first, plain)
-    return f"{way}, {describe_factors(names, instant.load / largest_factors(scene))}"
+    parts = instant.load / largest_factors(scene)
+    # preloads stay what they are once they are applied
+    told = [k for k, name in enumerate(names) if name not in scene.preloads or parts[k] != 1.0]
+    told = told or list(range(len(names)))
+    return f"{way}, {describe_factors(tuple(names[k] for k in told), parts[told])}"
