@@ -228,7 +228,7 @@ def test_misfit_without_a_near_count_advises_to_move() -> None:
 
 def test_columns_of_quadrilaterals_must_meet_the_load() -> None:
     load = Load("push", "top", (-0.6, 0.6), pressure=1.0)
-    with pytest.raises(InputError, match=r"load\.push\.span .* use 20"):
+    with pytest.raises(InputError, match=r"load 'push' span .* use 20"):
         make_mesh(comm, block("quadrilateral", load=load), False)
 
 
