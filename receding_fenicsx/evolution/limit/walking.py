@@ -116,7 +116,7 @@ def _newton_step(frozen: Frozen, cycle: FrozenCycle, motions: Array, walk: Array
     r, states = reactions(model, frozen.loop[0], u), cycle.end.state
     A, B = model.friction.margins(r[:n], r[n:])
     touches = states != SEPARATION
-    least = np.minimum(np.minimum(A, B), r[n:])[touches].min(initial=0.0) / frozen.force
+    least = min(np.minimum(A, B)[touches].min(), r[n:][touches].min()) / frozen.force
     if least < -VIOLATED or np.any((u[n:] + model.g0)[~touches] < 0.0):
         raise NoLimit("the start of a cycle of a body that walks would break the contact law")
     return ContactState(u, r, states.copy())

@@ -55,6 +55,40 @@ def fit_power_law(N: Array, y: Array) -> PowerLaw:
     return PowerLaw(float(slope), float(np.sqrt(covariance[0, 0])))
 
 
+def limit_of_decay(values: Array) -> tuple[str, float, float]:
+    """Extrapolate a slowly converging sequence from its last differences.
+
+    The differences are fitted over the second half of the sequence by a power N^-m and by a rate
+    exp(-a N); the better fit is summed to infinity.
+
+    Args:
+        values: (n,) sequence, n >= 8.
+
+    Returns:
+        "power" or "rate", the exponent (negative) or the factor per term, and the limit; the limit
+        is nan when the fitted differences have no finite sum.
+    """
+    steps = np.diff(values)
+    N = np.arange(2, len(values) + 1, dtype=float)
+    keep = (N > len(values) / 2) & (steps != 0.0)
+    if keep.sum() < 3:
+        return "rate", 0.0, float(values[-1])
+    log_steps = np.log(np.abs(steps[keep]))
+    fits = {
+        name: np.polyfit(t, log_steps, 1, full=True)
+        for name, t in (("power", np.log(N[keep])), ("rate", N[keep]))
+    }
+    name = min(fits, key=lambda key: float(fits[key][1][0]) if len(fits[key][1]) else 0.0)
+    slope = float(fits[name][0][0])
+    last, n = float(steps[-1]), float(N[-1])
+    if name == "power":
+        rest = last * n / (-slope - 1.0) if slope < -1.0 else np.nan
+        return name, slope, float(values[-1] + rest)
+    ratio = float(np.exp(slope))
+    rest = last * ratio / (1.0 - ratio) if ratio < 1.0 else np.nan
+    return name, ratio, float(values[-1] + rest)
+
+
 class SteadyWatch:
     """Compares the ends of successive cycles and says when, and how, the response repeats itself.
 

@@ -190,6 +190,14 @@ def _checks(summary: Mapping[str, Any]) -> str:
     ]
     rows += [[head, words] for head, words in uniqueness_lines(summary)]
     rows += [[words, error] for words, error in accuracy.error_rows(summary)]
+    steady = summary["steady"]
+    if steady.get("dissipation_limit"):
+        rows.append(
+            [
+                f"extrapolated limit of the dissipation ({steady['trend']} law)",
+                html.value(steady["dissipation_limit"]),
+            ]
+        )
     rows += [line.split(": ", 1) for line in limit_lines(summary) + polygon_line(summary)]
     rows += [line.split(": ", 1) for line in corner_lines(headline_points(summary))]
     if ranges := limit_ranges(summary):

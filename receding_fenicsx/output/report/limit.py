@@ -69,7 +69,7 @@ def _found_lines(limit: Mapping[str, Any]) -> list[str]:
         f"{limit['residual']:.1e}"
     ]
     if limit.get("walk") is not None:
-        return lines
+        return [*lines, limit["reason"]]
     unique = {True: "the drifts have one limit only", False: "the drifts may have other limits"}
     words = unique.get(limit["unique"], "whether the drifts have other limits is not known")
     return [*lines, f"{words}: {limit['reason']}"]

@@ -10,6 +10,7 @@ import numpy as np
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
+from receding_fenicsx.interface.measures.steady import limit_of_decay
 from receding_fenicsx.interface.measures.zones import contact_zones
 from receding_fenicsx.output.plots.touching import limit_without_slip
 from receding_fenicsx.output.report.bolts import bolt_summary, loose_warnings
@@ -32,6 +33,9 @@ from receding_fenicsx.scene.validate import warnings
 
 FITTED_LEGS = 32
 """Largest number of legs of a cycle at whose turning points ends of zones are fitted."""
+
+TREND_CYCLES = 8
+"""Smallest number of cycles for a fitted trend of the dissipation."""
 
 FITTED_CYCLES = 20
 """Number of first cycles at whose turning points ends of zones are fitted, as in the last cycle. A
@@ -68,6 +72,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
             "cycle": int(steady.cycle),
             "kind": steady.kind,
             "period": int(steady.period),
+            **_trend(record),
         },
         "limit_without_slip": _limit_ranges(record),
         **_polygon(record),
@@ -133,6 +138,15 @@ def _symmetry(record: Record) -> str:
     if record.axisymmetric:
         return "axisymmetric"
     return "mirror" if record.half else "none"
+
+
+def _trend(record: Record) -> dict[str, Any]:
+    """Return trend and extrapolated limit of the dissipation if no steady state was reached."""
+    D = record.cycles.dissipation
+    if record.steady.reached or len(D) < TREND_CYCLES or not record.dissipates:
+        return {}
+    law, value, limit = limit_of_decay(D)
+    return {"trend": law, "trend_value": value, "dissipation_limit": limit}
 
 
 def _limit_ranges(record: Record) -> list[list[Any]]:

@@ -134,6 +134,11 @@ def _cycles(summary: Mapping[str, Any]) -> list[str]:
         lines.append(f"dissipation of cycle {len(D)} over cycle 1: {D[-1] / D[0]:.5f}")
     start = f", from cycle {steady['cycle']}, period {steady['period']}"
     lines.append(f"steady state: {steady['kind']}{start if steady['reached'] else ''}")
+    if steady.get("dissipation_limit"):
+        lines.append(
+            f"dissipation, {steady['trend']} law ({steady['trend_value']:.3g}): extrapolated limit "
+            f"{steady['dissipation_limit'] / D[0]:.4f} of cycle 1"
+        )
     return lines + limit_lines(summary) + polygon_line(summary)
 
 

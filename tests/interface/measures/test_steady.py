@@ -10,6 +10,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.measures.steady import (
     SteadyWatch,
     fit_power_law,
+    limit_of_decay,
     slip_exponents,
 )
 from receding_fenicsx.scene.model import SolverOptions
@@ -43,6 +44,35 @@ def test_zeros_do_not_enter_a_power_law_and_three_values_are_needed() -> None:
     assert fit_power_law(N, y).exponent == pytest.approx(-2.0)
     with pytest.raises(ValueError, match="at least three non-zero values"):
         fit_power_law(N, np.where(N < 3, 1.0, 0.0))
+
+
+@pytest.mark.parametrize("ratio", [0.5, 0.9])
+def test_a_geometric_decay_is_summed_to_its_limit(ratio: float) -> None:
+    n = np.arange(30)
+    name, rate, limit = limit_of_decay(4.0 + 3.0 * ratio**n)
+    assert name == "rate"
+    assert rate == pytest.approx(ratio, rel=1e-6)
+    assert limit == pytest.approx(4.0, abs=1e-6)
+
+
+def test_a_power_decay_is_summed_to_its_limit() -> None:
+    # sum of N^-2 to pi^2/6, of N^-3 to zeta(3)
+    for m, limit in ((2, np.pi**2 / 6), (3, 1.2020569031595942)):
+        values = np.cumsum(np.arange(1, 400) ** -float(m))
+        name, exponent, found = limit_of_decay(values)
+        assert name == "power"
+        assert exponent == pytest.approx(-m, rel=0.02)
+        # far closer than the last term of the sequence itself
+        assert abs(found - limit) < 0.02 * abs(values[-1] - limit)
+
+
+def test_a_decay_without_limit_has_none() -> None:
+    assert np.isnan(limit_of_decay(np.cumsum(1.0 / np.sqrt(np.arange(1, 100))))[2])
+    assert np.isnan(limit_of_decay(1.1 ** np.arange(40.0))[2])
+
+
+def test_a_sequence_that_stands_is_its_own_limit() -> None:
+    assert limit_of_decay(np.full(20, 2.5))[2] == 2.5
 
 
 # -- steady states from made-up ends of cycles ----------------------------------------------------
@@ -187,12 +217,16 @@ def test_a_held_contact_unloaded_in_every_cycle_is_found_steady() -> None:
 # -- the block ------------------------------------------------------------------------------------
 
 
-def test_the_block_reaches_cyclic_slip() -> None:
+def test_the_block_reaches_cyclic_slip_and_its_limit_is_foreseen() -> None:
     record = evolve(SMALL, cyclic(150))
+    D = record.cycles.dissipation
     assert record.steady.kind == "cyclic slip"
     n = record.steady.cycle
     assert np.all(record.steady.change[n - 2 : n] < 1e-8)
     assert record.steady.change[n - 3] >= 1e-8
+    name, _, limit = limit_of_decay(D[:40])
+    assert name == "rate"
+    assert abs(limit - D[-1]) < 0.2 * abs(D[39] - D[-1])
 
 
 def test_slip_exponents_fit_every_node_that_moves_in_every_cycle() -> None:
