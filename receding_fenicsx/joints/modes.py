@@ -24,14 +24,14 @@ import numpy as np
 import ufl
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.sparse.linalg import eigsh
+from scipy.sparse.linalg import ArpackError, eigsh
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx, condensation
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.two_bodies import Pair
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.errors import InputError, NotConverged, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.law import State
@@ -171,7 +171,10 @@ def _modes(
     if not number < len(free):
         raise InputError(f"drive: the bodies have fewer than {number} modes")
     ratio = K.diagonal().sum() / m.diagonal().sum()
-    squares, y = eigsh(K.tocsc(), number, m.tocsc(), sigma=SHIFT * ratio, v0=np.ones(len(free)))
+    try:
+        squares, y = eigsh(K.tocsc(), number, m.tocsc(), sigma=SHIFT * ratio, v0=np.ones(len(free)))
+    except ArpackError as error:
+        raise NotConverged(f"drive: the vibration modes were not found ({error})") from error
     order = np.argsort(squares)
     if squares[order[-1]] <= RIGID * ratio:
         raise InputError(f"drive: mode {number} moves the bodies rigidly; add a [[support]]")

@@ -182,10 +182,16 @@ class CattaneoMindlin:
 
         It is on the side of Q where the body that Q does not push is stretched. After a reversal
         e grows from zero again, to the same at the next one.
+
+        Raises:
+            ValueError: the stick zone reaches the end of the contact.
         """
         reversal = {"loading": 0.0, "unloading": self.largest, "reloading": -self.largest}[leg]
         part = abs(Q - reversal) / self.largest * (1.0 if leg == "loading" else 0.5)
-        return part * self.tension * self.hertz.a / (4.0 * self.f * self.hertz.p0)
+        e = part * self.tension * self.hertz.a / (4.0 * self.f * self.hertz.p0)
+        if abs(e) + self.stick_half_width(Q, leg) > self.hertz.a and e != 0.0:
+            raise ValueError("the tension is so large that one side of the contact does not slip")
+        return e
 
     def _part(self, Q: float) -> float:
         """Half width that sticks when Q is reached from rest: a sqrt(1 - Q / (f P))."""
@@ -221,7 +227,12 @@ class CattaneoMindlin:
         On the way from one reversal to the other, |q| = f p in c < |x| < a, and two points there
         slip by (2 f / R) int_c^x sqrt(t^2 - c^2) dt, where c is the stick half width at the
         reversals. The dissipation is the integral of f p times this slip, twice a cycle.
+
+        Raises:
+            ValueError: with tension.
         """
+        if self.tension:
+            raise ValueError("the dissipation under tension has no closed form here")
         c = self.stick_half_width(self.largest, "loading")
 
         def slip(x: float) -> float:

@@ -157,3 +157,13 @@ def test_largest_shear_below_hertzian_pressure_is_where_it_is_known_to_be() -> N
     shear = 0.5 * np.abs(stress[:, 0] - stress[:, 1]) / hertz.p0
     assert depth[np.argmax(shear)] == pytest.approx(0.786, abs=1e-3)
     assert shear.max() == pytest.approx(0.300, abs=5e-4)
+
+
+def test_forms_of_stretched_bodies_end_where_they_no_longer_hold() -> None:
+    hertz = closed_forms.Hertz(force=1.0, radius=100.0, modulus=110.0)
+    known = closed_forms.CattaneoMindlin(hertz, f=0.5, largest=0.3, tension=0.1)
+    with pytest.raises(ValueError, match="no closed form"):
+        known.dissipation()
+    large = closed_forms.CattaneoMindlin(hertz, f=0.5, largest=0.3, tension=3.0)
+    with pytest.raises(ValueError, match="does not slip"):
+        large.traction(0.0, 0.3, "loading")

@@ -24,6 +24,9 @@ OVERSHOT = 1e-10
 NO_STEP = 1e-2
 """Slip of a cycle, over that, with which the drifts have come to their end."""
 
+MAX_DRIFTING = 20_000
+"""Cycles of drifts, to first order, after which a limit counts as passed: it is not shown."""
+
 YES, NO, NOT_EXAMINED = 1, 0, -1
 
 
@@ -65,7 +68,8 @@ def is_overshot(found: Candidate) -> bool:
 
     To first order each cycle adds max(-m, 0) / M_ii to the drifts y, with m = m* + M (y - y*), and
     nothing takes them back. From y = 0 they end at the limit y* where no M_ij > 0 (i other than j):
-    it is the least solution. Elsewhere a node may pass it while others still drift.
+    it is the least solution. Elsewhere a node may pass it while others still drift. True also where
+    they drift for more than ``MAX_DRIFTING`` cycles.
     """
     if found.solution is None or not len(found.frozen.shifted):
         return False
@@ -73,12 +77,16 @@ def is_overshot(found: Candidate) -> bool:
     bound, diagonal = OVERSHOT * found.frozen.force / k, np.diag(M)
     if np.any(diagonal <= 0.0):
         return True
+    if np.all(M - np.diag(diagonal) <= 0.0):
+        return False
     y, m = np.zeros_like(limit), m - M @ limit
-    while np.all(y <= limit + bound):
+    for _ in range(MAX_DRIFTING):
         step = np.maximum(-m, 0.0) / diagonal
         if np.all(step <= NO_STEP * bound):
             return False
         y, m = y + step, m + M @ step
+        if np.any(y > limit + bound):
+            break
     return True
 
 
