@@ -12,7 +12,7 @@ from receding_fenicsx.bulk.material import unit_stress
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.probes.shape_functions import reference, tabulated
 from receding_fenicsx.scene.model import Load, Scene
-from receding_fenicsx.scene.profiles import evaluate
+from receding_fenicsx.scene.profiles import evaluate_checked
 
 GAUSS_POINTS = 6
 """Points along each side of a cell: polynomials of degree 10 are integrated exactly."""
@@ -53,7 +53,9 @@ def domain_forces(
     jacobian = np.einsum("kqv,cvi->cqik", along, corners)
     volume = weight * np.abs(np.linalg.det(jacobian))
     if load.body_force is not None:
-        density = [evaluate(part, points[..., 0], points[..., 1]) for part in load.body_force]
+        where = f"{load.label} body_force"
+        x, y = np.moveaxis(points, -1, 0)
+        density = [evaluate_checked(part, x, y, where) for part in load.body_force]
         if scene.axisymmetric:
             volume = volume * points[..., 0]
         return nodes, np.einsum("cq,qn,icq->cni", volume, shape, np.array(density))

@@ -6,7 +6,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.scene.model import Load, Scene
-from receding_fenicsx.scene.profiles import evaluate
+from receding_fenicsx.scene.profiles import evaluate_checked
 
 
 def thermal_strain(scene: Scene, load_names: tuple[str, ...], points: Array) -> Array:
@@ -27,4 +27,5 @@ def thermal_strain(scene: Scene, load_names: tuple[str, ...], points: Array) -> 
 def strain_of(load: Load, points: Array) -> Array:
     """Return the thermal strain (...) of one load at points (..., 2)."""
     assert load.thermal_strain is not None
-    return evaluate(load.thermal_strain, points[..., 0], points[..., 1])
+    x, y = np.moveaxis(points, -1, 0)
+    return evaluate_checked(load.thermal_strain, x, y, f"{load.label} thermal_strain")
