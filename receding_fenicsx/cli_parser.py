@@ -48,13 +48,8 @@ def make_parser(root: bool) -> argparse.ArgumentParser:
 
 def _run(added: argparse.ArgumentParser) -> None:
     _scene(added)
-    added.add_argument("--out", required=True, metavar="DIR", help="output folder")
-    added.add_argument("--overwrite", action="store_true", help="replace an earlier run")
-    added.add_argument(
-        "--resume",
-        action="store_true",
-        help="continue an interrupted run, or extend a finished run by more cycles",
-    )
+    _out(added, "output folder", "an earlier run")
+    _resume(added, "continue an interrupted run, or extend a finished run by more cycles")
     added.add_argument(
         "--system",
         metavar="FILE",
@@ -92,8 +87,7 @@ def _run(added: argparse.ArgumentParser) -> None:
 
 def _condense(added: argparse.ArgumentParser) -> None:
     _scene(added)
-    added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the system")
-    added.add_argument("--overwrite", action="store_true", help="replace the file")
+    _out_file(added, "system")
     _verbose(added)
 
 
@@ -107,24 +101,18 @@ def _sweep(added: argparse.ArgumentParser) -> None:
         help="values of one key, as for --set: a list 0,0.25,0.5 or a range first:last:number, as "
         "in contact.friction=0.1:0.9:9; may be repeated: all combinations are run",
     )
-    added.add_argument(
-        "--out",
-        required=True,
-        metavar="DIR",
-        help="folder for sweep.csv (a row for each case), sweep.json (scene, keys, versions) and "
+    _cases(
+        added,
+        "folder for sweep.csv (a row for each case), sweep.json (scene, keys, versions) and "
         "cases.jsonl (finished cases, to resume from)",
+        "sweep",
     )
-    _cases(added, "sweep")
     _verbose(added)
 
 
-def _cases(added: argparse.ArgumentParser, what: str) -> None:
-    added.add_argument("--overwrite", action="store_true", help=f"replace an earlier {what}")
-    added.add_argument(
-        "--resume",
-        action="store_true",
-        help=f"continue an interrupted {what}; values may have been added",
-    )
+def _cases(added: argparse.ArgumentParser, out: str, what: str) -> None:
+    _out(added, out, f"an earlier {what}")
+    _resume(added, f"continue an interrupted {what}; values may have been added")
     added.add_argument(
         "--workers",
         type=int,
@@ -136,8 +124,7 @@ def _cases(added: argparse.ArgumentParser, what: str) -> None:
 
 def _shakedown(added: argparse.ArgumentParser) -> None:
     _scene(added)
-    added.add_argument("--out", required=True, metavar="DIR", help="output folder")
-    added.add_argument("--overwrite", action="store_true", help="replace an earlier study")
+    _out(added, "output folder", "an earlier study")
     _verbose(added)
 
 
@@ -158,13 +145,8 @@ def _joint(added: argparse.ArgumentParser) -> None:
     added.add_argument(
         "--count", type=int, default=30, metavar="N", help="number of amplitudes, log spaced (30)"
     )
-    added.add_argument(
-        "--out",
-        required=True,
-        metavar="DIR",
-        help="folder for joint.csv (a row for each amplitude), joint.json and joint.png",
-    )
-    _cases(added, "curve")
+    out = "folder for joint.csv (a row for each amplitude), joint.json and joint.png"
+    _cases(added, out, "curve")
     _verbose(added)
 
 
@@ -192,14 +174,12 @@ def _animate(added: argparse.ArgumentParser) -> None:
 
 def _import(added: argparse.ArgumentParser) -> None:
     added.add_argument("specification", metavar="IMPORT.toml", help="names of matrices and nodes")
-    added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the system")
-    added.add_argument("--overwrite", action="store_true", help="replace the file")
+    _out_file(added, "system")
 
 
 def _export(added: argparse.ArgumentParser) -> None:
     added.add_argument("source", metavar="DIR|SYSTEM", help="run folder, or file of a saved system")
-    added.add_argument("--out", required=True, metavar="FILE", help="HDF5 file of the load step")
-    added.add_argument("--overwrite", action="store_true", help="replace the file")
+    _out_file(added, "load step")
     added.add_argument(
         "--matrices",
         action="store_true",
@@ -228,6 +208,19 @@ def _scene(added: argparse.ArgumentParser) -> None:
         dest="overrides",
         help="change a value of the scene (load.NAME.key=value for loads); may be repeated",
     )
+
+
+def _out(added: argparse.ArgumentParser, text: str, earlier: str, metavar: str = "DIR") -> None:
+    added.add_argument("--out", required=True, metavar=metavar, help=text)
+    added.add_argument("--overwrite", action="store_true", help=f"replace {earlier}")
+
+
+def _out_file(added: argparse.ArgumentParser, what: str) -> None:
+    _out(added, f"HDF5 file of the {what}", "the file", "FILE")
+
+
+def _resume(added: argparse.ArgumentParser, text: str) -> None:
+    added.add_argument("--resume", action="store_true", help=text)
 
 
 def _run_folder(added: argparse.ArgumentParser) -> None:

@@ -74,12 +74,8 @@ def snapshot(
         return scene, shown_instant(scene, system, record, (cycle, leg, at))
 
     scene, instant = comm.bcast(mpi.on_root(comm, find))
-    bulk = picture_body(scene, comm)
-    try:
-        with timer("pictures"):
-            return snapshots(bulk, [instant], folder / "snapshots", say=timer.say)
-    finally:
-        bulk.destroy()
+    with picture_body(scene, comm) as bulk, timer("pictures"):
+        return snapshots(bulk, [instant], folder / "snapshots", say=timer.say)
 
 
 def animate(
@@ -120,13 +116,9 @@ def animate(
         return scene, animation.Scenario(instants, time)
 
     scene, scenario = comm.bcast(mpi.on_root(comm, find))
-    bulk = picture_body(scene, comm)
-    try:
-        with timer("pictures"):
-            file = folder / "animations" / f"cycle{cycle:04d}_{stress}"
-            return animation.animate(bulk, scenario, quantity, file, timer.say)
-    finally:
-        bulk.destroy()
+    file = folder / "animations" / f"cycle{cycle:04d}_{stress}"
+    with picture_body(scene, comm) as bulk, timer("pictures"):
+        return animation.animate(bulk, scenario, quantity, file, timer.say)
 
 
 def draw_slip_mode(
@@ -151,12 +143,8 @@ def draw_slip_mode(
     """
     with drawing_modules():
         from receding_fenicsx.output.snapshots import mode
-    comm = comm or world()
-    bulk = picture_body(scene, comm)
-    try:
+    with picture_body(scene, comm or world()) as bulk:
         return mode.draw(bulk, critical, Path(file))
-    finally:
-        bulk.destroy()
 
 
 @dataclass(frozen=True)
@@ -227,10 +215,20 @@ class Drawing:
         """
         if not self.wanted.figures:
             return
-        mpi.on_root(self.comm, lambda: self._begin_figures(mpi.given(record), mpi.given(folder)))
+        comm = self.comm
+        mpi.on_root(comm, lambda: self._begin_figures(mpi.given(record), mpi.given(folder)))
         if self.wanted.body:
-            self._draw_body(scene, system, record, folder)
-        mpi.on_root(self.comm, self._finish_figures)
+            with drawing_modules():
+                from receding_fenicsx.output.snapshots import colours
+                from receding_fenicsx.output.snapshots.draw import snapshots
+
+            def choose() -> list[Instant]:
+                return default_instants(scene, mpi.given(system), mpi.given(record))
+
+            instants, place = comm.bcast((mpi.on_root(comm, choose), folder))
+            with picture_body(scene, comm) as fine:
+                snapshots(fine, instants, place / "snapshots", colours.DEFAULT_QUANTITIES, self.say)
+        mpi.on_root(comm, self._finish_figures)
 
     def _begin_figures(self, record: Record, folder: Path) -> None:
         """Begin to draw the figures beside; draw them here where no process can do it."""
@@ -251,40 +249,23 @@ class Drawing:
         if self.say is not None:
             self.say(f"figures: {done + 1}, {name}")
 
-    def _draw_body(
-        self,
-        scene: Scene,
-        system: ContactSystem | None,
-        record: Record | None,
-        folder: Path | None,
-    ) -> None:
-        """Draw the default snapshots of the body; collective."""
-        with drawing_modules():
-            from receding_fenicsx.output.snapshots import colours
-            from receding_fenicsx.output.snapshots.draw import snapshots
 
-        def choose() -> list[Instant]:
-            return default_instants(scene, mpi.given(system), mpi.given(record))
-
-        instants, place = self.comm.bcast((mpi.on_root(self.comm, choose), folder))
-        fine = picture_body(scene, self.comm)
-        try:
-            snapshots(fine, instants, place / "snapshots", colours.DEFAULT_QUANTITIES, self.say)
-        finally:
-            fine.destroy()
-
-
-def picture_body(scene: Scene, comm: MPI.Comm) -> Bodies:
-    """Return the body on a mesh for pictures: the same contact nodes, finer inside.
+@contextlib.contextmanager
+def picture_body(scene: Scene, comm: MPI.Comm) -> Iterator[Bodies]:
+    """Yield the body on a mesh for pictures: the same contact nodes, finer inside.
 
     Fringes and the stresses near the ends of a load need a finer mesh than the contact.
     """
-    if not all(body.is_rectangle for body in scene.bodies):
-        # a mesh of the user's own is not refined, a half-plane has none
-        return bulk_of(scene, comm, Timer())
-    cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
-    growth = min(scene.mesh.growth, PICTURE_GROWTH[cells > PICTURE_CELLS])
-    return bulk_of(replace(scene, mesh=replace(scene.mesh, growth=growth)), comm, Timer())
+    # a mesh of the user's own is not refined, a half-plane has none
+    if all(body.is_rectangle for body in scene.bodies):
+        cells = scene.mesh.contact_elements**2 * scene.body.height / scene.body.width
+        growth = min(scene.mesh.growth, PICTURE_GROWTH[cells > PICTURE_CELLS])
+        scene = replace(scene, mesh=replace(scene.mesh, growth=growth))
+    bulk = bulk_of(scene, comm, Timer())
+    try:
+        yield bulk
+    finally:
+        bulk.destroy()
 
 
 def default_instants(scene: Scene, system: ContactSystem, record: Record) -> list[Instant]:

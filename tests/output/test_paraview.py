@@ -11,6 +11,7 @@ from mpi4py import MPI
 import meshio
 import numpy as np
 import pytest
+from pictured import small_block
 
 from receding_fenicsx import environment, study
 from receding_fenicsx.bulk.fields import gather_cell_stresses, gather_fields, solve_fields
@@ -24,9 +25,7 @@ from receding_fenicsx.output.snapshots.vertices import merge_axis
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact
 from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Material, Scene, Support
-from receding_fenicsx.scene.toml_file import read_scene
 
-BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 COMM = MPI.COMM_WORLD
 LEGS = {0.5: (0, "0"), 1.5: (1, "0"), 2.0: (1, "1")}
 """Cycle and leg of the instants by their time."""
@@ -47,14 +46,9 @@ for time in reader.time_values:
 """Prints, for each time, what pyvista (with VTK's reader of XDMF) finds."""
 
 
-def block(symmetry: str) -> Scene:
-    text = ["mesh.contact_elements=16", "history.cycles=1", f'solver.symmetry="{symmetry}"']
-    return read_scene(BLOCK, text)
-
-
 def two_blocks() -> Scene:
     """The block on a wider and higher one, with a gap that opens outwards."""
-    scene = block("auto")
+    scene = small_block()
     return replace(
         scene,
         body=replace(scene.body, name="upper", position=(0.0, 2.0)),
@@ -79,21 +73,20 @@ def grids(scene: Scene, places: dict[float, tuple[int, str]]) -> dict[float, tup
         return [instant_of(scene, system, record, c, leg) for c, leg in places.values()], ends
 
     instants, ends = COMM.bcast(on_root(COMM, evolved))
-    bulk = picture_body(scene, COMM)
     found = {}
-    for time, now, end in zip(places, instants, ends, strict=True):
-        parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
-        fields, cells = gather_fields(parts), gather_cell_stresses(parts)
-        if fields is not None and cells is not None:
-            merged = merge_axis(fields) if bulk.body.half else fields
-            found[time] = grid_of(merged, cells, whole_contact(bulk, now)), end
-    bulk.destroy()
+    with picture_body(scene, COMM) as bulk:
+        for time, now, end in zip(places, instants, ends, strict=True):
+            parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
+            fields, cells = gather_fields(parts), gather_cell_stresses(parts)
+            if fields is not None and cells is not None:
+                merged = merge_axis(fields) if bulk.body.half else fields
+                found[time] = grid_of(merged, cells, whole_contact(bulk, now)), end
     return COMM.bcast(found)
 
 
 @pytest.fixture(scope="module")
 def half() -> dict[float, tuple[Grid, Moment]]:
-    return grids(block("auto"), LEGS)
+    return grids(small_block(), LEGS)
 
 
 def cells_of(grid: Grid) -> np.ndarray[Any, Any]:
@@ -152,7 +145,7 @@ def test_stresses_on_the_edge_balance_the_tractions(half: dict[float, tuple[Grid
 
 
 def test_completed_half_is_the_whole_body(half: dict[float, tuple[Grid, Moment]]) -> None:
-    whole = grids(block("none"), {1.5: LEGS[1.5]})
+    whole = grids(small_block("none"), {1.5: LEGS[1.5]})
     for time, (b, _) in whole.items():
         a, _ = half[time]
         assert len(a.points) == len(b.points) and np.ptp(a.points[:, 0]) == pytest.approx(4.0)

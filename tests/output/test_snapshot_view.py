@@ -16,12 +16,12 @@ from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex, to_rgba_array
 from matplotlib.figure import Figure
+from pictured import instant_of_row, view_at
 
 from receding_fenicsx import evolve, read_scene, study
-from receding_fenicsx.bulk.fields import Fields, fields_at
+from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.law import Friction, State
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.mpi import given, on_root
@@ -30,8 +30,8 @@ from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, sc
 from receding_fenicsx.output.snapshots.layout import layout_of
 from receding_fenicsx.output.snapshots.load_arrows import Arrows
 from receding_fenicsx.output.snapshots.page import compose
-from receding_fenicsx.output.snapshots.view import Strip, View, view_of
-from receding_fenicsx.pictures import picture_body, shown_instant
+from receding_fenicsx.output.snapshots.view import Strip, View
+from receding_fenicsx.pictures import shown_instant
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -60,22 +60,9 @@ BLOCK = Scene(
 
 def seen(scene: Scene, row: int = 1) -> tuple[View, Fields, Record] | None:
     """View, fields and record of a turning point, on rank 0."""
-    system = study.condense(scene, COMM)
-
-    def make() -> tuple[Record, Instant]:
-        assert system is not None
-        record = evolve(system, scene)
-        table, state = record.turning_points, turning_point(record, system, row)
-        cycle, leg = int(table.cycle[row]), int(table.leg[row])
-        return record, Instant(cycle, leg, 1.0, table.load[row], state.v, state)
-
-    record, now = COMM.bcast(on_root(COMM, make))
-    bulk = picture_body(scene, COMM)
-    try:
-        found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
-        return None if found is None else (view_of(bulk, found, now), found, record)
-    finally:
-        bulk.destroy()
+    record, now = instant_of_row(scene, row)
+    made = view_at(scene, now)
+    return None if made is None else (*made, record)
 
 
 @pytest.mark.parametrize("symmetry", ["auto", "none"])
@@ -156,14 +143,10 @@ def test_steady_zones_that_only_touch_their_limit_are_alike_in_all_pictures() ->
         return record, shown_instant(scene, given(system), record, (60, "unloading", 1.0))
 
     record, now = COMM.bcast(on_root(COMM, make))
-    bulk = picture_body(scene, COMM)
-    try:
-        fields = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
-        view = None if fields is None else view_of(bulk, fields, now)
-    finally:
-        bulk.destroy()
-    if view is None:
+    made = view_at(scene, now)
+    if made is None:
         return
+    view, _ = made
     low = record.at(60, "minimum")
     # the path itself has slips far below those that anything shows
     slips = np.isin(low.state, (State.FORWARD_SLIP, State.BACKWARD_SLIP))

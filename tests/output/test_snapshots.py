@@ -11,51 +11,27 @@ import numpy as np
 import pytest
 from bodies import make_mesh
 from matplotlib.colors import to_rgb
+from pictured import instant_of_row, small_block, view_at
 from PIL import Image
 
-from receding_fenicsx import read_scene, study
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.instants import Instant
-from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, fringe_value
 from receding_fenicsx.output.snapshots.draw import snapshots
 from receding_fenicsx.output.snapshots.render import Picture, Renderer, renderer
-from receding_fenicsx.output.snapshots.view import view_of
 from receding_fenicsx.pictures import picture_body
-from receding_fenicsx.scene.model import Load, Material, Scene
+from receding_fenicsx.scene.model import Load, Material
 
-BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 COMM = MPI.COMM_WORLD
-
-
-def small_block(symmetry: str) -> Scene:
-    """Return the block on a coarse mesh, loaded once."""
-    text = ["mesh.contact_elements=16", "history.cycles=1", f'solver.symmetry="{symmetry}"']
-    return read_scene(BLOCK, text)
-
-
-def instant(scene: Scene) -> Instant | None:
-    """Return the block at one third of the load, on rank 0."""
-    system = study.condense(scene, COMM)
-
-    def make() -> Instant:
-        assert system is not None
-        record = evolve(system, scene)
-        state = turning_point(record, system, 1)
-        return Instant(1, 0, 1.0, record.turning_points.load[1], state.v, state)
-
-    return on_root(COMM, make)
 
 
 def fields(symmetry: str) -> Fields | None:
     """Return the fields of the whole body from a half or a whole model."""
     scene = small_block(symmetry)
-    now = COMM.bcast(instant(scene))
+    _, now = instant_of_row(scene)
     half = symmetry == "auto"
     bulk = elasticity.build(scene, make_mesh(COMM, scene, half))
     try:
@@ -90,13 +66,10 @@ def test_fields_of_the_half_body_mirrored_are_those_of_the_whole_body() -> None:
 
 def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Path) -> None:
     chosen = tuple(q for q in QUANTITIES if q.name in ("syy", "max_shear"))
-    scene = small_block("auto")
-    now = COMM.bcast(instant(scene))
-    bulk = picture_body(scene, COMM)
-    try:
+    scene = small_block()
+    _, now = instant_of_row(scene)
+    with picture_body(scene, COMM) as bulk:
         made = snapshots(bulk, [now], shared_tmp_path / "snapshots", chosen)
-    finally:
-        bulk.destroy()
     if COMM.rank != 0:
         assert made is None
         return
@@ -179,17 +152,11 @@ def test_renderer_that_crashes_is_said_and_replaced() -> None:
 
 
 def test_view_is_of_the_whole_body_without_a_seam() -> None:
-    scene = small_block("auto")
-    now = COMM.bcast(instant(scene))
-    bulk = picture_body(scene, COMM)
-    try:
-        found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
-        if COMM.rank != 0:
-            return
-        assert found is not None
-        view = view_of(bulk, found, now)
-    finally:
-        bulk.destroy()
+    made = view_at(small_block(), instant_of_row(small_block())[1])
+    assert (made is None) == (COMM.rank > 0)
+    if made is None:
+        return
+    view, _ = made
     width, height = 4.0, 1.0
     ends = view.points[view.edges]
     # the outline is the rectangle's, so the axis is none of it
@@ -219,17 +186,12 @@ def test_view_is_of_the_whole_body_without_a_seam() -> None:
     ],
 )
 def test_loads_on_a_cylinder_are_drawn_on_both_sides_of_its_axis(load: Load) -> None:
-    scene = small_block("auto")
+    scene = small_block()
     scene = replace(scene, loads=(load,), material=Material(kinematics="axisymmetric"))
-    now = COMM.bcast(instant(scene))
-    bulk = picture_body(scene, COMM)
-    try:
-        found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
-        view = None if found is None else view_of(bulk, found, now)
-    finally:
-        bulk.destroy()
-    if view is None:
+    made = view_at(scene, instant_of_row(scene)[1])
+    if made is None:
         return
+    view, _ = made
     if load.displacement is not None:
         assert view.arrows == []
         return
@@ -273,15 +235,14 @@ def test_missing_renderer_is_said_before_vtk_is_loaded(
 ) -> None:
     import ctypes.util
 
-    scene = small_block("auto")
-    now = COMM.bcast(instant(scene))
+    scene = small_block()
+    _, now = instant_of_row(scene)
     monkeypatch.setattr(ctypes.util, "find_library", lambda name: None)
-    bulk = picture_body(scene, COMM)
-    try:
-        with pytest.raises(RecedingError, match="no off-screen renderer"):
-            snapshots(bulk, [now], shared_tmp_path / "snapshots")
-    finally:
-        bulk.destroy()
+    with (
+        picture_body(scene, COMM) as bulk,
+        pytest.raises(RecedingError, match="no off-screen renderer"),
+    ):
+        snapshots(bulk, [now], shared_tmp_path / "snapshots")
 
 
 def test_half_of_the_area_lies_below_the_middle_colour_however_fine_the_mesh_is() -> None:
