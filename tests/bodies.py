@@ -10,6 +10,7 @@ import numpy as np
 from dolfinx import fem
 from numpy.typing import NDArray
 
+import receding_fenicsx as rf
 from receding_fenicsx import study
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.back_substitution import back_substitute, sides_of
@@ -17,18 +18,6 @@ from receding_fenicsx.bulk.body import Bulk, gather_contact
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.two_bodies import Pair
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.mpi import given
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    Scene,
-)
 
 Array = NDArray[np.float64]
 
@@ -36,8 +25,8 @@ CELLS = ("triangle", "quadrilateral")
 
 RADIUS = 2.0
 YOUNG, NU = 2.0, 0.3
-ROUND = Material(YOUNG, NU, "axisymmetric")
-ONCE = HistoryOptions(kind="monotonic")
+ROUND = rf.Material(YOUNG, NU, "axisymmetric")
+ONCE = rf.HistoryOptions(kind="monotonic")
 
 
 def block(
@@ -45,36 +34,36 @@ def block(
     degree: int = 1,
     elements: int = 16,
     growth: float = 1.3,
-    load: Load | None = None,
+    load: rf.Load | None = None,
     **parts: object,
-) -> Scene:
+) -> rf.Scene:
     """The paper's block, coarse: 4 by 1, pressed over the middle half of its top.
 
     ``parts`` replace fields of the scene.
     """
-    scene = Scene(
-        body=Body(width=4.0, height=1.0),
-        material=Material(young=2.0, poisson=0.3),
-        mesh=MeshOptions(contact_elements=elements, cell=cell, degree=degree, growth=growth),
-        loads=(load or Load("p0", "top", (-1.0, 1.0), pressure=1.0),),
+    scene = rf.Scene(
+        body=rf.Body(width=4.0, height=1.0),
+        material=rf.Material(young=2.0, poisson=0.3),
+        mesh=rf.MeshOptions(contact_elements=elements, cell=cell, degree=degree, growth=growth),
+        loads=(load or rf.Load("p0", "top", (-1.0, 1.0), pressure=1.0),),
     )
     return replace(scene, **parts)  # type: ignore[arg-type]
 
 
-def cylinder(cell: str = "triangle", degree: int = 1, **parts: object) -> Scene:
+def cylinder(cell: str = "triangle", degree: int = 1, **parts: object) -> rf.Scene:
     """A cylinder of radius 2 and height 1 on a smooth plane, pressed over all of its top."""
-    smooth = {"contacts": (Contact(friction=0.0),), "material": ROUND, "history": ONCE}
-    scene = block(cell, degree, load=Load("p", "top", pressure=1.0))
+    smooth = {"contacts": (rf.Contact(friction=0.0),), "material": ROUND, "history": ONCE}
+    scene = block(cell, degree, load=rf.Load("p", "top", pressure=1.0))
     return replace(scene, **(smooth | parts))  # type: ignore[arg-type]
 
 
-def make_mesh(comm: MPI.Comm, scene: Scene, half: bool) -> BodyMesh:
+def make_mesh(comm: MPI.Comm, scene: rf.Scene, half: bool) -> BodyMesh:
     """Mesh the only body of a scene."""
     (mesh,) = make_meshes(comm, scene, half)
     return mesh
 
 
-def built(scene: Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Bulk:
+def built(scene: rf.Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Bulk:
     """Mesh and assemble."""
     return build(scene, make_mesh(comm, scene, half))
 
@@ -156,8 +145,8 @@ def reactions(bulk: Bulk, load: Array | None, displacement: fem.Function) -> Arr
     return None if gathered is None else bulk.contact.to_local(gathered[:, 0])
 
 
-def played(scene: Scene) -> Record:
+def played(scene: rf.Scene) -> rf.Record:
     """The record of a scene, on every rank."""
     system = study.condense(scene, MPI.COMM_WORLD)
-    record = evolve(system, scene) if system is not None else None
-    return given(MPI.COMM_WORLD.bcast(record))
+    record = rf.evolve(system, scene) if system is not None else None
+    return rf.given(MPI.COMM_WORLD.bcast(record))

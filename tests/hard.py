@@ -16,14 +16,9 @@ import numpy as np
 from enumeration import confirmed
 from law import worst_slip, worst_violation
 
-from receding_fenicsx.errors import NoQuasiStaticContinuation, RecedingError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
+import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import States
 from receding_fenicsx.interface.normal_form import eliminate_tangential
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 SOLVED, SLIDES, LIFTS, PULLS = "solved", "gross sliding", "lift-off", "pull the body off"
 TIPS = "overturning"
@@ -63,18 +58,18 @@ class Tally:
 
     def solve(
         self,
-        system: ContactSystem,
-        history: History,
-        solver: SolverOptions | None = None,
+        system: rf.ContactSystem,
+        history: rf.History,
+        solver: rf.SolverOptions | None = None,
         initial_slip: np.ndarray | None = None,
-        output: OutputOptions | None = None,
-    ) -> Record:
+        output: rf.OutputOptions | None = None,
+    ) -> rf.Record:
         """Evolve a system of kind "frictional" and check every kept instant."""
-        output = output or OutputOptions(samples_per_leg=24, cycles=(0, 1, 2, history.cycles))
+        output = output or rf.OutputOptions(samples_per_leg=24, cycles=(0, 1, 2, history.cycles))
         played = system if np.any(system.f) else eliminate_tangential(system)
         try:
-            record = evolve(played, history, solver, output, initial_slip)
-        except NoQuasiStaticContinuation as error:
+            record = rf.evolve(played, history, solver, output, initial_slip)
+        except rf.NoQuasiStaticContinuation as error:
             self._confirm(system, history, error)
             raise
         part = modelled(system, record)
@@ -91,17 +86,17 @@ class Tally:
         return record
 
     def _confirm(
-        self, system: ContactSystem, history: History, refusal: NoQuasiStaticContinuation
+        self, system: rf.ContactSystem, history: rf.History, refusal: rf.NoQuasiStaticContinuation
     ) -> None:
         """Raise Wrong where the path goes on although it is said to end."""
         try:
             ends = confirmed(system, history, refusal)
-        except RecedingError as error:
+        except rf.RecedingError as error:
             raise Wrong(f"ends even before the place that is named: {error}") from error
         require(ends, f"refused, but a way on exists: {refusal}")
 
 
-def modelled(system: ContactSystem, record: Record) -> Record:
+def modelled(system: rf.ContactSystem, record: rf.Record) -> rf.Record:
     """Cut a record of the whole contact, or of the full circle, down to what was modelled."""
     if system.axisymmetric:
         part = {name: getattr(record.samples, name) / (2.0 * np.pi) for name in ("P", "Q")}
@@ -118,7 +113,7 @@ def modelled(system: ContactSystem, record: Record) -> Record:
     return replace(record, samples=cut(record.samples))
 
 
-def dissipation_difference(record: Record) -> float:
+def dissipation_difference(record: rf.Record) -> float:
     """Compare the dissipation of the kept cycles with the trapezoidal rule over their samples."""
     s, D = record.samples, record.cycles.dissipation
     worst = 0.0
@@ -172,7 +167,7 @@ def judge(case: Case) -> Outcome:
         outcome, fine = SOLVED, SOLVED in allowed
     except Wrong as error:
         outcome, said, fine = "WRONG", str(error), False
-    except RecedingError as error:
+    except rf.RecedingError as error:
         outcome, said = "refused", str(error)
         fine = any(word in said for word in allowed)
     except Exception as error:

@@ -15,12 +15,8 @@ from law import random_system
 from models import block_system, grid_system
 from small import cyclic, small_system, table
 
+import receding_fenicsx as rf
 from receding_fenicsx import study
-from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.model import Load, SolverOptions
-from receding_fenicsx.scene.toml_file import read_scene
 
 BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
 
@@ -28,9 +24,9 @@ BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
 
 
 @cache
-def body(*overrides: str) -> ContactSystem:
+def body(*overrides: str) -> rf.ContactSystem:
     """Condense the paper's block, 41 nodes of half of it, with friction."""
-    scene = read_scene(BLOCK, ["mesh.contact_elements=40", *overrides])
+    scene = rf.read_scene(BLOCK, ["mesh.contact_elements=40", *overrides])
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
     return system
@@ -40,13 +36,13 @@ WHOLE = 'solver.symmetry="none"'
 
 
 @cache
-def pushed_block(pull: bool = False) -> ContactSystem:
+def pushed_block(pull: bool = False) -> rf.ContactSystem:
     """Condense the block with a second load: shear on its left side, or a pull on its top."""
-    scene = read_scene(BLOCK, ["mesh.contact_elements=40"])
+    scene = rf.read_scene(BLOCK, ["mesh.contact_elements=40"])
     second = (
-        Load("second", "top", (-1.0, 1.0), pressure=-1.0)
+        rf.Load("second", "top", (-1.0, 1.0), pressure=-1.0)
         if pull
-        else Load("second", "left", None, traction=(1.0, 0.0))
+        else rf.Load("second", "left", None, traction=(1.0, 0.0))
     )
     history = replace(scene.history, load="p0")
     scene = replace(scene, loads=(*scene.loads, second), history=history)
@@ -61,7 +57,7 @@ def pushed_block(pull: bool = False) -> ContactSystem:
     return system
 
 
-def with_friction(system: ContactSystem, f: float) -> ContactSystem:
+def with_friction(system: rf.ContactSystem, f: float) -> rf.ContactSystem:
     """Change the coefficient of friction."""
     return replace(system, f=np.full(system.n, f))
 
@@ -71,7 +67,7 @@ def summed(D: np.ndarray) -> str:
     return f"D_n/D_1 = {D[-1] / D[0]:.6f}" if len(D) and D[0] > 0.0 else "no dissipation"
 
 
-def differ(a: Record, b: Record, scale: float = 1.0) -> float:
+def differ(a: rf.Record, b: rf.Record, scale: float = 1.0) -> float:
     """Return the largest difference of nodal forces at turning points, over the largest force.
 
     The forces of ``b`` are multiplied by ``scale``.
@@ -221,7 +217,7 @@ def spiral(tally: Tally) -> str:
 # -- refusals -------------------------------------------------------------------------------------
 
 
-def load_named(error: RecedingError, which: int) -> float:
+def load_named(error: rf.RecedingError, which: int) -> float:
     """Read the load factor out of a refusal."""
     text = str(error)
     return float(text[text.index("[") + 1 : text.index("]")].split(",")[which])
@@ -233,7 +229,7 @@ def slide(f: float, tally: Tally) -> str:
     path = table(system, [[0, 0], [1, 0], [1, 3 * f]])
     try:
         tally.solve(system, path)
-    except RecedingError as error:
+    except rf.RecedingError as error:
         at = load_named(error, 1)
         require(abs(at - 2.0 * f) <= 1e-7 * f, f"slides at {at:.9g}, not at {2.0 * f:.9g}")
         raise
@@ -253,7 +249,7 @@ def lift(tally: Tally) -> str:
     system = pushed_block(True)
     try:
         tally.solve(system, table(system, [[0, 0], [1, 0], [1, 2]]))
-    except RecedingError as error:
+    except rf.RecedingError as error:
         at = load_named(error, 1)
         require(abs(at - 1.0) <= 1e-7, f"lifts off at {at:.9g}, not at 1")
         raise
@@ -372,7 +368,7 @@ def strong_random(seed: int, tally: Tally, on_jump: str = "stop") -> str:
     rng = np.random.default_rng(seed)
     corners = rng.uniform([0.3, -1.0], [1.5, 1.0], (4, 2))
     history = table(system, np.vstack([np.zeros(2), corners]))
-    record = tally.solve(system, history, SolverOptions(on_jump=on_jump))
+    record = tally.solve(system, history, rf.SolverOptions(on_jump=on_jump))
     return f"{record.n_events} changes of state"
 
 
@@ -408,7 +404,7 @@ def gauss_seidel(f: float, tally: Tally) -> str:
     """Let both methods play the same cycles."""
     system = with_friction(body(), f)
     exact = tally.solve(system, cyclic(2))
-    steps = tally.solve(system, cyclic(2), SolverOptions("gauss-seidel", steps_per_leg=80))
+    steps = tally.solve(system, cyclic(2), rf.SolverOptions("gauss-seidel", steps_per_leg=80))
     off = differ(exact, steps)
     require(off <= 5e-3, f"methods differ by {off:.1e}")
     return f"80 steps a leg differ by {off:.0e}"

@@ -12,53 +12,38 @@ import numpy as np
 from hard import HOVERS, JUMPS, PULLS, SLIDES, SOLVED, TIPS, Case, Tally, require
 from hard_block import load_named, summed, with_friction
 
+import receding_fenicsx as rf
 from receding_fenicsx import study
-from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import from_scene
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    Scene,
-    SolverOptions,
-    Support,
-)
-from receding_fenicsx.scene.validate import validate
 
 Path_ = tuple[tuple[float, ...], ...]
 
-PRESSED = Load("p", "top", (-1.0, 1.0), pressure=1.0)
+PRESSED = rf.Load("p", "top", (-1.0, 1.0), pressure=1.0)
 CYCLE: tuple[Path_, Path_] = (((1.0,),), ((1.0 / 3.0,), (1.0,)))
 TO_ZERO: tuple[Path_, Path_] = (((1.0,),), ((0.0,), (1.0,)))
-WHOLE = SolverOptions(symmetry="none")
+WHOLE = rf.SolverOptions(symmetry="none")
 
 
-def scene_of(loads: tuple[Load, ...], path: tuple[Path_, Path_], **parts: Any) -> Scene:
+def scene_of(loads: tuple[rf.Load, ...], path: tuple[Path_, Path_], **parts: Any) -> rf.Scene:
     """A block of 4 by 1 of 40 quadratic elements under a table of loads, three cycles."""
     names = tuple(dict.fromkeys(load.name for load in loads))
-    history = HistoryOptions("table", columns=names, rows=path[0], cycle_rows=path[1], cycles=3)
-    scene = Scene(mesh=MeshOptions(contact_elements=40), loads=loads, history=history)
+    history = rf.HistoryOptions("table", columns=names, rows=path[0], cycle_rows=path[1], cycles=3)
+    scene = rf.Scene(mesh=rf.MeshOptions(contact_elements=40), loads=loads, history=history)
     return replace(scene, **parts)
 
 
-def solve(tally: Tally, scene: Scene) -> tuple[ContactSystem, Record]:
+def solve(tally: Tally, scene: rf.Scene) -> tuple[rf.ContactSystem, rf.Record]:
     """Condense and evolve a scene; a frictionless one is checked with its tangential freedoms."""
     smooth = all(contact.friction == 0.0 for contact in scene.contacts)
     rough = tuple(replace(c, friction=1.0 if smooth else c.friction) for c in scene.contacts)
-    validate(scene)
+    rf.validate(scene)
     system = study.condense(replace(scene, contacts=rough), MPI.COMM_SELF)
     assert system is not None
     if smooth:
         system = with_friction(system, 0.0)
-    return system, tally.solve(system, from_scene(scene))
+    return system, tally.solve(system, rf.history_from_scene(scene))
 
 
-def played(scene: Scene, tally: Tally) -> str:
+def played(scene: rf.Scene, tally: Tally) -> str:
     """Play a scene that has nothing more to be held against."""
     return summed(solve(tally, scene)[1].cycles.dissipation)
 
@@ -66,11 +51,11 @@ def played(scene: Scene, tally: Tally) -> str:
 def cylinder(f: float, degree: int, nu: float, path: tuple[Path_, Path_], tally: Tally) -> str:
     """Press a cylinder on 0 <= r <= 1 of its top: the contact carries pi p."""
     scene = scene_of(
-        (Load("p", "top", (0.0, 1.0), pressure=1.0),),
+        (rf.Load("p", "top", (0.0, 1.0), pressure=1.0),),
         path,
-        material=Material(1.0, nu, "axisymmetric"),
-        mesh=MeshOptions(contact_elements=40, degree=degree),
-        contacts=(Contact(friction=f),),
+        material=rf.Material(1.0, nu, "axisymmetric"),
+        mesh=rf.MeshOptions(contact_elements=40, degree=degree),
+        contacts=(rf.Contact(friction=f),),
     )
     _, record = solve(tally, scene)
     carried = float(record.turning_points.P[0].sum())
@@ -80,7 +65,7 @@ def cylinder(f: float, degree: int, nu: float, path: tuple[Path_, Path_], tally:
 
 def lowered(path: tuple[Path_, Path_], open_at: int | None, tally: Tally) -> str:
     """Move the top down and up: an edge that is held may lift the body off its plane."""
-    load = Load("d", "top", (-1.0, 1.0), displacement=("free", -0.01))
+    load = rf.Load("d", "top", (-1.0, 1.0), displacement=("free", -0.01))
     _, record = solve(tally, scene_of((load,), path))
     ends = record.turning_points
     if open_at is not None:
@@ -90,8 +75,8 @@ def lowered(path: tuple[Path_, Path_], open_at: int | None, tally: Tally) -> str
 
 
 PLATEN = (
-    Load("n", "top", None, platen=True, force=(0.0, -1.0)),
-    Load("t", "top", None, platen=True, force=(1.0, 0.0)),
+    rf.Load("n", "top", None, platen=True, force=(0.0, -1.0)),
+    rf.Load("t", "top", None, platen=True, force=(1.0, 0.0)),
 )
 
 
@@ -100,7 +85,7 @@ def platen(path: tuple[Path_, Path_], slides_at: float | None, tally: Tally) -> 
     scene = scene_of(PLATEN, path)
     try:
         return played(scene, tally)
-    except RecedingError as error:
+    except rf.RecedingError as error:
         if slides_at is not None:
             at = load_named(error, 1)
             require(abs(at - slides_at) <= 1e-9, f"slides at {at:.12g}, not at {slides_at}")
@@ -109,7 +94,7 @@ def platen(path: tuple[Path_, Path_], slides_at: float | None, tally: Tally) -> 
 
 def dragged(tally: Tally) -> str:
     """Drag the platen to and fro so far that the body slides as a whole: Q is f P all over."""
-    loads = (PLATEN[0], Load("t", "top", None, platen=True, displacement=(1.0, "free")))
+    loads = (PLATEN[0], rf.Load("t", "top", None, platen=True, displacement=(1.0, "free")))
     path = (((1.0, 0.0), (1.0, 0.5)), ((1.0, -1.0), (1.0, 0.5)))
     _, record = solve(tally, scene_of(loads, path))
     total = np.abs(record.turning_points.Q[1:].sum(axis=1))
@@ -123,19 +108,19 @@ def dragged(tally: Tally) -> str:
 
 def walls(f: float, both: bool, tally: Tally) -> str:
     """Press a block into a corner, or between two walls."""
-    side = Contact("left", friction=f, span=(-0.4, 0.5))
-    floor = Contact("bottom", friction=f, span=(-1.9, 1.9 if both else 2.0))
+    side = rf.Contact("left", friction=f, span=(-0.4, 0.5))
+    floor = rf.Contact("bottom", friction=f, span=(-1.9, 1.9 if both else 2.0))
     if both:
         contacts = (floor, side, replace(side, edge="right"))
         return played(scene_of((PRESSED,), CYCLE, contacts=contacts), tally)
-    push = Load("q", "right", None, traction=(-0.5, 0.0))
+    push = rf.Load("q", "right", None, traction=(-0.5, 0.0))
     path = (((1.0, 1.0),), ((1.0, 0.2), (0.3, 1.0), (1.0, 1.0)))
     return played(scene_of((PRESSED, push), path, contacts=(floor, side)), tally)
 
 
 def gapped(gap: str | float, whole: bool, path: tuple[Path_, Path_], tally: Tally) -> str:
     """Start above the plane, here and there or everywhere."""
-    scene = scene_of((PRESSED,), path, contacts=(Contact(friction=0.3, initial_gap=gap),))
+    scene = scene_of((PRESSED,), path, contacts=(rf.Contact(friction=0.3, initial_gap=gap),))
     record = solve(tally, replace(scene, solver=WHOLE) if whole else scene)[1]
     if whole:
         half = solve(tally, scene)[1]
@@ -144,12 +129,12 @@ def gapped(gap: str | float, whole: bool, path: tuple[Path_, Path_], tally: Tall
     return summed(record.cycles.dissipation)
 
 
-def overturned(load: Load, at: float, tally: Tally) -> str:
+def overturned(load: rf.Load, at: float, tally: Tally) -> str:
     """Lift one end until the centre of pressure reaches the other: the body tips over."""
     scene = scene_of((PRESSED, load), (((1.0, 0.0), (1.0, 3.0)), ()))
     try:
         return played(scene, tally)
-    except RecedingError as error:
+    except rf.RecedingError as error:
         named = load_named(error, 1)
         require(abs(named - at) <= 1e-6, f"tips at {named:.9g}, not at {at:.9g}")
         raise
@@ -160,10 +145,10 @@ def pair(young: float, f: float, tally: Tally) -> str:
     scene = scene_of(
         (replace(PRESSED, edge="a.top"), replace(PRESSED, edge="b.bottom")),
         CYCLE,
-        body=Body("a"),
-        others=(Body("b", position=(0.0, -1.0)),),
-        materials=(Material(young, 0.2 if young != 1.0 else 0.3, name="b"),),
-        contacts=(Contact("a.bottom", against="b.top", friction=f),),
+        body=rf.Body("a"),
+        others=(rf.Body("b", position=(0.0, -1.0)),),
+        materials=(rf.Material(young, 0.2 if young != 1.0 else 0.3, name="b"),),
+        contacts=(rf.Contact("a.bottom", against="b.top", friction=f),),
     )
     _, record = solve(tally, scene)
     D = float(record.dissipation_first_loading)
@@ -175,8 +160,8 @@ def pair(young: float, f: float, tally: Tally) -> str:
     return summed(record.cycles.dissipation)
 
 
-HELD = Support("x", point=(-2.0, 1.0))
-SHEAR = Load("t", "top", (-1.0, 1.0), traction=(1.0, 0.0))
+HELD = rf.Support("x", point=(-2.0, 1.0))
+SHEAR = rf.Load("t", "top", (-1.0, 1.0), traction=(1.0, 0.0))
 
 CASES: tuple[Case, ...] = (
     *(
@@ -200,7 +185,7 @@ CASES: tuple[Case, ...] = (
     *(
         Case(f"flat part of an edge, f = {f:g}", SOLVED, partial(played, scene_of(
             (replace(PRESSED, span=None),), CYCLE,
-            contacts=(Contact(friction=f, span=(-0.5, 0.5)),))))
+            contacts=(rf.Contact(friction=f, span=(-0.5, 0.5)),))))
         for f in (0.35, 3.0)
     ),
     *(Case(f"floor and wall, f = {f:g}", f"{SOLVED} or {JUMPS}" if f >= 1.0 else SOLVED,
@@ -208,12 +193,12 @@ CASES: tuple[Case, ...] = (
     *(Case(f"between two walls, f = {f:g}", SOLVED, partial(walls, f, True))
       for f in (0.1, 0.3, 1.0)),
     Case("held on its right side", SOLVED, partial(played, scene_of(
-        (PRESSED,), CYCLE, supports=(Support("xy", edge="right"),)))),
+        (PRESSED,), CYCLE, supports=(rf.Support("xy", edge="right"),)))),
     Case("sheared, held at a point", SOLVED, partial(played, scene_of(
         (PRESSED, SHEAR), (((1.0, 0.0), (1.0, 0.3)), ((1.0, -0.3), (1.0, 0.3))),
         supports=(HELD,)))),
     Case("sheared to and fro", SOLVED, partial(played, scene_of(
-        (PRESSED, Load("t", "top", None, traction=(1.0, 0.0))),
+        (PRESSED, rf.Load("t", "top", None, traction=(1.0, 0.0))),
         (((1.0, 0.0), (1.0, 0.1)), ((1.0, -0.1), (1.0, 0.1)))))),
     *(
         Case(f"gap {gap}{', whole' if whole else ''}", SOLVED, partial(gapped, gap, whole, CYCLE))
@@ -224,9 +209,9 @@ CASES: tuple[Case, ...] = (
          partial(gapped, "0.05*x**2", False, TO_ZERO)),
     Case("gap 0.01 everywhere, whole", HOVERS, partial(gapped, 0.01, True, CYCLE)),
     Case("tipped over by its left side", TIPS, partial(overturned,
-         Load("l", "left", None, traction=(0.0, 1.0)), 1.0)),
+         rf.Load("l", "left", None, traction=(0.0, 1.0)), 1.0)),
     Case("tipped over by its top", TIPS, partial(overturned,
-         Load("l", "top", (1.0, 2.0), pressure=-1.0), 4.0 / 3.5)),
+         rf.Load("l", "top", (1.0, 2.0), pressure=-1.0), 4.0 / 3.5)),
     *(Case(f"two blocks, E_b = {young:g} E_a, f = {f:g}", SOLVED, partial(pair, young, f))
       for young in (1.0, 3.0, 100.0) for f in (0.1, 0.35, 1.0)),
 )  # fmt: skip

@@ -17,12 +17,7 @@ from replay import HELD_SHARE, Replay, replay
 from small import small_system, table
 from ways import NEAR, TooMany, balanced, follow
 
-from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import OutputOptions, SolverOptions
+import receding_fenicsx as rf
 
 STEPS = 40
 """Load steps a leg of the problems that are played in load steps."""
@@ -52,9 +47,9 @@ class Problem:
     """One random problem; ``tags`` name its features."""
 
     number: int
-    system: ContactSystem
-    history: History
-    solver: SolverOptions
+    system: rf.ContactSystem
+    history: rf.History
+    solver: rf.SolverOptions
     tags: tuple[str, ...]
 
 
@@ -110,7 +105,7 @@ def problem(number: int) -> Problem:
     else:
         method = "events"
     on_jump = str(rng.choice(["stop", "static"]))
-    solver = SolverOptions(method=method, steps_per_leg=STEPS, on_jump=on_jump)
+    solver = rf.SolverOptions(method=method, steps_per_leg=STEPS, on_jump=on_jump)
     return Problem(number, system, _history(rng, system, ties), solver, (*tags, on_jump))
 
 
@@ -259,7 +254,7 @@ def _loads(rng: np.random.Generator, n: int, loads: int, kind: str) -> np.ndarra
     return r_star
 
 
-def _history(rng: np.random.Generator, system: ContactSystem, ties: bool) -> History:
+def _history(rng: np.random.Generator, system: rf.ContactSystem, ties: bool) -> rf.History:
     """Return a table: a first load, random corners, closed cycles, at times all unloaded."""
     loads = len(system.load_names)
 
@@ -294,19 +289,19 @@ def _history(rng: np.random.Generator, system: ContactSystem, ties: bool) -> His
 # -- what became of them --------------------------------------------------------------------------
 
 
-def play(p: Problem) -> Record:
+def play(p: Problem) -> rf.Record:
     """Evolve a problem, every cycle kept."""
     samples = STEPS if p.solver.method == "gauss-seidel" else SAMPLES
-    return evolve(p.system, p.history, p.solver, OutputOptions(samples, "all"))
+    return rf.evolve(p.system, p.history, p.solver, rf.OutputOptions(samples, "all"))
 
 
 def judge(p: Problem) -> Outcome:
     """Play a problem; say what became of it and whether that was right."""
     try:
         record = play(p)
-    except InputError as error:
+    except rf.InputError as error:
         return Outcome(REFUSED, "InputError", str(error))
-    except SolveError as error:
+    except rf.SolveError as error:
         reason = _reason(error)
         return Outcome(*_refusal(p, error, reason), str(error))
     except Exception as error:
@@ -323,7 +318,7 @@ def table_of(outcomes: Iterable[Outcome]) -> str:
     return "\n".join(rows)
 
 
-def verdict(p: Problem, record: Record) -> Outcome:
+def verdict(p: Problem, record: rf.Record) -> Outcome:
     """Hold an accepted record against the laws."""
     run = replay(p.system, p.history, record)
     found = run.found or _silent_jumps(p, run) or _needless_jumps(p, run)
@@ -332,7 +327,7 @@ def verdict(p: Problem, record: Record) -> Outcome:
     return Outcome(ACCEPTED, "with jumps" if record.jumps else "no jump")
 
 
-def _reason(error: SolveError) -> str:
+def _reason(error: rf.SolveError) -> str:
     """Return the kind of a refusal."""
     text = str(error)
     words = (
@@ -388,7 +383,7 @@ def _needless_jumps(p: Problem, run: Replay) -> list[str]:
     return found
 
 
-def _is_idle(p: Problem, record: Record) -> bool:
+def _is_idle(p: Problem, record: rf.Record) -> bool:
     """Return whether the cycles change the forces by less than 1e-7 of the largest."""
     loop = p.history.loop
     change = np.abs((loop - loop[0]) @ p.system.r_star).max()
@@ -397,12 +392,12 @@ def _is_idle(p: Problem, record: Record) -> bool:
     return bool(change < 1e-7 * max(HELD_SHARE * held, np.abs(ends.P).max(), np.abs(ends.Q).max()))
 
 
-def _ends(history: History, cycle: int, leg: int) -> tuple[np.ndarray, np.ndarray]:
+def _ends(history: rf.History, cycle: int, leg: int) -> tuple[np.ndarray, np.ndarray]:
     line = history.path if cycle == 0 else history.loop
     return line[leg], line[leg + 1]
 
 
-def _is_balanced_beyond(p: Problem, error: SolveError, done: int) -> bool:
+def _is_balanced_beyond(p: Problem, error: rf.SolveError, done: int) -> bool:
     """Return whether statics know of contact forces just behind the place that an error names."""
     a, b = _ends(p.history, *_legs(p.history)[done])
     said = re.search(r"at load factors \[([^\]]*)\]", str(error))
@@ -413,23 +408,23 @@ def _is_balanced_beyond(p: Problem, error: SolveError, done: int) -> bool:
     return balanced(p.system, a + min(1.0, s + SAME) * (b - a))
 
 
-def _legs(history: History) -> list[tuple[int, int]]:
+def _legs(history: rf.History) -> list[tuple[int, int]]:
     legs = [(0, k) for k in range(len(history.path) - 1)]
     return legs + [
         (c, k) for c in range(1, history.cycles + 1) for k in range(len(history.loop) - 1)
     ]
 
 
-def _refusal(p: Problem, error: SolveError, reason: str) -> tuple[str, str]:
+def _refusal(p: Problem, error: rf.SolveError, reason: str) -> tuple[str, str]:
     """Return whether a way on exists where a path is said to end."""
     record = error.record
-    if not isinstance(record, Record):
+    if not isinstance(record, rf.Record):
         return UNJUDGED, reason
     if "enlarge the load range" in str(error):
         return (REFUSED if _is_idle(p, record) else FALSE), reason
     n, ends = p.system.n, record.turning_points
     done = len(ends.s)
-    if isinstance(error, NoEquilibrium) and not _is_balanced_beyond(p, error, done):
+    if isinstance(error, rf.NoEquilibrium) and not _is_balanced_beyond(p, error, done):
         return REFUSED, reason
     cycle, leg = _legs(p.history)[done]
     a, b = _ends(p.history, cycle, leg)

@@ -17,19 +17,7 @@ import site_source
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import receding_fenicsx
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    OutputOptions,
-    Probe,
-    SolverOptions,
-    Support,
-)
-from receding_fenicsx.scene.units import Units
+import receding_fenicsx as rf
 
 pytestmark = pytest.mark.one_rank
 
@@ -37,17 +25,17 @@ ROOT = Path(__file__).parent.parent
 
 
 SECTIONS = {
-    "[body]": Body,
-    "[material]": Material,
-    "[mesh]": MeshOptions,
-    "[contact]": Contact,
-    "[[load]]": Load,
-    "[[support]]": Support,
-    "[[probe]]": Probe,
-    "[units]": Units,
-    "[history]": HistoryOptions,
-    "[solver]": SolverOptions,
-    "[output]": OutputOptions,
+    "[body]": rf.Body,
+    "[material]": rf.Material,
+    "[mesh]": rf.MeshOptions,
+    "[contact]": rf.Contact,
+    "[[load]]": rf.Load,
+    "[[support]]": rf.Support,
+    "[[probe]]": rf.Probe,
+    "[units]": rf.Units,
+    "[history]": rf.HistoryOptions,
+    "[solver]": rf.SolverOptions,
+    "[output]": rf.OutputOptions,
 }
 
 

@@ -23,17 +23,10 @@ from matplotlib.mathtext import MathTextParser
 from models import block_system
 from small import cyclic
 
+import receding_fenicsx as rf
 from receding_fenicsx import study
 from receding_fenicsx.cli import main
-from receding_fenicsx.environment import child_environment
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.output.plots.load_names import load_symbol, peak, shown_name
-from receding_fenicsx.output.report.html import write_report
-from receding_fenicsx.output.storage.hdf5 import read_record
-from receding_fenicsx.scene.model import Contact, Load, Support
-from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
-from receding_fenicsx.scene.validate import validate
 
 comm = MPI.COMM_WORLD
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
@@ -115,14 +108,14 @@ def test_numbers_and_names_beyond_use_are_refused(
 def test_history_until_steady_may_name_any_number_of_cycles(shared_tmp_path: Path) -> None:
     path = write(shared_tmp_path / "scene.toml", SCENE)
     long = ["history.cycles=1000000000", "history.until=steady"]
-    assert read_scene(path, long).history.cycles == 1_000_000_000
+    assert rf.read_scene(path, long).history.cycles == 1_000_000_000
 
 
 @pytest.mark.parametrize("factor", [1e-160, 1e160])
 def test_system_whose_energies_leave_the_range_of_the_numbers_is_refused(factor: float) -> None:
     system = block_system(8, 2)
-    with pytest.raises(InputError, match=r"energies of about .* beyond the range"):
-        evolve(replace(system, r_star=factor * system.r_star), cyclic(1))
+    with pytest.raises(rf.InputError, match=r"energies of about .* beyond the range"):
+        rf.evolve(replace(system, r_star=factor * system.r_star), cyclic(1))
 
 
 @pytest.mark.parametrize(
@@ -139,31 +132,31 @@ def test_system_whose_energies_leave_the_range_of_the_numbers_is_refused(factor:
 def test_force_on_an_edge_that_is_held_against_it_is_refused(
     load: dict, fix: str, felt: bool
 ) -> None:
-    scene = block(load=Load("p", "top", **load), supports=(Support(fix, edge="top"),))
+    scene = block(load=rf.Load("p", "top", **load), supports=(rf.Support(fix, edge="top"),))
     if felt:
-        validate(scene)
+        rf.validate(scene)
         return
     with pytest.raises(
-        InputError, match=r"load 'p' edge: a support holds \"top\" in the direction"
+        rf.InputError, match=r"load 'p' edge: a support holds \"top\" in the direction"
     ):
-        validate(scene)
+        rf.validate(scene)
 
 
 def test_force_on_held_nodes_only_is_refused_when_it_is_condensed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    scene = block(load=Load("p", "top", pressure=1.0), supports=(Support("xy", edge="top"),))
+    scene = block(load=rf.Load("p", "top", pressure=1.0), supports=(rf.Support("xy", edge="top"),))
     monkeypatch.setattr("receding_fenicsx.scene.validate_loads._check_acts", lambda *_: None)
-    with pytest.raises(InputError, match="load 'p': is zero or acts on nothing but nodes"):
+    with pytest.raises(rf.InputError, match="load 'p': is zero or acts on nothing but nodes"):
         study.condense(scene)
 
 
 @pytest.mark.parametrize("fix", ["y", "xy"])
 def test_contact_that_supports_hold_wholly_is_refused(fix: str) -> None:
-    feet = (Contact(span=(-1.0, 1.0)),)
-    held = (Support(fix, edge="bottom"),)
-    scene = block(load=Load("p", "top", pressure=1.0), contacts=feet, supports=held)
-    with pytest.raises(InputError, match="holds every node of the contact"):
+    feet = (rf.Contact(span=(-1.0, 1.0)),)
+    held = (rf.Support(fix, edge="bottom"),)
+    scene = block(load=rf.Load("p", "top", pressure=1.0), contacts=feet, supports=held)
+    with pytest.raises(rf.InputError, match="holds every node of the contact"):
         study.condense(scene)
 
 
@@ -171,8 +164,8 @@ def test_marks_of_utf_8_at_the_start_of_files_are_passed_over(shared_tmp_path: P
     mark = b"\xef\xbb\xbf"
     text = SCENE + '[[contact]]\ninitial_gap = {file = "gap.csv"}\n'
     write(shared_tmp_path / "gap.csv", mark + b"-2, 0.5\n2, 0.25\n")
-    found = read_scene(write(shared_tmp_path / "marked.toml", mark + text.encode()))
-    assert found == read_scene(write(shared_tmp_path / "plain.toml", text))
+    found = rf.read_scene(write(shared_tmp_path / "marked.toml", mark + text.encode()))
+    assert found == rf.read_scene(write(shared_tmp_path / "plain.toml", text))
     assert found.contacts[0].initial_gap == {"x": [-2.0, 2.0], "value": [0.5, 0.25]}
 
 
@@ -230,7 +223,10 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder of a finished run of 4 cycles."""
     out = tmp_path_factory.mktemp("finished") / "run"
     study.run(
-        from_toml(SCENE, ["history.cycles=4"]), out, study.RunOptions(pictures=False), MPI.COMM_SELF
+        rf.from_toml(SCENE, ["history.cycles=4"]),
+        out,
+        study.RunOptions(pictures=False),
+        MPI.COMM_SELF,
     )
     return out
 
@@ -280,7 +276,7 @@ def test_full_disk_ends_in_one_line_and_the_run_can_be_gone_on_with(tmp_path: Pa
         [sys.executable, "-c", FULL_DISK, str(tmp_path), json.dumps(limits), *command],
         capture_output=True,
         text=True,
-        env=child_environment(),
+        env=rf.child_environment(),
     )
     # HDF5's own clean-up at the interpreter's end used to crash
     assert done.returncode == 0, done.stderr
@@ -297,7 +293,7 @@ def test_full_disk_ends_in_one_line_and_the_run_can_be_gone_on_with(tmp_path: Pa
     assert not outcomes[0][2] and "journal.bin" in outcomes[-1][2]
     again = [*command[:2], *command[4:], "--resume", "--out"]
     assert main([*again, str(tmp_path / str(limits[-1]))]) == 0
-    one, two = (read_record(tmp_path / out / "record.h5") for out in ("whole", str(limits[-1])))
+    one, two = (rf.read_record(tmp_path / out / "record.h5") for out in ("whole", str(limits[-1])))
     for key in ("v", "w", "P", "Q", "state"):
         assert np.array_equal(getattr(one.turning_points, key), getattr(two.turning_points, key))
 
@@ -309,7 +305,7 @@ def test_output_into_a_full_file_is_an_error(tmp_path: Path) -> None:
     with open("/dev/full", "w") as full:
         command = [sys.executable, "-m", "receding_fenicsx", "check", str(scene)]
         done = subprocess.run(
-            command, stdout=full, stderr=subprocess.PIPE, text=True, env=child_environment()
+            command, stdout=full, stderr=subprocess.PIPE, text=True, env=rf.child_environment()
         )
     assert done.returncode == 1
     assert done.stderr.count("\n") == 1
@@ -353,12 +349,12 @@ def test_figures_and_report_bear_commands_in_names_of_loads(tmp_path: Path) -> N
     from receding_fenicsx.output.plots import figures
 
     name = "&\\$<b>"
-    scene = block(elements=8, load=Load(name, "top", (-1.0, 1.0), pressure=1.0))
+    scene = block(elements=8, load=rf.Load(name, "top", (-1.0, 1.0), pressure=1.0))
     scene = replace(scene, history=replace(scene.history, cycles=1), title="<i>&\\$x")
     record = study.run(scene, tmp_path / "run", study.RunOptions(pictures=False))
     assert record is not None
     assert figures.plot_all(record, tmp_path / "run" / "figures", formats="png")
     page = Page()
-    page.feed(write_report(tmp_path / "run", to_toml(scene)).read_text())
+    page.feed(rf.write_report(tmp_path / "run", rf.to_toml(scene)).read_text())
     assert not page.tags & {"b", "i"}
     assert scene.title in page.text and name in page.text

@@ -8,24 +8,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+import receding_fenicsx as rf
 from receding_fenicsx import study
 from receding_fenicsx.bulk.from_scene import is_small
-from receding_fenicsx.errors import (
-    InputError,
-    Interrupted,
-    NoEquilibrium,
-    NotConverged,
-    RecedingError,
-)
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.long_run import duration
-from receding_fenicsx.output.storage.hdf5 import read_record, read_system
 from receding_fenicsx.output.storage.run_folder import is_finished
-from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.pictures import default_instants, drawing_modules
-from receding_fenicsx.scene.model import HistoryOptions, Scene
-from receding_fenicsx.scene.toml_file import read_scene
 
 DEMOS = Path(__file__).parents[1] / "demos"
 SMALL = [
@@ -37,8 +25,8 @@ SMALL = [
 comm = MPI.COMM_WORLD
 
 
-def small(*overrides: str) -> Scene:
-    return read_scene(DEMOS / "block.toml", [*SMALL, *overrides])
+def small(*overrides: str) -> rf.Scene:
+    return rf.read_scene(DEMOS / "block.toml", [*SMALL, *overrides])
 
 
 def test_run_leaves_all_files_and_returns_their_record(shared_tmp_path: Path) -> None:
@@ -49,7 +37,7 @@ def test_run_leaves_all_files_and_returns_their_record(shared_tmp_path: Path) ->
     assert (record is None) == (comm.rank > 0)
     assert {"record.h5", "summary.json", "system.h5"} <= set(os.listdir(out))
     assert os.listdir(shared_tmp_path) == ["run"]
-    summary = read_summary(out / "summary.json")
+    summary = rf.read_summary(out / "summary.json")
     assert set(summary["timings"]) == {"mesh", "assemble", "condense", "evolve", "pictures"}
     assert all(summary["timings"][s] > 0 for s in ("mesh", "assemble", "condense", "evolve"))
     assert summary["ranks"] == comm.size
@@ -59,7 +47,7 @@ def test_run_leaves_all_files_and_returns_their_record(shared_tmp_path: Path) ->
     assert summary["energy_error_max"] < 1e-10  # the exact path's energy identity
     assert (summary["nodes"], summary["modelled_nodes"]) == (81, 41)
     if record is not None:
-        stored = read_record(out / "record.h5")
+        stored = rf.read_record(out / "record.h5")
         np.testing.assert_array_equal(stored.turning_points.P, record.turning_points.P)
         assert any("mesh" in text for text in heard)
         assert any("cycle 2 of 2" in text for text in heard)
@@ -71,8 +59,8 @@ def test_saved_system_gives_the_same_record_without_meshing(shared_tmp_path: Pat
     scene = small()
     record = study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), comm)
     if record is not None:
-        system = read_system(shared_tmp_path / "run" / "system.h5", scene)
-        again = evolve(system, scene)
+        system = rf.read_system(shared_tmp_path / "run" / "system.h5", scene)
+        again = rf.evolve(system, scene)
         for name in ("v", "w", "P", "Q", "state"):
             np.testing.assert_array_equal(
                 getattr(again.turning_points, name), getattr(record.turning_points, name)
@@ -126,7 +114,7 @@ def test_condensed_alone_is_what_run_condenses(shared_tmp_path: Path) -> None:
     study.run(small(), shared_tmp_path / "run", study.RunOptions(pictures=False), comm)
     assert (system is None) == (comm.rank > 0)
     if system is not None:
-        stored = read_system(shared_tmp_path / "run" / "system.h5")
+        stored = rf.read_system(shared_tmp_path / "run" / "system.h5")
         np.testing.assert_array_equal(stored.K, system.K)
     comm.Barrier()
 
@@ -137,7 +125,7 @@ def test_existing_folders_are_left_alone_unless_asked(shared_tmp_path: Path) -> 
     study.run(scene, out, study.RunOptions(pictures=False), comm)
     comm.Barrier()
     before = (out / "record.h5").stat().st_mtime_ns
-    with pytest.raises(InputError, match="already exists"):
+    with pytest.raises(rf.InputError, match="already exists"):
         study.run(scene, out, study.RunOptions(pictures=False), comm)
     assert (out / "record.h5").stat().st_mtime_ns == before
     comm.Barrier()
@@ -149,7 +137,7 @@ def test_existing_folders_are_left_alone_unless_asked(shared_tmp_path: Path) -> 
 def test_failing_run_leaves_nothing_behind(shared_tmp_path: Path) -> None:
     # one sweep from one step of the whole load cannot be enough
     scene = small("solver.method=gauss-seidel", "solver.max_sweeps=1", "solver.polish=false")
-    with pytest.raises(NotConverged):
+    with pytest.raises(rf.NotConverged):
         study.run(scene, shared_tmp_path / "run", comm=comm)
     comm.Barrier()
     assert os.listdir(shared_tmp_path) == []
@@ -158,7 +146,7 @@ def test_failing_run_leaves_nothing_behind(shared_tmp_path: Path) -> None:
 def test_invalid_scene_from_python_is_refused_before_meshing() -> None:
     scene = small()
     bad = dataclasses.replace(scene, body=dataclasses.replace(scene.body, width=-1.0))
-    with pytest.raises(InputError, match=r"\[body\] width"):
+    with pytest.raises(rf.InputError, match=r"\[body\] width"):
         study.run(bad, comm=comm)
 
 
@@ -166,26 +154,26 @@ def test_instants_are_found_by_the_names_of_legs(shared_tmp_path: Path) -> None:
     scene = small()
     record = study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), comm)
     if record is not None:
-        system = read_system(shared_tmp_path / "run" / "system.h5", scene)
-        low = instant_of(scene, system, record, 2, "unloading")
+        system = rf.read_system(shared_tmp_path / "run" / "system.h5", scene)
+        low = rf.instant_of(scene, system, record, 2, "unloading")
         np.testing.assert_array_equal(low.load, [scene.history.minimum])
-        middle = instant_of(scene, system, record, 2, "loading", 0.25)
+        middle = rf.instant_of(scene, system, record, 2, "loading", 0.25)
         np.testing.assert_allclose(middle.load, [0.5], rtol=1e-14)
         chosen = default_instants(scene, system, record)
         assert [(i.cycle, i.leg) for i in chosen] == [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1)]
         slipped = dataclasses.replace(
             scene, history=dataclasses.replace(scene.history, initial_slip="0.001*x")
         )
-        with pytest.raises(InputError, match="one jump"):
-            instant_of(slipped, system, record, 0, "loading", 0.5)
+        with pytest.raises(rf.InputError, match="one jump"):
+            rf.instant_of(slipped, system, record, 0, "loading", 0.5)
     comm.Barrier()
 
 
 def test_only_loaded_turning_points_are_drawn() -> None:
-    scene = read_scene(DEMOS / "unloading.toml", ["mesh.contact_elements=16"])
+    scene = rf.read_scene(DEMOS / "unloading.toml", ["mesh.contact_elements=16"])
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
-    record = evolve(system, scene)
+    record = rf.evolve(system, scene)
     assert record.turning_points.load[:, 0].tolist() == [1.0, 0.0]
     assert [instant.load.tolist() for instant in default_instants(scene, system, record)] == [[1.0]]
 
@@ -196,16 +184,18 @@ def test_of_a_cycle_of_many_legs_few_turning_points_are_drawn() -> None:
     assert system is not None
     name = scene.loads[0].name
     corners = tuple((1.0 - 0.3 * (k % 2),) for k in range(1, 31))
-    table = HistoryOptions("table", columns=(name,), rows=((1.0,),), cycle_rows=corners, cycles=2)
+    table = rf.HistoryOptions(
+        "table", columns=(name,), rows=((1.0,),), cycle_rows=corners, cycles=2
+    )
     scene = dataclasses.replace(scene, history=table)
-    record = evolve(system, scene)
+    record = rf.evolve(system, scene)
     chosen = [(found.cycle, found.leg) for found in default_instants(scene, system, record)]
     legs = [0, 6, 12, 17, 23, 29]
     assert chosen == [(0, 0), *((1, leg) for leg in legs), *((2, leg) for leg in legs)]
 
 
 def test_a_missing_drawing_library_refers_to_the_doctor() -> None:
-    with pytest.raises(RecedingError, match=r"no_such_library.*doctor"), drawing_modules():
+    with pytest.raises(rf.RecedingError, match=r"no_such_library.*doctor"), drawing_modules():
         importlib.import_module("no_such_library")
 
 
@@ -241,7 +231,7 @@ def test_interrupt_while_drawing_says_how_to_continue(
         with pytest.raises(KeyboardInterrupt) as caught:
             study.run(small(), out, study.RunOptions(pictures=False))
     if MPI.COMM_WORLD.rank == 0:
-        assert isinstance(caught.value, Interrupted) and caught.value.exit_code == 130
+        assert isinstance(caught.value, rf.Interrupted) and caught.value.exit_code == 130
         assert str(caught.value).endswith("out.part holds the whole record; continue by --resume")
     assert not out.exists()
     study.run(small(), out, study.RunOptions(pictures=False, resume=True))
@@ -250,29 +240,29 @@ def test_interrupt_while_drawing_says_how_to_continue(
 
 def test_run_that_fails_on_the_way_keeps_what_it_found_and_says_why(shared_tmp_path: Path) -> None:
     out = shared_tmp_path / "run"
-    table = HistoryOptions(
+    table = rf.HistoryOptions(
         "table", columns=("p0",), rows=((1.0,),), cycle_rows=((0.5,), (-1.0,), (1.0,)), cycles=3
     )
     scene = dataclasses.replace(small(), history=table)
-    with pytest.raises(NoEquilibrium, match=r"^cycle 1, leg 1: lift-off") as caught:
+    with pytest.raises(rf.NoEquilibrium, match=r"^cycle 1, leg 1: lift-off") as caught:
         study.run(scene, out, comm=comm)
     comm.Barrier()
     if comm.rank == 0:
         assert os.listdir(shared_tmp_path) == ["run"]
         assert caught.value.record is None
-        assert read_summary(out / "summary.json")["failure"] == str(caught.value)
+        assert rf.read_summary(out / "summary.json")["failure"] == str(caught.value)
         assert f"The run ended early: {caught.value}" in (out / "report.html").read_text()
         assert not (out / "figures").exists() and not (out / "snapshots").exists()
         # up to the end of the last leg that has an answer, as in a run that goes no further
         rows = dataclasses.replace(table, rows=((1.0,), (0.5,)), cycle_rows=(), cycles=0)
-        part = evolve(
-            read_system(out / "system.h5", scene),
+        part = rf.evolve(
+            rf.read_system(out / "system.h5", scene),
             dataclasses.replace(scene, history=rows),
         )
-        ends = read_record(out / "record.h5").turning_points
+        ends = rf.read_record(out / "record.h5").turning_points
         assert list(zip(ends.cycle.tolist(), ends.leg.tolist(), strict=True)) == [(0, 0), (1, 0)]
         assert np.array_equal(ends.state, part.turning_points.state)
         assert ends.P == pytest.approx(part.turning_points.P, abs=1e-12)
-        with pytest.raises(InputError, match=r"that run has failed \(cycle 1, leg 1"):
+        with pytest.raises(rf.InputError, match=r"that run has failed \(cycle 1, leg 1"):
             is_finished(out, scene)
     comm.Barrier()

@@ -18,12 +18,8 @@ from matplotlib.text import Text
 from PIL import Image
 from small import cyclic, small_system
 
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.plots import figures, saving, series, style
+import receding_fenicsx as rf
+from receding_fenicsx.output.plots import saving, series
 from receding_fenicsx.output.plots.descriptions import describe_factors
 from receding_fenicsx.output.plots.load_names import load_symbol
 from receding_fenicsx.output.plots.series import first_unloading, slip_lines
@@ -33,34 +29,28 @@ from receding_fenicsx.output.plots.zones.timelines import Timeline, timeline, wi
 from receding_fenicsx.output.plots.zones.zone_labels import MAX_NUMBERS
 from receding_fenicsx.output.plots.zones.zone_map import FLICKER, fill_strip, stacked_map, zone_map
 from receding_fenicsx.output.plots.zones.zone_plots import load_axis
-from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.output.report.text import run_table
-from receding_fenicsx.scene.history import History, from_scene
-from receding_fenicsx.scene.model import HistoryOptions, Load, OutputOptions, Scene, SolverOptions
-from receding_fenicsx.scene.toml_file import to_toml
-from receding_fenicsx.scene.units import Units
 
 pytestmark = pytest.mark.one_rank
 
-PAPER = Scene(loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
+PAPER = rf.Scene(loads=(rf.Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
 LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
 CYCLIC = ((0.0, 1.0), LOOP, 10)
 UNLOADING = ((0.0, 1.0, 0.0), np.zeros((0, 1)), 0)
 MONOTONIC = ((0.0, 1.0), np.zeros((0, 1)), 0)
 
-STICK, OPEN, FORWARD, BACKWARD = State
+STICK, OPEN, FORWARD, BACKWARD = rf.State
 
 
 @cache
 def record(
     kind: str = "cyclic", method: str = "events", half: bool = True, paper: bool = True
-) -> Record:
+) -> rf.Record:
     """Return a record of the paper's block on a coarse mesh."""
     path, loop, cycles = {"cyclic": CYCLIC, "unloading": UNLOADING, "monotonic": MONOTONIC}[kind]
     system = models.block_system(40 if half else 80, 20, half=half)
-    history = History(("p0",), np.array(path)[:, None], loop, cycles)
-    found = evolve(system, history, SolverOptions(method=method))
-    return replace(found, scene_toml=to_toml(PAPER)) if paper else found
+    history = rf.History(("p0",), np.array(path)[:, None], loop, cycles)
+    found = rf.evolve(system, history, rf.SolverOptions(method=method))
+    return replace(found, scene_toml=rf.to_toml(PAPER)) if paper else found
 
 
 def area(polygon: np.ndarray) -> float:
@@ -156,7 +146,7 @@ def test_boundaries_of_zones_pass_through_the_events() -> None:
 
 def test_stepped_zone_map_lies_within_a_step_of_the_exact_one() -> None:
     exact, stepped = record(), record(method="gauss-seidel")
-    step = 1.0 / SolverOptions().steps_per_leg
+    step = 1.0 / rf.SolverOptions().steps_per_leg
     for cycle, leg in ((1, 0), (1, 1)):
         a, b = (zone_map(found, cycle, leg) for found in (exact, stepped))
         s = np.linspace(0.0, 1.0, 400)
@@ -179,7 +169,7 @@ def test_change_of_one_node_only_tapers_midway_to_its_neighbour() -> None:
     alone = Timeline(np.array([1, 3, 1], np.int8), np.array([0.0, 0.2, 0.6, 1.0]))
     never = Timeline(np.array([1], np.int8), np.array([0.0, 1.0]))
     (outer, whole), (inner, island) = fill_strip(alone, never, 0.0, 1.0).pieces
-    assert (outer, inner) == (State.STICK, State.FORWARD_SLIP)
+    assert (outer, inner) == (rf.State.STICK, rf.State.FORWARD_SLIP)
     assert area(whole) == 1.0
     # a triangle with its base on the node and its tip halfway
     assert area(island) == pytest.approx(0.5 * 0.4 * 0.5)
@@ -188,7 +178,7 @@ def test_change_of_one_node_only_tapers_midway_to_its_neighbour() -> None:
 def test_tractions_are_divided_by_no_pressure_that_no_scene_tells() -> None:
     # the load p0 may stand for any pressure; here it is one of 3
     system = models.block_system(20, 10)
-    scales = scales_of(evolve(replace(system, r_star=3.0 * system.r_star), cyclic(1)))
+    scales = scales_of(rf.evolve(replace(system, r_star=3.0 * system.r_star), cyclic(1)))
     assert scales.peak_traction() == (1.0, "")
     assert scales.traction_labels()[:2] == ("$p$", "$q$")
     assert not scales.normalised()
@@ -215,7 +205,7 @@ def test_node_at_the_limit_that_never_moves_is_found_where_it_reaches_it() -> No
     rows = np.flatnonzero(table.cycle == 10)
     node, when = len(found.x) // 2 + 3, rows[len(rows) // 4]
     state, Q, v = table.state.copy(), table.Q.copy(), table.v.copy()
-    state[rows[:, None], np.arange(len(found.x))] = State.STICK
+    state[rows[:, None], np.arange(len(found.x))] = rf.State.STICK
     v[rows] = found.turning_points.v[found.turning_points.cycle == 9][-1]
     v[rows, 0] += np.linspace(0.0, 1.0, len(rows))
     Q[rows] = 0.5 * found.f * table.P[rows]
@@ -260,7 +250,7 @@ def test_colours_of_the_states_differ_for_every_colour_vision() -> None:
         ],
     }
     for name, matrix in seen.items():
-        found = [lab(np.array(matrix) @ linear(c)) for c in style.STATE_COLOURS.values()]
+        found = [lab(np.array(matrix) @ linear(c)) for c in rf.style.STATE_COLOURS.values()]
         for i, a in enumerate(found):
             for b in found[:i]:
                 assert np.linalg.norm(a - b) > 15.0, name
@@ -308,12 +298,12 @@ def test_parts_of_the_largest_load_are_written_as_they_are(part: float, said: st
 @pytest.mark.parametrize("name", ["pressure", "normal pressure on the upper edge"])
 def test_labels_stay_on_the_page_whatever_the_load_is_called(name: str) -> None:
     scene = replace(PAPER, loads=(replace(PAPER.loads[0], name=name),))
-    found = replace(record(), load_names=(name,), scene_toml=to_toml(scene))
+    found = replace(record(), load_names=(name,), scene_toml=rf.to_toml(scene))
     for figure in (
-        figures.tractions(found, found.at(1)),
-        figures.slip_per_cycle(found),
-        figures.hysteresis(found),
-        figures.trajectories(found, [45, 60, 75]),
+        rf.figures.tractions(found, found.at(1)),
+        rf.figures.slip_per_cycle(found),
+        rf.figures.hysteresis(found),
+        rf.figures.trajectories(found, [45, 60, 75]),
     ):
         figure.canvas.draw()
         labels = [text for legend in figure.legends for text in legend.get_texts()]
@@ -330,10 +320,10 @@ def test_tractions_are_drawn_over_the_load_that_acts() -> None:
     found = record()
     row = int(np.flatnonzero(found.turning_points.cycle == 1)[0])
     assert found.turning_points.load[row, 0] == 1.0 / 3.0
-    figure = figures.tractions(found, [found.at(1, "minimum")])
+    figure = rf.figures.tractions(found, [found.at(1, "minimum")])
     lines = {line.get_color(): line for line in figure.axes[1].lines}
-    p = lines[style.PRESSURE_COLOUR]
-    q = lines[style.SHEAR_COLOUR]
+    p = lines[rf.style.PRESSURE_COLOUR]
+    q = lines[rf.style.SHEAR_COLOUR]
     assert np.array_equal(p.get_xdata(), found.x)
     assert np.allclose(p.get_ydata(), 3.0 * found.turning_points.p[row], rtol=1e-14)
     assert np.allclose(q.get_ydata(), 3.0 * found.turning_points.q[row], rtol=1e-14)
@@ -346,7 +336,7 @@ def names_of_colours(figure: Figure) -> dict[str, str]:
     return {colour: label[3:] for colour, label in labels.items() if label[0].isdigit()}
 
 
-def moves_of(found: Record, s: float) -> dict[str, np.ndarray]:
+def moves_of(found: rf.Record, s: float) -> dict[str, np.ndarray]:
     """Nodes by what they do halfway between two samples of cycle 1's unloading, from v, w, p."""
     table = found.samples
     rows = np.flatnonzero((table.cycle == 1) & (table.leg == 0))
@@ -372,7 +362,7 @@ def amid(nodes: np.ndarray) -> np.ndarray:
 def test_colours_of_zones_are_those_of_the_legend(half: bool) -> None:
     """What the nodes do is taken from how they move, not from the states."""
     found = record(half=half)
-    figure = figures.zone_maps(found, [(1, 0)])
+    figure = rf.figures.zone_maps(found, [(1, 0)])
     named = names_of_colours(figure)
     (drawn,) = (c for c in figure.axes[0].collections if isinstance(c, PolyCollection))
     colours = [to_hex(colour) for colour in to_rgba_array(drawn.get_facecolor())]
@@ -390,7 +380,7 @@ def test_colours_of_zones_are_those_of_the_legend(half: bool) -> None:
 
 def test_legend_says_where_closed_nodes_do_not_stick_for_want_of_friction() -> None:
     def label(*friction: bool) -> str:
-        return str(style.state_patches([State.STICK], np.array(friction))[0].get_label())
+        return str(rf.style.state_patches([rf.State.STICK], np.array(friction))[0].get_label())
 
     assert label(True, True) == "1  stick"
     assert label(False, False) == "1  contact"
@@ -399,7 +389,7 @@ def test_legend_says_where_closed_nodes_do_not_stick_for_want_of_friction() -> N
 
 def test_colours_and_numbers_of_the_band_are_those_of_the_legend() -> None:
     found = record()
-    figure = figures.tractions(found, found.at(1, "minimum"))
+    figure = rf.figures.tractions(found, found.at(1, "minimum"))
     named, band = names_of_colours(figure), figure.axes[0]
     spans = [
         (p.get_transform().transform_path(p.get_path()).get_extents(), to_hex(p.get_facecolor()))
@@ -421,7 +411,7 @@ def test_colours_and_numbers_of_the_band_are_those_of_the_legend() -> None:
 
 def test_zone_map_shows_half_of_a_symmetric_contact_against_the_load() -> None:
     found = record("unloading")
-    figure = figures.zone_maps(found, [(0, 1)])
+    figure = rf.figures.zone_maps(found, [(0, 1)])
     axes = figure.axes[0]
     assert axes.get_xlim() == (0.0, 2.0)
     assert axes.get_ylim() == (0.0, 1.0)
@@ -437,26 +427,26 @@ def test_zone_map_shows_half_of_a_symmetric_contact_against_the_load() -> None:
 @pytest.mark.parametrize("paper", [True, False])
 def test_no_text_lies_on_another_or_beyond_the_page(paper: bool) -> None:
     unloading = record("unloading", paper=paper)
-    for name, figure in figures.draw_all(record(paper=paper), unloading):
+    for name, figure in rf.figures.draw_all(record(paper=paper), unloading):
         check_texts(figure, name)
 
 
 def test_no_text_of_figures_in_units_lies_on_another() -> None:
-    scene = replace(PAPER, units=Units("mm", "N/mm²"))
-    found = replace(record(), scene_toml=to_toml(scene))
+    scene = replace(PAPER, units=rf.Units("mm", "N/mm²"))
+    found = replace(record(), scene_toml=rf.to_toml(scene))
     for figure in (
-        figures.tractions(found, found.at(1)),
-        figures.zone_maps(found, 1),
-        figures.slip_per_cycle(found),
-        figures.hysteresis(found),
-        figures.trajectories(found, [45, 60, 75]),
+        rf.figures.tractions(found, found.at(1)),
+        rf.figures.zone_maps(found, 1),
+        rf.figures.slip_per_cycle(found),
+        rf.figures.hysteresis(found),
+        rf.figures.trajectories(found, [45, 60, 75]),
     ):
         check_texts(figure, "in units")
 
 
 @pytest.mark.parametrize("legs", [3, 24])
 def test_no_text_of_many_legs_and_loads_lies_on_another(legs: int) -> None:
-    for name, figure in figures.draw_all(around(legs)):
+    for name, figure in rf.figures.draw_all(around(legs)):
         if "zones" in name:
             check_texts(figure, name)
 
@@ -518,19 +508,19 @@ NUMBERED = [
 
 
 def test_figures_are_those_that_the_record_holds_something_for() -> None:
-    def names(found: Record, *others: Record) -> list[str]:
-        return [name for name, _ in figures.draw_all(found, *others)]
+    def names(found: rf.Record, *others: rf.Record) -> list[str]:
+        return [name for name, _ in rf.figures.draw_all(found, *others)]
 
     assert names(record("monotonic")) == NUMBERED[:1]
     assert names(record("unloading")) == NUMBERED[:3]
     wide = {"zones_by_cycle", "hysteresis", "trajectories"}
-    drawn = dict(figures.draw_all(record(), record("unloading"), record(method="gauss-seidel")))
+    drawn = dict(rf.figures.draw_all(record(), record("unloading"), record(method="gauss-seidel")))
     assert list(drawn) == NUMBERED
     # only the paper's block has the paper's numbers, and its cycle 9
     neutral = [re.sub(r"^fig\d\d_", "", name) for name in NUMBERED if "cycle_9" not in name]
     assert names(record(paper=False)) == neutral
     for name, figure in drawn.items():
-        width = style.PAGE if name in wide else style.COLUMN
+        width = rf.style.PAGE if name in wide else rf.style.COLUMN
         assert figure.get_figwidth() == pytest.approx(width, rel=0.01), name
     # the other record and the other method are what is drawn of them
     unloading = drawn["fig05_zones_first_unloading"].axes[0]
@@ -545,8 +535,8 @@ def test_figures_are_those_that_the_record_holds_something_for() -> None:
 def test_first_figures_stand_at_the_largest_load_and_where_a_third_of_it_is_left() -> None:
     system = models.block_system(20, 10)
     path = np.array([[0.0], [0.4], [1.0], [0.0]])
-    found = evolve(system, History(("p0",), path, np.zeros((0, 1)), 0))
-    drawn = dict(figures.draw_all(found))
+    found = rf.evolve(system, rf.History(("p0",), path, np.zeros((0, 1)), 0))
+    drawn = dict(rf.figures.draw_all(found))
 
     def part(name: str) -> float:
         """Load of a figure of tractions over the largest, from its title."""
@@ -562,31 +552,33 @@ def test_first_figures_stand_at_the_largest_load_and_where_a_third_of_it_is_left
 
 def test_the_same_record_gives_the_same_files_of_the_width_asked_for(tmp_path: Path) -> None:
     """A file is written a second time over the first."""
-    made = figures.plot_all(record("monotonic"), tmp_path)
+    made = rf.figures.plot_all(record("monotonic"), tmp_path)
     first = [path.read_bytes() for path in made]
     assert [path.name for path in made] == [
         f"fig04_tractions_first_loading.{ending}" for ending in ("png", "pdf")
     ]
     assert first[1].startswith(b"%PDF")
-    assert [p.read_bytes() for p in figures.plot_all(record("monotonic"), tmp_path)] == first
+    assert [p.read_bytes() for p in rf.figures.plot_all(record("monotonic"), tmp_path)] == first
     image = Image.open(made[0])
-    assert image.size[0] == pytest.approx(style.COLUMN * style.DPI, abs=12)
+    assert image.size[0] == pytest.approx(rf.style.COLUMN * rf.style.DPI, abs=12)
     # states and curves are in it: their colours are
     pixels = np.asarray(image.convert("RGB")).reshape(-1, 3)
-    colours = [style.STATE_COLOURS[s] for s in (STICK, FORWARD, BACKWARD)] + [style.SHEAR_COLOUR]
+    colours = [rf.style.STATE_COLOURS[s] for s in (STICK, FORWARD, BACKWARD)] + [
+        rf.style.SHEAR_COLOUR
+    ]
     for colour in colours:
         assert np.all(pixels == np.round(255.0 * np.array(to_rgb(colour))), axis=1).sum() > 100
 
 
 def test_figures_are_drawn_of_what_is_asked_by_names_and_show_in_a_notebook() -> None:
     found = record()
-    both = figures.zone_maps(found, 9)
+    both = rf.figures.zone_maps(found, 9)
     assert len(both.axes) == 2
-    alone = figures.tractions(found, found.at(9, "minimum"))
+    alone = rf.figures.tractions(found, found.at(9, "minimum"))
     image = Image.open(io.BytesIO(alone._repr_png_()))  # type: ignore[attr-defined]
-    assert image.size[0] == pytest.approx(style.COLUMN * style.NOTEBOOK_DPI, abs=2)
-    with pytest.raises(InputError, match="cycle 5"):
-        figures.zone_maps(found, 5)
+    assert image.size[0] == pytest.approx(rf.style.COLUMN * rf.style.NOTEBOOK_DPI, abs=2)
+    with pytest.raises(rf.InputError, match="cycle 5"):
+        rf.figures.zone_maps(found, 5)
 
 
 @pytest.mark.parametrize(
@@ -606,8 +598,8 @@ def test_figures_are_drawn_of_what_is_asked_by_names_and_show_in_a_notebook() ->
     ],
 )
 def test_what_cannot_be_drawn_is_refused_in_one_line(name: str, asked: Any, said: str) -> None:
-    with pytest.raises(InputError, match=re.escape(said)) as caught:
-        getattr(figures, name)(record(), asked)
+    with pytest.raises(rf.InputError, match=re.escape(said)) as caught:
+        getattr(rf.figures, name)(record(), asked)
     assert "\n" not in str(caught.value)
 
 
@@ -616,35 +608,35 @@ def test_nothing_sticks_where_there_is_no_friction(mu: float) -> None:
     system = models.block_system(40, 20)
     system = replace(system, f=np.full_like(system.f, mu))
     path, loop = np.array([[0.0], [1.0]]), np.array([[1.0], [0.5], [1.0]])
-    found = evolve(system, History(("p0",), path, loop, 2))
+    found = rf.evolve(system, rf.History(("p0",), path, loop, 2))
     low = found.at(1, "minimum")
     touching = low.zones[len(low.zones) // 2][0]
     assert touching == ("stick" if mu else "contact")
-    shown = summarise(found)
-    assert ("contact to" in run_table(shown)) != bool(mu)
-    assert ("stick to" in run_table(shown)) == bool(mu)
-    for figure in (figures.tractions(found, low), figures.zone_maps(found, 1)):
+    shown = rf.summarise(found)
+    assert ("contact to" in rf.run_table(shown)) != bool(mu)
+    assert ("stick to" in rf.run_table(shown)) == bool(mu)
+    for figure in (rf.figures.tractions(found, low), rf.figures.zone_maps(found, 1)):
         texts = [text.get_text() for text in figure.findobj(Text)]
         assert ("1  stick" in texts) == bool(mu)
         assert ("1  contact" in texts) != bool(mu)
-    axes = figures.tractions(found, low).axes[1]
+    axes = rf.figures.tractions(found, low).axes[1]
     assert len([line for line in axes.lines if np.size(line.get_xdata()) > 2]) == (2 if mu else 1)
     assert bool(axes.collections) == bool(mu)
 
 
-def around(legs: int, cycles: int = 2) -> Record:
+def around(legs: int, cycles: int = 2) -> rf.Record:
     """Return a record of two nodes under two loads whose cycle is a polygon."""
     angle = np.linspace(0.0, 2.0 * np.pi, legs + 1)
     loop = np.stack([1.0 + 0.3 * np.cos(angle), 0.2 * np.sin(angle)], axis=1)
     loop[-1] = loop[0]
-    history = History(("a", "b"), np.array([[0.0, 0.0], loop[0]]), loop, cycles)
-    return evolve(two_nodes(), history, output=OutputOptions(samples_per_leg=2, cycles="all"))
+    history = rf.History(("a", "b"), np.array([[0.0, 0.0], loop[0]]), loop, cycles)
+    return rf.evolve(two_nodes(), history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
 
 
 @pytest.mark.parametrize("legs", [2, 4, 5])
 def test_each_of_few_legs_has_a_panel(legs: int) -> None:
     found = around(legs)
-    drawn = dict(figures.draw_all(found))
+    drawn = dict(rf.figures.draw_all(found))
     assert len([axes for axes in drawn["zones_last_cycle"].axes if axes.axison]) == legs
     overview = [axes for axes in drawn["zones_by_cycle"].axes if axes.axison]
     places = [re.sub(r"\(\w+\) |:.*", "", axes.get_title(), flags=re.S) for axes in overview]
@@ -656,16 +648,16 @@ def test_each_of_few_legs_has_a_panel(legs: int) -> None:
 
 
 def test_any_number_of_panels_has_letters() -> None:
-    titles = [style.panel_title(n, 60, "") for n in (0, 25, 26, 27, 52)]
+    titles = [rf.style.panel_title(n, 60, "") for n in (0, 25, 26, 27, 52)]
     assert titles == ["(a) ", "(z) ", "(aa) ", "(ab) ", "(ba) "]
     legs = [(1, leg) for leg in range(30)]
-    assert len(figures.zone_maps(around(30), legs, columns=3).axes) == 30
+    assert len(rf.figures.zone_maps(around(30), legs, columns=3).axes) == 30
 
 
 @pytest.mark.parametrize("legs", [7, 30])
 def test_a_cycle_of_many_legs_is_one_map_with_the_loads_beside_it(legs: int) -> None:
     found = around(legs)
-    drawn = dict(figures.draw_all(found))
+    drawn = dict(rf.figures.draw_all(found))
     zones, loads = drawn["zones_last_cycle"].axes
     assert zones.get_ylim() == loads.get_ylim() == (0.0, legs)
     table = found.turning_points
@@ -681,7 +673,7 @@ def test_a_cycle_of_many_legs_is_one_map_with_the_loads_beside_it(legs: int) -> 
 
 
 @cache
-def measured() -> Record:
+def measured() -> rf.Record:
     """Return a record of the block under a signal of 500 points a cycle."""
     time = np.arange(501) / 500.0
     noise = np.random.default_rng(7).normal(size=501)
@@ -689,16 +681,16 @@ def measured() -> Record:
     signal[-1] = signal[0]
     scene = replace(
         PAPER,
-        history=HistoryOptions(
+        history=rf.HistoryOptions(
             "table",
             columns=("p0",),
             rows=((float(signal[0]),),),
             cycle_rows=tuple((float(value),) for value in signal[1:]),
             cycles=2,
         ),
-        output=OutputOptions(samples_per_leg=2, cycles=(2,)),
+        output=rf.OutputOptions(samples_per_leg=2, cycles=(2,)),
     )
-    return evolve(models.block_system(12, 6), from_scene(scene), output=scene.output)
+    return rf.evolve(models.block_system(12, 6), rf.history_from_scene(scene), output=scene.output)
 
 
 def test_a_measured_signal_of_500_points_is_one_map_of_few_polygons() -> None:
@@ -718,7 +710,7 @@ def test_a_measured_signal_of_500_points_is_one_map_of_few_polygons() -> None:
     assert total == pytest.approx(np.ptp(found.x), rel=1e-12)
     # a polygon for each leg and pair of nodes would be three times as many
     assert len(drawn.pieces) < 500 * (len(found.x) - 1) / 2
-    figure = figures.zone_maps(found, 2)
+    figure = rf.figures.zone_maps(found, 2)
     zones, loads = figure.axes
     path = np.asarray(loads.lines[0].get_xydata())
     assert path.shape == (501, 2)
@@ -727,17 +719,17 @@ def test_a_measured_signal_of_500_points_is_one_map_of_few_polygons() -> None:
     assert np.array_equal(path[1:, 0], points.load[points.cycle == 2][:, 0] / largest)
     assert 0 < len(zones.texts) <= MAX_NUMBERS
     # no dots at 500 turning points
-    assert {line.get_marker() for line in figures.hysteresis(found).axes[0].lines} == {"None"}
+    assert {line.get_marker() for line in rf.figures.hysteresis(found).axes[0].lines} == {"None"}
     check_texts(figure, "measured signal")
 
 
 def test_unknown_format_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"format 'xyz': is unknown; use some of .*png"):
-        figures.plot_all(record(), tmp_path / "figures", formats="xyz")
+    with pytest.raises(rf.InputError, match=r"format 'xyz': is unknown; use some of .*png"):
+        rf.figures.plot_all(record(), tmp_path / "figures", formats="xyz")
     assert not (tmp_path / "figures").exists()
 
 
-def two_nodes() -> ContactSystem:
+def two_nodes() -> rf.ContactSystem:
     """Two nodes that know nothing of each other, under two loads."""
     loads = {"a": np.repeat([0.1, 1.0], 2), "b": np.repeat([0.2, 0.5], 2)}
     return small_system(np.kron([[2.0, 0.3], [0.3, 1.0]], np.eye(2)), loads, 0.5)
@@ -749,14 +741,14 @@ def test_legs_are_counted_from_0_as_in_the_record() -> None:
         [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]],
     )
     system = two_nodes()
-    history = History(("a", "b"), path, np.array(loop), 2)
-    found = evolve(system, history, output=OutputOptions(cycles="all"))
-    titles = [axes.get_title() for axes in figures.zone_maps(found, 2).axes[:3]]
+    history = rf.History(("a", "b"), path, np.array(loop), 2)
+    found = rf.evolve(system, history, output=rf.OutputOptions(cycles="all"))
+    titles = [axes.get_title() for axes in rf.figures.zone_maps(found, 2).axes[:3]]
     assert [re.findall(r"cycle 2, leg (\d): ", title) for title in titles] == [["0"], ["1"], ["2"]]
 
 
 def test_png_holds_every_pixel_and_the_size_on_paper() -> None:
     pixels = np.random.default_rng(1).integers(0, 256, (37, 23, 3), dtype=np.uint8)
-    with Image.open(io.BytesIO(saving.png_of(pixels, style.DPI))) as image:
-        assert image.info["dpi"] == pytest.approx((style.DPI, style.DPI), rel=1e-4)
+    with Image.open(io.BytesIO(saving.png_of(pixels, rf.style.DPI))) as image:
+        assert image.info["dpi"] == pytest.approx((rf.style.DPI, rf.style.DPI), rel=1e-4)
         assert np.array_equal(np.asarray(image), pixels)

@@ -8,14 +8,8 @@ import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
 
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.output.plots import figures, style
-from receding_fenicsx.output.plots.loops import loop_of, representative_nodes, shown_cycles
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import OutputOptions
+import receding_fenicsx as rf
+from receding_fenicsx.output.plots.loops import representative_nodes, shown_cycles
 
 pytestmark = pytest.mark.one_rank
 
@@ -24,16 +18,16 @@ CYCLES = 25
 
 
 @cache
-def record(samples: int = 40) -> Record:
+def record(samples: int = 40) -> rf.Record:
     system = models.block_system(40, 20, half=True)
-    history = History(("p0",), np.array([[0.0], [1.0]]), LOOP, CYCLES)
-    return evolve(system, history, output=OutputOptions(samples_per_leg=samples))
+    history = rf.History(("p0",), np.array([[0.0], [1.0]]), LOOP, CYCLES)
+    return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=samples))
 
 
 def test_area_of_a_closed_loop_is_the_dissipation() -> None:
     """Energy balance of a closed cycle; samples make it exact as their distance squared."""
     found = [record(samples) for samples in (20, 80)]
-    off = [loop_of(r, CYCLES).area().sum() / r.cycles.dissipation[-1] - 1.0 for r in found]
+    off = [rf.loop_of(r, CYCLES).area().sum() / r.cycles.dissipation[-1] - 1.0 for r in found]
     assert abs(off[1]) < 1e-3
     assert abs(off[1]) < 0.2 * abs(off[0])
 
@@ -41,7 +35,7 @@ def test_area_of_a_closed_loop_is_the_dissipation() -> None:
 def test_path_of_a_cycle_goes_from_turning_point_to_turning_point() -> None:
     found = record()
     for cycle in (1, 9, CYCLES):
-        loop, table = loop_of(found, cycle), found.turning_points
+        loop, table = rf.loop_of(found, cycle), found.turning_points
         rows = np.flatnonzero(np.isin(table.cycle, (cycle - 1, cycle)))[-3:]
         assert np.array_equal(loop.q[loop.turning], table.q[rows])
         assert np.array_equal(loop.load[loop.turning], [[1.0], [1.0 / 3.0], [1.0]])
@@ -51,8 +45,8 @@ def test_path_of_a_cycle_goes_from_turning_point_to_turning_point() -> None:
 
 
 def test_cycle_without_samples_is_refused() -> None:
-    with pytest.raises(InputError, match=r"cycle 5: .* only of \[0, 1, 2, 9, 25\]"):
-        loop_of(record(), 5)
+    with pytest.raises(rf.InputError, match=r"cycle 5: .* only of \[0, 1, 2, 9, 25\]"):
+        rf.loop_of(record(), 5)
 
 
 def test_chosen_nodes_have_different_fates() -> None:
@@ -62,15 +56,15 @@ def test_chosen_nodes_have_different_fates() -> None:
     assert np.all(found.x[nodes] > 0.0)
     state = found.samples.state[found.samples.cycle == CYCLES][:, nodes]
     density = found.cycles.dissipation_density[-1]
-    assert np.any(state == State.SEPARATION, axis=0).sum() >= 1
-    assert np.any(np.all(state == State.STICK, axis=0))
+    assert np.any(state == rf.State.SEPARATION, axis=0).sum() >= 1
+    assert np.any(np.all(state == rf.State.STICK, axis=0))
     assert int(np.argmax(np.where(found.x > 0.0, density, 0.0))) in nodes
 
 
 def test_hysteresis_shows_the_loops_of_the_record() -> None:
     found = record()
-    axes = figures.hysteresis(found).axes[0]
-    loops = [loop_of(found, cycle) for cycle in shown_cycles(found)]
+    axes = rf.figures.hysteresis(found).axes[0]
+    loops = [rf.loop_of(found, cycle) for cycle in shown_cycles(found)]
     drawn = [line for line in axes.lines if line.get_linestyle() != "None"]
     assert len(drawn) == len(loops) == 3
     for line, loop in zip(drawn, loops, strict=True):
@@ -84,10 +78,10 @@ def test_round_off_is_not_drawn_as_a_loop(mu: float) -> None:
     system = models.block_system(40, 20)
     system = dataclasses.replace(system, f=np.full_like(system.f, mu))
     loop = np.array([[1.0], [0.5], [1.0]])
-    found = evolve(system, History(("p0",), np.array([[0.0], [1.0]]), loop, 2))
-    for line in figures.hysteresis(found).axes[1].lines:
+    found = rf.evolve(system, rf.History(("p0",), np.array([[0.0], [1.0]]), loop, 2))
+    for line in rf.figures.hysteresis(found).axes[1].lines:
         assert np.all(np.asarray(line.get_xdata()) == 0.0)
-    figure = figures.trajectories(found)
+    figure = rf.figures.trajectories(found)
     for axes in figure.axes[:3]:
         for line in axes.lines:
             q = np.asarray(line.get_xdata())
@@ -99,21 +93,21 @@ def test_round_off_is_not_drawn_as_a_loop(mu: float) -> None:
 
 def test_force_that_a_prescribed_displacement_takes_is_drawn_over_it() -> None:
     found = dataclasses.replace(record(), load_sign=np.array([1.0]))
-    axes = figures.hysteresis(found).axes[0]
+    axes = rf.figures.hysteresis(found).axes[0]
     line = next(line for line in axes.lines if line.get_linestyle() != "None")
-    loop = loop_of(found, shown_cycles(found)[0])
+    loop = rf.loop_of(found, shown_cycles(found)[0])
     assert np.array_equal(line.get_xdata(), loop.load[:, 0])
     assert np.array_equal(line.get_ydata(), loop.displacement[:, 0])
     assert axes.get_ylabel().startswith("$F") and "p_" in axes.get_xlabel()
-    assert loop.area() == pytest.approx(-loop_of(record(), loop.cycle).area())
+    assert loop.area() == pytest.approx(-rf.loop_of(record(), loop.cycle).area())
 
 
 def test_trajectories_stay_in_the_friction_cone_that_is_drawn() -> None:
     found = record()
-    figure = figures.trajectories(found)
+    figure = rf.figures.trajectories(found)
     for axes in figure.axes[:4]:
         (cone,) = axes.collections
-        assert np.allclose(np.asarray(cone.get_facecolor())[0, :3], to_rgb(style.CONE["fc"]))
+        assert np.allclose(np.asarray(cone.get_facecolor())[0, :3], to_rgb(rf.style.CONE["fc"]))
         corners = np.asarray(cone.get_paths()[0].vertices)
         slope = np.abs(corners[:, 0]).max() / corners[:, 1].max()
         assert slope == pytest.approx(found.f[0], rel=1e-9)
@@ -123,5 +117,5 @@ def test_trajectories_stay_in_the_friction_cone_that_is_drawn() -> None:
 
 
 def test_nodes_that_are_not_there_are_refused() -> None:
-    with pytest.raises(InputError, match="0 to 80"):
-        figures.trajectories(record(), nodes=[81])
+    with pytest.raises(rf.InputError, match="0 to 80"):
+        rf.figures.trajectories(record(), nodes=[81])

@@ -13,21 +13,17 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.output.report.html import report_html, write_report
+import receding_fenicsx as rf
+from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.html_pictures import CAPTIONS
-from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import extremes_of
-from receding_fenicsx.output.storage.summary_file import read_summary, write_summary
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import Load, Scene
-from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.output.storage.summary_file import write_summary
 
 pytestmark = pytest.mark.one_rank
 
 EMPTY = {"meta", "img", "br"}
 """Elements without an end."""
-SCENE = Scene(title="a < b & c", loads=(Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
+SCENE = rf.Scene(title="a < b & c", loads=(rf.Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
 COSTS = {
     "timings": {"mesh": 0.125, "evolve": 2.5, "pictures": 1.0},
     "peak_memory_MB": 321.0,
@@ -78,9 +74,9 @@ class Page(HTMLParser):
 def run(cycles: int = 22) -> tuple:
     system = models.block_system(20, 10, half=True)
     loop = np.array([[1.0], [1.0 / 3.0], [1.0]])
-    record = evolve(system, History(("p0",), np.array([[0.0], [1.0]]), loop, cycles))
-    record.scene_toml = to_toml(SCENE)
-    return record, summarise(record, COSTS)
+    record = rf.evolve(system, rf.History(("p0",), np.array([[0.0], [1.0]]), loop, cycles))
+    record.scene_toml = rf.to_toml(SCENE)
+    return record, rf.summarise(record, COSTS)
 
 
 def test_captions_claim_no_load_that_other_histories_do_not_have() -> None:
@@ -119,7 +115,7 @@ def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
         size = (2244, 30) if "snapshots" in name or "hysteresis" in name else (1060, 40)
         Image.new("RGB", size, (20 * k,) * 3).save(path)
     write_summary(tmp_path / "summary.json", summary)
-    text = write_report(tmp_path, record.scene_toml).read_text(encoding="utf-8")
+    text = rf.write_report(tmp_path, record.scene_toml).read_text(encoding="utf-8")
     page = Page(text)
     assert len(page.references) == len(PICTURES)
     shown = re.findall(
@@ -158,7 +154,7 @@ def test_round_off_is_no_traction() -> None:
 def test_numbers_of_the_report_are_those_of_the_summary(tmp_path: Path) -> None:
     _, summary = run()
     write_summary(tmp_path / "summary.json", summary)
-    written = read_summary(tmp_path / "summary.json")
+    written = rf.read_summary(tmp_path / "summary.json")
     page = Page(report_html(written))
     rows = {row[0]: row for row in page.rows if row}
     D, slip = written["dissipation_per_cycle"], written["slip_per_cycle_max"]
@@ -208,8 +204,8 @@ def test_report_says_what_is_wrong_with_space_errors() -> None:
 
 def test_run_without_cycles_or_costs_has_a_report_too() -> None:
     system = models.block_system(20, 10, half=True)
-    history = History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)), 0)
-    page = Page(report_html(summarise(evolve(system, history))))
+    history = rf.History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)), 0)
+    page = Page(report_html(rf.summarise(rf.evolve(system, history))))
     assert page.headings == ["Turning points", "Checks"]
     assert "Untitled run" in page.text
 
@@ -232,7 +228,7 @@ def test_every_edge_of_several_has_its_rows_and_its_figures(tmp_path: Path) -> N
         "paper": [],
     }
     write_summary(tmp_path / "summary.json", several)
-    page = Page(write_report(tmp_path, "").read_text(encoding="utf-8"))
+    page = Page(rf.write_report(tmp_path, "").read_text(encoding="utf-8"))
     found = [row for row in page.rows if row[0] in ("left", "right")]
     assert [row[0] for row in found] == ["left", "right"] * 5
     for row in found:

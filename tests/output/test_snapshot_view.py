@@ -18,47 +18,33 @@ from matplotlib.colors import to_hex, to_rgba_array
 from matplotlib.figure import Figure
 from pictured import instant_of_row, view_at
 
-from receding_fenicsx import evolve, read_scene, study
+import receding_fenicsx as rf
+from receding_fenicsx import study
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import Friction, State
-from receding_fenicsx.interface.measures.zones import zones
-from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.output.plots import figures, style
+from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, scaled
 from receding_fenicsx.output.snapshots.layout import layout_of
 from receding_fenicsx.output.snapshots.load_arrows import Arrows
 from receding_fenicsx.output.snapshots.page import compose
 from receding_fenicsx.output.snapshots.view import Strip, View
 from receding_fenicsx.pictures import shown_instant
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    Scene,
-    SolverOptions,
-)
-from receding_fenicsx.scene.units import Units
 
 COMM = MPI.COMM_WORLD
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0
 """Where they are all 1, what divides by the wrong one looks the same."""
 
-BLOCK = Scene(
-    body=Body(width=4.0 * HEIGHT, height=HEIGHT),
-    material=Material(young=YOUNG),
-    mesh=MeshOptions(contact_elements=16, degree=2, growth=1.4),
-    contacts=(Contact(friction=0.35, initial_gap="0.002*x**2"),),
-    loads=(Load("p0", "top", (-HEIGHT, HEIGHT), pressure=PRESSURE),),
-    history=HistoryOptions(maximum=LARGEST, minimum=LARGEST / 3.0, cycles=1),
+BLOCK = rf.Scene(
+    body=rf.Body(width=4.0 * HEIGHT, height=HEIGHT),
+    material=rf.Material(young=YOUNG),
+    mesh=rf.MeshOptions(contact_elements=16, degree=2, growth=1.4),
+    contacts=(rf.Contact(friction=0.35, initial_gap="0.002*x**2"),),
+    loads=(rf.Load("p0", "top", (-HEIGHT, HEIGHT), pressure=PRESSURE),),
+    history=rf.HistoryOptions(maximum=LARGEST, minimum=LARGEST / 3.0, cycles=1),
 )
 
 
-def seen(scene: Scene, row: int = 1) -> tuple[View, Fields, Record] | None:
+def seen(scene: rf.Scene, row: int = 1) -> tuple[View, Fields, rf.Record] | None:
     """View, fields and record of a turning point, on rank 0."""
     record, now = instant_of_row(scene, row)
     made = view_at(scene, now)
@@ -67,7 +53,7 @@ def seen(scene: Scene, row: int = 1) -> tuple[View, Fields, Record] | None:
 
 @pytest.mark.parametrize("symmetry", ["auto", "none"])
 def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> None:
-    made = seen(replace(BLOCK, solver=SolverOptions(symmetry=symmetry)))
+    made = seen(replace(BLOCK, solver=rf.SolverOptions(symmetry=symmetry)))
     if made is None:
         return
     view, fields, record = made
@@ -102,7 +88,7 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
 
 
 def test_pictures_are_in_the_units_of_the_scene() -> None:
-    made = seen(replace(BLOCK, units=Units("mm", "MPa")))
+    made = seen(replace(BLOCK, units=rf.Units("mm", "MPa")))
     if made is None:
         return
     view, fields, record = made
@@ -118,7 +104,7 @@ def test_pictures_are_in_the_units_of_the_scene() -> None:
 
 def drawn_states(figure: Figure, n: int, at: np.ndarray) -> list[int]:
     """States at points (x, y) of the n-th axes, by the colours of the areas drawn there."""
-    axes, states = figure.axes[n], {colour: int(s) for s, colour in style.STATE_COLOURS.items()}
+    axes, states = figure.axes[n], {colour: int(s) for s, colour in rf.style.STATE_COLOURS.items()}
     areas = [
         (patch.get_transform().transform_path(patch.get_path()), to_hex(patch.get_facecolor()))
         for patch in axes.patches
@@ -133,30 +119,30 @@ def drawn_states(figure: Figure, n: int, at: np.ndarray) -> list[int]:
 
 
 def test_steady_zones_that_only_touch_their_limit_are_alike_in_all_pictures() -> None:
-    history = HistoryOptions(maximum=LARGEST, minimum=LARGEST / 3.0, cycles=60)
-    mesh = MeshOptions(contact_elements=40, degree=2, growth=1.4)
-    scene = replace(BLOCK, contacts=(Contact(),), history=history, mesh=mesh)
+    history = rf.HistoryOptions(maximum=LARGEST, minimum=LARGEST / 3.0, cycles=60)
+    mesh = rf.MeshOptions(contact_elements=40, degree=2, growth=1.4)
+    scene = replace(BLOCK, contacts=(rf.Contact(),), history=history, mesh=mesh)
     system = study.condense(scene, COMM)
 
-    def make() -> tuple[Record, Instant]:
-        record = evolve(given(system), scene)
-        return record, shown_instant(scene, given(system), record, (60, "unloading", 1.0))
+    def make() -> tuple[rf.Record, Instant]:
+        record = rf.evolve(rf.given(system), scene)
+        return record, shown_instant(scene, rf.given(system), record, (60, "unloading", 1.0))
 
-    record, now = COMM.bcast(on_root(COMM, make))
+    record, now = COMM.bcast(rf.on_root(COMM, make))
     made = view_at(scene, now)
     if made is None:
         return
     view, _ = made
     low = record.at(60, "minimum")
     # the path itself has slips far below those that anything shows
-    slips = np.isin(low.state, (State.FORWARD_SLIP, State.BACKWARD_SLIP))
-    assert np.count_nonzero(slips & (view.state == State.STICK)) > 3
-    assert np.array_equal(low.state[view.state != State.STICK], view.state[view.state != 1])
+    slips = np.isin(low.state, (rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP))
+    assert np.count_nonzero(slips & (view.state == rf.State.STICK)) > 3
+    assert np.array_equal(low.state[view.state != rf.State.STICK], view.state[view.state != 1])
     x = record.x[record.x > 0.01 * HEIGHT][:-1] / HEIGHT + 1e-6
     expected = view.state[record.x > 0.01 * HEIGHT][:-1].tolist()
-    band = figures.tractions(record, low)
+    band = rf.figures.tractions(record, low)
     assert drawn_states(band, 0, np.stack([x, 0.9 + 0.0 * x], axis=1)) == expected
-    zone_map = figures.zone_maps(record, [(60, 0)])
+    zone_map = rf.figures.zone_maps(record, [(60, 0)])
     just_above = 1.0 / 3.0 + 1e-6 + 0.0 * x
     assert drawn_states(zone_map, 0, np.stack([x, just_above], axis=1)) == expected
 
@@ -178,7 +164,7 @@ def test_arrows_end_on_the_deformed_edge_that_they_press() -> None:
 
 @pytest.mark.parametrize("symmetry", ["auto", "none"])
 def test_gaps_and_displacements_are_exaggerated_alike(symmetry: str) -> None:
-    made = seen(replace(BLOCK, solver=SolverOptions(symmetry=symmetry)))
+    made = seen(replace(BLOCK, solver=rf.SolverOptions(symmetry=symmetry)))
     if made is None:
         return
     view, fields, record = made
@@ -196,7 +182,7 @@ def test_gaps_and_displacements_are_exaggerated_alike(symmetry: str) -> None:
     assert shown[vertices] == pytest.approx(moved[vertices], abs=1e-9 * np.abs(moved).max())
     # so that what touches lies on the plane in the picture too, and nothing below it
     height = (strip.moved[:, 1] + strip.gap)[vertices]
-    open_ = table.state[1][vertices] == State.SEPARATION
+    open_ = table.state[1][vertices] == rf.State.SEPARATION
     size = view.factor * np.abs(moved).max() / HEIGHT
     assert np.abs(height[~open_]).max() < 1e-9 * size
     assert height[open_].min() > 0.0 and open_.any()
@@ -212,7 +198,7 @@ def made_up(rigid: bool = True) -> View:
     """A block of 2 by 1 that stands on a plane, or on another body, in known states."""
     x = np.linspace(-1.0, 1.0, 9)
     place = np.stack([x, np.zeros(9)], axis=1)
-    open_ = STATES == State.SEPARATION
+    open_ = STATES == rf.State.SEPARATION
     moved = place + np.stack([0.0 * x, np.where(open_, 0.05, 0.0)], axis=1)
     gap = 0.01 * (1.0 + np.abs(x))
     strip = Strip("bottom", x, place, moved, np.array([0.0, 1.0]), gap, STATES)
@@ -244,7 +230,7 @@ def page_of(view: View) -> Figure:
     """The page around an empty field."""
     fringes = next(q for q in QUANTITIES if q.name == "max_shear")
     colours, _ = colours_of(scaled(view, fringes), fringes, view.pressure_symbol)
-    with mpl.rc_context(style.RC):
+    with mpl.rc_context(rf.style.RC):
         layout = layout_of(view, dpi=50.0)
         empty = np.zeros((*layout.pixels[::-1], 4), dtype=np.uint8)
         return compose(view, layout, empty, colours)
@@ -283,7 +269,7 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
         "forward slip",
         "separation",
     ]
-    expected = [end for _, *ends in zones(view.x, STATES) for end in ends]
+    expected = [end for _, *ends in rf.zones(view.x, STATES) for end in ends]
     assert [end for _, *ends in found for end in ends] == pytest.approx(expected)
 
 
@@ -301,7 +287,7 @@ def test_line_between_two_bodies_has_the_colours_of_the_legend_where_the_states_
         for path, colour in zip(line.get_paths(), hexes(line.get_colors()), strict=True)
     ]
     assert found == [
-        (name, pytest.approx(a), pytest.approx(b)) for name, a, b in zones(view.x, STATES)
+        (name, pytest.approx(a), pytest.approx(b)) for name, a, b in rf.zones(view.x, STATES)
     ]
     # along the first body's deformed edge
     middle = np.asarray(line.get_paths()[2].vertices)
@@ -390,7 +376,7 @@ def test_colour_bar_ends_with_the_body_and_has_room_for_its_label(height: float)
 
 def test_small_contact_is_shown_from_near_by() -> None:
     demo = Path(__file__).parents[2] / "demos" / "punch.toml"
-    punch = read_scene(demo, ["mesh.contact_elements=16"])
+    punch = rf.read_scene(demo, ["mesh.contact_elements=16"])
     made = seen(punch, row=0)
     if made is None:
         return

@@ -18,27 +18,10 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
+import receding_fenicsx as rf
 from receding_fenicsx import study
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.output.plots import figures
 from receding_fenicsx.output.plots.load_kinds import kind_of
-from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.output.plots.units import length_of, scales_of, three_digits
-from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.output.report.text import run_table
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    HistoryOptions,
-    Load,
-    Material,
-    MeshOptions,
-    OutputOptions,
-    Scene,
-)
-from receding_fenicsx.scene.toml_file import to_toml
-from receding_fenicsx.scene.units import Units
 
 pytestmark = pytest.mark.one_rank
 
@@ -47,29 +30,29 @@ CYCLES = 10
 KINEMATICS = ("plane strain", "axisymmetric")
 
 
-def scene_of(kinematics: str, p: float, h: float, E: float, largest: float) -> Scene:
+def scene_of(kinematics: str, p: float, h: float, E: float, largest: float) -> rf.Scene:
     """The paper's block, or a cylinder of the same section, in other units."""
     begin = 0.0 if kinematics == "axisymmetric" else -h
-    return Scene(
-        body=Body(width=4.0 * h, height=h),
-        material=Material(young=E, kinematics=kinematics),
-        mesh=MeshOptions(contact_elements=40, degree=1, growth=1.4),
-        loads=(Load("p0", "top", (begin, h), pressure=p),),
-        history=HistoryOptions(maximum=largest, minimum=largest / 3.0, cycles=CYCLES),
-        output=OutputOptions(samples_per_leg=10),
+    return rf.Scene(
+        body=rf.Body(width=4.0 * h, height=h),
+        material=rf.Material(young=E, kinematics=kinematics),
+        mesh=rf.MeshOptions(contact_elements=40, degree=1, growth=1.4),
+        loads=(rf.Load("p0", "top", (begin, h), pressure=p),),
+        history=rf.HistoryOptions(maximum=largest, minimum=largest / 3.0, cycles=CYCLES),
+        output=rf.OutputOptions(samples_per_leg=10),
     )
 
 
 @cache
-def run(kinematics: str, *units: float) -> Record:
+def run(kinematics: str, *units: float) -> rf.Record:
     """Condense and play a scene; in units 1, 1, 1, 1 unless others are given."""
     scene = scene_of(kinematics, *(units or (1.0, 1.0, 1.0, 1.0)))
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
-    return evolve(system, scene)
+    return rf.evolve(system, scene)
 
 
-def odd(kinematics: str) -> Record:
+def odd(kinematics: str) -> rf.Record:
     """The run whose units are no ones."""
     return run(kinematics, PRESSURE, HEIGHT, YOUNG, LARGEST)
 
@@ -87,16 +70,16 @@ def drawn_in(figure: Figure) -> tuple[list[str], list[np.ndarray]]:
     return texts, shapes
 
 
-def some_of_each(record: Record) -> list[Figure]:
+def some_of_each(record: rf.Record) -> list[Figure]:
     """One figure of each kind."""
     return [
-        figures.tractions(record, record.at(1, "minimum")),
-        figures.zone_maps(record, [(1, 0)]),
-        figures.slip_per_cycle(record),
-        figures.dissipation_per_cycle(record),
-        figures.dissipation_density(record),
-        figures.hysteresis(record, CYCLES),
-        figures.trajectories(record, 3 * len(record.x) // 4, CYCLES),
+        rf.figures.tractions(record, record.at(1, "minimum")),
+        rf.figures.zone_maps(record, [(1, 0)]),
+        rf.figures.slip_per_cycle(record),
+        rf.figures.dissipation_per_cycle(record),
+        rf.figures.dissipation_density(record),
+        rf.figures.hysteresis(record, CYCLES),
+        rf.figures.trajectories(record, 3 * len(record.x) // 4, CYCLES),
     ]
 
 
@@ -139,7 +122,7 @@ def test_tractions_are_over_the_pressure_that_acts(kinematics: str) -> None:
     position = {"plane strain": "x", "axisymmetric": "r"}[kinematics]
     for load, part in (("minimum", 1.0 / 3.0), ("maximum", 1.0)):
         moment = record.at(1, load)  # type: ignore[arg-type]
-        axes = figures.tractions(record, moment).axes[1]
+        axes = rf.figures.tractions(record, moment).axes[1]
         labels = axes.get_ylabel().split(",  ")
         for label, symbol, n, values in zip(
             labels, "pq", (-2, -1), (moment.p, moment.q), strict=True
@@ -159,7 +142,7 @@ def test_tractions_are_over_the_pressure_that_acts(kinematics: str) -> None:
 def test_slip_and_dissipation_are_in_the_units_that_the_labels_say(kinematics: str) -> None:
     record = odd(kinematics)
     position = {"plane strain": "x", "axisymmetric": "r"}[kinematics]
-    axes = figures.slip_per_cycle(record).axes[0]
+    axes = rf.figures.slip_per_cycle(record).axes[0]
     label = axes.get_ylabel().removeprefix("slip gained in a cycle, ")
     slip = np.abs(record.cycles.slip_increment) * factor(label, r"|\Delta v_i|")
     names = [str(line.get_label()) for line in axes.lines]
@@ -171,7 +154,7 @@ def test_slip_and_dissipation_are_in_the_units_that_the_labels_say(kinematics: s
         (node,) = np.flatnonzero(np.abs(x - float(found[2])) < 0.0051)
         N, y = curve(axes, n).T
         assert close(y, slip[N.astype(int) - 1, node])
-    figure = figures.dissipation_density(record)
+    figure = rf.figures.dissipation_density(record)
     label = figure.axes[0].get_ylabel().split("\n")[1]
     for n, row in ((0, 0), (1, CYCLES - 1)):
         expected = record.cycles.dissipation_density[row] * factor(label, "d")
@@ -184,9 +167,9 @@ def test_slip_and_dissipation_are_in_the_units_that_the_labels_say(kinematics: s
 @pytest.mark.parametrize("kinematics", KINEMATICS)
 def test_loops_are_of_the_pressure_and_its_work_conjugate(kinematics: str) -> None:
     record = odd(kinematics)
-    axes = figures.hysteresis(record, CYCLES).axes[0]
+    axes = rf.figures.hysteresis(record, CYCLES).axes[0]
     x, y = curve(axes, 0).T
-    path = loop_of(record, CYCLES)
+    path = rf.loop_of(record, CYCLES)
     # the record's displacement is conjugate to the load factor, the figure's to the pressure
     conjugate = path.displacement[:, 0] / PRESSURE
     assert close(x, conjugate * factor(axes.get_xlabel(), r"\delta_{p_{0}}"))
@@ -204,9 +187,9 @@ def telling(w: np.ndarray, p: np.ndarray) -> int:
 @pytest.mark.parametrize("kinematics", KINEMATICS)
 def test_paths_of_nodes_are_over_the_largest_pressure(kinematics: str) -> None:
     record = odd(kinematics)
-    path = loop_of(record, CYCLES)
+    path = rf.loop_of(record, CYCLES)
     node = telling(path.w, path.p)
-    axes = figures.trajectories(record, node, CYCLES).axes
+    axes = rf.figures.trajectories(record, node, CYCLES).axes
     for panel, (a, b) in zip(axes, (("q", "p"), ("v", "w")), strict=True):
         x, y = curve(panel, 0).T
         assert close(x, getattr(path, a)[:, node] * factor(panel.get_xlabel(), a))
@@ -221,7 +204,7 @@ def test_paths_of_nodes_are_over_the_largest_pressure(kinematics: str) -> None:
 @pytest.mark.parametrize("kinematics", KINEMATICS)
 def test_zone_maps_run_from_load_to_load_over_the_largest(kinematics: str) -> None:
     record = odd(kinematics)
-    unloading, loading = figures.zone_maps(record, 1).axes
+    unloading, loading = rf.figures.zone_maps(record, 1).axes
     for axes in (unloading, loading):
         assert axes.get_ylim() == pytest.approx((1.0 / 3.0, 1.0), rel=1e-14)
         assert axes.get_xlim() == pytest.approx((0.0, record.x[-1] / HEIGHT), rel=1e-14)
@@ -241,24 +224,24 @@ def test_zone_maps_run_from_load_to_load_over_the_largest(kinematics: str) -> No
 def test_what_cannot_be_made_free_of_units_is_in_those_of_the_scene() -> None:
     """Two loads: no one pressure to divide by."""
     scene = scene_of("plane strain", PRESSURE, HEIGHT, YOUNG, LARGEST)
-    second = Load("t", "right", traction=(0.0, 0.1))
-    table = HistoryOptions(
+    second = rf.Load("t", "right", traction=(0.0, 0.1))
+    table = rf.HistoryOptions(
         "table", columns=("p0", "t"), rows=((4.0, 0.0),), cycle_rows=((3.0, 1.0), (4.0, 0.0))
     )
     scene = replace(scene, loads=(*scene.loads, second), history=replace(table, cycles=CYCLES))
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
-    record = evolve(system, scene)
+    record = rf.evolve(system, scene)
     moment = record.at(1, "minimum")
-    axes = figures.tractions(record, moment).axes[1]
+    axes = rf.figures.tractions(record, moment).axes[1]
     assert axes.get_ylabel() == "$p$,  $q$"
     assert np.array_equal(curve(axes, -2)[:, 1], moment.p)
     assert np.array_equal(curve(axes, -1)[:, 1], moment.q)
-    density = figures.dissipation_density(record).axes[0]
+    density = rf.figures.dissipation_density(record).axes[0]
     assert density.get_ylabel() == "dissipation density\n$d$"
     assert np.array_equal(curve(density, 0)[:, 1], record.cycles.dissipation_density[0])
-    loops = figures.hysteresis(record, CYCLES)
-    path = loop_of(record, CYCLES)
+    loops = rf.figures.hysteresis(record, CYCLES)
+    path = rf.loop_of(record, CYCLES)
     for n, name in enumerate(("p_{0}", "t")):
         left = loops.axes[2 * n]
         assert left.get_xlabel() == rf"$\delta_{{{name}}}$"
@@ -268,14 +251,14 @@ def test_what_cannot_be_made_free_of_units_is_in_those_of_the_scene() -> None:
         assert close(curve(left, 0)[:, 0], path.displacement[:, n] / (PRESSURE, 0.1)[n])
         assert close(curve(left, 0)[:, 1], path.load[:, n] / largest)
     node = telling(path.w, path.p)
-    forces, places = figures.trajectories(record, node, CYCLES).axes
+    forces, places = rf.figures.trajectories(record, node, CYCLES).axes
     assert (forces.get_xlabel(), forces.get_ylabel()) == ("$q$", "$p$")
     assert (places.get_xlabel(), places.get_ylabel()) == ("$v$", "$w$")
     assert close(curve(forces, 0)[:, 1], path.p[:, node])
     assert close(curve(places, 0)[:, 1], path.w[:, node])
 
 
-UNITS = Units("mm", "MPa", "N")
+UNITS = rf.Units("mm", "MPa", "N")
 
 
 @pytest.mark.parametrize("kinematics", KINEMATICS)
@@ -284,42 +267,42 @@ def test_axes_are_in_the_units_of_the_scene_and_nothing_is_converted(kinematics:
     given = given_units(record, UNITS)
     symbol = {"plane strain": "x", "axisymmetric": "r"}[kinematics]
     moment = given.at(1, "minimum")
-    figure = figures.tractions(given, moment)
+    figure = rf.figures.tractions(given, moment)
     axes = figure.axes[1]
     assert (axes.get_xlabel(), axes.get_ylabel()) == (f"${symbol}$ (mm)", "$p$,  $q$ (MPa)")
     assert np.array_equal(curve(axes, -2), np.stack([record.x, moment.p], axis=1))
     least = f"${PRESSURE * LARGEST / 3.0:.3g}$ MPa"
     assert figure.axes[0].get_title() == f"first unloading, $p_{{0}}$ {least}"
-    zones = figures.zone_maps(given, [(1, 0)]).axes[0]
+    zones = rf.figures.zone_maps(given, [(1, 0)]).axes[0]
     assert (zones.get_xlabel(), zones.get_ylabel()) == (f"${symbol}$ (mm)", "$p_{0}$ (MPa)")
     ends = PRESSURE * LARGEST / 3.0, PRESSURE * LARGEST
     assert zones.get_ylim() == pytest.approx(ends, rel=1e-14)
     assert zones.get_xlim() == pytest.approx((0.0, record.x[-1]), rel=1e-14)
-    slip = figures.slip_per_cycle(given).axes[0]
+    slip = rf.figures.slip_per_cycle(given).axes[0]
     assert slip.get_ylabel().endswith(r"$|\Delta v_i|$ (mm)")
-    density = figures.dissipation_density(given).axes[0]
+    density = rf.figures.dissipation_density(given).axes[0]
     assert density.get_ylabel() == "dissipation density\n$d$ (MPa mm)"
     assert np.array_equal(curve(density, 0)[:, 1], record.cycles.dissipation_density[0])
-    node = telling(loop_of(record, CYCLES).w, loop_of(record, CYCLES).p)
-    forces, places = figures.trajectories(given, node, CYCLES).axes
+    node = telling(rf.loop_of(record, CYCLES).w, rf.loop_of(record, CYCLES).p)
+    forces, places = rf.figures.trajectories(given, node, CYCLES).axes
     assert (forces.get_xlabel(), forces.get_ylabel()) == ("$q$ (MPa)", "$p$ (MPa)")
     assert (places.get_xlabel(), places.get_ylabel()) == ("$v$ (mm)", "$w$ (mm)")
     assert re.fullmatch(rf"\${symbol} = [\d.]+\$ mm", forces.get_title())
-    assert summarise(given)["units"] == {"length": "mm", "stress": "MPa", "force": "N"}
-    assert "contact half width (mm)" in run_table(summarise(given))
-    assert "units" not in summarise(record)
+    assert rf.summarise(given)["units"] == {"length": "mm", "stress": "MPa", "force": "N"}
+    assert "contact half width (mm)" in rf.run_table(rf.summarise(given))
+    assert "units" not in rf.summarise(record)
 
 
-def given_units(record: Record, units: Units) -> Record:
+def given_units(record: rf.Record, units: rf.Units) -> rf.Record:
     """The same record of a scene with units."""
     assert record.scene is not None
-    return replace(record, scene_toml=to_toml(replace(record.scene, units=units)))
+    return replace(record, scene_toml=rf.to_toml(replace(record.scene, units=units)))
 
 
 @pytest.mark.parametrize("kinematics", KINEMATICS)
 def test_loops_in_units_enclose_the_dissipation(kinematics: str) -> None:
     record = given_units(odd(kinematics), UNITS)
-    axes = figures.hysteresis(record, CYCLES).axes[0]
+    axes = rf.figures.hysteresis(record, CYCLES).axes[0]
     area, unit = {
         "plane strain": ("displaced area", "mm²"),
         "axisymmetric": ("displaced volume", "mm³"),
@@ -336,18 +319,18 @@ def test_loops_in_units_enclose_the_dissipation(kinematics: str) -> None:
 @pytest.mark.parametrize(
     ("load", "size", "unit", "conjugate"),
     [
-        (Load("a", "top", pressure=3.0), 3.0, "MPa", "mm²"),
-        (Load("a", "top", traction=(3.0, -4.0)), 5.0, "MPa", "mm²"),
-        (Load("a", "top", displacement=("free", -2.0)), 2.0, "mm", "N/mm"),
-        (Load("a", "top", platen=True, force=(0.0, -7.0)), 7.0, "N/mm", "mm"),
-        (Load("a", "top", pressure="1 + x"), 1.0, "", "MPa mm²"),
-        (Load("a", "top", traction=("x", 1.0)), 1.0, "", "MPa mm²"),
+        (rf.Load("a", "top", pressure=3.0), 3.0, "MPa", "mm²"),
+        (rf.Load("a", "top", traction=(3.0, -4.0)), 5.0, "MPa", "mm²"),
+        (rf.Load("a", "top", displacement=("free", -2.0)), 2.0, "mm", "N/mm"),
+        (rf.Load("a", "top", platen=True, force=(0.0, -7.0)), 7.0, "N/mm", "mm"),
+        (rf.Load("a", "top", pressure="1 + x"), 1.0, "", "MPa mm²"),
+        (rf.Load("a", "top", traction=("x", 1.0)), 1.0, "", "MPa mm²"),
     ],
 )
 def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
-    load: Load, size: float, unit: str, conjugate: str
+    load: rf.Load, size: float, unit: str, conjugate: str
 ) -> None:
-    scene = Scene(loads=(load,), units=UNITS)
+    scene = rf.Scene(loads=(load,), units=UNITS)
     kind = kind_of(scene, "a", axisymmetric=False)
     assert kind.size == size
     # work for unit thickness: stress times area
@@ -359,10 +342,10 @@ def test_a_load_and_its_conjugate_have_the_units_whose_product_is_work(
 
 @pytest.mark.parametrize("unit", ["$", "$$", r"\$x", "%_^{}", "µm", "$\\frac", "a$b"])
 def test_no_unit_is_taken_for_mathematics(unit: str) -> None:
-    record = given_units(odd("plane strain"), Units(unit, unit, unit))
+    record = given_units(odd("plane strain"), rf.Units(unit, unit, unit))
     for figure in (
-        figures.tractions(record, record.at(1, "minimum")),
-        figures.hysteresis(record, CYCLES),
+        rf.figures.tractions(record, record.at(1, "minimum")),
+        rf.figures.hysteresis(record, CYCLES),
     ):
         figure.canvas.draw()
         shown = [text.get_text() for text in figure.findobj(Text) if unit[-1] in text.get_text()]
@@ -370,19 +353,22 @@ def test_no_unit_is_taken_for_mathematics(unit: str) -> None:
 
 
 def test_the_height_is_the_unit_of_length_only_where_it_means_something() -> None:
-    block = Scene(body=Body("a", height=2.0), loads=(Load("p", "top", pressure=1.0),))
+    block = rf.Scene(body=rf.Body("a", height=2.0), loads=(rf.Load("p", "top", pressure=1.0),))
     assert length_of(block) == 2.0
-    assert length_of(replace(block, units=Units(length="mm"))) == 0.0
-    assert length_of(replace(block, units=Units(stress="MPa"))) == 2.0
-    assert length_of(replace(block, contacts=(Contact("left"),))) == 0.0
-    assert length_of(replace(block, others=(Body("b", height=2.0),))) == 2.0
-    assert length_of(replace(block, others=(Body("b", height=3.0),))) == 0.0
-    assert length_of(replace(block, body=Body(mesh="body.geo"))) == 0.0
+    assert length_of(replace(block, units=rf.Units(length="mm"))) == 0.0
+    assert length_of(replace(block, units=rf.Units(stress="MPa"))) == 2.0
+    assert length_of(replace(block, contacts=(rf.Contact("left"),))) == 0.0
+    assert length_of(replace(block, others=(rf.Body("b", height=2.0),))) == 2.0
+    assert length_of(replace(block, others=(rf.Body("b", height=3.0),))) == 0.0
+    assert length_of(replace(block, body=rf.Body(mesh="body.geo"))) == 0.0
 
 
 def test_the_first_cycle_is_seen_where_the_last_one_lies_on_it() -> None:
     record = odd("plane strain")
-    for figure in (figures.hysteresis(record, [1, CYCLES]), figures.dissipation_density(record)):
+    for figure in (
+        rf.figures.hysteresis(record, [1, CYCLES]),
+        rf.figures.dissipation_density(record),
+    ):
         first, last = [line for line in figure.axes[0].lines if np.size(line.get_xdata()) > 4]
         assert first.get_linewidth() > 2.0 * last.get_linewidth()
         assert first.get_zorder() <= last.get_zorder()

@@ -7,26 +7,20 @@ from law import random_system, worst_violation
 from models import block_system
 from small import cyclic, small_system, table
 
-from receding_fenicsx.errors import NotConverged
-from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.record import Record
+import receding_fenicsx as rf
 from receding_fenicsx.interface.gauss_seidel.node_problem import NodeProblem
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
     GaussSeidelOptions,
     solve_step,
 )
-from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.residual import law_residual
-from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 BLOCK = block_system(20, 10)
-ALL = OutputOptions(samples_per_leg=20, cycles="all")
+ALL = rf.OutputOptions(samples_per_leg=20, cycles="all")
 
 
-def gauss_seidel(steps: int, **options: float) -> SolverOptions:
-    return replace(SolverOptions(method="gauss-seidel", steps_per_leg=steps), **options)  # type: ignore[arg-type]
+def gauss_seidel(steps: int, **options: float) -> rf.SolverOptions:
+    return replace(rf.SolverOptions(method="gauss-seidel", steps_per_leg=steps), **options)  # type: ignore[arg-type]
 
 
 def random_nodes(seed: int, count: int) -> np.ndarray:
@@ -64,7 +58,7 @@ def test_one_node_is_solved_from_any_first_guess_with_one_answer() -> None:
 
 
 def test_first_loading_keeps_its_zones_and_normalised_tractions() -> None:
-    record = evolve(BLOCK, cyclic(0), gauss_seidel(20), ALL)
+    record = rf.evolve(BLOCK, cyclic(0), gauss_seidel(20), ALL)
     s = record.samples
     assert len(s.s) == 20
     for field in ("p", "q", "v", "w"):
@@ -75,9 +69,9 @@ def test_first_loading_keeps_its_zones_and_normalised_tractions() -> None:
 
 
 def test_accelerations_leave_the_answer_alone() -> None:
-    def answer(omega: float, polish: bool) -> Record:
+    def answer(omega: float, polish: bool) -> rf.Record:
         options = gauss_seidel(12, over_relaxation=omega, polish=polish)
-        return evolve(BLOCK, cyclic(1), options, replace(ALL, samples_per_leg=12))
+        return rf.evolve(BLOCK, cyclic(1), options, replace(ALL, samples_per_leg=12))
 
     plain = answer(1.0, False)
     for omega, polish in ((1.5, False), (1.0, True), (1.5, True)):
@@ -91,14 +85,14 @@ def test_accelerations_leave_the_answer_alone() -> None:
 
 def test_an_accepted_step_satisfies_the_contact_law() -> None:
     whole = block_system(24, 6, half=False)
-    record = evolve(whole, cyclic(2), gauss_seidel(10), ALL)
+    record = rf.evolve(whole, cyclic(2), gauss_seidel(10), ALL)
     assert worst_violation(whole, record) <= 1e-11
     assert 0.0 < record.residual_max <= 1e-12
 
 
 def test_running_out_of_sweeps_names_residual_and_node() -> None:
-    with pytest.raises(NotConverged) as caught:
-        evolve(BLOCK, cyclic(1), gauss_seidel(5, max_sweeps=3))
+    with pytest.raises(rf.NotConverged) as caught:
+        rf.evolve(BLOCK, cyclic(1), gauss_seidel(5, max_sweeps=3))
     text = str(caught.value)
     found = re.search(r"after 3 sweeps .* residual (\S+) at node (\d+) \(x = (\S+)\), toler", text)
     assert found is not None and "\n" not in text
@@ -108,7 +102,7 @@ def test_running_out_of_sweeps_names_residual_and_node() -> None:
 
 def test_a_small_last_change_alone_is_not_enough() -> None:
     # sweeps whose last change is under 1e-2 leave a residual far above the tolerance
-    start = ContactState(np.zeros(42), np.zeros(42), np.ones(21, dtype=np.int8))
+    start = rf.ContactState(np.zeros(42), np.zeros(42), np.ones(21, dtype=np.int8))
     loose = GaussSeidelOptions(1.0, False, change_tolerance=1e-2, residual_tolerance=1e-8)
     lazy = replace(loose, residual_tolerance=1.0)
     load = np.ones(1)
@@ -129,8 +123,8 @@ FREE_NODE = [[2.0, 1.0], [1.0, 2.0]]
 @pytest.mark.parametrize("steps", [1, 2, 3, 7])
 def test_a_node_that_touches_down_sticks_where_it_met_the_plane(steps: int) -> None:
     node = small_system(FREE_NODE, {"load": [0.0, 3.0]}, 1.0, 1.0)
-    end = evolve(node, table(node, [0.0, 1.0]), gauss_seidel(steps)).turning_points
-    assert end.state.tolist() == [[State.STICK]]
+    end = rf.evolve(node, table(node, [0.0, 1.0]), gauss_seidel(steps)).turning_points
+    assert end.state.tolist() == [[rf.State.STICK]]
     assert (end.v[0, 0], end.w[0, 0]) == pytest.approx((0.5, -1.0), abs=1e-14)
     assert (end.Q[0, 0], end.P[0, 0]) == pytest.approx((0.0, 1.5), abs=1e-14)
 
@@ -138,9 +132,9 @@ def test_a_node_that_touches_down_sticks_where_it_met_the_plane(steps: int) -> N
 @pytest.mark.parametrize("steps", [1, 2, 3, 7])
 def test_a_node_that_slips_after_touch_down_dissipates_from_there(steps: int) -> None:
     node = small_system(FREE_NODE, {"load": [-3.0, 3.0]}, 0.5, 1.0)
-    record = evolve(node, table(node, [0.0, 1.0]), gauss_seidel(steps))
+    record = rf.evolve(node, table(node, [0.0, 1.0]), gauss_seidel(steps))
     end = record.turning_points
-    assert end.state.tolist() == [[State.FORWARD_SLIP]]
+    assert end.state.tolist() == [[rf.State.FORWARD_SLIP]]
     assert (end.v[0, 0], end.P[0, 0], end.Q[0, 0]) == pytest.approx((1.4, 2.4, -1.2), rel=1e-13)
     assert record.dissipation_first_loading == pytest.approx(0.24, rel=1e-12)
 
@@ -150,21 +144,21 @@ def test_the_reference_point_of_a_touch_down_lies_on_the_straight_path() -> None
     # at load 1 is v0 = 1, w0 = -2, gap -1, so v_ref = 0.3 + 0.7 * 0.5 / 1.5; at the plane
     # |Q| = |2 v_ref - 1| < P.
     node = small_system(FREE_NODE, {"load": [0.0, 3.0]}, 1.0, 1.0)
-    start = ContactState(np.array([0.3, -0.5]), np.zeros(2), np.array([2], dtype=np.int8))
+    start = rf.ContactState(np.array([0.3, -0.5]), np.zeros(2), np.array([2], dtype=np.int8))
     step = solve_step(node, start, np.ones(1), GaussSeidelOptions())
     assert step.end.v[0] == pytest.approx(0.3 + 0.7 / 3.0, rel=1e-14)
-    assert step.end.state[0] == State.STICK and step.dissipation[0] == 0.0
+    assert step.end.state[0] == rf.State.STICK and step.dissipation[0] == 0.0
 
 
 def test_the_error_of_the_energy_identity_falls_with_the_step() -> None:
-    errors = [evolve(BLOCK, cyclic(1), gauss_seidel(n)).energy_error_max for n in (10, 40, 160)]
+    errors = [rf.evolve(BLOCK, cyclic(1), gauss_seidel(n)).energy_error_max for n in (10, 40, 160)]
     assert errors[1] < 0.4 * errors[0] and errors[2] < 0.4 * errors[1]
     assert errors[2] < 1e-4
 
 
 def scaled(
-    system: ContactSystem, stiffness: float, force: float, length: float
-) -> tuple[ContactSystem, float]:
+    system: rf.ContactSystem, stiffness: float, force: float, length: float
+) -> tuple[rf.ContactSystem, float]:
     """Scale stiffness, the forces per load factor, and positions; return also u's factor."""
     u = force / stiffness
     return replace(
@@ -179,7 +173,7 @@ def scaled(
     ), u
 
 
-def gapped() -> tuple[ContactSystem, History]:
+def gapped() -> tuple[rf.ContactSystem, rf.History]:
     """Return a random system with initial gaps and a history in two loads."""
     system = random_system(3, 12, 0.49)
     system = replace(system, g0=np.where(np.arange(12) % 3 == 0, 0.05, 0.0))
@@ -191,9 +185,9 @@ def gapped() -> tuple[ContactSystem, History]:
 @pytest.mark.parametrize("case", ["block", "gaps"])
 def test_powers_of_two_change_only_exponents(method: str, case: str) -> None:
     system, history = (BLOCK, cyclic(2)) if case == "block" else gapped()
-    options = SolverOptions(method=method, steps_per_leg=6)
+    options = rf.SolverOptions(method=method, steps_per_leg=6)
     output = replace(ALL, samples_per_leg=6)
-    reference = evolve(system, history, options, output)
+    reference = rf.evolve(system, history, options, output)
     big, small = 2.0**30, 2.0**-30
     for stiffness, force, length in (
         (big, 1.0, 1.0),
@@ -203,7 +197,7 @@ def test_powers_of_two_change_only_exponents(method: str, case: str) -> None:
         (big, small, big),
     ):
         other, u = scaled(system, stiffness, force, length)
-        record = evolve(other, history, options, output)
+        record = rf.evolve(other, history, options, output)
         a, b = record.samples, reference.samples
         assert np.array_equal(a.state, b.state) and np.array_equal(a.s, b.s)
         for field, factor in (("P", force), ("Q", force), ("v", u), ("w", u)):
@@ -216,13 +210,13 @@ def test_powers_of_two_change_only_exponents(method: str, case: str) -> None:
 @pytest.mark.parametrize("method", ["gauss-seidel", "events"])
 def test_powers_of_ten_change_nothing_but_round_off(method: str) -> None:
     system, history = gapped()
-    options = SolverOptions(method=method, steps_per_leg=6)
+    options = rf.SolverOptions(method=method, steps_per_leg=6)
     output = replace(ALL, samples_per_leg=6)
     for system, history in ((BLOCK, cyclic(2)), gapped()):
-        reference = evolve(system, history, options, output)
+        reference = rf.evolve(system, history, options, output)
         for stiffness, force in ((1e9, 1.0), (1e-9, 1.0), (1.0, 1e9), (1.0, 1e-9), (1e9, 1e-9)):
             other, u = scaled(system, stiffness, force, 1.0)
-            record = evolve(other, history, options, output)
+            record = rf.evolve(other, history, options, output)
             a, b = record.samples, reference.samples
             assert np.array_equal(a.state, b.state)
             for field, factor in (("P", force), ("Q", force), ("v", u), ("w", u)):
@@ -234,8 +228,8 @@ def test_powers_of_ten_change_nothing_but_round_off(method: str) -> None:
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "events"])
 def test_scaling_the_load_factors_is_scaling_the_loads(method: str) -> None:
-    options = SolverOptions(method=method, steps_per_leg=6)
-    reference = evolve(BLOCK, cyclic(2), options)
-    grown = evolve(BLOCK, cyclic(2, 2.0**30 / 3, 2.0**30), options)
+    options = rf.SolverOptions(method=method, steps_per_leg=6)
+    reference = rf.evolve(BLOCK, cyclic(2), options)
+    grown = rf.evolve(BLOCK, cyclic(2, 2.0**30 / 3, 2.0**30), options)
     assert np.array_equal(grown.turning_points.P, 2.0**30 * reference.turning_points.P)
     assert np.array_equal(grown.turning_points.v, 2.0**30 * reference.turning_points.v)

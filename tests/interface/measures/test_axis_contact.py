@@ -9,26 +9,11 @@ import numpy as np
 import pytest
 from bodies import cylinder
 
+import receding_fenicsx as rf
 from receding_fenicsx import study
-from receding_fenicsx.errors import NoEquilibrium
-from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.prepare import with_profiles
-from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.axis import on_axis
-from receding_fenicsx.interface.measures.zones import contact_half_width, stick_half_width
 from receding_fenicsx.reference.closed_forms import PUNCH_STICK
-from receding_fenicsx.scene.history import from_scene as history_from_scene
-from receding_fenicsx.scene.model import (
-    Body,
-    Contact,
-    Load,
-    MeshOptions,
-    Scene,
-    SolverOptions,
-    Support,
-)
-from receding_fenicsx.scene.toml_file import read_scene
 
 PUNCH = Path(__file__).parents[3] / "demos" / "punch_axisymmetric.toml"
 A, R, MODULUS = 0.8, 4.0, 1.0 / (1.0 - 0.3**2)
@@ -36,10 +21,10 @@ A, R, MODULUS = 0.8, 4.0, 1.0 / (1.0 - 0.3**2)
 FORCE = 4.0 * MODULUS * A**3 / (3.0 * R)
 
 
-def ball(*changes: str) -> Record | None:
+def ball(*changes: str) -> rf.Record | None:
     """A ball of radius R under a hundredth of the force, then under all of it."""
     return study.run(
-        read_scene(
+        rf.read_scene(
             PUNCH,
             [
                 f"contact.initial_gap=x**2/(2*{R})",
@@ -63,7 +48,7 @@ def test_parabolic_gap_without_friction_is_hertz(method: str, degree: int) -> No
     for row, part in enumerate((0.01, 1.0)):
         a = A * part ** (1.0 / 3.0)
         assert table.P[row].sum() == pytest.approx(part * FORCE, rel=1e-9)
-        assert contact_half_width(x, table.state[row], True) == pytest.approx(a, abs=spacing)
+        assert rf.contact_half_width(x, table.state[row], True) == pytest.approx(a, abs=spacing)
     p0 = 1.5 * FORCE / (np.pi * A**2)
     assert on_axis(x, table.p[-1]) == pytest.approx(p0, rel=2e-3)
     inside = (x > 2.0 * spacing) & (x < 0.8 * A)
@@ -84,13 +69,13 @@ def test_frictional_hertz_sticks_within_spences_radius_by_both_methods(degree: i
     for record in (exact, stepped):
         state = record.turning_points.state[-1]
         radius, stick = (
-            contact_half_width(record.x, state, True),
-            stick_half_width(record.x, state, record.f, True),
+            rf.contact_half_width(record.x, state, True),
+            rf.stick_half_width(record.x, state, record.f, True),
         )
         assert radius == pytest.approx(A, abs=spacing)
         known = PUNCH_STICK["axisymmetric"][0.3, 0.2]
         assert stick / A == pytest.approx(known, abs=spacing / A)
-        assert set(state[record.x < 0.9 * stick].tolist()) == {State.STICK}
+        assert set(state[record.x < 0.9 * stick].tolist()) == {rf.State.STICK}
     a, b = exact.turning_points, stepped.turning_points
     assert np.abs(a.P[-1] - b.P[-1]).max() < 0.01 * a.P[-1].max()
     assert exact.energy_error_max < 1e-10
@@ -98,13 +83,13 @@ def test_frictional_hertz_sticks_within_spences_radius_by_both_methods(degree: i
     assert 1.03 < on_axis(exact.x, a.p[-1]) / (1.5 * FORCE / (np.pi * A**2)) < 1.12
 
 
-def stamp(gap: str = "x**2/40", **parts: object) -> Scene:
+def stamp(gap: str = "x**2/40", **parts: object) -> rf.Scene:
     """A coarse rounded cylinder of order 2, free along its axis."""
     scene = cylinder(
         degree=2,
-        contacts=(Contact(friction=0.3, initial_gap=gap),),
-        mesh=MeshOptions(16, "triangle", 2, 1.3),
-        loads=(Load("p", "top", platen=True, force=(0.0, -0.02)),),
+        contacts=(rf.Contact(friction=0.3, initial_gap=gap),),
+        mesh=rf.MeshOptions(16, "triangle", 2, 1.3),
+        loads=(rf.Load("p", "top", platen=True, force=(0.0, -0.02)),),
     )
     return replace(scene, **parts)  # type: ignore[arg-type]
 
@@ -113,7 +98,7 @@ def test_a_free_body_counts_its_gap_from_the_axis_and_a_held_one_keeps_its_place
     """The nodes at 1/8, 1/4, ... of a free body are let down by the gap of the first."""
     free = study.condense(stamp())
     held = study.condense(
-        stamp(supports=(Support("y", edge="top"),), loads=(Load("p", "right", pressure=1.0),))
+        stamp(supports=(rf.Support("y", edge="top"),), loads=(rf.Load("p", "right", pressure=1.0),))
     )
     cone = study.condense(stamp("0.1*x"))
     if free is None or held is None or cone is None:
@@ -127,15 +112,16 @@ def test_a_free_body_counts_its_gap_from_the_axis_and_a_held_one_keeps_its_place
 
 def test_letting_a_free_body_down_changes_no_force() -> None:
     """Load steps need no node that touches at rest: they give the same forces from above."""
-    smooth = Contact(friction=0.0, initial_gap="x**2/40")
-    steps = SolverOptions(method="gauss-seidel", steps_per_leg=8)
+    smooth = rf.Contact(friction=0.0, initial_gap="x**2/40")
+    steps = rf.SolverOptions(method="gauss-seidel", steps_per_leg=8)
     scene = stamp(contacts=(smooth,), solver=steps)
     system = study.condense(scene)
     if system is None:
         return
     above = replace(system, g0=system.x**2 / 40.0)
     down, hovering = (
-        evolve(s, history_from_scene(scene), scene.solver).turning_points for s in (system, above)
+        rf.evolve(s, rf.history_from_scene(scene), scene.solver).turning_points
+        for s in (system, above)
     )
     largest = down.P.max()
     for name in ("P", "Q"):
@@ -157,21 +143,21 @@ def test_a_body_that_hovers_or_touches_elsewhere_is_not_let_down() -> None:
 
 
 def test_a_free_body_that_hovers_is_refused() -> None:
-    with pytest.raises(NoEquilibrium, match=r"its smallest initial gap is 0\.01"):
+    with pytest.raises(rf.NoEquilibrium, match=r"its smallest initial gap is 0\.01"):
         study.run(stamp("0.01 + x**2/40"))
 
 
 def test_a_ball_on_a_cylinder_carries_the_load_of_one_on_a_plane_twice_as_soft() -> None:
     """Two equal elastic bodies: half the modulus and a larger contact, by both methods."""
-    body = Body(name="a", width=8.0, height=4.0)
+    body = rf.Body(name="a", width=8.0, height=4.0)
     scene = cylinder(
         degree=2,
         body=body,
         others=(replace(body, name="b", position=(0.0, -4.0)),),
-        mesh=MeshOptions(128, "triangle", 2, 1.3),
-        contacts=(Contact("a.bottom", (0.0, 1.0), 0.0, "x**2/8", against="b.top"),),
-        loads=(Load("p", "a.top", platen=True, force=(0.0, -0.05)),),
-        supports=(Support("y", edge="b.bottom"),),
+        mesh=rf.MeshOptions(128, "triangle", 2, 1.3),
+        contacts=(rf.Contact("a.bottom", (0.0, 1.0), 0.0, "x**2/8", against="b.top"),),
+        loads=(rf.Load("p", "a.top", platen=True, force=(0.0, -0.05)),),
+        supports=(rf.Support("y", edge="b.bottom"),),
     )
     record = study.run(scene)
     if record is None:

@@ -1,80 +1,75 @@
 import numpy as np
 import pytest
 
-from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.measures.zones import (
-    contact_half_width,
-    contact_zones,
-    stick_half_width,
-    zones,
-)
+import receding_fenicsx as rf
+from receding_fenicsx.interface.measures.zones import contact_zones
 
 STICK, OPEN, FORWARD, BACKWARD = (
-    State.STICK,
-    State.SEPARATION,
-    State.FORWARD_SLIP,
-    State.BACKWARD_SLIP,
+    rf.State.STICK,
+    rf.State.SEPARATION,
+    rf.State.FORWARD_SLIP,
+    rf.State.BACKWARD_SLIP,
 )
 
 
 def test_zone_ends_lie_midway_between_nodes() -> None:
     x = np.array([-2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0])
     state = np.array([OPEN, BACKWARD, STICK, STICK, STICK, FORWARD, OPEN])
-    assert zones(x, state) == [
+    assert rf.zones(x, state) == [
         ("separation", -2.0, -1.5),
         ("backward slip", -1.5, -0.75),
         ("stick", -0.75, 0.75),
         ("forward slip", 0.75, 1.5),
         ("separation", 1.5, 2.0),
     ]
-    assert contact_half_width(x, state) == 1.5
-    assert stick_half_width(x, state) == 0.75
+    assert rf.contact_half_width(x, state) == 1.5
+    assert rf.stick_half_width(x, state) == 0.75
 
 
 def test_one_zone_fills_the_edge() -> None:
     x = np.array([0.0, 1.0, 4.0])
-    assert zones(x, np.full(3, OPEN)) == [("separation", 0.0, 4.0)]
-    assert contact_half_width(x, np.full(3, OPEN)) == 0.0
-    assert contact_half_width(x, np.full(3, STICK)) == 2.0
-    assert zones(x[:0], np.zeros(0, dtype=np.int8)) == []
+    assert rf.zones(x, np.full(3, OPEN)) == [("separation", 0.0, 4.0)]
+    assert rf.contact_half_width(x, np.full(3, OPEN)) == 0.0
+    assert rf.contact_half_width(x, np.full(3, STICK)) == 2.0
+    assert rf.zones(x[:0], np.zeros(0, dtype=np.int8)) == []
 
 
 def test_a_contact_in_several_pieces_has_no_half_width() -> None:
     x = np.arange(7.0)
     state = np.array([OPEN, STICK, OPEN, OPEN, STICK, FORWARD, OPEN])
-    assert np.isnan(contact_half_width(x, state))
+    assert np.isnan(rf.contact_half_width(x, state))
     middle = np.array([STICK, OPEN, FORWARD, STICK, BACKWARD, OPEN, STICK])
-    assert np.isnan(contact_half_width(x, middle))
-    assert stick_half_width(x, middle) == 0.5
+    assert np.isnan(rf.contact_half_width(x, middle))
+    assert rf.stick_half_width(x, middle) == 0.5
 
 
 def test_only_a_stick_zone_around_the_middle_has_a_half_width() -> None:
     x = np.linspace(-3.0, 3.0, 7)
     outer = np.array([STICK, STICK, FORWARD, BACKWARD, FORWARD, STICK, STICK])
-    assert np.isnan(stick_half_width(x, outer))
-    assert stick_half_width(x, np.where(outer == STICK, FORWARD, outer)) == 0.0
+    assert np.isnan(rf.stick_half_width(x, outer))
+    assert rf.stick_half_width(x, np.where(outer == STICK, FORWARD, outer)) == 0.0
     # as many nodes on the one side as on the other, or one more
     ends = {(-1, 1): 1.5, (-1, 2): 2.0, (-2, 1): 2.0, (0, 2): None, (0, 0): 0.5, (1, 2): None}
     for (first, last), half in ends.items():
         state = np.where((x >= first) & (x <= last), STICK, FORWARD)
-        found = stick_half_width(x, state)
+        found = rf.stick_half_width(x, state)
         assert np.isnan(found) if half is None else found == half, (first, last)
-        assert contact_half_width(x, np.where(state == STICK, STICK, OPEN)) == pytest.approx(
+        assert rf.contact_half_width(x, np.where(state == STICK, STICK, OPEN)) == pytest.approx(
             found, nan_ok=True
         )
 
 
 def test_a_disc_of_stick_begins_on_the_axis() -> None:
     r = np.arange(5.0)
-    assert stick_half_width(r, np.array([1, 1, 1, 3, 2]), axisymmetric=True) == 2.5
-    assert np.isnan(stick_half_width(r, np.array([3, 1, 1, 3, 2]), axisymmetric=True))
+    assert rf.stick_half_width(r, np.array([1, 1, 1, 3, 2]), axisymmetric=True) == 2.5
+    assert np.isnan(rf.stick_half_width(r, np.array([3, 1, 1, 3, 2]), axisymmetric=True))
 
 
 def test_nodes_without_friction_do_not_stick() -> None:
     x = np.linspace(-2.0, 2.0, 5)
     state = np.array([OPEN, STICK, STICK, STICK, OPEN])
-    assert stick_half_width(x, state, np.zeros(5)) == 0.0
-    assert stick_half_width(x, state, np.array([0.3, 0.0, 0.3, 0.0, 0.3])) == 0.5
+    assert rf.stick_half_width(x, state, np.zeros(5)) == 0.0
+    assert rf.stick_half_width(x, state, np.array([0.3, 0.0, 0.3, 0.0, 0.3])) == 0.5
 
 
 def test_closed_nodes_without_friction_are_in_contact_and_do_not_stick() -> None:
