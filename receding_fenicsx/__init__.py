@@ -171,7 +171,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "Contact": ("scene.model", "Contact edge, its friction and its initial gap"),
         "Load": ("scene.model", "What acts on an edge or a body, times a load factor"),
         "Bolt": ("scene.model", "Bolt between two patches"),
-        "Spring": ("scene.model", "Elastic foundation of an edge"),
+        "Spring": ("scene.model", "Springs of an edge or a point"),
         "Support": ("scene.model", "Edge or point that is fixed"),
         "Probe": ("scene.model", "Points at which displacement and stress are recorded"),
         "Units": ("scene.units", "Names of the units that a scene's numbers are in, for labels"),

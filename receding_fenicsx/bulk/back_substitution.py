@@ -42,8 +42,12 @@ def sides_of(bulk: Bodies, load: Array | None, u: Array | None) -> list[Side]:
     if bulk.joined is not None and load is not None and u is not None:
         factors, apart = np.asarray(load, float), np.where(bulk.joined.held, 0.0, u)
         second = bulk.joined.back[0] @ apart + bulk.joined.back[1] @ factors
+        if bulk.joined.links is not None:
+            T, G = bulk.joined.links
+            factors = np.concatenate([factors, T @ factors + G @ apart])
+        names = bulk.load_names + bulk.link_names
         for k, moved in enumerate((apart + second, second)):
-            own = [bulk.load_names.index(name) for name in bulk.parts[k].load_names]
+            own = [names.index(name) for name in bulk.parts[k].load_names]
             sides[k] = factors[own], moved
     return [(part, *side) for part, side in zip(bulk.parts, sides, strict=True)]
 

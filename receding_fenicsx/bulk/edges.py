@@ -140,9 +140,9 @@ def integrate(facets: EdgeFacets, traction: Callable[[Array, Array], Array]) -> 
     return length[:, None, None] * np.einsum("iq,q,nqk->nik", shape, weight, values)
 
 
-def shape_functions(nodes: int) -> Array:
-    """Return the values (nodes, points) of a facet's shape functions at Gauss's points."""
-    s, _ = gauss()
+def shape_functions(nodes: int, s: Array | None = None) -> Array:
+    """Return the values (nodes, points) of a facet's shape functions at s, or Gauss's points."""
+    s = gauss()[0] if s is None else s
     if nodes == 2:
         return np.array([1.0 - s, s])
     return np.array([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)])

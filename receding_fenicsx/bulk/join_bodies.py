@@ -82,6 +82,8 @@ class JoinedBodies:
         K, r_star, compliance, sign, held: as of ``CondensedBody``, for u = u_a - u_b.
         rigid: (2N, n) free relative motions of the bodies, each with largest entry 1.
         back: (2N, 2N) and (2N, n_loads): u_b = back[0] u + back[1] lambda.
+        links: (m, n_loads) and (m, 2N): factors links[0] lambda + links[1] u of the unit loads of
+            springs between the bodies.
     """
 
     K: Array
@@ -91,6 +93,7 @@ class JoinedBodies:
     held: NDArray[np.bool_]
     rigid: Array
     back: tuple[Array, Array]
+    links: tuple[Array, Array] | None = None
 
 
 def join(a: CondensedBody, b: CondensedBody, load_names: tuple[str, ...]) -> JoinedBodies:

@@ -73,8 +73,7 @@ def find_held(
 
 def _held_here(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> list[Held]:
     """Return this rank's nodes held by symmetry, if there is any, then those of each support."""
-    start, end = space.dofmap.index_map.local_range
-    coordinates = space.tabulate_dof_coordinates()[: end - start, :2]
+    start, coordinates = _own_nodes(space)
     found: list[Held] = []
     if scene.axisymmetric:
         near = POSITION_TOLERANCE * body.size
@@ -91,8 +90,7 @@ def _held_here(scene: Scene, space: fem.FunctionSpace, body: BodyMesh) -> list[H
         if support.edge is not None:
             found.append(_on_edge(space, body, support.edge, support.fix))
         elif support.point is not None:
-            at = _at_points(coordinates, body, support.point)
-            found.append((start + at.astype(np.int64), coordinates[at], support.fix))
+            found.append((*nodes_at(space, body, support.point), support.fix))
     return found
 
 
@@ -102,11 +100,21 @@ def _on_edge(space: fem.FunctionSpace, body: BodyMesh, edge: str, components: st
     return facets.nodes.ravel(), facets.points.reshape(-1, 2), components
 
 
-def _at_points(coordinates: Array, body: BodyMesh, point: tuple[float, float] | str) -> Ints:
-    """Return the numbers of the coordinates (n, 2) at a point, or at those of a named group."""
+def _own_nodes(space: fem.FunctionSpace) -> tuple[int, Array]:
+    """Return the number of this rank's first node, and the coordinates (n, 2) of its nodes."""
+    start, end = space.dofmap.index_map.local_range
+    return start, space.tabulate_dof_coordinates()[: end - start, :2]
+
+
+def nodes_at(
+    space: fem.FunctionSpace, body: BodyMesh, point: tuple[float, float] | str
+) -> tuple[Ints, Array]:
+    """Return this rank's nodes at a point, or at those of a named group, and their coordinates."""
+    start, coordinates = _own_nodes(space)
     points = np.array([point]) if isinstance(point, tuple) else _group(body, point)
     distance = np.hypot(*np.moveaxis(coordinates[:, None] - points, 2, 0)).min(axis=1)
-    return np.flatnonzero(distance <= POSITION_TOLERANCE * body.size)
+    at = np.flatnonzero(distance <= POSITION_TOLERANCE * body.size)
+    return start + at.astype(np.int64), coordinates[at]
 
 
 def _group(body: BodyMesh, name: str) -> Array:
@@ -116,7 +124,7 @@ def _group(body: BodyMesh, name: str) -> Array:
     close = nearest(name, body.spots)
     known = ", ".join(sorted(body.spots)) or f'none, declare Physical Point("{name}")'
     hint = f"did you mean '{close}'?" if close else f"it has {known}"
-    raise InputError(f"[[support]] point: the mesh has no group of points '{name}'; {hint}")
+    raise InputError(f"point: the mesh has no group of points '{name}'; {hint}")
 
 
 def _check_found(supports: tuple[Support, ...], parts: list[list[Held]]) -> None:

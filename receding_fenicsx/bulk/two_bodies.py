@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from mpi4py import MPI
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import elasticity
+from receding_fenicsx.bulk.acting.links import NAME, add_links, with_links
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.half_planes.body import HalfPlane, half_plane_of
@@ -29,12 +31,14 @@ class Pair:
         parts: the bodies, each with its own part of the scene.
         joined: their condensed system on rank 0, once they are condensed.
         condensed: they are, known on every rank.
+        soft: compliance (m, m) of springs between the bodies, whose unit loads are the last m.
     """
 
     scene: Scene
     parts: tuple[Bulk | HalfPlane, Bulk | HalfPlane]
     joined: JoinedBodies | None = None
     condensed: bool = False
+    soft: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def comm(self) -> MPI.Comm:
@@ -60,6 +64,12 @@ class Pair:
     def load_names(self) -> tuple[str, ...]:
         """Names of the loads on both bodies."""
         return self.scene.body_names
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """Names of the unit loads of springs between the bodies."""
+        every = self.parts[0].load_names
+        return tuple(name for name in every if name.startswith(NAME))
 
     @property
     def dofs(self) -> int:
@@ -109,7 +119,10 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
         nodes = parts[0].contact if parts else None
         surface = parts[0].surface if parts and isinstance(parts[0], HalfPlane) else None
         parts.append(half_plane_of(part_of(scene, body), place, nodes, surface))
-    return parts[0] if len(parts) == 1 else Pair(scene, (parts[0], parts[1]))
+    if len(parts) == 1:
+        return parts[0]
+    soft = add_links(scene, [part for part in parts if isinstance(part, Bulk)])
+    return Pair(scene, (parts[0], parts[1]), soft=soft)
 
 
 def join_pair(pair: Pair, condensed: tuple[CondensedBody | None, CondensedBody | None]) -> None:
@@ -121,12 +134,14 @@ def join_pair(pair: Pair, condensed: tuple[CondensedBody | None, CondensedBody |
     """
 
     def work() -> JoinedBodies:
+        every = pair.load_names + pair.link_names
         sides = [
-            _with_all_loads(part, bulk.load_names, pair.load_names)
+            _with_all_loads(part, bulk.load_names, every)
             for part, bulk in zip(condensed, pair.parts, strict=True)
             if part is not None
         ]
-        return join(sides[0], sides[1], pair.load_names)
+        joined = join(sides[0], sides[1], every)
+        return with_links(joined, pair.soft) if len(pair.soft) else joined
 
     pair.joined = on_root(pair.comm, work)
     pair.condensed = True

@@ -93,7 +93,7 @@ def mode_system(
         closed = np.asarray(state != State.SEPARATION)
         # along t only with friction
         tied = np.concatenate([closed & system.friction.present, closed])
-        phi, omega = _modes(bulk.parts, tied, number)
+        phi, omega = _modes(bulk, tied, number)
         named = Load(drive, scene.contacts[0].edge, traction=(0.0, 0.0))
         bulk.scene = replace(scene, loads=(*scene.loads, named))
         for part, force in zip(bulk.parts, phi, strict=True):
@@ -136,11 +136,15 @@ def _check_compliance(system: ContactSystem, tied: NDArray[np.bool_], omega: flo
         )
 
 
-def _modes(
-    parts: tuple[Bulk, ...], tied: NDArray[np.bool_], number: int
-) -> tuple[list[Array], Array]:
+def _modes(bulk: Bulk | Pair, tied: NDArray[np.bool_], number: int) -> tuple[list[Array], Array]:
     """Return M phi of each part, and the angular frequencies up to a mode."""
+    parts: Any = bulk.parts
     A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
+    if isinstance(bulk, Pair) and len(bulk.soft):
+        # springs between the bodies, by their unit loads
+        units = [np.array([f.getArray() for f in part.loads[-len(bulk.soft) :]]) for part in parts]
+        L = sparse.csr_matrix(np.hstack(units).T)
+        A = A + L @ sparse.csr_matrix(np.linalg.inv(bulk.soft)) @ L.T
     M = sparse.block_diag([_mass(part) for part in parts], "csr")
     starts = np.cumsum([0, *(part.dofs for part in parts)])
     turns, locals_, fixed = [], [], np.zeros(A.shape[0], dtype=bool)

@@ -224,7 +224,7 @@ class Scene:
     @property
     def edge_parts(self) -> tuple[Load | Spring, ...]:
         """What acts on edges or parts of them: loads and springs."""
-        return (*self.edge_loads, *self.springs)
+        return (*self.edge_loads, *(spring for spring in self.springs if spring.edge))
 
     @property
     def driven_names(self) -> tuple[str, ...]:

@@ -64,7 +64,11 @@ def part_of(scene: Scene, body: Body) -> Scene:
         elif support.edge is None and (support.body is None or support.body == body.name):
             supports.append(replace(support, body=None))
     bolts = [replace(b, head=own(b.head) or "", nut=own(b.nut) or "") for b in scene.bolts]
-    springs = [(own(spring.edge), spring) for spring in scene.springs]
+    springs = [
+        replace(spring, edge=own(spring.edge or None) or "", body=None)
+        for spring in scene.springs
+        if (own(spring.edge) if spring.edge else spring.body in (None, body.name))
+    ]
     return replace(
         scene,
         body=body,
@@ -80,7 +84,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
         loads=tuple(loads),
         supports=tuple(supports),
         bolts=() if scene.others else tuple(bolts),
-        springs=tuple(replace(spring, edge=edge) for edge, spring in springs if edge),
+        springs=tuple(springs),
         probes=() if scene.others else scene.probes,
     )
 

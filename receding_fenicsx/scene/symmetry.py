@@ -35,9 +35,9 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     Returns:
         True when mesh, supports, contacts, each load and the initial slip are symmetric.
     """
-    if scene.bolts or any(
-        not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies
-    ):
+    if scene.bolts or any(spring.point or spring.against for spring in scene.springs):
+        return False
+    if any(not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies):
         return False
     for contact in scene.contacts:
         if not is_horizontal(scene, contact.edge) or not _span_is_even(

@@ -8,14 +8,13 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.acting.tables import KINDS
-from receding_fenicsx.scene.acting.validate import body_named, check_body_load
+from receding_fenicsx.scene.acting.validate import check_body_load, check_point, check_spring
 from receding_fenicsx.scene.checks import SMALLEST, check_positive
-from receding_fenicsx.scene.model import FREE, Body, Bolt, Load, Scene, Spring, Support
+from receding_fenicsx.scene.model import FREE, Bolt, Load, Scene, Support
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     edge_points,
     edge_range,
-    is_cylinder,
     is_horizontal,
     load_samples,
 )
@@ -41,7 +40,7 @@ def check_supports(scene: Scene) -> None:
     for support in scene.supports:
         _check_support(scene, support)
     for spring in scene.springs:
-        _check_spring(scene, spring)
+        check_spring(scene, spring)
     for load in scene.edge_loads:
         _check_acts(scene, load)
 
@@ -218,52 +217,12 @@ def _check_support(scene: Scene, support: Support) -> None:
         have = "both" if support.edge is not None else "neither"
         raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
     if support.edge is None:
-        _check_point(scene, support, where)
+        check_point(scene, support, where)
         return
     check_edge(scene, support.edge, f"{where} edge")
     edge = scene.find_edge(support.edge)
     if any(scene.find_edge(c.edge) == edge and c.span is None for c in scene.contacts):
         raise InputError(f'{where} edge: "{support.edge}" is the contact edge; use another edge')
-
-
-def _check_spring(scene: Scene, spring: Spring) -> None:
-    check_edge(scene, spring.edge, "[[spring]] edge", ())
-    check_span(scene, spring.edge, spring.span, "[[spring]] span")
-    for key, value in (("normal", spring.normal), ("tangential", spring.tangential)):
-        if value < 0.0:
-            raise InputError(f"[[spring]] {key}: is {value:g}; must not be negative")
-    if max(spring.normal, spring.tangential) < SMALLEST:
-        raise InputError("[[spring]]: has no stiffness; give normal, tangential or both")
-
-
-def _check_point(scene: Scene, support: Support, where: str) -> None:
-    """Check that a support's point lies on its body."""
-    body = body_named(scene, support.body, where)
-    if body.is_half_plane:
-        raise InputError(f'{where} point: hold the edge "far" of a half-plane instead')
-    if body.mesh is not None:
-        return
-    if not isinstance(support.point, tuple):
-        raise InputError(f"{where} point: a rectangle has no named points; write [x, y]")
-    check_inside(scene, body, support.point, f"{where} point")
-
-
-def check_inside(scene: Scene, body: Body, point: tuple[float, ...], where: str) -> None:
-    """Check that a point lies on a rectangle."""
-    x, y = point
-    if body.is_half_plane:
-        # the side is checked where the nodes are known
-        return
-    left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
-    low, high = (body.position[1] + part for part in (0.0, body.height))
-    if is_cylinder(scene, body):
-        left = 0.0
-    slack = LENGTH_TOLERANCE * max(body.width, body.height)
-    if not (left - slack <= x <= right + slack and low - slack <= y <= high + slack):
-        raise InputError(
-            f"{where}: ({x:g}, {y:g}) lies outside the body, {left:g} <= x <= {right:g}, "
-            f"{low:g} <= y <= {high:g}; move it"
-        )
 
 
 def _check_acts(scene: Scene, load: Load) -> None:

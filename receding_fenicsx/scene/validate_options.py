@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.acting.validate import body_named
+from receding_fenicsx.scene.acting.validate import body_named, check_inside
 from receding_fenicsx.scene.checks import (
     check_choice,
     check_count,
@@ -14,7 +14,6 @@ from receding_fenicsx.scene.checks import (
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
 from receding_fenicsx.scene.options import NUMBERS
-from receding_fenicsx.scene.validate_loads import check_inside
 
 MAX_STEPS = 1_000_000
 """Largest number of load steps or samples of a leg."""

@@ -1,4 +1,4 @@
-"""Elastic foundations: hand formulas, halves and wholes, work, bad input."""
+"""Springs on edges, at points and between bodies: hand formulas, work, bad input."""
 
 from __future__ import annotations
 
@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 from bodies import block, cylinder, played
 
+from receding_fenicsx.bulk.acting.links import _integrals
+from receding_fenicsx.bulk.edges import EdgeFacets
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of
@@ -21,6 +23,8 @@ from receding_fenicsx.scene.model import (
     Load,
     Material,
     OutputOptions,
+    Probe,
+    Scene,
     SolverOptions,
     Spring,
     Support,
@@ -137,6 +141,131 @@ def test_springs_hold_a_pair() -> None:
     assert from_toml(to_toml(scene)) == scene
 
 
+@pytest.mark.parametrize("round_", [False, True])
+def test_spring_at_a_point_shares_the_load(round_: bool) -> None:
+    """At nu = 0 a platen moves by d = F / (E A / H + k), of a ring the full circle."""
+    press = Load("p", "top", platen=True, force=(0.0, -0.3))
+    make, area = (cylinder, 4.0 * np.pi) if round_ else (block, 4.0)
+    kinematics = "axisymmetric" if round_ else "plane strain"
+    scene = make(
+        contacts=SMOOTH,
+        material=Material(E, 0.0, kinematics),
+        loads=(press,),
+        springs=(Spring(point=(1.0, 1.0), y=K),),
+        history=ONCE,
+    )
+    record = played(scene)
+    moved = 0.3 / (E * area + K)
+    assert not record.half or round_
+    assert record.turning_points.P[-1].sum() == pytest.approx(E * area * moved, rel=1e-9)
+    assert record.turning_points.load_displacement[-1, 0] == pytest.approx(0.3 * moved, rel=1e-9)
+
+
+@pytest.mark.one_rank
+def test_spring_at_a_point_holds_a_stiff_block() -> None:
+    """The resultant through the point moves the block by F / k; nothing else holds it along x."""
+    scene = block(
+        material=Material(1e7, 0.3),
+        contacts=SMOOTH,
+        loads=(Load("P", "top", pressure=0.1), Load("Q", "left", traction=(0.05, 0.0))),
+        springs=(Spring(point=(2.0, 0.5), x=K),),
+        history=HistoryOptions(kind="monotonic", load="Q", constant={"P": 1.0}),
+    )
+    np.testing.assert_allclose(played(scene).turning_points.v[-1], 0.05 / K, rtol=1e-5)
+
+
+def tied(young: float, degree: int = 1, edge: str = "a.bottom", **parts: Any) -> Scene:
+    """A layer on another one, tied beside an open contact by springs of 2 and 1.5 on length 2."""
+    bodies = [Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
+    other = {"a.bottom": "b.top", "b.top": "a.bottom"}[edge]
+    scene = replace(
+        block(degree=degree, material=Material(young, 0.3)),
+        body=bodies[0],
+        others=(bodies[1],),
+        contacts=(Contact("a.bottom", (-0.5, 0.5), 0.3, initial_gap=0.2, against="b.top"),),
+        loads=(Load("P", "a.top", pressure=0.3), Load("Q", "a.top", traction=(0.1, 0.0))),
+        supports=(Support("xy", edge="b.bottom"),),
+        springs=tuple(
+            Spring(edge, span, 2.0, 1.5, against=other) for span in ((-1.5, -0.5), (0.5, 1.5))
+        ),
+        history=HistoryOptions("table", columns=("P", "Q"), rows=((0.5, 0.0), (1.0, 0.0), (1, 1))),
+    )
+    return replace(scene, **parts)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+def test_stiff_bodies_rest_on_the_springs_between_them(degree: int) -> None:
+    """P / (k_n L) until the gap of 0.2 closes; the contact then carries the rest, with friction."""
+    table = played(tied(1e8, degree)).turning_points
+    np.testing.assert_allclose(table.w[0], -0.6 / 4.0, rtol=1e-6)
+    np.testing.assert_allclose(table.P[1].sum(), 1.2 - 4.0 * 0.2, rtol=1e-5)
+    np.testing.assert_allclose(table.v[2], (0.4 - 0.3 * 0.4) / 3.0, rtol=1e-5)
+
+
+def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
+    x = np.linspace(0.5, 1.5, 5)
+    probes = tuple(
+        Probe(name, points=tuple((side * place, 0.5) for side in (-1, 1) for place in x), body=name)
+        for name in ("a", "b")
+    )
+    a = played(tied(E, probes=probes))
+    b = played(tied(E, edge="b.top"))
+    for key in ("P", "Q", "w", "load_displacement"):
+        one, two = (getattr(r.turning_points, key) for r in (a, b))
+        np.testing.assert_allclose(one, two, atol=1e-11)
+    assert max(a.energy_error_max, b.energy_error_max) < 1e-11
+    assert from_toml(to_toml(tied(E))) == tied(E)
+    # piecewise linear along the edges: the trapezoidal rule is exact
+    jump = a.probe("a").displacement[-1] - a.probe("b").displacement[-1]
+    weights = 0.25 * np.tile([0.5, 1.0, 1.0, 1.0, 0.5], 2)
+    force = weights @ jump * (1.5, 2.0)
+    table = a.turning_points
+    np.testing.assert_allclose(force[1], table.P[-1].sum() - 1.2, rtol=1e-9)
+    np.testing.assert_allclose(force[0], table.Q[-1].sum() + 0.4, rtol=1e-9)
+
+
+@pytest.mark.one_rank
+def test_springs_to_a_stiff_body_are_springs_to_the_ground() -> None:
+    stiff = (Material(E, 0.3, name="a"), Material(1e9, 0.3, name="b"))
+    scene = tied(E, 2, materials=stiff)
+    grounded = replace(scene, springs=tuple(replace(s, against=None) for s in scene.springs))
+    a, b = (played(s).turning_points for s in (scene, grounded))
+    np.testing.assert_allclose(a.P, b.P, atol=1e-7)
+    np.testing.assert_allclose(a.load_displacement, b.load_displacement, atol=1e-8)
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"against": "a.top"}, "against: must be an edge of the other body"),
+        ({"against": "b.left"}, "have to be straight, parallel and turned towards each other"),
+        ({"against": "c.top"}, "names none of the bodies a, b"),
+        ({"edge": "a.top", "against": "b.top"}, "turned towards each other"),
+        ({"against": "b.bottom", "edge": "a.top"}, "turned towards each other"),
+        ({"point": (0.0, 0.0)}, "has both of edge and point"),
+    ],
+)
+def test_bad_springs_between_bodies_are_refused(parts: dict[str, Any], words: str) -> None:
+    springs = (replace(Spring("a.bottom", (1.0, 1.5), 1.0, 1.0, against="b.top"), **parts),)
+    with pytest.raises(InputError, match=words) as error:
+        condense(tied(E, springs=springs), comm)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.one_rank
+def test_tangential_springs_across_a_gap_are_refused() -> None:
+    """Opposite forces along two edges that are apart would turn the pair."""
+    edges = [
+        EdgeFacets(np.array([[[0.0, y], [1.0, y]]]), np.array([[0, 1]]), np.array([[0.0, side]]))
+        for y, side in ((1.0, -1.0), (0.9, 1.0))
+    ]
+    spring = Spring("a.bottom", normal=1.0, against="b.top")
+    _, mass, across = _integrals(block(), spring, *edges)
+    np.testing.assert_allclose(mass, across)
+    with pytest.raises(InputError, match=r"tangential: .* are 0.1 apart, where forces"):
+        _integrals(block(), replace(spring, tangential=1.0), *edges)
+
+
 @pytest.mark.parametrize(
     ("spring", "words"),
     [
@@ -145,6 +274,16 @@ def test_springs_hold_a_pair() -> None:
         (Spring("topp", normal=1.0), r"\[\[spring\]\] edge: .topp. is unknown"),
         (Spring("top", (0.0, 3.0), normal=1.0), "span: .* reaches beyond edge"),
         (Spring("top", normal=float("nan")), "normal: must be a finite number"),
+        (Spring(normal=1.0), "has neither of edge and point"),
+        (Spring("top", x=1.0), "x: is not for an edge; give normal and tangential"),
+        (Spring(point=(0.0, 1.0), normal=1.0), "normal: is not for a point; give x and y"),
+        (Spring(point=(0.0, 1.0)), "has no stiffness; give x, y or both"),
+        (
+            Spring(point=(0.0, 3.0), x=1.0),
+            "lies outside the body",
+        ),
+        (Spring(point="pin", x=1.0), "a rectangle has no named points"),
+        (Spring("top", normal=1.0, against="bottom"), "must be an edge of the other body"),
     ],
 )
 def test_bad_springs_are_refused(spring: Spring, words: str) -> None:

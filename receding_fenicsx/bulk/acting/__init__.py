@@ -10,7 +10,8 @@ $E / (1 - \nu)$). Where stresses are evaluated, the load's factor times $\vareps
 subtracted from the strain (`thermal`); on elements of order 1, whose strain is that of the cell's
 midpoint, at the midpoint.
 
-Springs add their part to $A$ and hold the rigid motions that they resist (`springs`). An
+Springs add their part to $A$ and hold the rigid motions that they resist (`springs`); those between
+two bodies close the factors of unit loads, after the bodies are joined (`links`). An
 interference alters $r^*$ by $K s$, after the bodies are joined (`interference`); bolts
 close a load's force by their law, a change of $K$ and $r^*$ by rank one each (`bolts`).
 """

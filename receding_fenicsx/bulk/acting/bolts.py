@@ -47,17 +47,20 @@ def with_bolts(system: ContactSystem, scene: Scene, law: tuple[Array, Array]) ->
     K = system.K + system.r_star.T @ G
     C = system.load_compliance @ T
     C[at] = T[at]
-    # motions that lengthen a bolt are no longer free
-    pull = system.r_star[at] @ system.rigid
-    size = np.abs(system.r_star[at]) @ np.abs(system.rigid) + np.finfo(float).tiny
-    held = np.where(np.abs(pull) > FREE_TOLERANCE * size, pull / size, 0.0)
-    _, values, motions = np.linalg.svd(held)
-    rank = int(np.sum(values > FREE_TOLERANCE))
     return replace(
         system,
         K=0.5 * (K + K.T),
         r_star=T.T @ system.r_star,
         load_compliance=C,
         load_sign=np.where(np.isin(np.arange(len(T)), at), 1.0, system.load_sign),
-        rigid=scaled(system.rigid @ motions[rank:].T),
+        rigid=without_lengthening(system.rigid, system.r_star[at]),
     )
+
+
+def without_lengthening(rigid: Array, r_star: Array) -> Array:
+    """Return the rigid motions (2N, n) on which unit tensions with these r* do no work."""
+    pull = r_star @ rigid
+    size = np.abs(r_star) @ np.abs(rigid) + np.finfo(float).tiny
+    held = np.where(np.abs(pull) > FREE_TOLERANCE * size, pull / size, 0.0)
+    _, values, motions = np.linalg.svd(held)
+    return scaled(rigid @ motions[int(np.sum(values > FREE_TOLERANCE)) :].T)

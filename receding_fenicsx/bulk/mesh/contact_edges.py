@@ -91,6 +91,7 @@ def _uses(scene: Scene) -> list[tuple[str, str]]:
         if contact.against is not None:
             found.append((contact.against, f"{where} against"))
     found += [(part.edge, f"{part.label} edge") for part in scene.edge_parts]
+    found += [(s.against, "[[spring]] against") for s in scene.springs if s.against is not None]
     found += [(s.edge, "[[support]] edge") for s in scene.supports if s.edge is not None]
     return found
 

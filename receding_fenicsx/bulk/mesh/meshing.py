@@ -249,6 +249,7 @@ def _used_edges(scene: Scene, body: Body) -> set[str]:
     """Return the names of a body's edges that the scene uses."""
     edges = [c.edge for c in scene.contacts] + [c.against for c in scene.contacts]
     edges += [part.edge for part in scene.edge_parts] + [s.edge for s in scene.supports]
+    edges += [spring.against for spring in scene.springs]
     found = [scene.find_edge(edge) for edge in edges if edge is not None]
     return {name for owner, name in found if owner == body}
 

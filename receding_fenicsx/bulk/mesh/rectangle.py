@@ -118,7 +118,8 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
         if span is not None:
             ends = np.column_stack(edge_points(scene, edge, np.array(span)))
             wanted += [(key, float(end[0]), float(end[1])) for end in ends]
-    wanted += [("support.point", *s.point) for s in scene.supports if isinstance(s.point, tuple)]
+    for key, parts in (("support.point", scene.supports), ("spring.point", scene.springs)):
+        wanted += [(key, *part.point) for part in parts if isinstance(part.point, tuple)]
     left, bottom = scene.body.position
 
     near = POSITION_TOLERANCE * frame.depth

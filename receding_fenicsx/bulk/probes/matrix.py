@@ -145,8 +145,16 @@ def _of_pair(pair: Pair, side: int, rows: Array) -> Array:
     n = len(joined.held)
     back, back_load = joined.back
     moved = back if side == 1 else back + np.eye(n)
-    contact, own = rows[..., :n], rows[..., n:]
-    of_loads = contact @ back_load
-    places = [pair.load_names.index(name) for name in part.load_names]
-    of_loads[..., places] += own
-    return np.concatenate([contact @ np.where(joined.held, 0.0, moved), of_loads], axis=-1)
+    contact, own, count = rows[..., :n], rows[..., n:], back_load.shape[1]
+    names = pair.load_names + pair.link_names
+    every = np.zeros((*own.shape[:-1], len(names)))
+    every[..., [names.index(name) for name in part.load_names]] = own
+    of_contact = contact @ np.where(joined.held, 0.0, moved)
+    of_loads = contact @ back_load + every[..., :count]
+    if joined.links is not None:
+        T, G = joined.links
+        of_contact, of_loads = (
+            of_contact + every[..., count:] @ G,
+            of_loads + every[..., count:] @ T,
+        )
+    return np.concatenate([of_contact, of_loads], axis=-1)

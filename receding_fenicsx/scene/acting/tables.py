@@ -88,19 +88,29 @@ class Support:
 
 @dataclass(frozen=True)
 class Spring:
-    """Elastic foundation of an edge (Winkler): springs to the ground, evenly spread.
+    """Springs evenly spread over an edge (Winkler), or a single one at a point.
 
     Attributes:
-        edge: edge that it holds.
+        edge: edge that it holds; or ``point``.
         span: part of the edge; positions as in a contact.
         normal, tangential: stiffness against displacements along the edge's normal and along it,
             stresses per length, not negative.
+        against: parallel edge of the other body that it is tied to; default: the ground.
+        point: coordinates, or the name of a physical point of a mesh file.
+        body: name of the point's body, in a scene of two bodies.
+        x, y: stiffness of a point's spring against displacements along the axes, a force for unit
+            thickness per length (axisymmetric: of the full circle), not negative.
     """
 
-    edge: str
+    edge: str = ""
     span: tuple[float, float] | None = None
     normal: float = 0.0
     tangential: float = 0.0
+    against: str | None = None
+    point: tuple[float, float] | str | None = None
+    body: str | None = None
+    x: float = 0.0
+    y: float = 0.0
     label = "[[spring]]"
 
 
