@@ -20,6 +20,14 @@ SMALL = [
     *("--set", "history.cycles=2"),
     *("--set", "solver.method=events"),
 ]
+FAILING = [
+    *SMALL[:4],
+    *("--set", "solver.method=gauss-seidel"),
+    *("--set", "solver.max_sweeps=1"),
+    *("--set", "solver.polish=false"),
+    *("--pictures", "none"),
+]
+"""A run that one sweep cannot solve."""
 MODULE = ("-m", "receding_fenicsx")
 Run = Callable[..., "subprocess.CompletedProcess[str]"]
 root = MPI.COMM_WORLD.rank == 0
@@ -159,10 +167,7 @@ def test_unloading_demo_ends_without_any_force(
 def test_solver_failure_ends_with_code_1(
     shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    settings = ["--set", "solver.method=gauss-seidel", "--set", "solver.max_sweeps=1"]
-    settings += ["--set", "solver.polish=false"]
-    out = shared_tmp_path / "run"
-    assert cli.main(["run", BLOCK, *SMALL, *settings, "--out", str(out)]) == 1
+    assert cli.main(["run", BLOCK, *FAILING, "--out", str(shared_tmp_path / "run")]) == 1
     captured = capsys.readouterr()
     if root:
         assert captured.err.startswith("receding-fenicsx: error: ")
@@ -253,7 +258,7 @@ def test_help_and_version_end_with_code_0(capsys: pytest.CaptureFixture[str]) ->
 # -- as a program of its own, on one rank and more -----------------------------------------------
 
 
-@pytest.mark.parametrize("ranks", [1, 2, 3])
+@pytest.mark.parametrize("ranks", [2, 3])
 def test_bad_scene_stops_every_rank_with_the_same_code(mpirun: Run, ranks: int) -> None:
     done = mpirun(ranks, *MODULE, "check", BLOCK, "--set", "body.width=-1")
     assert done.returncode == 2
@@ -278,9 +283,7 @@ def test_run_on_two_ranks_gives_the_answer_of_one(mpirun: Run, tmp_path: Path) -
 
 
 def test_failing_solver_on_two_ranks_ends_with_code_1(mpirun: Run, tmp_path: Path) -> None:
-    settings = ["--set", "solver.method=gauss-seidel", "--set", "solver.max_sweeps=1"]
-    settings += ["--set", "solver.polish=false"]
-    done = mpirun(2, *MODULE, "run", BLOCK, *SMALL, *settings, "--out", tmp_path / "run")
+    done = mpirun(2, *MODULE, "run", BLOCK, *FAILING, "--out", tmp_path / "run")
     assert done.returncode == 1
     assert len(our_lines(done.stderr)) == 1
     assert "residual" in our_lines(done.stderr)[0]

@@ -1,19 +1,17 @@
 """The demo that kills runs compares their records by bits."""
 
-import runpy
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from demo_runs import demo
 
 pytestmark = pytest.mark.one_rank
 
-DEMO = Path(__file__).parent.parent / "demos" / "kill_and_resume.py"
-
 
 def test_records_are_told_apart_by_single_bits(tmp_path: Path) -> None:
-    differing = runpy.run_path(str(DEMO))["differing"]
+    differing = demo("kill_and_resume")["differing"]
     for name, zero in (("a", 0.0), ("b", -0.0), ("c", 0.0)):
         (tmp_path / name).mkdir()
         with h5py.File(tmp_path / name / "record.h5", "w") as file:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import runpy
 from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+from demo_runs import demo
 
 import receding_fenicsx as rf
 
@@ -160,7 +160,7 @@ def test_lap_joint_slides_when_its_pull_is_the_friction_of_its_clamp() -> None:
 
 def test_double_lap_joint_dissipates_what_shear_lag_gives_to_second_order_in_its_height() -> None:
     """F^3 / (24 q E A) a cycle and F / (2 q) on each side; derived in the demo."""
-    joint = runpy.run_path(str(ROOT / "demos" / "lap_joint.py"))
+    joint = demo("lap_joint")
     errors = {}
     for height in (0.5, 0.25):
         record = joint["solve"](height)

@@ -2,6 +2,7 @@ import dataclasses
 import importlib
 import os
 from pathlib import Path
+from typing import NamedTuple
 
 from mpi4py import MPI
 
@@ -29,14 +30,30 @@ def small(*overrides: str) -> rf.Scene:
     return rf.read_scene(DEMOS / "block.toml", [*SMALL, *overrides])
 
 
-def test_run_leaves_all_files_and_returns_their_record(shared_tmp_path: Path) -> None:
-    out = shared_tmp_path / "run"
+class Finished(NamedTuple):
+    """A finished run: its folder, record and what it has told."""
+
+    out: Path
+    record: rf.Record | None
+    heard: list[str]
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
+    """A run of the small block without pictures, in one folder for all ranks."""
+    out = Path(comm.bcast(str(tmp_path_factory.mktemp("study")))) / "run"
     heard: list[str] = []
-    record = study.run(small(), out, study.RunOptions(pictures=False, progress=heard.append), comm)
+    options = study.RunOptions(pictures=False, progress=heard.append)
+    record = study.run(small(), out, options, comm)
     comm.Barrier()
+    return Finished(out, record, heard)
+
+
+def test_run_leaves_all_files_and_returns_their_record(finished: Finished) -> None:
+    out, record, heard = finished
     assert (record is None) == (comm.rank > 0)
     assert {"record.h5", "summary.json", "system.h5"} <= set(os.listdir(out))
-    assert os.listdir(shared_tmp_path) == ["run"]
+    assert os.listdir(out.parent) == ["run"]
     summary = rf.read_summary(out / "summary.json")
     assert set(summary["timings"]) == {"mesh", "assemble", "condense", "evolve", "pictures"}
     assert all(summary["timings"][s] > 0 for s in ("mesh", "assemble", "condense", "evolve"))
@@ -55,17 +72,13 @@ def test_run_leaves_all_files_and_returns_their_record(shared_tmp_path: Path) ->
         assert heard == []
 
 
-def test_saved_system_gives_the_same_record_without_meshing(shared_tmp_path: Path) -> None:
-    scene = small()
-    record = study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), comm)
-    if record is not None:
-        system = rf.read_system(shared_tmp_path / "run" / "system.h5", scene)
-        again = rf.evolve(system, scene)
+def test_saved_system_gives_the_same_record_without_meshing(finished: Finished) -> None:
+    if finished.record is not None:
+        again = rf.evolve(rf.read_system(finished.out / "system.h5", small()), small())
         for name in ("v", "w", "P", "Q", "state"):
             np.testing.assert_array_equal(
-                getattr(again.turning_points, name), getattr(record.turning_points, name)
+                getattr(again.turning_points, name), getattr(finished.record.turning_points, name)
             )
-    comm.Barrier()
 
 
 def test_half_is_modelled_only_when_it_may_be() -> None:
@@ -109,14 +122,12 @@ def test_initial_slip_is_taken_over() -> None:
         np.testing.assert_allclose(shift, 0.125, rtol=1e-6)
 
 
-def test_condensed_alone_is_what_run_condenses(shared_tmp_path: Path) -> None:
+def test_condensed_alone_is_what_run_condenses(finished: Finished) -> None:
     system = study.condense(small(), comm)
-    study.run(small(), shared_tmp_path / "run", study.RunOptions(pictures=False), comm)
     assert (system is None) == (comm.rank > 0)
     if system is not None:
-        stored = rf.read_system(shared_tmp_path / "run" / "system.h5")
+        stored = rf.read_system(finished.out / "system.h5")
         np.testing.assert_array_equal(stored.K, system.K)
-    comm.Barrier()
 
 
 def test_existing_folders_are_left_alone_unless_asked(shared_tmp_path: Path) -> None:
@@ -150,11 +161,10 @@ def test_invalid_scene_from_python_is_refused_before_meshing() -> None:
         study.run(bad, comm=comm)
 
 
-def test_instants_are_found_by_the_names_of_legs(shared_tmp_path: Path) -> None:
-    scene = small()
-    record = study.run(scene, shared_tmp_path / "run", study.RunOptions(pictures=False), comm)
+def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
+    scene, record = small(), finished.record
     if record is not None:
-        system = rf.read_system(shared_tmp_path / "run" / "system.h5", scene)
+        system = rf.read_system(finished.out / "system.h5", scene)
         low = rf.instant_of(scene, system, record, 2, "unloading")
         np.testing.assert_array_equal(low.load, [scene.history.minimum])
         middle = rf.instant_of(scene, system, record, 2, "loading", 0.25)
@@ -166,7 +176,6 @@ def test_instants_are_found_by_the_names_of_legs(shared_tmp_path: Path) -> None:
         )
         with pytest.raises(rf.InputError, match="one jump"):
             rf.instant_of(slipped, system, record, 0, "loading", 0.5)
-    comm.Barrier()
 
 
 def test_only_loaded_turning_points_are_drawn() -> None:

@@ -1,5 +1,6 @@
 """Half widths below node spacing of a record: the same body on either side of its edge."""
 
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -27,6 +28,7 @@ BETA = dundurs_beta((2.0, 0.3, "plane strain"))
 KEYS = ("contact_half_width_estimate", "stick_half_width_estimate")
 
 
+@cache
 def record_of(edge: str, opposite: str, elements: int = 160, growth: float = 1.3) -> Record | None:
     scene = block(
         degree=2,

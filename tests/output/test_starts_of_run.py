@@ -8,9 +8,8 @@ from typing import Any
 
 from mpi4py import MPI
 
-import numpy as np
 import pytest
-from small import small_system
+from shakedown_cases import TO_AND_FRO, UPPER, two_nodes
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
@@ -91,12 +90,10 @@ def test_bad_input_of_limits_ends_with_one_line_and_code_2(
 
 
 def spread_of(coupling: float) -> dict[str, Any]:
-    K_tn = coupling * np.array([[0.4, 0.8], [-0.8, -0.4]])
-    K = np.block([[np.array([[2, -1], [-1, 2]]), K_tn], [K_tn.T, np.array([[3, -1], [-1, 3]])]])
-    system = small_system(K, {"mean": [0, 0, 1, 1], "range": [1, 0.5, 0, 0.5]}, 0.5)
-    # between the limits of shakedown, 8/19 and 12/23, with coupling; above both without
-    factor = 0.99 * 12 / 23 if coupling else 0.9
-    history = rf.range_history(system, {"mean": 1.0}, [{"range": 1.0}, {"range": -1.0}], factor)
+    system = two_nodes(coupling)
+    # between the limits of shakedown with coupling; above both without
+    factor = 0.99 * UPPER if coupling else 0.9
+    history = rf.range_history(system, {"mean": 1.0}, TO_AND_FRO, factor)
     return starts_summary(rf.steady_states(system, history, 21))
 
 

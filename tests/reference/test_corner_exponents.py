@@ -87,21 +87,21 @@ def test_wrong_corners_are_refused() -> None:
             corner_exponent(angle, kappa)
 
 
+def sheared(f: float) -> rf.Record | None:
+    """The record of a block with graded corners, pressed and sheared in proportion to friction."""
+    overrides = [f"contact.friction={f}", f"load.Q.force=[{2 * f}, 0.0]", "history.cycles=1"]
+    scene = rf.read_scene(DEMOS / "sheared_block.toml", [*overrides, "mesh.contact_elements=40"])
+    mesh = replace(scene.mesh, refine=(rf.Refinement(3e-6, growth=1.2),))
+    output = rf.OutputOptions(samples_per_leg=1, cycles=())
+    return rf.run(replace(scene, mesh=mesh, output=output))
+
+
 @pytest.mark.parametrize("f", [0.5, 0.8])
 def test_fit_on_graded_edges_finds_the_exponent(f: float) -> None:
     """Within 1 % on about 120 elements; the largest pressure is called singular."""
-    overrides = [f"contact.friction={f}", f"load.Q.force=[{2 * f}, 0.0]", "history.cycles=1"]
-    scene = rf.read_scene(DEMOS / "sheared_block.toml", [*overrides, "mesh.contact_elements=40"])
-    places = (rf.Refinement(3e-6, growth=1.2),)
-    scene = replace(
-        scene,
-        mesh=replace(scene.mesh, refine=places),
-        output=rf.OutputOptions(samples_per_leg=1, cycles=()),
-    )
-    system = rf.condense(scene)
-    if system is None:
+    record = sheared(f)
+    if record is None:
         return
-    record = rf.evolve(system, scene)
     assert len(record.x) < 2 * 160
     exact = corner_exponent(90.0, kolosov(0.3)).real
     fits = 0
@@ -122,17 +122,9 @@ def test_fit_on_graded_edges_finds_the_exponent(f: float) -> None:
 @pytest.mark.parametrize("f", [0.1, 0.3])
 def test_fit_at_corners_that_slip(f: float) -> None:
     """Pressed without shear, both corners slip outwards; sheared, one of them inwards."""
-    overrides = [f"contact.friction={f}", f"load.Q.force=[{2 * f}, 0.0]", "history.cycles=1"]
-    scene = rf.read_scene(DEMOS / "sheared_block.toml", [*overrides, "mesh.contact_elements=40"])
-    scene = replace(
-        scene,
-        mesh=replace(scene.mesh, refine=(rf.Refinement(3e-6, growth=1.2),)),
-        output=rf.OutputOptions(samples_per_leg=1, cycles=()),
-    )
-    system = rf.condense(scene)
-    if system is None:
+    record = sheared(f)
+    if record is None:
         return
-    record = rf.evolve(system, scene)
     kappa = kolosov(0.3)
     expected = {sign: corner_exponent(90.0, kappa, sign * f).real for sign in (-1, 1)}
     seen = set()
@@ -189,8 +181,7 @@ kind = "monotonic"
 
 def test_corner_without_pressure_is_not_told() -> None:
     scene = rf.read_scene(DEMOS / "block.toml", ["history.cycles=1", "mesh.contact_elements=40"])
-    system = rf.condense(scene)
-    if system is not None:
-        record = rf.evolve(system, scene)
+    record = rf.run(scene)
+    if record is not None:
         assert corners_of(record, 0) == {}
         assert "singular" not in rf.run_table(rf.summarise(record))

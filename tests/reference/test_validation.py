@@ -1,23 +1,13 @@
 """The cores of the validation demos, against what is known."""
 
-import runpy
-from pathlib import Path
-from typing import Any
-
 import pytest
+from demo_runs import demo, sheared_cylinders
 from scipy.optimize import brentq
 
 from receding_fenicsx.output.report.half_widths import estimates
 from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.reference.layer import contact_half_width
 from receding_fenicsx.study import condense
-
-DEMOS = Path(__file__).parents[2] / "demos"
-
-
-def demo(name: str) -> dict[str, Any]:
-    """Functions and numbers of a demo."""
-    return runpy.run_path(str(DEMOS / f"{name}.py"))
 
 
 @pytest.mark.parametrize(
@@ -135,8 +125,7 @@ def test_fretting_in_and_out_of_phase_dissipates_what_the_memory_of_the_contact_
 
 
 def test_sheared_cylinders_stick_and_slip_as_cattaneo_and_mindlin_say() -> None:
-    mindlin = demo("cattaneo_mindlin")
-    record = mindlin["solve"](30.0, 120)
+    mindlin, record = demo("cattaneo_mindlin"), sheared_cylinders()
     if record is None:
         return
     spacing = max(record.x[1:] - record.x[:-1])

@@ -209,7 +209,6 @@ def test_powers_of_two_change_only_exponents(method: str, case: str) -> None:
 
 @pytest.mark.parametrize("method", ["gauss-seidel", "events"])
 def test_powers_of_ten_change_nothing_but_round_off(method: str) -> None:
-    system, history = gapped()
     options = rf.SolverOptions(method=method, steps_per_leg=6)
     output = replace(ALL, samples_per_leg=6)
     for system, history in ((BLOCK, cyclic(2)), gapped()):

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import runpy
-from functools import cache
-from itertools import pairwise
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from numpy.polynomial.legendre import leggauss
+from demo_runs import demo, sheared_cylinders
+from models import block_system
+from nodal import nodal_forces, with_middles
+from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.moment import moment_of
@@ -25,20 +24,13 @@ STICK, OPEN, FORWARD, BACKWARD = 1, 2, 3, 4
 
 def nodal(corners: Array, traction: Any, axisymmetric: bool = False) -> tuple[Array, Array, Array]:
     """Nodes, weights and nodal forces of a traction on elements of order 2, by quadrature."""
-    x = np.sort(np.concatenate([corners, 0.5 * (corners[1:] + corners[:-1])]))
-    weight, force = np.zeros(len(x)), np.zeros(len(x))
-    points, weights = leggauss(8)
-    for e, (a, b) in enumerate(pairwise(corners)):
-        t = 0.5 * (points + 1.0)
-        at, dx = a + (b - a) * t, 0.5 * (b - a) * weights
-        if axisymmetric:
-            dx = dx * at
-        for k, shape in enumerate(
-            ((1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0))
-        ):
-            weight[2 * e + k] += dx @ shape
-            force[2 * e + k] += dx @ (shape * traction(at))
-    return x, weight, force
+    x = with_middles(corners)
+
+    def around(at: Array) -> Array:
+        return at if axisymmetric else np.ones_like(at)
+
+    weight = nodal_forces(x, 2, around)
+    return x, weight, nodal_forces(x, 2, lambda at: around(at) * traction(at))
 
 
 def sliding(f: Array, x: Array, weight: Array, P: Array, **parts: Any) -> Tractions:
@@ -98,27 +90,21 @@ def test_order_one_and_beside_ends_the_nodal_values_remain() -> None:
 # -- Cattaneo and Mindlin ------------------------------------------------------------------------
 
 
-@cache
-def mindlin() -> tuple[dict[str, Any], rf.Record | None]:
-    demo = runpy.run_path(str(Path(__file__).parents[3] / "demos" / "cattaneo_mindlin.py"))
-    return demo, demo["solve"](30.0, 120)
-
-
 def zigzag(error: Array) -> Array:
     """Part of an error that alternates from node to node."""
     return 0.25 * (error[:-2] - 2.0 * error[1:-1] + error[2:])
 
 
 def test_sheared_cylinders_have_less_error_and_a_fifth_of_the_zigzag() -> None:
-    demo, record = mindlin()
+    mindlin, record = demo("cattaneo_mindlin"), sheared_cylinders()
     if record is None:
         return
-    known, hertz = demo["KNOWN"], demo["HERTZ"]
+    known, hertz = mindlin["KNOWN"], mindlin["HERTZ"]
     x, s = record.x, record.samples
     spacing = float(np.diff(x).max())
     size = {"p": np.zeros(2), "q": np.zeros(2)}
     for i in range(len(s.s)):
-        leg = demo["LEGS"].get((int(s.cycle[i]), int(s.leg[i])))
+        leg = mindlin["LEGS"].get((int(s.cycle[i]), int(s.leg[i])))
         if leg is None:
             continue
         moment = moment_of(record, s, i)
@@ -139,9 +125,10 @@ def test_sheared_cylinders_have_less_error_and_a_fifth_of_the_zigzag() -> None:
 
 
 def test_resultants_and_the_law_of_friction_are_kept_at_every_instant() -> None:
-    _, record = mindlin()
+    record = sheared_cylinders()
     if record is None:
         return
+    x = record.x / np.abs(record.x).max()
     for table in (record.samples, record.turning_points):
         for i in range(len(table.s)):
             moment = moment_of(record, table, i)
@@ -149,9 +136,7 @@ def test_resultants_and_the_law_of_friction_are_kept_at_every_instant() -> None:
             force = moment.P.sum()
             assert abs(record.weight @ p - force) <= 1e-12 * force
             assert abs(record.weight @ q - moment.Q.sum()) <= 1e-12 * force
-            assert (
-                abs((record.weight * x_of(record)) @ p - x_of(record) @ moment.P) <= 1e-12 * force
-            )
+            assert abs((record.weight * x) @ p - x @ moment.P) <= 1e-12 * force
             assert p.min() >= 0.0
             room = record.f * p - np.abs(q)
             assert room.min() >= -1e-13 * p.max()
@@ -159,22 +144,10 @@ def test_resultants_and_the_law_of_friction_are_kept_at_every_instant() -> None:
             assert not p[moment.state == OPEN].any()
 
 
-def x_of(record: rf.Record) -> Array:
-    return record.x / np.abs(record.x).max()
-
-
 def test_instant_of_another_record_is_refused() -> None:
-    _, record = mindlin()
+    record = sheared_cylinders()
     if record is None:
         return
-    moment = record.at()
-    other = rf.evolve(*_spring())
+    other = rf.evolve(block_system(8, 4), cyclic(0))
     with pytest.raises(rf.InputError, match="record of its contact edge"):
-        rf.recovered_tractions(other, moment)
-
-
-def _spring() -> tuple[rf.ContactSystem, rf.History]:
-    import models
-
-    history = rf.History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)))
-    return models.block_system(8, 4), history
+        rf.recovered_tractions(other, record.at())

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from nodal import nodal_forces, with_middles
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.measures.tractions import cell_means, midside_nodes, traction_at
@@ -11,19 +12,9 @@ def laid_out(degree: int, elements: int) -> tuple[Array, Array, Array]:
     """Nodes, weights and nodal forces of cos(2 x) on an edge with unequal elements."""
     s = np.linspace(0.0, 1.0, elements + 1)
     ends = s + 0.3 * s**2
-    x = ends if degree == 1 else np.sort(np.append(ends, 0.5 * (ends[1:] + ends[:-1])))
-    points, weights = np.polynomial.legendre.leggauss(6)
-    t, dt = 0.5 * (points + 1.0), 0.5 * weights
-    shapes = (
-        [1 - t, t] if degree == 1 else [(1 - t) * (1 - 2 * t), 4 * t * (1 - t), t * (2 * t - 1)]
-    )
-    weight, force = np.zeros(len(x)), np.zeros(len(x))
-    for i in range(0, len(x) - 1, degree):
-        length = x[i + degree] - x[i]
-        for j, shape in enumerate(shapes):
-            weight[i + j] += length * np.sum(dt * shape)
-            force[i + j] += length * np.sum(dt * shape * np.cos(2.0 * (x[i] + t * length)))
-    return x, weight, force
+    x = ends if degree == 1 else with_middles(ends)
+    weight = nodal_forces(x, degree, np.ones_like)
+    return x, weight, nodal_forces(x, degree, lambda at: np.cos(2.0 * at))
 
 
 def test_midside_nodes_are_seen_in_the_weights() -> None:

@@ -2,10 +2,11 @@
 
 import math
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
-from numpy.polynomial.legendre import leggauss
+from nodal import nodal_forces, with_middles
 from scipy.integrate import quad
 
 from receding_fenicsx.arrays import Array
@@ -19,42 +20,18 @@ from receding_fenicsx.interface.measures.zone_ends import (
     zone_ends,
 )
 
-STICK, OPEN, FORWARD, BACKWARD = (
-    State.STICK,
-    State.SEPARATION,
-    State.FORWARD_SLIP,
-    State.BACKWARD_SLIP,
-)
+STICK, OPEN, FORWARD, BACKWARD = State
 SHIFTS = np.linspace(0.0, 1.0, 13)
+
+
+forces = partial(nodal_forces, pieces=200)
 
 
 def edge(degree: int, elements: int, stretch: float = 0.0) -> Array:
     """Nodes of the edge |x| < 1, wider towards its ends by the factor 1 + stretch."""
     s = np.linspace(-1.0, 1.0, elements + 1)
     x = (s + stretch * s**3 / 3.0) / (1.0 + stretch / 3.0)
-    if degree == 1:
-        return x
-    return np.sort(np.concatenate([x, 0.5 * (x[1:] + x[:-1])]))
-
-
-def forces(x: Array, degree: int, traction) -> Array:  # type: ignore[no-untyped-def]
-    """Integrals of a traction times each shape function, by Gauss's rule in many pieces."""
-    total = np.zeros(len(x))
-    points, weights = leggauss(8)
-    cuts = np.linspace(0.0, 1.0, 201)
-    t = (cuts[:-1, None] + 0.5 * (points + 1.0) * np.diff(cuts)[:, None]).ravel()
-    dt = (0.5 * weights * np.diff(cuts)[:, None]).ravel()
-    shapes = (
-        [1.0 - t, t]
-        if degree == 1
-        else [(1.0 - t) * (1.0 - 2.0 * t), 4.0 * t * (1.0 - t), t * (2.0 * t - 1.0)]
-    )
-    for i in range(0, len(x) - 1, degree):
-        length = x[i + degree] - x[i]
-        values = traction(x[i] + t * length)
-        for j, shape in enumerate(shapes):
-            total[i + j] += length * np.sum(dt * values * shape)
-    return total
+    return x if degree == 1 else with_middles(x)
 
 
 def pressed(c: float, m: float, degree: int, x: Array, f: float = 0.0) -> Tractions:
@@ -120,15 +97,9 @@ def test_stick_ends_of_cattaneo_and_mindlin_are_found() -> None:
         state = np.full(len(x), OPEN)
         state[np.abs(x) < a] = FORWARD
         state[np.abs(x) < c] = STICK
-        at = Tractions(
-            x,
-            forces(x, 2, np.ones_like),
-            forces(x, 2, lambda s: arc(s, a)),
-            -f * forces(x, 2, lambda s, c=c: arc(s, a) - arc(s, c)),
-            state,
-            np.full(len(x), f),
-            beta=0.0,
-        )
+        weight = forces(x, 2, np.ones_like)
+        P, less = (forces(x, 2, partial(arc, end=end)) for end in (a, c))
+        at = Tractions(x, weight, P, -f * (P - less), state, np.full(len(x), f), beta=0.0)
         found = stick_half_width_estimate(at)
         assert found.fitted
         assert found.low < c < found.high

@@ -4,12 +4,7 @@ import pytest
 import receding_fenicsx as rf
 from receding_fenicsx.interface.measures.zones import contact_zones
 
-STICK, OPEN, FORWARD, BACKWARD = (
-    rf.State.STICK,
-    rf.State.SEPARATION,
-    rf.State.FORWARD_SLIP,
-    rf.State.BACKWARD_SLIP,
-)
+STICK, OPEN, FORWARD, BACKWARD = rf.State
 
 
 def test_zone_ends_lie_midway_between_nodes() -> None:

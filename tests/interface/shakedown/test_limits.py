@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 import scipy.optimize
+from shakedown_cases import LOWER, TO_AND_FRO, UPPER, Case, Loads, coupled_case, two_nodes
 from small import small_system, walker
 
 import receding_fenicsx as rf
@@ -15,31 +16,13 @@ from receding_fenicsx.interface.shakedown.limits import lower_limit, upper_limit
 from receding_fenicsx.interface.shakedown.margins import load_range
 from receding_fenicsx.interface.shakedown.mean_loads import prepared
 
-Loads = dict[str, float]
-TO_AND_FRO = [{"range": 1.0}, {"range": -1.0}]
 
-
-def two_nodes(coupling: float = 1.0) -> rf.ContactSystem:
-    """Return the two-node example of Ahn, Bertocchi & Barber's kind with rational limits."""
-    K_tn = coupling * np.array([[0.4, 0.8], [-0.8, -0.4]])
-    K = np.block([[np.array([[2, -1], [-1, 2]]), K_tn], [K_tn.T, np.array([[3, -1], [-1, 3]])]])
-    return small_system(K, {"mean": [0, 0, 1, 1], "range": [1, 0.5, 0, 0.5]}, 0.5)
-
-
-def random_case(seed: int) -> tuple[rf.ContactSystem, Loads, list[Loads]]:
+def random_case(seed: int) -> Case:
     """Return a coupled system of 2 to 8 nodes, its mean loads and a range of 2 to 4 corners."""
     rng = np.random.default_rng([seed, 17])
     n, corners = int(rng.integers(2, 9)), int(rng.integers(2, 5))
-    G = rng.standard_normal((2 * n, 3 * n))
-    K = G @ G.T / (3 * n) + 0.2 * np.eye(2 * n)
-    K[:n, n:] *= rng.uniform(0.2, 0.6)
-    K[n:, :n] = K[:n, n:].T
-    loads = {"mean": np.concatenate([rng.uniform(-0.3, 0.3, n), rng.uniform(0.7, 1.3, n)])}
-    for name in ("a", "b"):
-        loads[name] = np.concatenate([rng.uniform(-1, 1, n), rng.uniform(-0.4, 0.4, n)])
-    angles = 2.0 * np.pi * (np.arange(corners) + rng.uniform(0.0, 0.3, 1)) / corners
-    corner_loads = [{"a": float(np.cos(t)), "b": float(np.sin(t))} for t in angles]
-    return small_system(K, loads, rng.uniform(0.2, 0.6, n)), {"mean": 1.0}, corner_loads
+    mean, change = ((-0.3, 0.3), (0.7, 1.3)), ((-1.0, 1.0), (-0.4, 0.4))
+    return coupled_case(rng, n, corners, mean, change, (0.2, 0.6))
 
 
 def all_pairs(system: rf.ContactSystem, mean: Loads, corners: list[Loads]) -> tuple[float, float]:
@@ -75,9 +58,7 @@ def all_pairs(system: rf.ContactSystem, mean: Loads, corners: list[Loads]) -> tu
     return float(lower), float(upper)
 
 
-def played(
-    case: tuple[rf.ContactSystem, Loads, list[Loads]], factor: float, start: np.ndarray
-) -> rf.Record:
+def played(case: Case, factor: float, start: np.ndarray) -> rf.Record:
     """Return exact cycles round a range from an initial slip."""
     history = rf.range_history(*case, factor, 300)
     return rf.evolve(case[0], history, output=rf.OutputOptions(1, ()), initial_slip=start)
@@ -85,8 +66,8 @@ def played(
 
 def test_limits_of_two_nodes_are_the_exact_fractions() -> None:
     limits = rf.shakedown_limits(two_nodes(), {"mean": 1.0}, TO_AND_FRO)
-    assert limits.lower == pytest.approx(8 / 19, abs=1e-12)
-    assert limits.upper == pytest.approx(12 / 23, abs=1e-12)
+    assert limits.lower == pytest.approx(LOWER, abs=1e-12)
+    assert limits.upper == pytest.approx(UPPER, abs=1e-12)
     assert limits.lower_is == "proved"
     assert not limits.opens
     assert limits.residual < 1e-14
@@ -154,7 +135,7 @@ def test_nodes_shared_among_processes_give_the_same_lower_limit() -> None:
     assert best * margins.range_scale == pytest.approx(whole.lower, rel=1e-10)
 
 
-def without_friction_or_held(seed: int) -> tuple[rf.ContactSystem, Loads, list[Loads]]:
+def without_friction_or_held(seed: int) -> Case:
     """Return a random case with one node without friction, one held, one held normally too."""
     system, mean, corners = random_case(seed)
     f, held = system.f.copy(), system.held.copy()

@@ -1,0 +1,25 @@
+"""Functions and numbers of demos, and a run of one that several tests look at."""
+
+from __future__ import annotations
+
+import runpy
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import receding_fenicsx as rf
+
+DEMOS = Path(__file__).parents[1] / "demos"
+
+
+@cache
+def demo(name: str) -> dict[str, Any]:
+    """Functions and numbers of a demo."""
+    return runpy.run_path(str(DEMOS / f"{name}.py"))
+
+
+@cache
+def sheared_cylinders() -> rf.Record | None:
+    """The record of the demo of Cattaneo and Mindlin on 120 elements, on rank 0."""
+    record: rf.Record | None = demo("cattaneo_mindlin")["solve"](30.0, 120)
+    return record
