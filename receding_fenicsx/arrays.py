@@ -1,11 +1,11 @@
-"""Array types of the package, and short descriptions of arrays and dataclasses."""
+"""Array types of the package, and short descriptions of arrays, dataclasses and tables."""
 
 from __future__ import annotations
 
 import dataclasses
 import reprlib
 import textwrap
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -67,6 +67,15 @@ def described(title: str, rows: Iterable[tuple[str, str]]) -> str:
     if len(lines) > MAX_LINES:
         lines = [*lines[: MAX_LINES - 1], f"  ... {len(lines) - MAX_LINES + 1} more lines"]
     return "\n".join(lines)
+
+
+def aligned(rows: Sequence[Sequence[str]]) -> list[str]:
+    """Return the lines of a table whose columns are as wide as their longest cell."""
+    widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return [
+        "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
+        for row in rows
+    ]
 
 
 def call_of(item: Any, without: Iterable[str] = ()) -> str:

@@ -99,9 +99,11 @@ def run(
         scene = space_errors.with_coarser_partner(scene)
     comm = comm or world()
     timer = Timer(options.progress if comm.rank == 0 else None)
+    body = options.system_file is None if options.snapshots is None else options.snapshots
+    wanted = Wanted(out is not None and options.pictures, body, options.pdf)
     with (
         shared_folder(comm, out, scene, options.overwrite, options.resume) as folder,
-        Drawing(comm, _wanted(out, options), timer.say) as drawing,
+        Drawing(comm, wanted, timer.say) as drawing,
     ):
         found = _found(scene, comm, timer, folder, options)
         if options.starts and found.failure is None:
@@ -175,12 +177,6 @@ def _evolved(
         )
     record, failure = evolved or (None, None)
     return record, comm.bcast(failure)
-
-
-def _wanted(out: str | Path | None, options: RunOptions) -> Wanted:
-    """Return the pictures to draw."""
-    body = options.system_file is None if options.snapshots is None else options.snapshots
-    return Wanted(out is not None and options.pictures, body, options.pdf)
 
 
 def _system(

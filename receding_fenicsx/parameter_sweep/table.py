@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import shortened
+from receding_fenicsx.arrays import aligned, shortened
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.tables import optional
@@ -107,11 +107,7 @@ class SweepTable:
         names = [name for name in HEADLINES if name in measured] or measured[:SHOWN_MEASURED]
         names = [*self.keys, *names, *([ERROR] if self.failed else [])]
         rows = [names, *([_shown(r.get(name)) for name in names] for r in self.rows[:SHOWN_ROWS])]
-        widths = [max(len(row[k]) for row in rows) for k in range(len(names))]
-        lines = [
-            "  ".join(f"{cell:{width}}" for cell, width in zip(row, widths, strict=True)).rstrip()
-            for row in rows
-        ]
+        lines = aligned(rows)
         if len(self.rows) > SHOWN_ROWS:
             lines.append(f"... {len(self.rows) - SHOWN_ROWS} more rows")
         failed = f", {len(self.failed)} failed" if self.failed else ""

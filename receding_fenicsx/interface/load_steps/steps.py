@@ -93,8 +93,10 @@ class StepTrials:
             if step is None:
                 with suppress(NotConverged):
                     step = self._solve(leg, load, patient=True)
-            continues = step is not None and self._change(leg, step) <= FINITE_CHANGE
-            return Trial(step if continues else path.error, s_to)
+            if step is not None:
+                change = self.continuation.size(step.end.u - leg.end.u) / step.force_scale
+                return Trial(step if change <= FINITE_CHANGE else path.error, s_to)
+            return Trial(path.error, s_to)
         if path.s - s > SMALLEST_PART:
             with suppress(SolveError):
                 return Trial(path.walk.stop_here(), path.s)
@@ -114,10 +116,6 @@ class StepTrials:
         step = solve_step(self.system, leg.end, load, options, scale, guess)
         leg.leg.sweeps += step.sweeps
         return step
-
-    def _change(self, leg: LegInSteps, step: Step) -> float:
-        """Return the change of displacement in a step, as a force over the force scale."""
-        return self.continuation.size(step.end.u - leg.end.u) / step.force_scale
 
     def _nearest(
         self, leg: LegInSteps, load: Array, exact: ContactState, step: Step

@@ -37,6 +37,9 @@ STATE_INKS = {
 }
 """Colour of text on each state's fill."""
 
+STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
+"""States by the names that zones have."""
+
 STATE_LABELS = {state: f"{state.value}  {STATE_NAMES[state]}" for state in State}
 """Number (section 2 of the paper) and name of each state."""
 

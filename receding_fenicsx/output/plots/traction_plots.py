@@ -16,14 +16,12 @@ from numpy.typing import NDArray
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment, recovered_tractions
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.law import STATE_NAMES
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.descriptions import describe_load
 from receding_fenicsx.output.plots.touching import shown_states
 from receding_fenicsx.output.plots.units import Scales, scales_of
 
-STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
 MAX_LABEL_LENGTH = 28
 """Length of the friction cone's label below which three labels fit in a row."""
 MIN_NUMBERED_ZONE = 0.03
@@ -96,7 +94,7 @@ def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scal
     """Draw the states as a band of colours with their numbers."""
     x = record.x / scales.length
     for name, a, b in zones(x, state, record.axisymmetric):
-        kind = STATE_OF_NAME[name]
+        kind = style.STATE_OF_NAME[name]
         axes.axvspan(a, b, fc=style.STATE_COLOURS[kind], ec="black", lw=0.4)
         if b - a > MIN_NUMBERED_ZONE * np.ptp(x):
             axes.text(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from receding_fenicsx.arrays import aligned
+
 WAY_HEAD = ["elements", "nodes", "number", "value", "estimate", "relative", "seconds"]
 """Columns of the table of a search."""
 DIVERGES = "does not converge in order"
@@ -75,14 +77,8 @@ def way_lines(summary: Mapping[str, Any]) -> list[str]:
     """Return the table of a search and how it ended; nothing without one."""
     if "accuracy" not in summary:
         return []
-    rows = [WAY_HEAD, *way_rows(summary)]
-    widths = [max(len(row[k]) for row in rows) for k in range(len(WAY_HEAD))]
-    lines = [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]
     failed = [
         f"no answer on {elements} elements: {reason}"
         for elements, reason in summary["accuracy"]["failures"]
     ]
-    return [*failed, *lines, verdict(summary)]
+    return [*failed, *aligned([WAY_HEAD, *way_rows(summary)]), verdict(summary)]

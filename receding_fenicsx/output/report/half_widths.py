@@ -17,7 +17,6 @@ from receding_fenicsx.interface.measures.zone_ends import (
     zone_ends,
 )
 from receding_fenicsx.interface.measures.zones import contact_half_width, stick_half_width
-from receding_fenicsx.scene.model import Material
 
 AGAINST_X = ("top", "left")
 """Edges of a rectangle whose x is opposite to the tangential direction t = (n_y, -n_x)."""
@@ -114,15 +113,11 @@ def contact_betas(record: Record) -> tuple[float, ...]:
     materials = [scene.material_of(body)]
     if contact.against is not None:
         materials.append(scene.material_of(scene.find_edge(contact.against)[0]))
-    beta = dundurs_beta(*map(_constants, materials))
+    beta = dundurs_beta(*((m.young, m.poisson, m.kinematics) for m in materials))
     if body.mesh is not None:
         # x runs along t
         return (beta, -beta) if scene.axisymmetric and beta != 0.0 else (beta,)
     return (-beta,) if edge in AGAINST_X else (beta,)
-
-
-def _constants(material: Material) -> tuple[float, float, str]:
-    return material.young, material.poisson, material.kinematics
 
 
 def _shown(ends: Sequence[ZoneEnd]) -> dict[str, Any]:

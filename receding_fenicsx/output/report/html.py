@@ -117,7 +117,8 @@ def _cards(summary: Mapping[str, Any]) -> str:
     counted = "events" if summary["method"] == "events" else "sweeps"
     cards.append((counted, f"{summary[counted]:,}".replace(",", "\u202f")))
     if "timings" in summary:
-        cards.append(("time without pictures, s", f"{_seconds(summary):.2f}"))
+        spent = sum(value for name, value in summary["timings"].items() if name != "pictures")
+        cards.append(("time without pictures, s", f"{spent:.2f}"))
     items = "".join(
         f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in cards
     )
@@ -221,8 +222,3 @@ def _costs(summary: Mapping[str, Any]) -> str:
     rows.append(["peak memory, MB", f"{summary['peak_memory_MB']:.0f}"])
     rows.append(["MPI ranks", summary["ranks"]])
     return html.table([], rows)
-
-
-def _seconds(summary: Mapping[str, Any]) -> float:
-    """Return the time of a run without its pictures."""
-    return sum(value for name, value in summary["timings"].items() if name != "pictures")

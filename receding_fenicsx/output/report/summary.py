@@ -14,7 +14,6 @@ from receding_fenicsx.interface.measures.steady import limit_of_decay
 from receding_fenicsx.interface.measures.zones import contact_zones
 from receding_fenicsx.output.plots.touching import limit_without_slip
 from receding_fenicsx.output.report.bolts import bolt_summary, loose_warnings
-from receding_fenicsx.output.report.choices import choices_summary
 from receding_fenicsx.output.report.corner_stress import corners_of
 from receding_fenicsx.output.report.half_widths import (
     contact_betas,
@@ -79,7 +78,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         **bolt_summary(record),
         **limit_summary(record),
         **uniqueness_summary(record),
-        **choices_summary(record),
+        **_branch(record),
         "residual_max": float(record.residual_max),
         "energy_error_max": float(record.energy_error_max),
         "events": int(record.n_events),
@@ -94,6 +93,14 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         **_units(scene),
         **(extra or {}),
     }
+
+
+def _branch(record: Record) -> dict[str, Any]:
+    """Return the rule and the choices made by it among continuations; nothing without any."""
+    if not record.choices:
+        return {}
+    rule = record.scene.solver.branch if record.scene else "first"
+    return {"branch": {"rule": rule, "choices": [asdict(choice) for choice in record.choices]}}
 
 
 def _units(scene: Scene | None) -> dict[str, Any]:
@@ -176,23 +183,19 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
     table = record.turning_points
     x, state = record.x, table.state[i]
     found = contact_zones(x, state, record.friction.mean, record.axisymmetric)
+    has_axis = record.axisymmetric and begins_on_axis(x)
     return {
         "cycle": int(table.cycle[i]),
         "leg": int(table.leg[i]),
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
         "zones": [list(zone) for zone in found],
-        **({"p_axis": float(on_axis(x, table.p[i]))} if _has_axis(record) else {}),
+        **({"p_axis": float(on_axis(x, table.p[i]))} if has_axis else {}),
         **half_widths(record, i),
         "p_max": float(table.p[i].max()),
         "q_min": float(table.q[i].min()),
         "q_max": float(table.q[i].max()),
         **(_below_spacing(record, i, betas) if _is_fitted(record, i) else {}),
     }
-
-
-def _has_axis(record: Record) -> bool:
-    """Return whether a contact edge of a body of revolution begins on the axis."""
-    return record.axisymmetric and begins_on_axis(record.x)
 
 
 def _is_fitted(record: Record, i: int) -> bool:

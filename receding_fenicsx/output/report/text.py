@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
+from receding_fenicsx.arrays import aligned
 from receding_fenicsx.output.report.accuracy import error_rows, way_lines
 from receding_fenicsx.output.report.bolts import bolt_lines
 from receding_fenicsx.output.report.corner_stress import corner_lines
@@ -84,7 +85,7 @@ def _turning_points(summary: Mapping[str, Any]) -> list[str]:
         ]
         for p in points
     ]
-    table = _columns([[*edge, *heads(COLUMNS, summary), zones_header(summary)], *rows])
+    table = aligned([[*edge, *heads(COLUMNS, summary), zones_header(summary)], *rows])
     return [*table, *corner_lines(points)]
 
 
@@ -260,11 +261,3 @@ def _value(value: object) -> str:
     if value is None:
         return "-"
     return f"{value:z.4g}" if isinstance(value, float) else str(value)
-
-
-def _columns(rows: list[list[str]]) -> list[str]:
-    widths = [max(len(row[k]) for row in rows) for k in range(len(rows[0]))]
-    return [
-        "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True)).rstrip()
-        for row in rows
-    ]

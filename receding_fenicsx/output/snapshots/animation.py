@@ -32,9 +32,9 @@ from receding_fenicsx.output.snapshots.colours import Quantity
 from receding_fenicsx.output.snapshots.draw import draw_sheets, sheets_of
 from receding_fenicsx.output.snapshots.layout import layout_of
 from receding_fenicsx.output.snapshots.load_arrows import largest_factors
-from receding_fenicsx.output.snapshots.page import Clock
+from receding_fenicsx.output.snapshots.page import Clock, traction_limits
 from receding_fenicsx.output.snapshots.render import find_renderer
-from receding_fenicsx.output.snapshots.view import View, units_of, view_of
+from receding_fenicsx.output.snapshots.view import units_of, view_of
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def draw_frames(
     views = [
         view_of(bulk, found, now, units) for found, now in zip(fields, film.instants, strict=True)
     ]
-    limits = np.array([style.focus(*_tractions(view)) for view in views])
+    limits = np.array([traction_limits(view) for view in views])
     load = np.array([now.load for now in film.instants]) / largest
     first = Clock(
         time=film.time,
@@ -166,13 +166,6 @@ def free_place(x: Array, p: Array) -> str:
     third = np.clip((3.0 * (x - x[0]) / (x[-1] - x[0])).astype(int), 0, 2)
     highest = [float(np.nanmax(p[:, third == k])) for k in (2, 0, 1)]
     return ("upper right", "upper left", "upper center")[int(np.argmin(highest))]
-
-
-def _tractions(view: View) -> tuple[Array, Array]:
-    """Return p, and q with the friction limits, at the nodes with weight."""
-    known = np.isfinite(view.p)
-    low, high = view.f[known].limits(view.p[known])
-    return view.p[known], np.concatenate([view.q[known], high, low])
 
 
 def write_mp4(path: Path, frames: list[Frame]) -> None:

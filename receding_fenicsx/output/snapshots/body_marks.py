@@ -6,13 +6,11 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 
-from receding_fenicsx.interface.law import STATE_NAMES
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.layout import band_depths
 from receding_fenicsx.output.snapshots.view import Strip, View
 
-STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
 ARROW_COLOUR = "#202020"
 WHOLE_EDGE_TOLERANCE = 1e-6
 """Missing part of the body's length with which a contact edge still counts as the whole edge."""
@@ -63,7 +61,7 @@ def _draw_line(axes: Axes, strip: Strip) -> None:
     for _, a, b in found:
         x = np.concatenate([[a], strip.x[(strip.x > a) & (strip.x < b)], [b]])
         pieces.append(np.stack([np.interp(x, strip.x, part) for part in strip.moved.T], axis=1))
-    colours = [style.STATE_COLOURS[STATE_OF_NAME[name]] for name, _, _ in found]
+    colours = [style.STATE_COLOURS[style.STATE_OF_NAME[name]] for name, _, _ in found]
     whole = LineCollection(pieces, colors="black", linewidths=4.4, capstyle="butt", zorder=4)
     axes.add_collection(whole)
     line = LineCollection(pieces, colors=colours, linewidths=3.4, capstyle="butt", zorder=5)
@@ -76,7 +74,7 @@ def _draw_band(axes: Axes, view: View, strip: Strip) -> None:
     inner, outer = (depth * strip.normal for depth in band_depths(view, strip))
     boxes, fills = [], []
     for name, a, b in zones(strip.x, strip.state):
-        state = STATE_OF_NAME[name]
+        state = style.STATE_OF_NAME[name]
         ends = foot + np.array([[a], [b]]) * strip.direction
         boxes.append(np.vstack([ends - inner, ends[::-1] - outer]))
         fills.append(style.STATE_COLOURS[state])

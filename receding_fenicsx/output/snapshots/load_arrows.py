@@ -8,7 +8,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import Fields
-from receding_fenicsx.output.snapshots.vertices import edge_displacement
+from receding_fenicsx.output.snapshots.vertices import edge_values
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Load, Scene
 from receding_fenicsx.scene.profiles import evaluate
@@ -74,7 +74,9 @@ def load_arrows(
             continue
         body, edge = scene.find_edge(load.edge)
         outward = np.array(OUTWARD[edge])
-        at = points + exaggeration * edge_displacement(fields, points, outward, int(body != first))
+        side = int(body != first)
+        moved = edge_values(fields, fields.displacement, points, outward, side)
+        at = points + exaggeration * moved
         inward = vector @ outward < 0.0
         tails = np.where(inward[:, None], at - vector, at) + ARROW_OFFSET * size * outward
         arrows.append(Arrows(tails, tails + vector, bool(inward.all())))

@@ -223,6 +223,13 @@ def _draw_clock(axes: Axes, clock: Clock) -> None:
         axes.legend(loc="upper center", bbox_to_anchor=(0.5, 0.0), fontsize=7.0, labelspacing=0.2)
 
 
+def traction_limits(view: View) -> tuple[float, float]:
+    """Return the limits of an axis of p, q and the friction limits, at the nodes with weight."""
+    known = np.isfinite(view.p)
+    p, q = view.p[known], view.q[known]
+    return style.focus(p, np.concatenate([q, *view.f[known].limits(p)]))
+
+
 def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None) -> None:
     """Draw p, q and the friction limits along the first contact edge.
 
@@ -240,11 +247,7 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
     for values, colour, name in curves:
         axes.plot(view.x[known], values[known], color=colour, label=f"${name}{divided}$")
-    if clock is None:
-        others = np.concatenate([view.q[known], high, low])
-        axes.set_ylim(*style.focus(view.p[known], others))
-    else:
-        axes.set_ylim(*clock.tractions)
+    axes.set_ylim(*(traction_limits(view) if clock is None else clock.tractions))
     strip = view.strips[0]
     if abs(strip.normal[1]) == 1.0:
         shown = (np.array(layout.window[:2]) - strip.place[0, 0]) / strip.direction[0] + strip.x[0]

@@ -56,11 +56,6 @@ def vertex_areas(points: Array, cells: NDArray[np.int64]) -> Array:
     return np.asarray(np.bincount(cells.ravel(), share, len(points)), dtype=float)
 
 
-def edge_displacement(fields: Fields, place: Array, normal: Array, body: int = 0) -> Array:
-    """Interpolate the displacement (m, 2) along a straight edge; see :func:`edge_values`."""
-    return edge_values(fields, fields.displacement, place, normal, body)
-
-
 def edge_values(fields: Fields, values: Array, place: Array, normal: Array, body: int = 0) -> Array:
     """Interpolate values along a straight edge from the vertices on it.
 

@@ -15,7 +15,7 @@ from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.output.plots.descriptions import describe_factors, name_leg
 from receding_fenicsx.output.plots.units import NO_UNITS, length_of, pressure_of, shown_unit
 from receding_fenicsx.output.snapshots.load_arrows import Arrows, largest_factors, load_arrows
-from receding_fenicsx.output.snapshots.vertices import edge_displacement, merge_axis, outline
+from receding_fenicsx.output.snapshots.vertices import edge_values, merge_axis, outline
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
@@ -191,7 +191,7 @@ def _contact(
     for k, described in enumerate(scene.contacts):
         on = found.edge == k
         place, normal = found.points[on], found.normal[on][0]
-        moved = place + units.factor * edge_displacement(fields, place, normal)
+        moved = place + units.factor * edge_values(fields, fields.displacement, place, normal)
         gap = units.factor * found.initial_gap[on] / unit
         at, x, state = place / unit, found.x[on] / unit, found.shown[on]
         strips.append(Strip(described.edge, x, at, moved / unit, normal, gap, state))
