@@ -48,13 +48,6 @@ ROOT_TOLERANCE = 1e-8
 """Largest determinant that counts as zero; its terms are of order one."""
 
 
-def kolosov(poisson: float, kinematics: str = "plane strain") -> float:
-    """Return kappa: 3 - 4 nu, in plane stress (3 - nu) / (1 + nu)."""
-    if kinematics == "plane stress":
-        return (3.0 - poisson) / (1.0 + poisson)
-    return 3.0 - 4.0 * poisson
-
-
 def characteristic(lam: NDArray[Any], angle: float, kappa: float, slip: float | None) -> Any:
     """Return the determinant that vanishes at the exponents.
 
@@ -89,7 +82,8 @@ def corner_exponent(angle: float, kappa: float, slip: float | None = None) -> co
 
     Args:
         angle: alpha, in degrees, above 0 and at most 180.
-        kappa: Kolosov's constant, 1 to 3 (:func:`kolosov`).
+        kappa: Kolosov's constant, 1 to 3
+            (:func:`~receding_fenicsx.interface.measures.zone_ends.kolosov`).
         slip: as in :func:`characteristic`.
 
     Raises:

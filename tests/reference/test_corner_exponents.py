@@ -11,8 +11,9 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
+from receding_fenicsx.interface.measures.zone_ends import kolosov
 from receding_fenicsx.output.report.corner_stress import corner_lines, corners_of
-from receding_fenicsx.reference.corners import corner_exponent, kolosov
+from receding_fenicsx.reference.corners import corner_exponent
 
 DEMOS = Path(__file__).parents[2] / "demos"
 

@@ -113,7 +113,7 @@ def dundurs_beta(
     """Return Dundurs' beta of a body against another one, or against a rigid plane.
 
     beta = (G_b (kappa_a - 1) - G_a (kappa_b - 1)) / (G_b (kappa_a + 1) + G_a (kappa_b + 1)), with
-    kappa = 3 - 4 nu (plane strain, axisymmetric) or (3 - nu) / (1 + nu) (plane stress).
+    kappa of :func:`kolosov`.
 
     Args:
         body: Young's modulus, Poisson's ratio and kinematics of the body.
@@ -128,9 +128,15 @@ def dundurs_beta(
     )
 
 
+def kolosov(poisson: float, kinematics: str = "plane strain") -> float:
+    """Return Kolosov's constant: 3 - 4 nu, in plane stress (3 - nu) / (1 + nu)."""
+    if kinematics == "plane stress":
+        return (3.0 - poisson) / (1.0 + poisson)
+    return 3.0 - 4.0 * poisson
+
+
 def _shear_kappa(young: float, nu: float, kinematics: str) -> tuple[float, float]:
-    kappa = (3.0 - nu) / (1.0 + nu) if kinematics == "plane stress" else 3.0 - 4.0 * nu
-    return 0.5 * young / (1.0 + nu), kappa
+    return 0.5 * young / (1.0 + nu), kolosov(nu, kinematics)
 
 
 def contact_half_width_estimate(at: Tractions) -> ZoneEnd:

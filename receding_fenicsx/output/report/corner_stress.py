@@ -13,9 +13,10 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
+from receding_fenicsx.interface.measures.zone_ends import kolosov
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
 from receding_fenicsx.output.report.half_widths import tractions
-from receding_fenicsx.reference.corners import corner_exponent, kolosov
+from receding_fenicsx.reference.corners import corner_exponent
 from receding_fenicsx.scene.rectangle_edges import edge_range
 
 SINGULAR = -0.05

@@ -69,7 +69,7 @@ def test_power_of_the_pressure_is_that_of_outward_and_inward_slip(f: float) -> N
     swapped = np.select(
         [inwards.state == FORWARD, inwards.state == BACKWARD], [BACKWARD, FORWARD], inwards.state
     )
-    inwards = Tractions(x, inwards.weight, inwards.P, -inwards.Q, swapped, inwards.f, inwards.beta)
+    inwards = replace(inwards, Q=-inwards.Q, state=swapped)
     found = contact_half_width_estimate(inwards)
     assert abs(found.value - 0.712) < 0.04 * (x[1] - x[0])
 
@@ -122,7 +122,7 @@ def test_where_the_outer_zone_sticks_there_is_the_nodal_bracket_only() -> None:
     x = edge(2, 100)
     at = pressed(0.7123, 0.5, 2, x, f=0.3)
     stuck = np.where(at.state == OPEN, OPEN, STICK)
-    at = Tractions(x, at.weight, at.P, 0.0 * at.Q, stuck, at.f, at.beta)
+    at = replace(at, Q=0.0 * at.Q, state=stuck)
     last = int(np.flatnonzero(stuck == STICK)[-1])
     end = zone_end(at, last, 1)
     assert not end.fitted
@@ -135,7 +135,7 @@ def test_unknown_constants_give_the_bracket_under_friction_and_a_fit_without() -
     x = edge(2, 100)
     for f, fitted in ((0.0, True), (0.3, False)):
         at = pressed(0.7123, 0.5, 2, x, f)
-        at = Tractions(x, at.weight, at.P, at.Q, at.state, at.f, beta=None)
+        at = replace(at, beta=None)
         assert contact_half_width_estimate(at).fitted is fitted
 
 
@@ -164,7 +164,7 @@ def test_every_end_of_a_zone_is_estimated_from_the_side_where_tractions_vanish()
     # stick for |x| < c, where the shear is less than f p by a part with its own power
     less = forces(x, 2, lambda s: np.sign(s) * np.maximum(c**2 - s**2, 0.0) ** (0.5 + m))
     state = np.where(np.abs(x) < c, STICK, at.state)
-    at = Tractions(x, at.weight, at.P, at.Q + less, state, at.f, at.beta)
+    at = replace(at, Q=at.Q + less, state=state)
     ends = zone_ends(at)
     assert [end.fitted for end in ends] == [True] * 4
     spacing = x[1] - x[0]
@@ -183,7 +183,7 @@ def test_few_nodes_in_contact_give_the_bracket() -> None:
     x = edge(2, 20)
     assert not contact_half_width_estimate(pressed(0.33, 0.5, 2, x)).fitted
     none = pressed(0.33, 0.5, 2, x)
-    none = Tractions(x, none.weight, 0 * none.P, none.Q, np.full(len(x), OPEN), none.f)
+    none = replace(none, P=0 * none.P, state=np.full(len(x), OPEN))
     assert contact_half_width_estimate(none).value == 0.0
 
 
