@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx import cli, study
-from receding_fenicsx.accuracy.meshes import is_refined, scaled
+from receding_fenicsx.accuracy.meshes import OVERSHOOT, is_refined, scaled, to_limit
 from receding_fenicsx.accuracy.numbers import headline
 from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
 from receding_fenicsx.output.report.accuracy import verdict
@@ -106,6 +106,26 @@ def test_a_mesh_file_is_refined_and_is_its_own_coarser_partner(shared_tmp_path: 
     assert record.scene is not None and record.scene.mesh.refinements == 1
     for found in summary_of(shared_tmp_path / "run")["errors"].values():
         assert found["error"] > 0.0
+
+
+def test_limits_that_nodes_of_unsymmetric_meshes_pass_by_little_are_taken(
+    shared_tmp_path: Path,
+) -> None:
+    """They move the steady dissipation by far less than that part."""
+    if COMM.rank == 0:
+        own_msh(shared_tmp_path)
+    COMM.barrier()
+    scene = own_msh(shared_tmp_path)
+    history = replace(scene.history, cycles=400, until="limit")
+    exact = replace(scene, history=history, mesh=replace(scene.mesh, refinements=1))
+    near = to_limit(replace(exact, history=replace(history, until="steady")))
+    played, found = (study.run(each, None, PLAIN, COMM) for each in (exact, near))
+    if played is None or found is None:
+        return
+    assert found.limit is not None and played.limit is not None
+    assert found.limit.cycles_played < 0.3 * played.limit.cycles_played
+    D, near_D = played.cycles.dissipation, found.cycles.dissipation
+    assert near_D[-1] == pytest.approx(D[-1], rel=1e-3 * OVERSHOOT)
 
 
 def test_refinements_belong_to_mesh_files() -> None:

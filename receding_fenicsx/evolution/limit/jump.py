@@ -101,7 +101,7 @@ class LimitSearch:
         number, in_steps = len(cycles), self.problem.solver.method != "events"
         trial = RunState(self.problem, cycles)
         found = self._candidate(trial, budget)
-        if is_overshot(found):
+        if is_overshot(found, self.problem.solver.overshoot):
             raise NoLimit("some node would slip beyond the limit that was found, and stay there")
         begin, cycle = self._played(trial, found.state, budget)
         ends = [begin, cycle.corners[-1]]

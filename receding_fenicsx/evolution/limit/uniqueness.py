@@ -63,18 +63,22 @@ def _drifts(found: Candidate) -> tuple[Array, Array, Array, Array]:
     return np.maximum(signs * solution.shifts, 0.0), np.where(forward, m.A, m.B), M, k
 
 
-def is_overshot(found: Candidate) -> bool:
+def is_overshot(found: Candidate, part: float = 0.0) -> bool:
     """Return whether a node would slip beyond the limit on the way to it, and stay there.
 
     To first order each cycle adds max(-m, 0) / M_ii to the drifts y, with m = m* + M (y - y*), and
     nothing takes them back. From y = 0 they end at the limit y* where no M_ij > 0 (i other than j):
     it is the least solution. Elsewhere a node may pass it while others still drift. True also where
     they drift for more than ``MAX_DRIFTING`` cycles.
+
+    Args:
+        found: the limit.
+        part: part of the largest drift by which nodes may pass it.
     """
     if found.solution is None or not len(found.frozen.shifted):
         return False
     limit, m, M, k = _drifts(found)
-    bound, diagonal = OVERSHOT * found.frozen.force / k, np.diag(M)
+    bound, diagonal = OVERSHOT * found.frozen.force / k + part * limit.max(), np.diag(M)
     if np.any(diagonal <= 0.0):
         return True
     if np.all(M - np.diag(diagonal) <= 0.0):
