@@ -317,6 +317,7 @@ def test_output_into_a_full_file_is_an_error(tmp_path: Path) -> None:
 COMMANDS = "\\$&{}_^"
 
 
+@pytest.mark.one_rank
 def test_every_name_of_a_load_can_be_drawn() -> None:
     parser = MathTextParser("agg")
     names = [a for a in string.printable if a.isprintable() and a != " "]

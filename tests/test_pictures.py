@@ -51,25 +51,22 @@ def test_pictures_of_a_run_are_the_same_on_one_core_and_on_two(
     on_root(COMM, compare)
 
 
-def test_errors_of_the_process_that_draws_arrive_in_one_line(shared_tmp_path: Path) -> None:
-    out = shared_tmp_path / "run"
+@pytest.mark.one_rank
+def test_errors_of_the_process_that_draws_arrive_in_one_line(tmp_path: Path) -> None:
+    out = tmp_path / "run"
     study.run(read_scene(BLOCK, SMALL), out, study.RunOptions(pictures=False), COMM)
-
-    def check() -> None:
-        (out / "figures").write_text("no folder")
-        process = FigureProcess()
-        process.begin((out / "record.h5", out / "figures", ("png",)))
-        with pytest.raises(InputError, match="figures") as refused:
-            process.finish(None)
-        assert "\n" not in str(refused.value)
-        process.child.process.kill()
-        process.child.process.wait()
-        with pytest.raises(RecedingError, match=r"drawing failed .*status -9"):
-            process.begin((out / "record.h5", out / "more", ("png",)))
-            process.finish(None)
-        process.close()
-
-    on_root(COMM, check)
+    (out / "figures").write_text("no folder")
+    process = FigureProcess()
+    process.begin((out / "record.h5", out / "figures", ("png",)))
+    with pytest.raises(InputError, match="figures") as refused:
+        process.finish(None)
+    assert "\n" not in str(refused.value)
+    process.child.process.kill()
+    process.child.process.wait()
+    with pytest.raises(RecedingError, match=r"drawing failed .*status -9"):
+        process.begin((out / "record.h5", out / "more", ("png",)))
+        process.finish(None)
+    process.close()
 
 
 @pytest.mark.one_rank
@@ -121,14 +118,12 @@ def test_run_without_pictures_loads_no_drawing_library(tmp_path: Path) -> None:
     assert json.loads(done.stdout.splitlines()[-1]) == [0, []]
 
 
+@pytest.mark.one_rank
 def test_libraries_missing_in_the_process_are_said() -> None:
-    def check() -> None:
-        child = ChildProcess("receding_fenicsx.no_such_module:prepare")
-        with pytest.raises(EOFError):
-            child.answer()
-        assert "No module named" in child.kill()
-
-    on_root(COMM, check)
+    child = ChildProcess("receding_fenicsx.no_such_module:prepare")
+    with pytest.raises(EOFError):
+        child.answer()
+    assert "No module named" in child.kill()
 
 
 def test_countdown_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -178,6 +178,7 @@ def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
             rf.instant_of(slipped, system, record, 0, "loading", 0.5)
 
 
+@pytest.mark.one_rank
 def test_only_loaded_turning_points_are_drawn() -> None:
     scene = rf.read_scene(DEMOS / "unloading.toml", ["mesh.contact_elements=16"])
     system = study.condense(scene, MPI.COMM_SELF)
@@ -187,6 +188,7 @@ def test_only_loaded_turning_points_are_drawn() -> None:
     assert [instant.load.tolist() for instant in default_instants(scene, system, record)] == [[1.0]]
 
 
+@pytest.mark.one_rank
 def test_of_a_cycle_of_many_legs_few_turning_points_are_drawn() -> None:
     scene = small()
     system = study.condense(scene, MPI.COMM_SELF)

@@ -22,7 +22,6 @@ from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.interface.system import ContactState
-from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots import animation, draw
 from receding_fenicsx.output.snapshots.colours import quantity_of
@@ -103,6 +102,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
         assert near.sum() > 30, f"{colour} does not show"
 
 
+@pytest.mark.one_rank
 def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -138,6 +138,7 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
         assert clock.tractions[1] >= largest
 
 
+@pytest.mark.one_rank
 def test_film_of_two_bodies_merges_no_vertices_of_both(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -160,6 +161,7 @@ def test_film_of_two_bodies_merges_no_vertices_of_both(
     assert found.body is not None and np.array_equal(found.body, whole.body)
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("now", [0.0, 0.5, 1.0])
 def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
     time = np.array([0.0, 0.5, 1.0])
@@ -184,6 +186,7 @@ def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
             assert off > radius, label.get_text()
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("lowest", [-0.9714, -1.0 / 3.0, 0.0])
 def test_numbers_at_the_loads_of_a_film_are_not_cut_at_the_edge(lowest: float) -> None:
     load = np.array([[1.0, 0.3], [0.5, lowest], [1.0, 0.3]])
@@ -199,6 +202,7 @@ def test_numbers_at_the_loads_of_a_film_are_not_cut_at_the_edge(lowest: float) -
             assert label.get_window_extent().x1 / figure.dpi < end, label.get_text()
 
 
+@pytest.mark.one_rank
 def test_legend_of_a_film_is_where_the_pressure_is_low_in_all_pictures() -> None:
     x = np.linspace(-1.0, 1.0, 61)
     hill, edges, left = 1.0 - x**2, 0.1 + x**4, 1.0 - x
@@ -210,18 +214,16 @@ def test_legend_of_a_film_is_where_the_pressure_is_low_in_all_pictures() -> None
     assert animation.free_place(x, np.array([nowhere])) == "upper center"
 
 
+@pytest.mark.one_rank
 def test_failure_of_the_coder_is_said_and_leaves_no_file(
-    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def check() -> None:
-        blank = [np.zeros((4, 4, 3), np.uint8)]
-        monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: "/bin/false")
-        path = shared_tmp_path / "film.mp4"
-        with pytest.raises(RecedingError, match="FFmpeg failed"):
-            animation.write_mp4(path, blank)
-        assert not path.exists()
-
-    on_root(COMM, check)
+    blank = [np.zeros((4, 4, 3), np.uint8)]
+    monkeypatch.setattr(imageio_ffmpeg, "get_ffmpeg_exe", lambda: "/bin/false")
+    path = tmp_path / "film.mp4"
+    with pytest.raises(RecedingError, match="FFmpeg failed"):
+        animation.write_mp4(path, blank)
+    assert not path.exists()
 
 
 def test_unknown_stress_is_refused_with_the_known_ones(shared_tmp_path: Path) -> None:

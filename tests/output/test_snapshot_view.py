@@ -250,6 +250,7 @@ def names_of_colours(figure: Figure) -> dict[str, str]:
     }
 
 
+@pytest.mark.one_rank
 def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> None:
     view = made_up()
     figure = page_of(view)
@@ -273,6 +274,7 @@ def test_band_of_states_has_the_colours_of_the_legend_where_the_states_are() -> 
     assert [end for _, *ends in found for end in ends] == pytest.approx(expected)
 
 
+@pytest.mark.one_rank
 def test_line_between_two_bodies_has_the_colours_of_the_legend_where_the_states_are() -> None:
     view = made_up(rigid=False)
     figure = page_of(view)
@@ -312,6 +314,7 @@ def lines_by_label(axes: Axes) -> dict[str, np.ndarray]:
     }
 
 
+@pytest.mark.one_rank
 def test_tractions_stand_below_their_places_and_are_named_by_their_colours() -> None:
     view = made_up()
     figure = page_of(view)
@@ -327,6 +330,7 @@ def test_tractions_stand_below_their_places_and_are_named_by_their_colours() -> 
     assert texts == ["a caption", r"one fringe 0.2$\,p_{0}$, displacements × 20"]
 
 
+@pytest.mark.one_rank
 def test_plane_lies_an_exaggerated_gap_below_the_edge_as_it_was() -> None:
     view = made_up()
     body = page_of(view).axes[0]
@@ -341,6 +345,7 @@ def test_plane_lies_an_exaggerated_gap_below_the_edge_as_it_was() -> None:
         assert np.array_equal(ends, points[view.edges])
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("scale", [1.0, 1e6])
 def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> None:
     """Photoelasticity: light of a crossed polariscope counts 2 tau_max, the stress difference."""
@@ -360,6 +365,7 @@ def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> No
             assert shown == pytest.approx([grey] * 3, abs=0.01), (order, part)
 
 
+@pytest.mark.one_rank
 @pytest.mark.parametrize("height", [1.0, 0.02])
 def test_colour_bar_ends_with_the_body_and_has_room_for_its_label(height: float) -> None:
     view = made_up()

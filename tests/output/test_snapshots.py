@@ -17,7 +17,6 @@ from PIL import Image
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, fringe_value
 from receding_fenicsx.output.snapshots.draw import snapshots
@@ -95,60 +94,56 @@ def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Pa
     assert not any(name.startswith("vtkmodules") for name in sys.modules)
 
 
+@pytest.mark.one_rank
 def test_rendered_field_has_the_colours_of_its_values() -> None:
-    def check() -> None:
-        """A square whose field is x: black at the left, white at the right."""
-        square = Picture(
-            points=np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
-            cells=np.array([[0, 1, 2], [0, 2, 3]]),
-            values=np.array([0.0, 1.0, 1.0, 0.0]),
-            limits=(0.0, 1.0),
-            colours=np.repeat(np.linspace(0.0, 1.0, 256)[:, None], 3, axis=1),
-            window=(-0.5, 1.5, -0.5, 1.5),
-            size=(400, 400),
-        )
-        pixels = renderer.draw(square)
-        assert pixels.shape == (400, 400, 3)
-        edge = 3  # pixels that antialiasing may touch
-        assert np.all(pixels[: 100 - edge] == 255), "the picture is not white beyond the body"
-        row = pixels[200, 100:300, 0].astype(float)
-        expected = 255.0 * (np.arange(200) + 0.5) / 200
-        assert np.abs(row - expected)[edge:-edge].max() < 4.0
-        # one window draws all pictures, and keeps nothing of those before
-        wider = renderer.draw(replace(square, window=(-2.0, 3.0, -2.0, 3.0), size=(500, 500)))
-        assert wider.shape == (500, 500, 3)
-        assert np.all(wider[: 200 - edge] == 255)
-        assert np.array_equal(renderer.draw(square), pixels)
-
-    on_root(COMM, check)
+    """A square whose field is x: black at the left, white at the right."""
+    square = Picture(
+        points=np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]]),
+        cells=np.array([[0, 1, 2], [0, 2, 3]]),
+        values=np.array([0.0, 1.0, 1.0, 0.0]),
+        limits=(0.0, 1.0),
+        colours=np.repeat(np.linspace(0.0, 1.0, 256)[:, None], 3, axis=1),
+        window=(-0.5, 1.5, -0.5, 1.5),
+        size=(400, 400),
+    )
+    pixels = renderer.draw(square)
+    assert pixels.shape == (400, 400, 3)
+    edge = 3  # pixels that antialiasing may touch
+    assert np.all(pixels[: 100 - edge] == 255), "the picture is not white beyond the body"
+    row = pixels[200, 100:300, 0].astype(float)
+    expected = 255.0 * (np.arange(200) + 0.5) / 200
+    assert np.abs(row - expected)[edge:-edge].max() < 4.0
+    # one window draws all pictures, and keeps nothing of those before
+    wider = renderer.draw(replace(square, window=(-2.0, 3.0, -2.0, 3.0), size=(500, 500)))
+    assert wider.shape == (500, 500, 3)
+    assert np.all(wider[: 200 - edge] == 255)
+    assert np.array_equal(renderer.draw(square), pixels)
 
 
+@pytest.mark.one_rank
 def test_renderer_that_crashes_is_said_and_replaced() -> None:
-    def check() -> None:
-        square = Picture(
-            points=np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
-            cells=np.array([[0, 1, 2]]),
-            values=np.zeros(3),
-            limits=(0.0, 1.0),
-            colours=np.zeros((2, 3)),
-            window=(0.0, 1.0, 0.0, 1.0),
-            size=(40, 40),
-        )
-        own = Renderer()
-        try:
-            assert own.draw(square).shape == (40, 40, 3)
-            assert own.child is not None
-            own.child.process.kill()
-            own.child.process.wait()
-            with pytest.raises(RecedingError, match=r"ended with status -9.*libosmesa6"):
-                own.draw(square)
-            assert own.draw(square).shape == (40, 40, 3)
-            with pytest.raises(RecedingError, match="off-screen rendering failed"):
-                own.draw(replace(square, values=np.zeros(2)))
-        finally:
-            own.close()
-
-    on_root(COMM, check)
+    square = Picture(
+        points=np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]),
+        cells=np.array([[0, 1, 2]]),
+        values=np.zeros(3),
+        limits=(0.0, 1.0),
+        colours=np.zeros((2, 3)),
+        window=(0.0, 1.0, 0.0, 1.0),
+        size=(40, 40),
+    )
+    own = Renderer()
+    try:
+        assert own.draw(square).shape == (40, 40, 3)
+        assert own.child is not None
+        own.child.process.kill()
+        own.child.process.wait()
+        with pytest.raises(RecedingError, match=r"ended with status -9.*libosmesa6"):
+            own.draw(square)
+        assert own.draw(square).shape == (40, 40, 3)
+        with pytest.raises(RecedingError, match="off-screen rendering failed"):
+            own.draw(replace(square, values=np.zeros(2)))
+    finally:
+        own.close()
 
 
 def test_view_is_of_the_whole_body_without_a_seam() -> None:

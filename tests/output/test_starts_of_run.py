@@ -97,6 +97,7 @@ def spread_of(coupling: float) -> dict[str, Any]:
     return starts_summary(rf.steady_states(system, history, 21))
 
 
+@pytest.mark.one_rank
 def test_coupled_starts_differ_and_uncoupled_ones_do_not() -> None:
     differ, same = spread_of(1.0), spread_of(0.0)
     assert not differ["same"] and differ["kinds"].keys() == {"shakedown", "cyclic slip"}
