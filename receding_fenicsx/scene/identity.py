@@ -23,7 +23,6 @@ FREE_WHEN_RESUMED = frozenset(
         "units.force",
         "history.cycles",
         "history.until",
-        "solver.overshoot",
         "output.cycles",
         "shakedown.mean",
         "shakedown.range",
