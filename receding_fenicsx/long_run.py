@@ -17,8 +17,9 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError, Interrupted, SolveError
 from receding_fenicsx.evolution.collect import record_of
-from receding_fenicsx.evolution.corners import CORNERS, with_corners
 from receding_fenicsx.evolution.evolve import continue_history
+from receding_fenicsx.evolution.histories.corners import CORNERS, with_corners
+from receding_fenicsx.evolution.histories.tightening import tightened
 from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
@@ -122,6 +123,7 @@ def _with_corners(
     say: Callable[[str], None] | None,
 ) -> tuple[Scene, Array | None]:
     """Return the scene with the corners of its harmonic history, those of the run it resumes."""
+    scene = tightened(system, scene)
     file = None if folder is None else folder / CORNERS
     if file is not None and file.is_file():
         try:

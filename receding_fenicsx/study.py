@@ -14,6 +14,7 @@ from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.report.starts import check_starts, limit_with_starts
@@ -134,8 +135,8 @@ def _found(
     def solve(meshed: Scene) -> Solved:
         system, extra = _system(meshed, comm, timer, folder, options.system_file)
         record, failure = _evolved(meshed, comm, timer, folder, system)
-        if meshed.history.kind == "harmonic":
-            # with the number of corners that was found
+        if meshed.history.kind == "harmonic" or meshed.bolts:
+            # with the number of corners and the shortenings that were found
             meshed = comm.bcast(None if record is None else record.scene)
         if failure is not None:
             extra["failure"] = str(failure)
@@ -253,6 +254,8 @@ def condense(
     """
     validate(scene)
     comm = comm or world()
+    if any(load.mode for load in scene.loads):
+        return mpi.on_root(comm, lambda: mode_system(scene)[0])
     system, _ = condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
     prepare = with_profiles if whole else system_for
     return mpi.on_root(comm, lambda: prepare(scene, mpi.given(system)))

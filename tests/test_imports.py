@@ -18,6 +18,7 @@ FLOORS = (
     ("atomic", "environment", "mpi", "timing"),
     ("scene", "interface", "half_plane"),
     ("bulk", "evolution"),
+    ("modal",),
     ("reference",),
     ("output",),
     ("pictures", "long_run"),

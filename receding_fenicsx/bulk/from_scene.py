@@ -58,6 +58,9 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
     from receding_fenicsx.bulk import condensation
     from receding_fenicsx.bulk.probes.matrix import probe_matrix
 
+    for load in scene.loads:
+        if load.mode is not None:
+            raise InputError(f"{load.label}: modes are driven by joint, --drive mode:{load.mode}")
     if comm.size > 1 and is_small(scene):
         from mpi4py import MPI
 

@@ -47,7 +47,10 @@ def add_load(
         _add_force(vector, space, body, scene, load)
         return
     if load.force is not None:
-        load = replace(load, force=None, traction=_spread(space, body, load))
+        load = replace(load, force=None, traction=_spread(space, body, scene, load))
+    if load.mode is not None:
+        # known once the contact is
+        return
     if load.on_body:
         _add(vector, *on_all(body.mesh.comm, lambda: domain_forces(space, body, scene, load)))
         return
@@ -72,11 +75,13 @@ def _add(vector: PETSc.Vec, nodes: Ints, values: Array) -> None:
     vector.assemble()
 
 
-def _spread(space: fem.FunctionSpace, body: BodyMesh, load: Load) -> tuple[float, float]:
-    """Return the uniform traction whose resultant is the load's force; collective."""
+def _spread(
+    space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
+) -> tuple[float, float]:
+    """Return the uniform traction whose resultant (per radian) is the load's force; collective."""
     facets = on_all(body.mesh.comm, lambda: edge_facets(space, body, load.edge, load.span))
-    length = integrate(facets, lambda points, _: np.ones((len(points), 1))).sum()
-    x, y = np.array(load.force) / body.mesh.comm.allreduce(length)
+    area = integrate(facets, lambda points, _: measure(scene, points)).sum()
+    x, y = np.array(load.force) / body.mesh.comm.allreduce(area)
     return x, y
 
 

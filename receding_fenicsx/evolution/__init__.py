@@ -3,7 +3,8 @@
 1. **Prepare**: :func:`~receding_fenicsx.evolution.prepare.system_for` gives the system the friction
    and the gap of a scene; :func:`~receding_fenicsx.evolution.problem.problem_of_scene` or
    :func:`~receding_fenicsx.evolution.problem.problem_of_history` checks it with its history.
-   :func:`~receding_fenicsx.evolution.corners.with_corners` finds the corners of a harmonic history.
+   :mod:`receding_fenicsx.evolution.histories` finds the corners of a harmonic history, and the
+   shortenings of bolts.
 2. **Start** from :func:`~receding_fenicsx.evolution.instants.rest_state`, or from the last cycle of
    a :class:`~receding_fenicsx.evolution.journal.JournalFile`, with the solver that
    :func:`~receding_fenicsx.evolution.solvers.make_solver` makes.

@@ -9,8 +9,8 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.checks import check_force_range
 from receding_fenicsx.evolution.collect import record_of
-from receding_fenicsx.evolution.corners import with_corners
 from receding_fenicsx.evolution.cycle_data import add_to_watch
+from receding_fenicsx.evolution.histories.corners import with_corners
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.limit.jump import LimitSearch, Progress
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene

@@ -72,9 +72,13 @@ def problem_of_scene(system: ContactSystem, scene: Scene) -> Problem:
     """Return the problem of a scene on the system condensed from its body.
 
     Raises:
+        ValueError: the shortenings of its bolts are not known
+            (:mod:`~receding_fenicsx.evolution.histories.tightening`).
         InputError: the scene is not valid, or the system is that of another body.
     """
     validate(scene)
+    if any(bolt.shortening is None for bolt in scene.bolts):
+        raise ValueError("bolts with preloads have to be tightened first")
     if not system.scene_toml:
         raise InputError(
             "evolve: the system was made by hand, for no scene; give a History, or condense the "

@@ -5,7 +5,6 @@ from __future__ import annotations
 import csv
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -24,21 +23,21 @@ from receding_fenicsx.interface.measures.steady import SHAKEDOWN
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.joints.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.joints.figure import joint_figure
-from receding_fenicsx.joints.modes import mode_number, mode_system
 from receding_fenicsx.joints.result import JointCurve
+from receding_fenicsx.modal.modes import mode_number, preload_path
 from receding_fenicsx.output.plots.saving import drawing, save
 from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.parameter_sweep.measure import Cell
 from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
 from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
 from receding_fenicsx.scene.checks import suggestion
-from receding_fenicsx.scene.history import History, from_scene
+from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import (
     Harmonic,
     HistoryOptions,
+    Load,
     OutputOptions,
     Scene,
-    SolverOptions,
 )
 from receding_fenicsx.scene.toml_file import from_toml
 
@@ -111,11 +110,9 @@ def joint_curve(
     comm = mpi.world()
     values = np.asarray(amplitudes, dtype=float)
     folder = None if out is None else Path(out)
-    if isinstance(scene, ContactSystem) or mode_number(drive):
-        work = partial(
-            _without_sweep, scene, drive, values, folder, options.overwrite or options.resume
-        )
-        return mpi.on_root(comm, work)
+    if isinstance(scene, ContactSystem):
+        replaces = options.overwrite or options.resume
+        return mpi.on_root(comm, lambda: _of_system(scene, drive, values, folder, replaces))
     cyclic = _driven(scene, drive, values)
     mpi.on_root(comm, lambda: _check(folder, options.overwrite or options.resume))
 
@@ -130,8 +127,7 @@ def joint_curve(
     system = study.condense(cyclic, comm, options.progress, whole=True)
 
     def finish() -> JointCurve:
-        path = from_scene(cyclic).path
-        start = path[path[:, cyclic.load_names.index(drive)] == 0.0]
+        start = preload_path(mpi.given(system), cyclic, drive)
         backbone = first_loading(mpi.given(system), drive, start, values, cyclic.solver)
         curve = _curve(drive, values, (mpi.given(table), coarse), backbone)
         if folder is not None:
@@ -141,54 +137,35 @@ def joint_curve(
     return mpi.on_root(comm, finish)
 
 
-def _without_sweep(
-    scene: Scene | ContactSystem, drive: str, values: Array, folder: Path | None, replaces: bool
+def _of_system(
+    system: ContactSystem, drive: str, values: Array, folder: Path | None, replaces: bool
 ) -> JointCurve:
-    """Return the curve of a system, or of a mode of a scene; on rank 0 alone."""
-    preload = _preload(scene, drive, values)
+    """Return the curve of a condensed system."""
+    preload = _preload(system, drive, values)
     _check(folder, replaces)
-    solver, title, coarse = SolverOptions(), "", None
-    if isinstance(scene, ContactSystem):
-        system = scene
-    else:
-        solver, title, coarser = scene.solver, scene.title, _coarser(scene)
-        system = mode_system(scene, drive, preload)[0]
-        if coarser is not None:
-            coarse = _played(
-                mode_system(coarser, drive, preload)[0], drive, preload, values, solver
-            )
-    table = _played(system, drive, preload, values, solver)
-    start = _start(system, preload)
-    backbone = first_loading(system, drive, start, values, solver)
-    curve = _curve(drive, values, (table, coarse), backbone)
+    held = np.array([preload.get(name, 0.0) for name in system.load_names])
+    start = np.array([0.0 * held, held] if np.any(held) else [held])
+    if system.scene_toml:
+        # bolts and interference have legs of their own
+        scene = replace(from_toml(system.scene_toml), history=HistoryOptions())
+        start = preload_path(system, _driven(scene, drive, values), drive)
+    table = _played(system, drive, start, values)
+    curve = _curve(drive, values, (table, None), first_loading(system, drive, start, values))
     if folder is not None:
-        _write(folder, title, curve)
+        _write(folder, "", curve)
     return curve
 
 
-def _start(system: ContactSystem, preload: Mapping[str, float]) -> Array:
-    """Return the load factors at rest and at the preload."""
-    held = np.array([preload.get(name, 0.0) for name in system.load_names])
-    return np.array([0.0 * held, held] if np.any(held) else [held])
-
-
-def _played(
-    system: ContactSystem,
-    drive: str,
-    preload: Mapping[str, float],
-    values: Array,
-    solver: SolverOptions,
-) -> SweepTable:
+def _played(system: ContactSystem, drive: str, start: Array, values: Array) -> SweepTable:
     """Play a system to the limit cycle of each amplitude."""
     rows: list[dict[str, Any]] = []
-    start = _start(system, preload)
     for value in values.tolist():
         unit = np.array(system.load_names) == drive
         loop = start[-1] + np.outer([value, -value, value], unit)
         history = History(system.load_names, np.vstack([start, loop[0]]), loop, CYCLES)
         row: dict[str, Any] = {"amplitude": value, ERROR: ""}
         try:
-            record = evolve(system, history, solver, OutputOptions(1, ()), until="limit")
+            record = evolve(system, history, None, OutputOptions(1, ()), until="limit")
             row |= loop_numbers(record, drive)
         except SolveError as error:
             row[ERROR] = str(error)
@@ -208,20 +185,19 @@ def _coarser(scene: Scene) -> Scene | None:
 def _preload(scene: Scene | ContactSystem, drive: str, values: Array) -> dict[str, float]:
     """Check drive and amplitudes; return the load factors of the other loads."""
     names = scene.load_names if isinstance(scene, ContactSystem) else scene.driven_names
-    if drive not in names and (isinstance(scene, ContactSystem) or not mode_number(drive)):
+    if drive not in names:
         raise InputError(f"drive: no load is named '{drive}'; {suggestion(drive, names)}")
     if values.ndim != 1 or not len(values) or not np.all(np.isfinite(values) & (values > 0.0)):
         raise InputError("amplitudes: must be positive numbers, at least one")
-    if isinstance(scene, ContactSystem):
-        # the factor of a bolt is its shortening
-        given = from_toml(scene.scene_toml).preloads if scene.scene_toml else {}
-    else:
-        given = scene.history.constant
+    given = {} if isinstance(scene, ContactSystem) else scene.history.constant
     return {name: given.get(name, 1.0) for name in names if name != drive}
 
 
 def _driven(scene: Scene, drive: str, values: Array) -> Scene:
     """Return the scene with a harmonic drive and the other loads constant."""
+    if mode_number(drive):
+        mode = Load(drive, mode=mode_number(drive))
+        scene = replace(scene, loads=(*scene.loads, mode), probes=())
     history = HistoryOptions(
         kind="harmonic",
         harmonic={drive: Harmonic(amplitude=float(values[0]))},

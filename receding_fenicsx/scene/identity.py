@@ -90,7 +90,9 @@ def condensed_part(scene: Scene) -> Scene:
         loads=scene.loads,
         supports=scene.supports,
         springs=scene.springs,
-        bolts=tuple(replace(bolt, shortening=0.0) for bolt in scene.bolts),
+        bolts=tuple(
+            replace(bolt, shortening=0.0, preload=None, tightening=()) for bolt in scene.bolts
+        ),
         # explicit, as it enters the digest of saved systems
         output=OutputOptions(samples_per_leg=SAMPLES_PER_LEG),
     )

@@ -238,9 +238,12 @@ class Scene:
 
     @property
     def preloads(self) -> dict[str, float]:
-        """Load factors that first legs of their own bring up one after the other, by name."""
+        """Load factors that first legs of their own bring up one after the other, by name.
+
+        Shortenings that give preloads are zero until they are found.
+        """
         fits = any(contact.interference is not None for contact in self.contacts)
-        tightened = {bolt.name: bolt.shortening for bolt in self.bolts}
+        tightened = {bolt.name: bolt.shortening or 0.0 for bolt in self.bolts}
         return tightened | ({INTERFERENCE: 1.0} if fits else {})
 
     @property

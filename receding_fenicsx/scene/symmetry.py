@@ -35,7 +35,9 @@ def is_mirror_symmetric(scene: Scene) -> bool:
     Returns:
         True when mesh, supports, contacts, each load and the initial slip are symmetric.
     """
-    if scene.bolts or any(spring.point or spring.against for spring in scene.springs):
+    if scene.bolts or any(load.mode for load in scene.loads):
+        return False
+    if any(spring.point or spring.against for spring in scene.springs):
         return False
     if any(not body.is_rectangle or body.position[0] != 0.0 for body in scene.bodies):
         return False

@@ -41,8 +41,10 @@ def check_supports(scene: Scene) -> None:
         _check_support(scene, support)
     for spring in scene.springs:
         check_spring(scene, spring)
-    for load in scene.edge_loads:
-        _check_acts(scene, load)
+    for load in scene.loads:
+        # a bolt may end on what is held
+        if not load.on_body:
+            _check_acts(scene, load)
 
 
 def _check_load(scene: Scene, load: Load) -> None:
@@ -100,11 +102,19 @@ def _check_bolt(scene: Scene, bolt: Bolt) -> None:
     where = f"bolt '{bolt.name}'"
     if [name for name in scene.load_names].count(bolt.name) > 1 or not bolt.name.strip():
         raise InputError(f"{where} name: is empty or taken; give it a name of its own")
-    if scene.axisymmetric:
-        raise InputError(f"{where}: a body of revolution has no single bolts; use a traction")
     if not hypot(*bolt.axis) > 0.0:
         raise InputError(f"{where} axis: has no direction; give [x, y] from head to nut")
-    check_positive(bolt.shortening, f"{where} shortening")
+    if scene.axisymmetric and bolt.axis[0] != 0.0:
+        raise InputError(f"{where} axis: of a ring of bolts it is [0, 1] or [0, -1]")
+    if bolt.tightening:
+        legs = len(scene.preloads)
+        if bolt.preload is None or bolt.shortening is None or len(bolt.tightening) != legs:
+            raise InputError(f"{where} tightening: is found from the preload; remove it")
+    elif (bolt.shortening is None) == (bolt.preload is None):
+        raise InputError(f"{where}: give exactly one of preload and shortening")
+    else:
+        key = "preload" if bolt.shortening is None else "shortening"
+        check_positive(getattr(bolt, key), f"{where} {key}")
     check_positive(1.0 if bolt.stiffness is None else bolt.stiffness, f"{where} stiffness")
     for patch, key in zip(bolt.patches, ("head", "nut"), strict=True):
         check_edge(scene, patch.edge, f"{where} {key}", ())

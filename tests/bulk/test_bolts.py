@@ -80,6 +80,55 @@ def test_joint_diagram_of_two_springs(k: float, degree: int) -> None:
     assert record.energy_error_max < 1e-10
 
 
+def with_preloads(scene: Scene, *forces: float) -> Scene:
+    """The scene with preloads in the place of shortenings."""
+    pairs = zip(scene.bolts, forces, strict=False)
+    bolts = tuple(replace(bolt, shortening=None, preload=force) for bolt, force in pairs)
+    return replace(scene, bolts=bolts)
+
+
+@pytest.mark.parametrize("round_", [False, True])
+def test_preload_is_reached_and_the_length_then_locked(round_: bool) -> None:
+    """F = F0 + X k / (k + k_j) until the joint gapes; s = F0 (1/k + 1/k_j); also of a ring."""
+    scene, area = clamped(3.0), 4.0
+    if round_:
+        area = 4.0 * np.pi
+        foot = (Support("y", point=(0.0, 0.0), body="b"),)
+        scene = replace(scene, material=Material(E, 0.0, "axisymmetric"), supports=foot)
+    record = played(with_preloads(scene, 0.15))
+    joint = E * area
+    pull = area * np.array([0.0, 0.03, 0.2, 0.01])
+    share = 3.0 / (3.0 + joint)
+    gapes = 0.15 < pull * (1.0 - share)
+    assert gapes.any() and not gapes.all()
+    table = record.turning_points
+    force = np.where(gapes, pull, 0.15 + share * pull)
+    np.testing.assert_allclose(table.load_displacement[:, 1], force, rtol=1e-9)
+    np.testing.assert_allclose(table.load[:, 1], 0.15 / 3.0 + 0.15 / joint, rtol=1e-9)
+    assert record.energy_error_max < 1e-10 and record.scene is not None
+    assert from_toml(to_toml(record.scene)) == record.scene
+
+
+@pytest.mark.one_rank
+def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
+    slow = HistoryOptions(kind="monotonic", maximum=0.1)
+    scene = with_preloads(lap(probes=(), history=slow), 0.01, 0.03)
+    record = played(scene)
+    force = record.turning_points.load_displacement[:, 1:]
+    # the second one carries nothing before its turn; the first one follows
+    np.testing.assert_allclose(force[0], [0.01, 0.0], atol=1e-11)
+    assert force[1, 1] == pytest.approx(0.03, rel=1e-9) and force[1, 0] != force[0, 0]
+    assert record.energy_error_max < 1e-9 and record.residual_max < 1e-9
+    # a scene with the shortenings that were found has the same path
+    one = replace(scene, bolts=scene.bolts[:1])
+    found = played(one)
+    (bolt,) = given(found.scene).bolts
+    plain = played(replace(one, bolts=(replace(bolt, preload=None, tightening=()),)))
+    np.testing.assert_array_equal(plain.turning_points.P, found.turning_points.P)
+    # that of the first bolt alone, up to what the second one carries within the leg
+    assert bolt.shortening == pytest.approx(record.turning_points.load[0, 1], rel=2e-3)
+
+
 def test_bolt_in_one_body_prestresses_it() -> None:
     """A block, nu = 0, between head and nut: s + L alpha dT = F (1/k + L / (E H))."""
     scene = block(
@@ -188,6 +237,10 @@ def test_saved_system_serves_other_shortenings(shared_tmp_path: Any) -> None:
     ("parts", "words"),
     [
         ({"shortening": 0.0}, "bolt 'x' shortening: must be positive"),
+        ({"shortening": None}, "bolt 'x': give exactly one of preload and shortening"),
+        ({"preload": 1.0}, "bolt 'x': give exactly one of preload and shortening"),
+        ({"shortening": None, "preload": -1.0}, "bolt 'x' preload: must be positive"),
+        ({"tightening": (0.1,)}, "bolt 'x' tightening: is found from the preload; remove it"),
         ({"stiffness": -1.0}, "bolt 'x' stiffness: must be positive"),
         ({"axis": (0.0, 0.0)}, "bolt 'x' axis: has no direction"),
         ({"head": "topp"}, "bolt 'x' head: .* unknown"),

@@ -16,8 +16,8 @@ from small import small_system
 from receding_fenicsx import condense, evolve, run, run_table, summarise
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.evolution import corners
-from receding_fenicsx.evolution.corners import CORNERS, with_corners
+from receding_fenicsx.evolution.histories import corners
+from receding_fenicsx.evolution.histories.corners import CORNERS, with_corners
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem

@@ -14,7 +14,8 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.joints.modes import mode_system
+from receding_fenicsx.joints.curve import _driven
+from receding_fenicsx.modal.modes import mode_system
 
 ROOT = Path(__file__).parents[2]
 comm = MPI.COMM_WORLD
@@ -40,16 +41,27 @@ pressure = 0.01
 """
 
 
+ONCE = rf.HistoryOptions(kind="monotonic", load="m", constant={"N": 1.0})
+
+
 def block(width: float, height: float, elements: int, friction: float = 0.4) -> rf.Scene:
     """A block pressed on a plane."""
     given = {"width": width, "height": height, "elements": elements, "friction": friction}
     return rf.from_toml(BLOCK.format(young=200.0, poisson=0.0, **given))
 
 
+def driven(
+    scene: rf.Scene, drive: str, preload: dict[str, float]
+) -> tuple[rf.ContactSystem, np.ndarray]:
+    """The system with a mode as its last load, and the frequencies up to it."""
+    scene = replace(scene, history=replace(scene.history, constant=preload))
+    return mode_system(_driven(scene, drive, np.ones(1)))
+
+
 @pytest.mark.one_rank
 def test_a_slender_block_that_sticks_vibrates_as_a_cantilever_and_a_bar() -> None:
     height, length = 0.05, 1.0
-    _, omega = mode_system(block(height, length, 8), "mode:5", {"N": 1.0})
+    _, omega = driven(block(height, length, 8), "mode:5", {"N": 1.0})
     bar = 0.5 * np.pi / length * np.sqrt(200.0 / 2.0)
     assert omega[3] == pytest.approx(bar, rel=1e-6)
     # Euler and Bernoulli: roots of cos x cosh x = -1
@@ -63,7 +75,7 @@ def test_a_slender_block_that_sticks_vibrates_as_a_cantilever_and_a_bar() -> Non
 @pytest.mark.one_rank
 def test_a_free_block_has_a_mode_without_friction_that_slides() -> None:
     with pytest.raises(rf.InputError, match="mode 1 moves the bodies rigidly"):
-        mode_system(block(1.0, 1.0, 8, friction=0.0), "mode:1", {"N": 1.0})
+        driven(block(1.0, 1.0, 8, friction=0.0), "mode:1", {"N": 1.0})
 
 
 def test_frequency_and_damping_follow_from_the_loop() -> None:
@@ -72,7 +84,7 @@ def test_frequency_and_damping_follow_from_the_loop() -> None:
     curve = rf.joint_curve(scene, "mode:1", [1e-6, 0.0077, 0.0082])
     if curve is None:
         return
-    system, omega = mode_system(scene, "mode:1", {"N": 1.0})
+    system, omega = driven(scene, "mode:1", {"N": 1.0})
     assert curve.omega[0] == pytest.approx(omega[0], rel=1e-9) and curve.zeta[0] == 0.0
     a = curve.amplitude[2]
     names, held = system.load_names, np.array([1.0, 0.0])
@@ -90,13 +102,56 @@ def test_frequency_and_damping_follow_from_the_loop() -> None:
 
 
 @pytest.mark.one_rank
+def test_the_curve_of_a_mode_is_resumed(tmp_path: Path) -> None:
+    scene, out = block(4.0, 1.0, 16, friction=0.5), tmp_path / "curve"
+    first = rf.joint_curve(scene, "mode:1", [0.0077], out)
+    both = rf.joint_curve(
+        scene, "mode:1", [0.0077, 0.0082], out, options=rf.SweepOptions(resume=True)
+    )
+    assert first is not None and both is not None
+    assert both.dissipation[0] == first.dissipation[0]
+    assert len((out / "cases" / "cases.jsonl").read_text().splitlines()) == 2
+    with pytest.raises(rf.InputError, match="another"):
+        heavy = replace(scene, material=replace(scene.material, density=3.0))
+        rf.joint_curve(heavy, "mode:1", [0.0077], out, options=rf.SweepOptions(resume=True))
+    with pytest.raises(rf.InputError, match="load 'm': modes are driven by joint"):
+        rf.run(replace(scene, loads=(*scene.loads, rf.Load("m", mode=1)), history=ONCE))
+
+
+@pytest.mark.one_rank
+def test_bolts_and_springs_between_bodies_hold_a_mode() -> None:
+    """Of two stiff blocks on elastic springs, w^2 = k / m, whichever way the springs are given."""
+    a, b = (
+        rf.Body(name, width=1.0, height=1.0, position=(0.0, y))
+        for name, y in (("a", 1.0), ("b", 0.0))
+    )
+    scene = replace(
+        block(1.0, 1.0, 8),
+        body=a,
+        others=(b,),
+        material=rf.Material(1e6, 0.3, density=2.0),
+        contacts=(rf.Contact("a.bottom", (-0.25, 0.25), 0.0, initial_gap=0.1, against="b.top"),),
+        loads=(rf.Load("N", "a.top", traction=(0.0, 0.001)),),
+        supports=(rf.Support("xy", edge="b.bottom"), rf.Support("x", edge="a.left")),
+    )
+    spread = tuple(
+        rf.Spring("a.bottom", span, normal=0.6, against="b.top")
+        for span in ((-0.5, -0.25), (0.25, 0.5))
+    )
+    bolt = rf.Bolt("tie", "a.top", "b.bottom", 1e-3, stiffness=0.3)
+    for parts in ({"springs": spread}, {"bolts": (bolt,)}):
+        _, omega = driven(replace(scene, **parts), "mode:1", {"N": 1.0})
+        assert omega[0] == pytest.approx(np.sqrt(0.3 / 2.0), rel=1e-5)
+
+
+@pytest.mark.one_rank
 def test_two_bodies_vibrate_together() -> None:
     scene = rf.read_scene(ROOT / "demos" / "dovetail.toml", ["mesh.contact_elements=6"])
     scene = replace(scene, materials=tuple(replace(m, density=1.0) for m in scene.materials))
     # the condensed pair has the compliance of the mode, or this raises
-    _, omega = mode_system(scene, "mode:2", {"F": 1.0})
+    _, omega = driven(scene, "mode:2", {"F": 1.0})
     heavy = replace(scene, materials=tuple(replace(m, density=4.0) for m in scene.materials))
-    assert mode_system(heavy, "mode:2", {"F": 1.0})[1] == pytest.approx(0.5 * omega, rel=1e-9)
+    assert driven(heavy, "mode:2", {"F": 1.0})[1] == pytest.approx(0.5 * omega, rel=1e-9)
 
 
 @pytest.mark.one_rank

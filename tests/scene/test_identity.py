@@ -82,7 +82,10 @@ NAMED = {"others": "body", "materials": "material", "contacts": "contact", "load
 
 PHYSICAL = ("body", "material", "mesh", "contact", "load", "support", "spring", "bolt")
 """Tables that a condensed system depends on."""
-UNCONDENSED = (("contact", "friction"), ("contact", "initial_gap"), ("bolt", "shortening"))
+UNCONDENSED = (
+    *(("contact", key) for key in ("friction", "initial_gap")),
+    *(("bolt", key) for key in ("shortening", "preload", "tightening")),
+)
 """Their keys that it does not depend on."""
 
 

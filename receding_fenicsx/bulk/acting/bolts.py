@@ -33,7 +33,9 @@ def bolt_law(scene: Scene, condensed: CondensedBody | JoinedBodies) -> tuple[Arr
     at = [names.index(bolt.name) for bolt in scene.bolts]
     if at:
         C = condensed.compliance[at]
-        soft = np.diag([1.0 / (bolt.stiffness or np.inf) for bolt in scene.bolts])
+        # the forces of a ring of bolts are those per radian
+        part = 2.0 * np.pi if scene.axisymmetric else 1.0
+        soft = np.diag([part / (bolt.stiffness or np.inf) for bolt in scene.bolts])
         kappa = np.linalg.inv(soft + C[:, at])
         T[at], G[at] = -kappa @ C, kappa @ condensed.r_star[at]
         T[np.ix_(at, at)] = kappa
@@ -61,6 +63,7 @@ def without_lengthening(rigid: Array, r_star: Array) -> Array:
     """Return the rigid motions (2N, n) on which unit tensions with these r* do no work."""
     pull = r_star @ rigid
     size = np.abs(r_star) @ np.abs(rigid) + np.finfo(float).tiny
-    held = np.where(np.abs(pull) > FREE_TOLERANCE * size, pull / size, 0.0)
+    held = np.where(np.abs(pull) > FREE_TOLERANCE * size, pull, 0.0)
+    held = held / size.max(axis=1, keepdims=True, initial=np.finfo(float).tiny)
     _, values, motions = np.linalg.svd(held)
     return scaled(rigid @ motions[int(np.sum(values > FREE_TOLERANCE)) :].T)

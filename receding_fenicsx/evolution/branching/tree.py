@@ -10,6 +10,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import continue_history
+from receding_fenicsx.evolution.histories.tightening import tightened
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
@@ -176,4 +177,4 @@ def _problem(
         return problem_of_history(system, history, solver, output)
     if solver is not None or output is not None:
         raise InputError("branches: a scene brings its own solver and output")
-    return problem_of_scene(system, history)
+    return problem_of_scene(system, tightened(system, history))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, described
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.histories.tightening import tightened
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -112,7 +113,7 @@ def steady_states(
         InputError: no start, or the history has no cycles.
     """
     if isinstance(history, Scene):
-        problem = problem_of_scene(system, history)
+        problem = problem_of_scene(system, tightened(system, history))
         system, history, solver = problem.system, problem.history, problem.solver
     if not history.cycles or not isinstance(starts, int) or starts < 1:
         raise InputError("steady_states: needs a history with cycles, and at least one start")

@@ -7,6 +7,9 @@ from typing import Any
 
 from receding_fenicsx.evolution.record import Record
 
+ROUND_OFF = 1e-9
+"""Push of a bolt, over its largest force, that is none."""
+
 
 def bolt_summary(record: Record) -> dict[str, Any]:
     """Return the key "bolts": each bolt's force at the turning points; nothing without bolts."""
@@ -21,7 +24,7 @@ def loose_warnings(record: Record) -> list[str]:
     return [
         f"bolt '{name}': its force falls to {min(force):.6g}, a push; it is loose there, shorten it"
         for name, force in bolt_summary(record).get("bolts", {}).items()
-        if min(force) < 0.0
+        if min(force) < -ROUND_OFF * max(force)
     ]
 
 

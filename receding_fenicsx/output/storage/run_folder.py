@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from receding_fenicsx.atomic import check_folder, new_file, publish_folder, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
-from receding_fenicsx.evolution.corners import CORNERS
+from receding_fenicsx.evolution.histories.corners import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem

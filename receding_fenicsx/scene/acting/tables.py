@@ -12,13 +12,15 @@ FREE = "free"
 """Component of a prescribed displacement that is not prescribed."""
 INTERFERENCE = "interference"
 """Name of the load factor that closes the interference of the contacts, from 0 to 1."""
-KINDS = ("pressure", "traction", "displacement", "force", "tension", "body_force", "thermal_strain")
+ON_BODY = ("body_force", "thermal_strain", "mode")
+"""Keys of a load on whole bodies."""
+KINDS = ("pressure", "traction", "displacement", "force", "tension", *ON_BODY)
 """Keys of a load of which exactly one is given."""
 
 
 @dataclass(frozen=True, repr=False)
 class Load(Table):
-    """Named load: exactly one of the ``KINDS``; the last two act on a body, the others on an edge.
+    """Named load: one of the ``KINDS``; the last three act on bodies, the others on an edge.
 
     The history multiplies it by its load factor.
 
@@ -38,6 +40,7 @@ class Load(Table):
         body: name of the body with a body force or thermal strain, in a scene of two bodies.
         body_force: force [x, y] per volume; for example ["rho*omega^2*x", 0] with numbers.
         thermal_strain: strain alpha dT of the free material, alike in all directions of space.
+        mode: inertia force M phi of a vibration mode by its number; for ``rf.joint_curve``.
     """
 
     name: str
@@ -52,6 +55,7 @@ class Load(Table):
     body: str | None = None
     body_force: tuple[Profile, Profile] | None = None
     thermal_strain: Profile | None = None
+    mode: int | None = None
 
     @property
     def is_prescribed(self) -> bool:
@@ -66,7 +70,7 @@ class Load(Table):
     @property
     def on_body(self) -> bool:
         """Whether the load acts on a body, not on an edge."""
-        return self.body_force is not None or self.thermal_strain is not None
+        return any(getattr(self, kind) is not None for kind in ON_BODY)
 
 
 @dataclass(frozen=True)
@@ -120,21 +124,28 @@ class Bolt:
 
     Attributes:
         name: name of its load factor, the shortening.
+        preload: force at the end of tightening, for unit thickness (axisymmetric: of all bolts of a
+            ring), positive; or ``shortening``.
         head, nut: edges with the patches.
         head_span, nut_span: the patches on them.
         axis: direction [x, y] from head to nut.
-        shortening: by how much tightening shortens the bolt, a length, not negative.
+        shortening: by how much tightening shortens the bolt, a length, positive; found for a
+            preload.
+        tightening: shortening at the end of each tightening leg, of this bolt and of the others;
+            found for a preload, not to be given.
         stiffness: force for unit thickness over elongation; default: rigid.
     """
 
     name: str
     head: str
     nut: str
-    shortening: float
+    shortening: float | None = None
     head_span: tuple[float, float] | None = None
     nut_span: tuple[float, float] | None = None
     axis: tuple[float, float] = (0.0, -1.0)
     stiffness: float | None = None
+    preload: float | None = None
+    tightening: tuple[float, ...] = ()
 
     @property
     def patches(self) -> tuple[Load, Load]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.acting.tables import ON_BODY
 from receding_fenicsx.scene.checks import SMALLEST
 from receding_fenicsx.scene.model import Body, Load, Scene, Spring, Support
 from receding_fenicsx.scene.profiles import evaluate_checked
@@ -17,12 +18,13 @@ ON_EDGES = ("edge", "span", "platen", "pressure", "traction", "displacement", "f
 
 def check_body_load(scene: Scene, load: Load, where: str) -> None:
     """Check a body force or thermal strain: its body, and that its profile is finite, not zero."""
-    given = [key for key in ON_EDGES if getattr(load, key)]
-    if load.body_force is not None and load.thermal_strain is not None:
-        given.append("thermal_strain")
-    kind = "thermal_strain" if load.body_force is None else "body_force"
+    kind, *others = [kind for kind in ON_BODY if getattr(load, kind) is not None]
+    given = [key for key in ON_EDGES if getattr(load, key)] + others
     if given:
         raise InputError(f"{where}: {kind} acts on a whole body; remove {given[0]}")
+    if load.mode is not None:
+        _check_mode(scene, load.mode, where)
+        return
     body = body_named(scene, load.body, where, "load")
     if body.is_half_plane:
         raise InputError(f"{where} {kind}: a half-plane has no mesh to act on; give it a shape")
@@ -37,6 +39,18 @@ def check_body_load(scene: Scene, load: Load, where: str) -> None:
     values = [evaluate_checked(part, x, y, f"{where} {kind}") for part in parts]
     if np.abs(values).max() < SMALLEST:
         raise InputError(f"{where} {kind}: is zero everywhere; give it a value or remove the load")
+
+
+def _check_mode(scene: Scene, number: int, where: str) -> None:
+    """Check that the bodies of a scene have vibration modes."""
+    if number < 1:
+        raise InputError(f"{where} mode: must be at least 1, not {number}")
+    if any(body.is_half_plane for body in scene.bodies):
+        raise InputError(f"{where}: half-planes have no vibration modes; use bodies with a mesh")
+    if any(bolt.stiffness is None for bolt in scene.bolts):
+        raise InputError(f"{where}: vibration modes need elastic bolts; give them a stiffness")
+    if any(scene.material_of(body).density <= 0.0 for body in scene.bodies):
+        raise InputError("[material] density: vibration modes need one of every body; give it")
 
 
 def body_named(scene: Scene, name: str | None, where: str, what: str = "point") -> Body:

@@ -42,7 +42,7 @@ def from_scene(scene: Scene) -> History:
       ``cycle_rows`` back to it.
     * "harmonic": see :mod:`~receding_fenicsx.scene.history.harmonic`. Where the scene does not fix
       the number of corners, the polygon is the coarsest one:
-      :func:`~receding_fenicsx.evolution.corners.with_corners` finds how many are needed.
+      :func:`~receding_fenicsx.evolution.histories.corners.with_corners` finds how many are needed.
 
     Loads in ``constant`` are applied first, on a leg of their own, and kept. Before them each of
     the scene's preloads has a leg of its own.
@@ -126,6 +126,12 @@ def _with_constant(history: History, options: HistoryOptions, names: tuple[str, 
     return dataclasses.replace(history, load_names=names, path=path, loop=widened(history.loop))
 
 
+def preload_legs(scene: Scene) -> list[str]:
+    """Return the names of the scene's preloads in the order of their legs."""
+    # parts are fitted before they are bolted
+    return sorted(scene.preloads, key=lambda name: name != INTERFERENCE)
+
+
 def _with_preloads(history: History, scene: Scene) -> History:
     """Return a history with the scene's preloads, brought up before all else and kept."""
     preloads = scene.preloads
@@ -133,9 +139,11 @@ def _with_preloads(history: History, scene: Scene) -> History:
         return history
     names, n = scene.load_names, len(history.load_names)
     legs = np.zeros((len(preloads) + 1, len(names)))
-    # parts are fitted before they are bolted
-    for row, name in enumerate(sorted(preloads, key=lambda name: name != INTERFERENCE), start=1):
+    for row, name in enumerate(preload_legs(scene), start=1):
         legs[row:, names.index(name)] = preloads[name]
+    for bolt in scene.bolts:
+        if bolt.tightening:
+            legs[1:, names.index(bolt.name)] = bolt.tightening
 
     def widened(rows: NDArray[np.float64]) -> NDArray[np.float64]:
         wide = np.tile(legs[-1], (len(rows), 1))

@@ -21,6 +21,7 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.cycle_data import FinishedCycle
+from receding_fenicsx.evolution.histories.tightening import tightened
 from receding_fenicsx.evolution.problem import Problem, problem_of_scene
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.interface.system import ContactSystem
@@ -40,7 +41,7 @@ CORNERS = "corners.txt"
 def with_corners(
     system: ContactSystem, scene: Scene, say: Callable[[str], None] | None = None
 ) -> tuple[Scene, Array | None]:
-    """Return a scene with the number of corners that its harmonic history needs.
+    """Return a scene with the number of corners that its harmonic history needs, bolts tightened.
 
     The corners are doubled until the error estimate of the dissipation meets the tolerance.
 
@@ -58,7 +59,7 @@ def with_corners(
     Raises:
         SolveError: the largest number of corners does not meet the tolerance.
     """
-    options = scene.history
+    scene, options = tightened(system, scene), scene.history
     if options.kind != "harmonic" or options.corners is not None or is_straight(options):
         return scene, None
     tolerance = options.tolerance or DEFAULT_TOLERANCE

@@ -14,7 +14,6 @@ $$\omega^2(\alpha) = \alpha / q , \qquad \zeta(\alpha) = \frac{D}{2 \pi\, \omega
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -24,6 +23,7 @@ import numpy as np
 import ufl
 from numpy.typing import NDArray
 from scipy import sparse
+from scipy.linalg import block_diag
 from scipy.sparse.linalg import ArpackError, eigsh
 
 from receding_fenicsx.arrays import Array
@@ -33,11 +33,13 @@ from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.two_bodies import Pair
 from receding_fenicsx.errors import InputError, NotConverged, SolveError
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.histories.tightening import tightened
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import History
-from receding_fenicsx.scene.model import Load, OutputOptions, Scene
+from receding_fenicsx.mpi import given
+from receding_fenicsx.scene.history import History, from_scene
+from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.timing import Timer
 
 MODE = "mode:"
@@ -59,76 +61,64 @@ def mode_number(drive: str) -> int:
     return int(drive[len(MODE) :])
 
 
-def mode_system(
-    scene: Scene, drive: str, preload: Mapping[str, float]
-) -> tuple[ContactSystem, Array]:
-    """Condense the whole bodies with the load M phi of a mode beside the scene's loads.
+def preload_path(system: ContactSystem, scene: Scene, drive: str) -> Array:
+    """Return the load factors (k, n_loads) of a scene from rest to its preload."""
+    path = from_scene(tightened(system, scene)).path
+    return path[path[:, system.load_names.index(drive)] == 0.0]
+
+
+def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
+    """Condense the whole bodies of a scene with a load M phi, the inertia force of a mode.
+
+    The contact is tied as it is under the preloads and ``history.constant``.
 
     Args:
-        scene: the joint; its materials have a density.
-        drive: "mode:1" for the lowest mode.
-        preload: load factors at which the contact is tied.
+        scene: a valid scene with a load ``mode``.
 
     Returns:
-        The system, with the drive as its last load, and the angular frequencies up to this mode.
+        The system, and the angular frequencies up to this mode.
 
     Raises:
-        InputError: there is no density, or no such mode.
+        InputError: there is no such mode.
         SolveError: the preload has no equilibrium.
     """
-    number = mode_number(drive)
-    scene = replace(scene, solver=replace(scene.solver, symmetry="none"), probes=())
-    if any(body.is_half_plane for body in scene.bodies):
-        raise InputError("drive: half-planes have no vibration modes; use bodies with a mesh")
-    if scene.preloads:
-        raise InputError("drive: modes of contacts with interference or bolts are not available")
-    if any(scene.material_of(body).density <= 0.0 for body in scene.bodies):
-        raise InputError("[material] density: vibration modes need one of every body; give it")
+    load = next(load for load in scene.loads if load.mode is not None)
     bulk: Any = bulk_of(scene, MPI.COMM_SELF, Timer(None))
     try:
-        system = condensation.condense(bulk)
-        assert system is not None
-        system = with_profiles(scene, system)
-        state = _preloaded(system, preload, scene)
-        closed = np.asarray(state != State.SEPARATION)
+        # so far without the load
+        system = with_profiles(scene, given(condensation.condense(bulk)))
+        closed = np.asarray(_preloaded(system, scene, load.name) != State.SEPARATION)
         # along t only with friction
         tied = np.concatenate([closed & system.friction.present, closed])
-        phi, omega = _modes(bulk, tied, number)
-        named = Load(drive, scene.contacts[0].edge, traction=(0.0, 0.0))
-        bulk.scene = replace(scene, loads=(*scene.loads, named))
+        phi, omega = _modes(bulk, tied, load.mode or 0)
         for part, force in zip(bulk.parts, phi, strict=True):
-            vector = part.stiffness.createVecLeft()
-            vector.setArray(force)
-            part.loads.append(vector)
-            part.load_names = (*part.load_names, drive)
+            part.loads[part.load_names.index(load.name)].setArray(force)
         if isinstance(bulk, Pair):
             bulk.condensed = False
-        driven = condensation.condense(bulk)
-        assert driven is not None
-        _check_compliance(driven, tied, omega[-1])
-        law = {key: getattr(system, key) for key in ("f", "f_backward", "g0")}
-        return replace(driven, **law, scene_toml=""), omega
+        driven = given(condensation.condense(bulk))
+        _check_compliance(driven, tied, omega[-1], driven.load_names.index(load.name))
+        law = {key: getattr(system, key) for key in ("f", "f_backward", "g0", "scene_toml")}
+        return replace(driven, **law), omega
     finally:
         bulk.destroy()
 
 
-def _preloaded(system: ContactSystem, preload: Mapping[str, float], scene: Scene) -> Array:
+def _preloaded(system: ContactSystem, scene: Scene, drive: str) -> Array:
     """Return the states of the nodes under the preload."""
-    held = np.array([preload.get(name, 0.0) for name in system.load_names])
-    if not np.any(held):
+    path = preload_path(system, scene, drive)
+    if len(path) < 2:
         return np.where(system.g0 > 0.0, State.SEPARATION, State.STICK)
-    path = np.vstack([0.0 * held, held])
-    history = History(system.load_names, path, np.zeros((0, len(held))))
+    history = History(system.load_names, path, np.zeros((0, path.shape[1])))
     record = evolve(system, history, scene.solver, OutputOptions(1, ()))
     return record.turning_points.state[-1]
 
 
-def _check_compliance(system: ContactSystem, tied: NDArray[np.bool_], omega: float) -> None:
+def _check_compliance(system: ContactSystem, tied: NDArray[np.bool_], omega: float, k: int) -> None:
     """Raise unless the tied contact gives q = alpha / omega^2 under the mode's load."""
     free = np.flatnonzero(~(tied | system.held))
-    r_star = system.r_star[-1, free]
+    r_star = system.r_star[k, free]
     moved = np.linalg.lstsq(system.K[np.ix_(free, free)], r_star, rcond=None)[0]
-    error = abs(1.0 - omega**2 * (system.load_compliance[-1, -1] + r_star @ moved))
+    error = abs(1.0 - omega**2 * (system.load_compliance[k, k] + r_star @ moved))
     if not error <= COMPLIANCE_TOLERANCE:
         raise SolveError(
             f"the mode's compliance is off by {error:.1e} from 1 / omega^2 (at most "
@@ -140,11 +130,8 @@ def _modes(bulk: Bulk | Pair, tied: NDArray[np.bool_], number: int) -> tuple[lis
     """Return M phi of each part, and the angular frequencies up to a mode."""
     parts: Any = bulk.parts
     A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
-    if isinstance(bulk, Pair) and len(bulk.soft):
-        # springs between the bodies, by their unit loads
-        units = [np.array([f.getArray() for f in part.loads[-len(bulk.soft) :]]) for part in parts]
-        L = sparse.csr_matrix(np.hstack(units).T)
-        A = A + L @ sparse.csr_matrix(np.linalg.inv(bulk.soft)) @ L.T
+    L, soft = _closed(bulk)
+    A = A + L @ sparse.csr_matrix(np.linalg.inv(soft)) @ L.T
     M = sparse.block_diag([_mass(part) for part in parts], "csr")
     starts = np.cumsum([0, *(part.dofs for part in parts)])
     turns, locals_, fixed = [], [], np.zeros(A.shape[0], dtype=bool)
@@ -185,6 +172,26 @@ def _modes(bulk: Bulk | Pair, tied: NDArray[np.bool_], number: int) -> tuple[lis
     phi = M @ (T @ y[:, order[-1]])
     omega = np.sqrt(np.maximum(squares[order], 0.0))
     return np.split(phi, starts[1:-1]), omega
+
+
+def _closed(bulk: Bulk | Pair) -> tuple[sparse.csr_matrix, Array]:
+    """Return the unit loads (dofs, m) of bolts and springs between bodies, and their compliance."""
+    names = [bolt.name for bolt in bulk.scene.bolts]
+    soft = np.diag([1.0 / (bolt.stiffness or np.inf) for bolt in bulk.scene.bolts])
+    if isinstance(bulk, Pair):
+        names, soft = [*names, *bulk.link_names], block_diag(soft, bulk.soft)
+    parts: Any = bulk.parts
+    units = [
+        [
+            p.loads[p.load_names.index(n)].getArray() if n in p.load_names else np.zeros(p.dofs)
+            for p in parts
+        ]
+        for n in names
+    ]
+    rows = np.zeros((len(names), sum(part.dofs for part in parts)))
+    for row, unit in zip(rows, units, strict=True):
+        row[:] = np.concatenate(unit)
+    return sparse.csr_matrix(rows.T), soft
 
 
 def _csr(matrix: Any) -> sparse.csr_matrix:

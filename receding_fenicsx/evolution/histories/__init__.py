@@ -1,0 +1,1 @@
+"""Histories that depend on the condensed system: corners of harmonic ones, tightened bolts."""
