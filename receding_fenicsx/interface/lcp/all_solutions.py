@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, Friction
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp import enumerate_states, lemke
 from receding_fenicsx.interface.lcp.contact import (
     COVERS,
@@ -31,8 +31,8 @@ from receding_fenicsx.interface.lcp.contact import (
     Undecided,
     choices,
     condensed,
+    problem_of_nodes,
     states_by_covers,
-    with_smooth_freedoms,
 )
 from receding_fenicsx.interface.rigid_motions import TOO_FAR
 from receding_fenicsx.interface.system import ContactSystem
@@ -107,12 +107,9 @@ class _Problem:
     def __init__(
         self, system: ContactSystem, r0: Array, undecided: Undecided, open_dofs: Indices
     ) -> None:
-        may = choices(undecided)
-        self.may, nodes = list(may.values()), np.array(list(may))
-        self.smooth = np.arange(len(nodes)) >= len(nodes) - len(undecided.smooth)
         S, s = condensed(system, r0, undecided, open_dofs)
-        self.S, self.s = with_smooth_freedoms(S, s, len(undecided.smooth))
-        self.friction: Friction = system.friction[nodes]
+        problem = problem_of_nodes(system, undecided, S, s)
+        self.S, self.s, self.friction, self.may, self.smooth = problem
         self.stiffness = float(np.diagonal(system.K).max(initial=0.0))
 
     def candidates(self) -> tuple[Iterator[NDArray[np.int8]], bool]:

@@ -208,16 +208,24 @@ def condensed(
     return S, s
 
 
-def with_smooth_freedoms(S: Array, s: Array, smooth: int) -> tuple[Array, Array]:
-    """Return :func:`condensed` with a tangential freedom, kept still, for each smooth node.
+def problem_of_nodes(
+    system: ContactSystem, undecided: Undecided, S: Array, s: Array
+) -> tuple[Array, Array, Friction, enumerate_states.Choices, NDArray[np.bool_]]:
+    """Return the arguments of :func:`enumerate_states.exhaust` for the nodes of :func:`choices`.
 
-    All m nodes then have both freedoms, order [v; w].
+    Args:
+        system: the condensed body in 2N form.
+        undecided: the nodes to decide.
+        S: stiffness, as of :func:`condensed`; a smooth node gets a tangential freedom, kept still.
+        s: reactions, the same.
     """
-    m = (len(s) + smooth) // 2
+    may, smooth = choices(undecided), len(undecided.smooth)
+    m = len(may)
     where = np.concatenate([np.arange(m - smooth), m + np.arange(m)])
     full, held = np.eye(2 * m), np.zeros(2 * m)
     full[np.ix_(where, where)], held[where] = S, s
-    return full, held
+    friction = system.friction[np.array(list(may))]
+    return full, held, friction, list(may.values()), np.arange(m) >= m - smooth
 
 
 def choices(undecided: Undecided) -> dict[int, tuple[int, ...]]:
@@ -238,26 +246,14 @@ def is_exhaustible(undecided: Undecided) -> bool:
 def _exhaust(
     system: ContactSystem, undecided: Undecided, S: Array, s: Array
 ) -> NDArray[np.int8] | None:
-    """Try all sets of states, where they are few.
-
-    Args:
-        system: the condensed body in 2N form.
-        undecided: the nodes to decide.
-        S: stiffness at the rows of :func:`solve_states`: v of forward, backward and touching nodes,
-            w of the same, w of the smooth ones.
-        s: (rows,) reactions (or rates) with no further displacement.
-    """
+    """Try all sets of states, where they are few; S and s are those of :func:`condensed`."""
     if not is_exhaustible(undecided):
         return None
-    may = choices(undecided)
-    nodes = np.array(list(may))
-    full, held = with_smooth_freedoms(S, s, len(undecided.smooth))
-    smooth = np.arange(len(nodes)) >= len(nodes) - len(undecided.smooth)
-    found = enumerate_states.exhaust(full, held, system.friction[nodes], list(may.values()), smooth)
+    found = enumerate_states.exhaust(*problem_of_nodes(system, undecided, S, s))
     if found is None:
         return None
     state = np.zeros(system.n, dtype=np.int8)
-    state[nodes] = found
+    state[list(choices(undecided))] = found
     return state
 
 
