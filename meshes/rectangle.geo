@@ -10,7 +10,8 @@ DefineConstant[
   height = {1, Min 1e-3, Name "Body/2height"},
   contact_elements = {160, Min 2, Step 2, Name "Mesh/1elements on the contact edge (whole)"},
   growth = {1.25, Min 1, Max 3, Step 0.05, Name "Mesh/2growth between layers"},
-  quadrilaterals = {0, Choices{0, 1}, Name "Mesh/3quadrilaterals"}
+  quadrilaterals = {0, Choices{0, 1}, Name "Mesh/3quadrilaterals"},
+  both_edges = {0, Choices{0, 1}, Name "Mesh/4the top edge has the vertices of the bottom edge"}
 ];
 
 // Where vertices have to lie besides the corners: x on the top edge, y on the right edge, points inside.
@@ -133,6 +134,12 @@ Else
     Field[i + 2].F = Sprintf("%.17g + %.17g * sqrt((x - %.17g)^2 + (y - %.17g)^2)", dx, growth - 1, end_x(i), end_y(i));
     fields() += {i + 2};
   EndFor
+  If (both_edges)
+    Transfinite Curve{top(0)} = Round(half / dx) + 1;
+    Field[#fields() + 1] = MathEval;
+    Field[#fields() + 1].F = Sprintf("%.17g + %.17g * (%.17g - y)", dx, growth - 1, height);
+    fields() += {#fields() + 1};
+  EndIf
   finest = #fields() + 1;
   Field[finest] = Min;
   Field[finest].FieldsList = {fields()};

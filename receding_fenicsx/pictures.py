@@ -29,7 +29,7 @@ from receding_fenicsx.timing import Say, Timer
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.bulk.two_bodies import Bodies
+    from receding_fenicsx.bulk.stack import Bodies
     from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
     from receding_fenicsx.interface.system import ContactSystem
 

@@ -17,7 +17,7 @@ from receding_fenicsx.bulk.back_substitution import back_substitute, sides_of
 from receding_fenicsx.bulk.body import Bulk, gather_contact
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
-from receding_fenicsx.bulk.two_bodies import Pair
+from receding_fenicsx.bulk.stack import Stack
 
 Array = NDArray[np.float64]
 
@@ -101,7 +101,7 @@ def facet_ends(body: BodyMesh, edge: str) -> Array:
 
 
 def displacements(
-    bulk: Bulk | Pair, load: Array | None, u: Array | None
+    bulk: Bulk | Stack, load: Array | None, u: Array | None
 ) -> list[tuple[Bulk, fem.Function]]:
     """Return each body that has a mesh with its displacement field; collective.
 

@@ -17,7 +17,7 @@ Ints = NDArray[np.int64]
 
 def rectangle(scene: Scene) -> RawMesh:
     """The mesh of a scene's whole rectangle, as rank 0 makes it."""
-    return _raw(scene, False)
+    return _raw(scene, scene.body, False)
 
 
 def turned(points: Array, degrees: float, shift: tuple[float, float] = (0.0, 0.0)) -> Array:

@@ -18,14 +18,14 @@ $$r = \sum_k \lambda_k r^*_k + K u_C, \qquad
 The steps, of which `from_scene.condensed` and `from_scene.bulk_of` do the first four and two:
 
 1. `mesh.meshing.make_meshes` meshes the bodies, and distributes the meshes.
-2. `two_bodies.build_all` assembles each body by `elasticity.build`: $A$ (`stiffness_form`), the
+2. `stack.build_all` assembles each body by `elasticity.build`: $A$ (`stiffness_form`), the
    forces $f_k$ (`loads.add_load`; of whole bodies `acting`), platens and prescribed displacements
    (`platens.find_ties`, `find_prescribed`), the contact nodes with $t$, $n$ and weights
    $m_i = \int N_i \, dA$ (`contact_nodes.find_contact`), and the held degrees of freedom
    (`supports.find_held`).
 3. `condensation.condense` eliminates the interior (`elimination.eliminate_interior`), by MUMPS's
    Schur complement (`schur.factorise`), checks $K$ by a solve and by the rigid motions, and joins
-   two bodies (`join_bodies.join`).
+   several bodies (`join_bodies.join`).
 4. The result is an `interface.system.ContactSystem` on rank 0, whose friction and gap
    `evolution.prepare.with_profiles` sets.
 5. For pictures, `fields.solve_fields` returns to the bodies,

@@ -14,7 +14,7 @@ from receding_fenicsx.bulk.acting.bolts import bolt_law
 from receding_fenicsx.bulk.acting.interference import interference_shift
 from receding_fenicsx.bulk.body import Bulk, interior_solver, owned_contact
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
-from receding_fenicsx.bulk.two_bodies import Bodies, Pair
+from receding_fenicsx.bulk.stack import Bodies, Stack
 from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import INTERFERENCE
 
@@ -26,36 +26,35 @@ def sides_of(bulk: Bodies, load: Array | None, u: Array | None) -> list[Side]:
     """Return each body with its own load factors and contact displacements.
 
     Args:
-        bulk: the body or bodies; a pair is condensed by then.
+        bulk: the body or bodies; several are condensed by then.
         load: (n_loads,) load factors; only rank 0's are used.
-        u: (2N,) contact displacements [v; w], of a pair the first body's less the second's, with
-            an interference as in the record; only rank 0's are used.
+        u: (2N,) contact displacements [v; w], between bodies the first one's less the second
+            one's, with an interference as in the record; only rank 0's are used.
 
     Returns:
-        One body, or two.
+        Each body.
     """
     if bulk.comm.rank == 0:
         load, u = _true(bulk, np.asarray(load, float), np.asarray(u, float))
-    if not isinstance(bulk, Pair):
+    if not isinstance(bulk, Stack):
         return [(bulk, load, u)]
-    sides: list[tuple[Array | None, Array | None]] = [(None, None), (None, None)]
+    sides: list[Side] = [(part, None, None) for part in bulk.parts]
     if bulk.joined is not None and load is not None and u is not None:
-        factors, apart = np.asarray(load, float), np.where(bulk.joined.held, 0.0, u)
-        second = bulk.joined.back[0] @ apart + bulk.joined.back[1] @ factors
+        apart = np.where(bulk.joined.held, 0.0, u)
+        factors, names = load, bulk.load_names + bulk.link_names
         if bulk.joined.links is not None:
             T, G = bulk.joined.links
-            factors = np.concatenate([factors, T @ factors + G @ apart])
-        names = bulk.load_names + bulk.link_names
-        for k, moved in enumerate((apart + second, second)):
-            own = [names.index(name) for name in bulk.parts[k].load_names]
-            sides[k] = factors[own], moved
-    return [(part, *side) for part, side in zip(bulk.parts, sides, strict=True)]
+            factors = np.concatenate([load, T @ load + G @ apart])
+        for k, part in enumerate(bulk.parts):
+            own = [names.index(name) for name in part.load_names]
+            sides[k] = part, factors[own], bulk.joined.displacement(k, apart, load)
+    return sides
 
 
 def _true(bulk: Bodies, load: Array, u: Array) -> tuple[Array, Array]:
     """Return the factors of what acts on the bodies, and the true contact displacements."""
     if INTERFERENCE in bulk.scene.preloads:
-        held = given(bulk.joined).held if isinstance(bulk, Pair) else bulk.contact.held
+        held = given(bulk.joined).held if isinstance(bulk, Stack) else bulk.contact.held
         shift = given(interference_shift(bulk.scene, bulk.contact, held))
         load, u = load[:-1], u + load[-1] * shift
     if bulk.scene.bolts:
@@ -66,7 +65,7 @@ def _true(bulk: Bodies, load: Array, u: Array) -> tuple[Array, Array]:
 
 def law_of(bulk: Bodies) -> tuple[Array, Array]:
     """Return what turns the shortenings of a condensed body's bolts into forces, on rank 0."""
-    if isinstance(bulk, Pair):
+    if isinstance(bulk, Stack):
         return bolt_law(bulk.scene, given(bulk.joined))
     assert isinstance(bulk, Bulk)
     return given(bulk.law)

@@ -1,4 +1,4 @@
-"""Static condensation of one body or two onto the contact nodes (eqs. 11 and 12).
+"""Static condensation of one body or several onto the contact nodes (eqs. 11 and 12).
 
 A mirror-symmetric whole body is condensed as it is. Two half-body problems (u_x = 0, then u_y = 0
 on the axis) would take 40 % less time and a third less memory: with 2561 contact nodes 0.2 s of
@@ -17,8 +17,8 @@ from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.elimination import Elimination, eliminate_interior, load_sign
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies
+from receding_fenicsx.bulk.stack import Bodies, Stack, join_stack, join_without_meshes
 from receding_fenicsx.bulk.symmetric_matrix import norm, turn
-from receding_fenicsx.bulk.two_bodies import Bodies, Pair, join_pair, join_without_meshes
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
@@ -32,7 +32,7 @@ PROBE_TOLERANCE = 1e-10
 
 
 def condense(bulk: Bodies, route: str = "schur") -> ContactSystem | None:
-    """Condense the body, or two bodies, to the contact nodes; collective.
+    """Condense the body or bodies to the contact nodes; collective.
 
     Args:
         bulk: the discretised body or bodies.
@@ -46,36 +46,35 @@ def condense(bulk: Bodies, route: str = "schur") -> ContactSystem | None:
         SolveError: the factorisation failed, or K does not keep the rigid motions or does not agree
             with a solve; on all ranks.
     """
-    if isinstance(bulk, Pair):
-        return _condense_two(bulk, route)
+    if isinstance(bulk, Stack):
+        return _condense_several(bulk, route)
     condensed = _condense_body(bulk, route)
     return on_root(
         bulk.comm, lambda: _system(bulk, bulk.scene, given(condensed), bulk.contact.rigid)
     )
 
 
-def _condense_two(pair: Pair, route: str) -> ContactSystem | None:
-    """Condense both bodies; the joined system on rank 0, None on the others."""
-    condense_pair(pair, route)
+def _condense_several(stack: Stack, route: str) -> ContactSystem | None:
+    """Condense all bodies; the joined system on rank 0, None on the others."""
+    condense_stack(stack, route)
 
     def work() -> ContactSystem:
-        joined = given(pair.joined)
-        return _system(pair.parts[0], pair.scene, joined, joined.rigid)
+        joined = given(stack.joined)
+        return _system(stack, stack.scene, joined, joined.rigid)
 
-    return on_root(pair.comm, work)
+    return on_root(stack.comm, work)
 
 
-def condense_pair(pair: Pair, route: str = "schur") -> None:
-    """Condense both bodies of a pair, unless they are already, and join them; collective."""
-    if not pair.condensed and not join_without_meshes(pair):
-        first, second = pair.parts
-        join_pair(pair, (_condense_body(first, route), _condense_body(second, route)))
+def condense_stack(stack: Stack, route: str = "schur") -> None:
+    """Condense all bodies of a stack, unless they are already, and join them; collective."""
+    if not stack.condensed and not join_without_meshes(stack):
+        join_stack(stack, [_condense_body(part, route) for part in stack.parts])
 
 
 def condense_for_fields(bulk: Bodies) -> None:
-    """Condense what the fields need: a pair, and a body with bolts; once, collective."""
-    if isinstance(bulk, Pair):
-        condense_pair(bulk)
+    """Condense what the fields need: several bodies, and a body with bolts; once, collective."""
+    if isinstance(bulk, Stack):
+        condense_stack(bulk)
     elif isinstance(bulk, Bulk) and bulk.scene.bolts and not bulk.condensed:
         _condense_body(bulk, "schur")
 
@@ -129,9 +128,9 @@ def _check_probe(contact: ContactNodes, K: Array, scale: float, probe: tuple[Arr
 
 
 def _system(
-    bulk: Bulk | HalfPlane, scene: Scene, condensed: CondensedBody | JoinedBodies, rigid: Array
+    bulk: Bodies, scene: Scene, condensed: CondensedBody | JoinedBodies, rigid: Array
 ) -> ContactSystem:
-    """Add the data of the contact nodes, those of the first body; on rank 0."""
+    """Add the data of the contact nodes, each on its first body; on rank 0."""
     contact = bulk.contact
     shift = interference_shift(scene, contact, condensed.held)
     unknown = np.full(len(contact.x), np.nan)

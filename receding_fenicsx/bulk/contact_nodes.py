@@ -36,11 +36,11 @@ class ContactNodes:
         points: (N, 2) coordinates.
         node: (N,) global number of the node, whose displacements are 2 node and 2 node + 1.
         tangent: (N, 2) unit vectors t = (n_y, -n_x).
-        normal: (N, 2) unit vectors n into the body; on the second of two bodies, out of it.
+        normal: (N, 2) unit vectors n into the body; on the second body of a contact, out of it.
         weight: (N,) integral of N_i over the modelled contact edge, axisymmetric times r.
         held: (2N,) degrees of freedom [v; w] fixed by symmetry or supports.
         modes: (2N, 3) displacements [v; w] of the rigid motions of the body: translations in x and
-            y, rotation about a pivot.
+            y, rotation about a pivot, the middle of all contacts.
         constraints: (m, 3) components of these motions at all held degrees of freedom; the free
             motions are orthogonal to all rows.
         null: (2N, n) rigid motions that are free while no contact node is held: null vectors of
@@ -118,7 +118,7 @@ def find_contact(
 
     _check_apart(node, ties, prescribed)
     dofs, places = find_held(scene, space, body, ties, prescribed)
-    pivot = 0.5 * (points.min(axis=0) + points.max(axis=0))
+    pivot = body.pivot
     constraints = motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
     apart = motions(ties.places, pivot, body.size) - motions(ties.master_places, pivot, body.size)
     # a body of revolution moves along its axis only

@@ -17,8 +17,8 @@ from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense_for_fields
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.half_planes.window import window_fields
+from receding_fenicsx.bulk.stack import Bodies
 from receding_fenicsx.bulk.stress import Stresses, stresses
-from receding_fenicsx.bulk.two_bodies import Bodies
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class Fields:
 
 
 def fields_at(bulk: Bodies, load: Array, u: Array) -> Fields | None:
-    """Return the fields of the whole body, or of both bodies; collective.
+    """Return the fields of the whole body or bodies; collective.
 
     Args:
         bulk: the body or bodies.
@@ -91,7 +91,7 @@ def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
     bodies = [body for body in gathered if body is not None]
     if not bodies:
         return None
-    return bodies[0] if len(bodies) == 1 else _together(bodies[0], bodies[1])
+    return bodies[0] if len(bodies) == 1 else _together(bodies)
 
 
 def gather_cell_stresses(parts: Sequence[BodyFields]) -> dict[str, Array] | None:
@@ -172,18 +172,20 @@ def _gather(
     return points, cells if width == 3 else cells[:, [0, 1, 3, 2]], values
 
 
-def _together(first: Fields, second: Fields) -> Fields:
-    """Return the fields of two bodies in one."""
-    cells = [first.cells, second.cells]
-    if cells[0].shape[1] != cells[1].shape[1]:
-        # triangles stand for quadrilaterals where the other body has triangles
+def _together(bodies: Sequence[Fields]) -> Fields:
+    """Return the fields of several bodies in one."""
+    cells = [body.cells for body in bodies]
+    if len({c.shape[1] for c in cells}) > 1:
+        # triangles stand for quadrilaterals where another body has triangles
         cells = [np.vstack([c[:, :3], c[:, [0, 2, 3]]]) if c.shape[1] == 4 else c for c in cells]
+    sizes = [len(body.points) for body in bodies]
+    starts = np.cumsum([0, *sizes[:-1]])
     return Fields(
-        np.vstack([first.points, second.points]),
-        np.vstack([cells[0], cells[1] + len(first.points)]),
-        np.vstack([first.displacement, second.displacement]),
-        {name: np.concatenate([v, second.stress[name]]) for name, v in first.stress.items()},
-        np.repeat([0, 1], [len(first.points), len(second.points)]),
+        np.vstack([body.points for body in bodies]),
+        np.vstack([c + start for c, start in zip(cells, starts, strict=True)]),
+        np.vstack([body.displacement for body in bodies]),
+        {name: np.concatenate([b.stress[name] for b in bodies]) for name in bodies[0].stress},
+        np.repeat(np.arange(len(bodies)), sizes),
     )
 
 

@@ -21,7 +21,7 @@ from receding_fenicsx.timing import Timer
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.bulk.two_bodies import Bodies
+    from receding_fenicsx.bulk.stack import Bodies
     from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
 
 SERIAL_CELLS = 30_000
@@ -116,7 +116,7 @@ def _check_reaches_contact(system: ContactSystem) -> None:
 
 def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bodies:
     """Mesh and assemble a scene's body or bodies; collective."""
-    from receding_fenicsx.bulk import two_bodies
+    from receding_fenicsx.bulk import stack
     from receding_fenicsx.bulk.mesh import meshing
 
     with timer("mesh"), _restored_signal_handlers():
@@ -128,7 +128,7 @@ def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bodies:
         if meshed:
             bodies = meshing.make_meshes(comm, whole or part_of(scene, meshed[0]), half)
     with timer("assemble"):
-        return two_bodies.build_all(scene, bodies, comm)
+        return stack.build_all(scene, bodies, comm)
 
 
 @contextmanager

@@ -1,13 +1,18 @@
-"""Two condensed bodies that meet at their contact nodes, joined to one contact system.
+"""Condensed bodies that meet at their contact nodes, joined to one contact system.
 
-With u = u_a - u_b, n pointing from b into a, and r the force of b on a,
+Each contact lies between a first and a second body, or between a first body and a rigid plane. With
+u = u_first - u_second (on a plane u_first), n pointing into the first body, and r the force on it,
+body b has the reactions +r at its contacts as first body, -r at those as second body:
 
-    r = r*_a + K_a u_a,    -r = r*_b + K_b u_b,
+    +-r = r*_b + K_b u_b.
 
-so that r = r* + K u and u_a, u_b follow with S = (K_a + K_b)^-1 from
+At each contact between two bodies let e be the stiffer and s the softer side, and y = u_e, so that
+u_s = y +- u. Then u_b = A_b u + Y_b y for every body, with Boolean Y_b and signs A_b, and
 
-    K = K_a S K_b,    r* = K_b S r*_a - K_a S r*_b,
-    u_a = S (K_b u - r*_a - r*_b),    u_b = u_a - u:
+    K_uu = sum A_b^T K_b A_b,  C = sum Y_b^T K_b A_b,  H = sum Y_b^T K_b Y_b,  L = sum Y_b^T r*_b,
+    y = -H^-1 (C u + L),   K = K_uu - C^T H^-1 C,   r* = sum A_b^T r*_b - C^T H^-1 L.
+
+For two bodies a and b this is K = K_a S K_b, r* = K_b S r*_a - K_a S r*_b, S = (K_a + K_b)^-1:
 
 >>> import numpy as np
 >>> K_a, K_b = np.array([[3.0, 1.0], [1.0, 2.0]]), np.array([[5.0, -1.0], [-1.0, 4.0]])
@@ -16,32 +21,38 @@ so that r = r* + K u and u_a, u_b follow with S = (K_a + K_b)^-1 from
 ...     return CondensedBody(K, r_star, compliance=np.zeros((1, 1)), sign=-np.ones(1),
 ...                          held=np.zeros(2, dtype=bool), modes=np.eye(2, 3),
 ...                          constraints=np.eye(3))
->>> joined = join(body(K_a, r_a), body(K_b, r_b), ("p",))
+>>> first, second = (Place(np.array([0]), np.array([side]), np.array([0])) for side in (1, -1))
+>>> joined = join([body(K_a, r_a), body(K_b, r_b)], [first, second], ("p",))
 >>> S = np.linalg.inv(K_a + K_b)
 >>> np.allclose(joined.K, K_a @ S @ K_b)
 True
 >>> np.allclose(joined.r_star.T, K_b @ S @ r_a.T - K_a @ S @ r_b.T)
 True
 >>> u, load = np.array([0.1, 0.2]), np.array([2.0])
->>> u_b = joined.back[0] @ u + joined.back[1] @ load
->>> np.allclose(u_b, S @ (K_b @ u - (r_a + r_b).T @ load) - u)
+>>> np.allclose(joined.displacement(1, u, load), S @ (K_b @ u - (r_a + r_b).T @ load) - u)
 True
 
-The equations are evaluated as the stiffness of the softer body less a correction by the stiffer
-one. That loses no digits when one body is much stiffer, and a node may be held on one body only.
+K is thus the stiffness of the softer bodies less a correction by the stiffer ones. That loses no
+digits when one body is much stiffer, and a node may be held on one body only.
 """
 
 from __future__ import annotations
 
 import warnings
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, LinAlgWarning, solve
 
-from receding_fenicsx.arrays import Array
-from receding_fenicsx.bulk.rigid_motions import free_motions, scaled
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk.rigid_motions import (
+    common_motions,
+    free_motions,
+    independent,
+    scaled,
+)
 from receding_fenicsx.errors import InputError, SolveError
 
 JOINED_RIGID_RESISTANCE = 1e-11
@@ -61,7 +72,7 @@ class CondensedBody:
         sign: (n_loads,) -1 for forces, +1 for prescribed displacements, 0 where none acts.
         held: (2N,) contact degrees of freedom held by symmetry or supports.
         modes: (2N, 3) displacements of the contact nodes in the rigid motions of the body:
-            translations in x and y, rotation about a pivot. A pair has those of its first body.
+            translations in x and y, rotation about a pivot that all bodies have in common.
         constraints: (m, 3) components of these motions at all held degrees of freedom.
     """
 
@@ -75,13 +86,43 @@ class CondensedBody:
 
 
 @dataclass(frozen=True)
-class JoinedBodies:
-    """Two bodies in one.
+class Place:
+    """Where the contact nodes of one body are among the N nodes of all contacts.
 
     Attributes:
-        K, r_star, compliance, sign, held: as of ``CondensedBody``, for u = u_a - u_b.
+        node: (N_b,) numbers of the body's nodes.
+        side: (N_b,) +1 where it is the contact's first body, -1 where it is the second one.
+        contact: (N_b,) numbers of the contacts.
+    """
+
+    node: Ints
+    side: Ints
+    contact: Ints
+
+    def dofs(self, n: int) -> Ints:
+        """Return the (2N_b,) numbers of the degrees of freedom in the 2n of all contacts."""
+        return np.concatenate([self.node, n + self.node])
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Displacements of one body: u_b = factor * u[dofs], plus y[rest] at its freedoms ``on``."""
+
+    dofs: Ints
+    factor: Array
+    on: Ints
+    rest: Ints
+
+
+@dataclass(frozen=True)
+class JoinedBodies:
+    """Several bodies in one.
+
+    Attributes:
+        K, r_star, compliance, sign, held: as of ``CondensedBody``, for u.
         rigid: (2N, n) free relative motions of the bodies, each with largest entry 1.
-        back: (2N, 2N) and (2N, n_loads): u_b = back[0] u + back[1] lambda.
+        rest: (m, 2N) and (m, n_loads): y = rest[0] u + rest[1] lambda.
+        motions: how each body follows u and y.
         links: (m, n_loads) and (m, 2N): factors links[0] lambda + links[1] u of the unit loads of
             springs between the bodies.
     """
@@ -92,101 +133,163 @@ class JoinedBodies:
     sign: Array
     held: NDArray[np.bool_]
     rigid: Array
-    back: tuple[Array, Array]
+    rest: tuple[Array, Array]
+    motions: tuple[Motion, ...]
     links: tuple[Array, Array] | None = None
 
+    def displacement(self, body: int, u: Array, load: Array) -> Array:
+        """Return the contact displacements (2N_b,) of a body for u (2N,) and the load factors."""
+        motion, y = self.motions[body], self.rest[0] @ u + self.rest[1] @ load
+        moved = motion.factor * u[motion.dofs]
+        moved[motion.on] += y[motion.rest]
+        return moved
 
-def join(a: CondensedBody, b: CondensedBody, load_names: tuple[str, ...]) -> JoinedBodies:
-    """Join two bodies; the module's docstring has the equations.
+    def rows(self, body: int, on_body: Array) -> Array:
+        """Turn rows (..., 2N_b) for the displacements of a body into rows for [u; lambda]."""
+        motion = self.motions[body]
+        follow = on_body[..., motion.on]
+        on_u = follow @ self.rest[0][motion.rest]
+        on_u[..., motion.dofs] += on_body * motion.factor
+        on_u[..., self.held] = 0.0
+        return np.concatenate([on_u, follow @ self.rest[1][motion.rest]], axis=-1)
 
-    With e the stiffer body and s the softer one, u_s - u_e = direction * u. Where neither body is
-    held, u_e = y is eliminated; where only s is held u_e = -direction * u, and where e is held
-    u_s = direction * u.
+
+def join(
+    bodies: Sequence[CondensedBody], places: Sequence[Place], load_names: tuple[str, ...]
+) -> JoinedBodies:
+    """Join bodies; the module's docstring has the equations.
 
     Args:
-        a: the body that n points into.
-        b: the other one, in the same coordinates, with the same loads (zero where they act on a).
+        bodies: the bodies, with the same loads (zero where they act on others).
+        places: the contact nodes of each.
         load_names: names of the loads.
 
     Returns:
         The joined system.
 
     Raises:
-        InputError: a load moves the pair in a motion that no support holds, or is a force on one
-            body and a displacement on the other.
+        InputError: a load moves bodies in a motion that no support holds, or is a force on one
+            body and a displacement on another.
         SolveError: K does not keep the rigid motions.
     """
-    sign = _common_sign(a, b, load_names)
-    stiffer_b = np.trace(b.K) >= np.trace(a.K)
-    e, s = (b, a) if stiffer_b else (a, b)
-    direction = 1.0 if stiffer_b else -1.0
-    free = ~(e.held | s.held)
-    # u_e = t (direction u) and u_s = v (direction u), plus y where free
-    t = np.where(s.held & ~e.held, -1.0, 0.0)
-    v = t + 1.0
-    C = e.K[free] * t + s.K[free] * v
-    L = (e.r_star + s.r_star)[:, free].T
-    H = (e.K + s.K)[np.ix_(free, free)]
-    solution = _solve(_pinned(H, L, e, s, a.modes, load_names), np.hstack([C, L]))
-    y, y_load = -solution[:, : C.shape[1]], -solution[:, C.shape[1] :]
-    K = t[:, None] * e.K * t + v[:, None] * s.K * v + C.T @ y
+    sign = _common_sign(bodies, load_names)
+    motions, held = _motions(bodies, places)
+    size, free = len(held), 1 + max(motion.rest.max(initial=-1) for motion in motions)
+    K, H, C = np.zeros((size, size)), np.zeros((free, free)), np.zeros((free, size))
+    r_star, L = np.zeros((len(sign), size)), np.zeros((free, len(sign)))
+    for body, motion in zip(bodies, motions, strict=True):
+        at, on, rest = motion.dofs, motion.on, motion.rest
+        K[np.ix_(at, at)] += motion.factor[:, None] * body.K * motion.factor
+        C[np.ix_(rest, at)] += body.K[on] * motion.factor
+        H[np.ix_(rest, rest)] += body.K[np.ix_(on, on)]
+        r_star[:, at] += body.r_star * motion.factor
+        L[rest] += body.r_star[:, on].T
+    sides = [dict(zip(p.contact.tolist(), p.side.tolist(), strict=True)) for p in places]
+    common = common_motions([body.constraints for body in bodies], sides)
+    _pin(H, L, common, (bodies, motions), load_names)
+    y = -_solve(H, np.hstack([C, L])) if free else np.zeros((0, size + len(sign)))
+    K += C.T @ y[:, :size]
     K = 0.5 * (K + K.T)
-    r_star = direction * (e.r_star * t + s.r_star * v + (C.T @ y_load).T)
-    compliance = e.compliance + s.compliance + sign[:, None] * (L.T @ y_load)
-    u_e, u_e_load = np.diag(direction * t), np.zeros((len(t), L.shape[1]))
-    u_e[free] += direction * y
-    u_e_load[free] = y_load
-    held = a.held & b.held
-    relative = np.hstack([free_motions(part.constraints) for part in (a, b)])
-    rigid = scaled(a.modes @ _span(relative))
+    r_star += (C.T @ y[:, size:]).T
+    compliance = sum(body.compliance for body in bodies) + sign[:, None] * (L.T @ y[:, size:])
+    own = [body.modes @ free_motions(body.constraints) for body in bodies]
+    for k, (motion, place) in enumerate(zip(motions, places, strict=True)):
+        moved = np.zeros((size, own[k].shape[1]))
+        moved[motion.dofs] = np.tile(place.side, 2)[:, None] * own[k]
+        own[k] = scaled(moved)
+    # one less for each common motion
+    rigid = independent(np.hstack(own), sum(found.shape[1] for _, found in common))
     _check_rigid(K, rigid, held)
-    u_b = u_e if stiffer_b else u_e - np.eye(len(t))
-    return JoinedBodies(K, r_star, compliance, sign, held, rigid, (u_b, u_e_load))
+    return JoinedBodies(
+        K, r_star, compliance, sign, held, rigid, (y[:, :size], y[:, size:]), motions
+    )
 
 
-def _common_sign(a: CondensedBody, b: CondensedBody, load_names: tuple[str, ...]) -> Array:
-    """Return the signs of the loads on both bodies."""
-    opposite = a.sign * b.sign < 0.0
+def _motions(
+    bodies: Sequence[CondensedBody], places: Sequence[Place]
+) -> tuple[tuple[Motion, ...], NDArray[np.bool_]]:
+    """Return how each body follows u and y, and the (2N,) degrees of freedom held on both sides.
+
+    Where neither side is held, y = u_e is free. Where only s is held u_e = -+ u, and where e is
+    held, as a plane is, u_s = +- u.
+    """
+    n = 1 + max(place.node.max() for place in places)
+    contacts = 1 + max(place.contact.max() for place in places)
+    # of the first and the second side; a plane is held and stiff
+    held = np.stack([np.zeros(2 * n, dtype=bool), np.ones(2 * n, dtype=bool)])
+    stiffness = np.array([0.0, np.inf])[:, None] * np.ones(contacts)
+    where = np.zeros(n, dtype=int)
+    for body, place in zip(bodies, places, strict=True):
+        second = (place.side < 0).astype(int)
+        held[np.tile(second, 2), place.dofs(n)] = body.held
+        own = np.diagonal(body.K).reshape(2, -1).sum(axis=0)
+        for k in np.unique(place.contact):
+            on = place.contact == k
+            stiffness[second[on][0], k] = own[on].sum()
+        where[place.node] = place.contact
+    stiffer = np.tile((stiffness[1] >= stiffness[0])[where], 2)  # the second side
+    held_e, held_s = np.where(stiffer, held[1], held[0]), np.where(stiffer, held[0], held[1])
+    t = np.where(held_s & ~held_e, -1.0, 0.0)
+    free = ~(held_e | held_s)
+    number = np.cumsum(free) - 1
+    found = []
+    for place in places:
+        at = place.dofs(n)
+        is_e = (np.tile(place.side, 2) < 0) == stiffer[at]
+        factor = np.where(stiffer, 1.0, -1.0)[at] * np.where(is_e, t[at], t[at] + 1.0)
+        on = np.flatnonzero(free[at])
+        found.append(Motion(at, factor, on, number[at[on]]))
+    return tuple(found), held[0] & held[1]
+
+
+def _common_sign(bodies: Sequence[CondensedBody], load_names: tuple[str, ...]) -> Array:
+    """Return the signs of the loads on all bodies."""
+    signs = np.array([body.sign for body in bodies])
+    low, high = signs.min(axis=0), signs.max(axis=0)
+    opposite = low * high < 0.0
     if np.any(opposite):
         name = load_names[int(np.argmax(opposite))]
         raise InputError(
             f"load '{name}': is a force on one body and a displacement on the other; give it the "
             "same form on both"
         )
-    return np.where(a.sign == 0.0, b.sign, a.sign)
+    return np.where(low < 0.0, low, high)
 
 
-def _pinned(
+def _pin(
     H: Array,
     L: Array,
-    e: CondensedBody,
-    s: CondensedBody,
-    modes: Array,
+    common: list[tuple[list[int], Array]],
+    stacked: tuple[Sequence[CondensedBody], Sequence[Motion]],
     load_names: tuple[str, ...],
-) -> Array:
-    """Return H = K_e + K_s with stiffness added on the common rigid motions that nothing holds.
+) -> None:
+    """Add stiffness to H on the common rigid motions that nothing holds.
 
     Raises:
         InputError: a load L is not balanced in one of these motions.
     """
-    common = free_motions(np.vstack([e.constraints, s.constraints]))
-    if not common.shape[1]:
-        return H
-    free = ~(e.held | s.held)
-    R = np.linalg.qr((modes @ common)[free])[0]
-    size = np.abs(e.r_star).sum(axis=1) + np.abs(s.r_star).sum(axis=1)
-    out = np.abs(R.T @ L).max(axis=0) > BALANCE_TOLERANCE * size
-    if np.any(out):
-        raise InputError(
-            f"load '{load_names[int(np.argmax(out))]}' moves both bodies together, and nothing "
-            "holds them: add a [[support]] to one of them, or balance it by its part on the "
-            "other body (a [[load]] of the same name)"
-        )
-    return H + R @ R.T * (np.trace(H) / len(H))
+    stiffness = np.trace(H) / max(len(H), 1)
+    for group, motions in common:
+        R = np.zeros((len(H), motions.shape[1]))
+        size = np.zeros(L.shape[1])
+        for i in group:
+            body, motion = stacked[0][i], stacked[1][i]
+            R[motion.rest] = body.modes[motion.on] @ motions
+            size += np.abs(body.r_star).sum(axis=1)
+        R = np.linalg.qr(R)[0]
+        out = np.abs(R.T @ L).max(axis=0) > BALANCE_TOLERANCE * size
+        if np.any(out):
+            raise InputError(
+                f"load '{load_names[int(np.argmax(out))]}' moves "
+                f"{'both' if len(group) == 2 else 'the'} bodies together, and nothing holds them: "
+                "add a [[support]] to one of them, or balance it by its part on the other body "
+                "(a [[load]] of the same name)"
+            )
+        H += R @ R.T * stiffness
 
 
 def _solve(H: Array, columns: Array) -> Array:
-    """Solve with the positive definite stiffness of both bodies; singular ones are an error."""
+    """Solve with the positive definite stiffness of the bodies; singular ones are an error."""
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", LinAlgWarning)
@@ -207,9 +310,3 @@ def _check_rigid(K: Array, rigid: Array, held: NDArray[np.bool_]) -> None:
             f"size (at most {JOINED_RIGID_RESISTANCE:g}); bring Young's moduli closer together "
             "or hold the stiffer one"
         )
-
-
-def _span(motions: Array) -> Array:
-    """Return a basis (3, n), in echelon form, of the motions that the columns span."""
-    # the orthogonal complement of the orthogonal complement
-    return free_motions(free_motions(motions.T).T)

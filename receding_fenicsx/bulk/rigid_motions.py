@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+
 import numpy as np
+from scipy.linalg import qr
 
 from receding_fenicsx.arrays import Array
 
@@ -48,3 +51,38 @@ def scaled(modes: Array) -> Array:
     if modes.shape[1] == 0:
         return modes
     return modes / np.abs(modes).max(axis=0)
+
+
+def common_motions(
+    constraints: Sequence[Array], sides: Sequence[Mapping[int, int]]
+) -> list[tuple[list[int], Array]]:
+    """Return the groups of bodies that can move together, and their motions (3, n) about one pivot.
+
+    Bodies that contacts connect move together; those that are connected with a plane cannot.
+
+    Args:
+        constraints: (m, 3) of each body.
+        sides: the contacts of each body; a contact of one body only is one with a plane.
+    """
+    todo, found = set(range(len(sides))), []
+    while todo:
+        group: set[int] = set()
+        grown = {min(todo)}
+        while grown != group:
+            group = grown
+            touched = set().union(*(sides[i] for i in group))
+            grown = group | {i for i in todo if touched & set(sides[i])}
+        todo -= group
+        motions = free_motions(np.vstack([constraints[i] for i in sorted(group)]))
+        on_plane = any(sum(k in own for own in sides) == 1 for k in touched)
+        if motions.shape[1] and not on_plane:
+            found.append((sorted(group), motions))
+    return found
+
+
+def independent(motions: Array, dependent: int) -> Array:
+    """Return the columns of motions (2N, n) without a number of them that depend on the others."""
+    rank = motions.shape[1] - dependent
+    if not rank:
+        return motions[:, :0]
+    return motions[:, np.sort(qr(motions, mode="economic", pivoting=True)[2][:rank])]

@@ -108,7 +108,7 @@ def _shifted_to_axis(scene: Scene, system: ContactSystem, g0: Array) -> Array:
     At order 2 the node on the axis has no weight and no contact condition. A free body that touches
     there first would stay above the plane by the gap of the next nodes. It is shifted along the
     axis by the difference, h^2 / (8 R) for a gap r^2 / (2 R) and elements of length h. This rigid
-    motion changes no force. A supported body is not shifted.
+    motion changes no force. A supported body is not shifted; in a stack all bodies above are.
     """
     if not (system.axisymmetric and system.rigid.shape[1]):
         return g0
@@ -117,7 +117,12 @@ def _shifted_to_axis(scene: Scene, system: ContactSystem, g0: Array) -> Array:
         on = system.edges == k
         if not midside_beside_axis(system.x[on], system.weight[on]):
             continue
-        lift = system.rigid[system.n :, 0] / system.rigid[system.n + first, 0]
+        # the smallest motion that opens this contact by 1
+        w = system.rigid[system.n :]
+        share = np.linalg.pinv(w.T @ w) @ w[first]
+        if not w[first] @ share > 0.0:
+            continue
+        lift = _without_round_off(w @ share / (w[first] @ share))
         above = lift > 0.0
         on_axis = float(evaluate(contact.initial_gap, np.zeros(1))[0])
         depth = float((g0[above] / lift[above]).min()) - on_axis

@@ -16,9 +16,9 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     """Condense a frictionless contact (f = 0 at every node) to its normal displacements.
 
     With Q = 0 eq. (11) gives v = -K_tt^+ (K_tn w + sum lambda Q*), hence
-    K = K_nn - K_nt K_tt^+ K_tn and r* = P* - K_nt K_tt^+ Q*. A body that is free to slide has a
-    rigid motion in K_tt; it is pinned at v = 0 on average, which is allowed only when no load has
-    a resultant along it.
+    K = K_nn - K_nt K_tt^+ K_tn and r* = P* - K_nt K_tt^+ Q*. Bodies that are free to slide have
+    rigid motions in K_tt; they are pinned at v = 0 on average, which is allowed only when no load
+    has a resultant along them.
 
     Args:
         system: ``kind = "frictional"``, f = 0 everywhere.
@@ -27,7 +27,7 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
         The system of ``kind = "normal"`` with its ``slip_map``.
 
     Raises:
-        InputError: if a load pushes the body along a rigid motion that nothing resists.
+        InputError: if a load pushes a body along a rigid motion that nothing resists.
 
     One node with K_tt = 2, K_tn = 1, K_nn = 4 under Q* = 1, P* = 3: v = -(w + lambda) / 2,
     K = 4 - 1/2 and r* = 3 - 1/2:
@@ -49,8 +49,8 @@ def eliminate_tangential(system: ContactSystem) -> ContactSystem:
     Q_star = system.r_star[:, free].T
     slides = _tangential_rigid(system, free)
     if slides is not None:
-        _check_resultants(system, np.abs(slides @ Q_star))
-        K_tt = K_tt + np.outer(slides, slides) * (np.trace(K_tt) / len(free))
+        _check_resultants(system, np.abs(slides.T @ Q_star).max(axis=0))
+        K_tt = K_tt + slides @ slides.T * (np.trace(K_tt) / len(free))
     mapped = -np.linalg.solve(K_tt, np.hstack([K_tn, Q_star]))
     slip_map = np.zeros((n, n + len(system.load_names)))
     slip_map[free] = mapped
@@ -90,7 +90,7 @@ def _check_resultants(system: ContactSystem, resultant: Array) -> None:
 
 
 def _tangential_rigid(system: ContactSystem, free: NDArray[np.intp]) -> Array | None:
-    """Return the unit vector of a rigid motion with w = 0 on the free tangential nodes, or None."""
+    """Return orthonormal rigid motions with w = 0 on the free tangential nodes, or None."""
     n = system.n
     if system.rigid.shape[1] == 0:
         return None
@@ -100,8 +100,7 @@ def _tangential_rigid(system: ContactSystem, free: NDArray[np.intp]) -> Array | 
     null = right[rank:]
     if len(null) == 0:
         return None
-    mode = (system.rigid[:n] @ null.T)[free, 0]
-    return mode / np.linalg.norm(mode)
+    return np.linalg.qr((system.rigid[:n] @ null.T)[free])[0]
 
 
 def frictional_form(system: ContactSystem) -> ContactSystem:

@@ -30,7 +30,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx, condensation
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.bulk.two_bodies import Pair
+from receding_fenicsx.bulk.stack import Stack
 from receding_fenicsx.errors import InputError, NotConverged, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.histories.tightening import tightened
@@ -93,7 +93,7 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
         phi, omega = _modes(bulk, tied, load.mode or 0)
         for part, force in zip(bulk.parts, phi, strict=True):
             part.loads[part.load_names.index(load.name)].setArray(force)
-        if isinstance(bulk, Pair):
+        if isinstance(bulk, Stack):
             bulk.condensed = False
         driven = given(condensation.condense(bulk))
         _check_compliance(driven, tied, omega[-1], driven.load_names.index(load.name))
@@ -126,7 +126,7 @@ def _check_compliance(system: ContactSystem, tied: NDArray[np.bool_], omega: flo
         )
 
 
-def _modes(bulk: Bulk | Pair, tied: NDArray[np.bool_], number: int) -> tuple[list[Array], Array]:
+def _modes(bulk: Bulk | Stack, tied: NDArray[np.bool_], number: int) -> tuple[list[Array], Array]:
     """Return M phi of each part, and the angular frequencies up to a mode."""
     parts: Any = bulk.parts
     A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
@@ -144,12 +144,18 @@ def _modes(bulk: Bulk | Pair, tied: NDArray[np.bool_], number: int) -> tuple[lis
         fixed[start + part.fixed] = True
         fixed[locals_[-1][contact.held]] = True
     same = np.arange(A.shape[0])
-    if len(parts) == 1:
-        fixed[locals_[0][tied]] = True
-    else:
-        a, b = (own[tied] for own in locals_)
+    if isinstance(bulk, Stack):
+        # the freedoms of the first and the second side; -1 is a plane
+        sides = np.full((2, len(tied)), -1)
+        for place, own in zip(bulk.places, locals_, strict=True):
+            sides[np.tile((place.side < 0).astype(int), 2), place.dofs(len(tied) // 2)] = own
+        a, b = sides[:, tied]
+        fixed[a[b < 0]] = True
+        a, b = a[b >= 0], b[b >= 0]
         same[b] = a
         fixed[a] |= fixed[b]
+    else:
+        fixed[locals_[0][tied]] = True
     free = np.flatnonzero((same == np.arange(len(same))) & ~fixed)
     column = np.full(len(same), -1)
     column[free] = np.arange(len(free))

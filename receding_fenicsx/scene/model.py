@@ -50,7 +50,7 @@ class Body(Table):
     """Shape of an elastic body: a rectangle, or a mesh file with named physical groups.
 
     Attributes:
-        name: name of the body in "NAME.edge"; required when there are two.
+        name: name of the body in "NAME.edge"; required when there are several.
         shape: "rectangle", or "half-plane": no mesh, infinite, with the surface "bottom" or "top"
             and the far field "far".
         width, height: sides of the rectangle. The width of a cylinder (axisymmetric, at x = 0) is
@@ -153,7 +153,7 @@ class Contact(Table):
         friction: coefficient of friction, not negative; {"forward": ..., "backward": ...} where it
             differs between slip along +t and -t.
         initial_gap: gap before loading, a length, not negative.
-        against: edge of the other body; default: a rigid plane.
+        against: edge of another body; default: a rigid plane.
         interference: depth by which the bodies would overlap as made, a length, not negative.
 
     Positions in ``span`` and in profiles are measured along the edge from its middle: to the right
@@ -173,8 +173,8 @@ class Contact(Table):
 class Scene:
     """Input of a run: bodies, materials, contacts, loads, history and options.
 
-    ``body`` is the first body, ``others`` the second one if there are two. ``material`` is the
-    default material, ``materials`` are the tables [material.NAME].
+    ``body`` is the first body, ``others`` are the other ones. ``material`` is the default material,
+    ``materials`` are the tables [material.NAME].
     """
 
     title: str = ""
@@ -228,7 +228,7 @@ class Scene:
 
     @property
     def driven_names(self) -> tuple[str, ...]:
-        """Names of the loads, each once: the parts of a load on two bodies share its name."""
+        """Names of the loads, each once: the parts of a load share its name."""
         return tuple(dict.fromkeys(load.name for load in self.loads))
 
     @property
@@ -255,6 +255,12 @@ class Scene:
     def bodies(self) -> tuple[Body, ...]:
         """All bodies, the first one first."""
         return (self.body, *self.others)
+
+    @property
+    def is_stack(self) -> bool:
+        """Whether there are more than two bodies, or two of which one touches a plane too."""
+        on_plane = any(contact.against is None for contact in self.contacts)
+        return len(self.bodies) > 2 or (len(self.bodies) == 2 and on_plane)
 
     def material_of(self, body: Body) -> Material:
         """Return the material of a body.

@@ -1,8 +1,8 @@
-"""Scene of a single body of a pair, for meshing and condensing it."""
+"""Scene of a single one of several bodies, for meshing and condensing it."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import replace
 
 import numpy as np
@@ -20,8 +20,8 @@ MOST_PLACES = 200
 def part_of(scene: Scene, body: Body) -> Scene:
     """Return the scene of one body, with edge names without the body's name.
 
-    Contacts, loads and supports of the other body are omitted, and the probes of a pair. The number
-    of contact elements of a rectangle is that for which elements have the same size on both bodies.
+    Contacts, loads and supports of other bodies are omitted, and the probes of several bodies. The
+    number of contact elements of a rectangle is that for which elements have one size on all.
 
     Args:
         scene: the scene.
@@ -50,7 +50,7 @@ def part_of(scene: Scene, body: Body) -> Scene:
             contacts.append(replace(contact, edge=edge, against=None))
         elif against is not None:
             contacts.append(replace(contact, edge=against, against=None, span=None))
-    # the joined system of a pair has its bolts
+    # the joined system has the bolts
     for load in scene.applied if scene.others else scene.loads:
         edge = None if load.on_body else own(load.edge)
         if load.on_body and load.body in (None, body.name):
@@ -92,12 +92,17 @@ def part_of(scene: Scene, body: Body) -> Scene:
 def places_on(scene: Scene, body: Body) -> tuple[Refinement, ...]:
     """Return the refined places on the contact edges of a body, each with its edge and growth.
 
-    Of two rectangles both get all places, their mirror images about the middle of each body and
-    breaks at the ends of both, so that the vertices of both match.
+    Of two rectangles in contact both get all places, their mirror images about the middle of each
+    body and breaks at the ends of both, so that the vertices of both match.
 
     Raises:
-        InputError: a rectangle lies against a mesh file.
+        InputError: a rectangle lies against a mesh file, or in a stack.
     """
+    if scene.mesh.refine and scene.is_stack and any(b.is_rectangle for b in scene.bodies):
+        raise InputError(
+            "[mesh] refine: rectangles in a stack have elements of one size on their contact edges;"
+            " use more contact_elements, or mesh files"
+        )
     found = []
     for contact in scene.contacts:
         sides = [scene.find_edge(e) for e in (contact.edge, contact.against) if e is not None]
@@ -205,28 +210,38 @@ def _zero(scene: Scene, edge: str) -> float:
 def contact_elements(scene: Scene, body: Body) -> int:
     """Return the number of contact elements on a body.
 
-    ``mesh.contact_elements`` counts those of the first contact's edge. The other body gets elements
-    of the same size.
+    ``mesh.contact_elements`` counts those of the first contact's edge. The other bodies get
+    elements of the same size on the edge of their first contact.
     """
     n = scene.mesh.contact_elements
-    first = scene.contacts[0] if scene.contacts else None
-    if first is None or first.against is None or not body.is_rectangle:
+    if not scene.others or not body.is_rectangle:
         return n
-    owner, _ = scene.find_edge(first.edge)
-    if owner == body or not owner.is_rectangle:
+    first = scene.contacts[0].edge
+    own = next((edge for _, edge, _ in _touching(scene, body)), first)
+    if not scene.find_edge(first)[0].is_rectangle or scene.find_edge(first)[0] == body:
         return n
-    edge = _length(scene, first)
-    wanted = n * edge[1] / edge[0]
+    # for a cylinder the diameters
+    before, length = (
+        owner.width if name in HORIZONTAL else owner.height
+        for owner, name in map(scene.find_edge, (first, own))
+    )
+    wanted = n * length / before
     if abs(wanted - 2 * round(wanted / 2)) > COUNT_TOLERANCE * wanted:
         raise InputError(
-            f"[mesh] contact_elements: {n} on '{first.edge}' make {wanted:g} on '{first.against}', "
-            "which must be an even number; change contact_elements, or a width"
+            f"[mesh] contact_elements: {n} on '{first}' make {wanted:g} on '{own}', which must be "
+            "an even number; change contact_elements, or a width"
         )
     return 2 * round(wanted / 2)
 
 
-def _length(scene: Scene, contact: Contact) -> tuple[float, float]:
-    """Return the lengths of the edges of both bodies; for a cylinder the diameter."""
-    ends = [scene.find_edge(edge) for edge in (contact.edge, contact.against or contact.edge)]
-    first, second = (body.width if name in HORIZONTAL else body.height for body, name in ends)
-    return first, second
+def sides_of_body(scene: Scene, body: Body) -> list[tuple[int, int]]:
+    """Return the numbers of a body's contacts, each with +1 where it is the first body, or -1."""
+    return [(k, side) for k, _, side in _touching(scene, body)]
+
+
+def _touching(scene: Scene, body: Body) -> Iterator[tuple[int, str, int]]:
+    """Yield the contacts of a body: number, edge on it, +1 where it is the first body, or -1."""
+    for k, contact in enumerate(scene.contacts):
+        for edge, side in ((contact.edge, 1), (contact.against, -1)):
+            if edge is not None and scene.find_edge(edge)[0] == body:
+                yield k, edge, side

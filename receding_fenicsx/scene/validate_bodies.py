@@ -39,8 +39,6 @@ MAX_CELLS = 1e8
 def check_bodies(scene: Scene) -> None:
     """Check names, shapes and materials of the bodies."""
     names = [body.name for body in scene.bodies]
-    if len(names) > 2:
-        raise InputError(f"[[body]]: the scene has {len(names)}; at most two can be modelled")
     for name in names:
         if scene.others and not name.strip():
             raise InputError("[[body]] name: is missing; give each body a name")
@@ -61,7 +59,7 @@ def check_bodies(scene: Scene) -> None:
     for material in used:
         _check_material(material)
     if len({material.kinematics for material in used}) > 1:
-        raise InputError("[material] kinematics: differs between the bodies; use the same for both")
+        raise InputError("[material] kinematics: differs between the bodies; use the same for all")
     for body in scene.bodies:
         if scene.axisymmetric and body.is_rectangle:
             _check_radii(scene, body, _label(scene, body))
@@ -117,6 +115,11 @@ def check_half_planes(scene: Scene) -> None:
     flat = [body for body in scene.bodies if body.is_half_plane]
     if not flat:
         return
+    if scene.is_stack:
+        raise InputError(
+            f"{_label(scene, flat[0])} shape: a half-plane touches one body or one plane only, not "
+            "a stack; use a large rectangle"
+        )
     if scene.axisymmetric:
         raise InputError(
             "[material] kinematics: a half-plane is not axisymmetric; use plane strain or plane "
@@ -134,7 +137,8 @@ def check_half_planes(scene: Scene) -> None:
             raise InputError(f"{label}: has the surfaces bottom and top; use one of them")
         if not scene.others:
             continue
-        if len(flat) == 1 and scene.find_edge(scene.contacts[0].edge)[0] == body:
+        first = {scene.find_edge(contact.edge)[0].name for contact in scene.contacts}
+        if body.name in first if len(flat) == 1 else len(first) > 1:
             raise InputError(
                 f"[contact] edge: names the half-plane '{body.name}'; exchange edge and against, "
                 "it takes its nodes from the other body's mesh"

@@ -36,21 +36,19 @@ def check_contacts(scene: Scene) -> None:
     """Check the contact edges, their spans, friction and initial gap."""
     if not scene.contacts:
         raise InputError("[contact]: the scene has none; add one")
-    first = scene.contacts[0].edge
+    touching = []
     for i, contact in enumerate(scene.contacts):
         where = "[contact]" if len(scene.contacts) == 1 else f"[[contact]] number {i + 1}"
         _check_contact(scene, contact, where)
-        if not scene.others:
-            continue
-        own, other = (scene.find_edge(e)[0] for e in (contact.edge, contact.against or first))
-        if contact.against is None or own == other:
+        touching.append(scene.find_edge(contact.edge)[0])
+        if contact.against is not None:
+            touching.append(scene.find_edge(contact.against)[0])
+            if touching[-1] == touching[-2]:
+                raise InputError(f"{where} against: must name an edge of another body")
+    for body in scene.bodies:
+        if body not in touching:
             raise InputError(
-                f"{where} against: must name an edge of the other body; a pair cannot touch a "
-                "rigid plane too"
-            )
-        if own != scene.find_edge(first)[0]:
-            raise InputError(
-                f'{where} edge: is not on the body of "{first}"; exchange edge and against'
+                f"body '{body.name}': touches nothing; name one of its edges in a [[contact]]"
             )
 
 

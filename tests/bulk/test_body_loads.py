@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.fields import fields_at, gather_cell_stresses, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.two_bodies import build_all
+from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import given

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.two_bodies import build_all
+from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of

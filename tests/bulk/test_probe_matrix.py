@@ -18,7 +18,7 @@ from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.probes.matrix import probe_matrix
 from receding_fenicsx.bulk.probes.points import point_values
-from receding_fenicsx.bulk.two_bodies import Bodies, build_all
+from receding_fenicsx.bulk.stack import Bodies, build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import (
     Body,

@@ -113,7 +113,7 @@ def test_a_ring_is_the_same_made_by_a_mesh_file(shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "ring.msh"
 
     def write() -> None:
-        mesh = _raw(rough, True)
+        mesh = _raw(rough, rough.body, True)
         write_msh(path, mesh.points, [mesh.cells], mesh.edges)
 
     on_root(comm, write)

@@ -20,7 +20,7 @@ from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.fields import Fields, gather_fields, solve_fields
 from receding_fenicsx.bulk.fields import _together as together
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.two_bodies import Pair, build_all
+from receding_fenicsx.bulk.stack import Stack, build_all
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -69,9 +69,9 @@ def pair_scene(
     return replace(scene, **parts)  # type: ignore[arg-type]
 
 
-def built(scene: Scene, half: bool = False) -> Pair:
+def built(scene: Scene, half: bool = False) -> Stack:
     pair = build_all(scene, make_meshes(comm, scene, half))
-    assert isinstance(pair, Pair)
+    assert isinstance(pair, Stack)
     return pair
 
 
@@ -260,7 +260,7 @@ def test_quadrilaterals_beside_triangles_are_split_and_keep_their_area() -> None
     quad = Fields(corners, np.array([[0, 1, 2, 3]]), none, stress)
     triangle = Fields(corners[:3] + 5.0, np.array([[0, 1, 2]]), none[:3], {"sxx": np.ones(3)})
     for first, second in ((quad, triangle), (triangle, quad)):
-        both = together(first, second)
+        both = together([first, second])
         a, b, c = both.points[both.cells].transpose(1, 2, 0)
         area = 0.5 * ((b - a)[0] * (c - a)[1] - (b - a)[1] * (c - a)[0])
         # counterclockwise all, those of the square and of the triangle
@@ -510,8 +510,8 @@ def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> No
     [
         ({"supports": ()}, "load 'p0' moves both bodies together, and nothing holds them"),
         ({"supports": (Support("x", edge="lower.bottom"),)}, "load 'p0' moves both bodies"),
-        ({"contacts": (Contact("upper.bottom"),)}, "against: must name an edge of the other"),
-        ({"contacts": (Contact("upper.bottom", against="upper.top"),)}, "edge of the other body"),
+        ({"contacts": (Contact("upper.bottom"),)}, "body 'lower': touches nothing; name one of"),
+        ({"contacts": (Contact("upper.bottom", against="upper.top"),)}, "edge of another body"),
         ({"mesh": MeshOptions(contact_elements=10, cell="hexagon")}, "cell"),
         (
             {"body": Body("upper", position=(0.1, 2.0))},
@@ -532,7 +532,7 @@ def test_two_surfaces_of_one_file_balance_the_pull_on_their_oblique_pads() -> No
             },
             "load 'p': two of its parts are a pressure on the same part of",
         ),
-        ({"others": 2 * (Body("lower"),)}, "the scene has 3; at most two"),
+        ({"others": (Body("lower"), Body("under"))}, "body 'under': touches nothing"),
     ],
 )
 def test_pairs_that_cannot_be_modelled_are_refused(change: dict, words: str) -> None:

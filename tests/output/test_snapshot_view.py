@@ -201,7 +201,7 @@ def made_up(rigid: bool = True) -> View:
     open_ = STATES == rf.State.SEPARATION
     moved = place + np.stack([0.0 * x, np.where(open_, 0.05, 0.0)], axis=1)
     gap = 0.01 * (1.0 + np.abs(x))
-    strip = Strip("bottom", x, place, moved, np.array([0.0, 1.0]), gap, STATES)
+    strip = Strip("bottom", x, place, moved, np.array([0.0, 1.0]), gap, STATES, rigid)
     corners = np.array([[-1.0, 0.0], [1.0, 0.0], [1.0, 1.0], [-1.0, 1.0]])
     p = np.where(open_, 0.0, 1.0 - x**2)
     return View(
@@ -214,7 +214,6 @@ def made_up(rigid: bool = True) -> View:
         size=1.0,
         near=False,
         strips=(strip,),
-        rigid=rigid,
         p=p,
         q=np.where(STATES == 3, -0.3, np.where(STATES == 4, 0.3, 0.1)) * p,
         f=Friction(np.full(9, 0.3), np.full(9, 0.3)),

@@ -278,7 +278,7 @@ def test_names_of_bodies_and_edges_are_checked() -> None:
         ('name = "lower"', "", "name: is missing"),
         ('name = "lower"', 'name = "upper"', "body 'upper': 2 bodies"),
         ('"lower.bottom"', '"lowre.bottom"', 'edge: "lowre.bottom" names none.*"lower.bottom"'),
-        ('against = "lower.top"', "", "against: must name an edge of the other body"),
+        ('against = "lower.top"', "", "body 'lower': touches nothing"),
         ('"lower.bottom"', '"lower.botom"', "edge:.*botom.*unknown"),
         ("[material.lower]", "[material.lowe]", r"\[material.lowe\]: no body has this material"),
         ("young = 3.0", "young = -3.0", r"\[material.lower\] young: must be positive"),

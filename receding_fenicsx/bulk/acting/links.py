@@ -154,7 +154,7 @@ def with_links(joined: JoinedBodies, soft: Array) -> JoinedBodies:
     kappa = np.linalg.inv(soft + C[n:, n:])
     G, T = kappa @ R, -kappa @ C[n:, :n]
     K = joined.K + R.T @ G
-    back, back_load = joined.back
+    rest, rest_load = joined.rest
     return replace(
         joined,
         K=0.5 * (K + K.T),
@@ -162,6 +162,6 @@ def with_links(joined: JoinedBodies, soft: Array) -> JoinedBodies:
         compliance=C[:n, :n] + C[:n, n:] @ T,
         sign=joined.sign[:n],
         rigid=without_lengthening(joined.rigid, R),
-        back=(back + back_load[:, n:] @ G, back_load[:, :n] + back_load[:, n:] @ T),
+        rest=(rest + rest_load[:, n:] @ G, rest_load[:, :n] + rest_load[:, n:] @ T),
         links=(T, G),
     )

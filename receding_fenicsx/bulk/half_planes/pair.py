@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
-from receding_fenicsx.bulk.join_bodies import BALANCE_TOLERANCE, JoinedBodies
+from receding_fenicsx.bulk.join_bodies import BALANCE_TOLERANCE, JoinedBodies, Motion
 from receding_fenicsx.bulk.rigid_motions import scaled
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.half_plane.far_field import FarField, condense_far_field
@@ -72,6 +72,7 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
     # u_b = -moved (u - R a) + R a_b
     moved_b = stiffness.moved_by(b.compliance)
     turned = moved_b @ modes
+    dofs = np.arange(count)
     return JoinedBodies(
         found.K,
         found.r_star,
@@ -80,4 +81,5 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
         np.zeros(count, dtype=bool),
         scaled(modes[:, free]),
         (turned @ on_u - moved_b + modes @ b_on_u, turned @ on_loads + modes @ b_on_loads),
+        tuple(Motion(dofs, np.full(count, factor), dofs, dofs) for factor in (1.0, 0.0)),
     )

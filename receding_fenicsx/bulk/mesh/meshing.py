@@ -79,6 +79,7 @@ class BodyMesh:
         spots: (k, 2) coordinates of each named group of points.
         arcs: the true curves of the facets on curved edges, where they are known.
         size: length that tolerances on positions are relative to, the same for all bodies.
+        pivot: (2,) middle of all contacts, about which rigid motions rotate.
         half: True when only x >= 0 is meshed; always for an axisymmetric body.
         cell: "triangle" or "quadrilateral".
     """
@@ -91,6 +92,7 @@ class BodyMesh:
     spots: dict[str, Array]
     arcs: Arcs | None
     size: float
+    pivot: Array
     half: bool
     cell: str
 
@@ -123,7 +125,7 @@ def contact_sizes_of(scene: Scene) -> list[float]:
 
 def _contact_elements(scene: Scene) -> Iterator[Array]:
     """Yield the ends (n, 2, dim) of the elements on each contact edge of the whole scene."""
-    meshes = [_raw(part_of(scene, body), scene.axisymmetric) for body in scene.bodies]
+    meshes = [_raw(scene, body, scene.axisymmetric) for body in scene.bodies]
     for contact, found in zip(scene.contacts, find_interfaces(scene, meshes, False), strict=True):
         body, edge = scene.find_edge(contact.edge)
         mesh = meshes[scene.bodies.index(body)]
@@ -176,22 +178,33 @@ def _distribute(comm: MPI.Comm, made: _Tagged | None, cell: str, data: dict[str,
 
 def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
     """Return the meshes of all bodies with their tags; no communication."""
-    meshes = [_raw(part_of(scene, body), half) for body in scene.bodies]
+    meshes = [_raw(scene, body, half) for body in scene.bodies]
     interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
-    size = max(mesh.size for mesh in meshes)
+    touching = []
+    for contact, interface in zip(scene.contacts, interfaces, strict=True):
+        body, edge = scene.find_edge(contact.edge)
+        mesh = meshes[scene.bodies.index(body)]
+        touching.append(mesh.points[mesh.edges[edge][interface.facets]].reshape(-1, 2))
+    places = np.vstack(touching)
+    shared = {
+        "size": max(mesh.size for mesh in meshes),
+        "pivot": 0.5 * (places.min(axis=0) + places.max(axis=0)),
+        "half": half,
+    }
     return [
-        _tagged(scene, body, mesh, interfaces, half, size)
+        _tagged(scene, body, mesh, interfaces, shared)
         for body, mesh in zip(scene.bodies, meshes, strict=True)
     ]
 
 
-def _raw(scene: Scene, half: bool) -> RawMesh:
-    """Mesh or read the only body of a scene."""
+def _raw(whole: Scene, body: Body, half: bool) -> RawMesh:
+    """Mesh or read a body of a scene."""
+    scene = part_of(whole, body)
     if scene.body.mesh is not None:
         given = read_user_mesh(scene.body, scene.mesh, scene.axisymmetric)
         return with_radii(given) if scene.axisymmetric else given
     half = half and (not scene.axisymmetric or is_cylinder(scene, scene.body))
-    frame = make_frame(scene, half)
+    frame = make_frame(scene, half, bool(whole.others))
     marks = find_marks(scene, frame)
     mesh = _gmsh_half(scene, frame, marks)
     snap(scene, frame, marks, mesh)
@@ -211,8 +224,7 @@ def _tagged(
     body: Body,
     mesh: RawMesh,
     interfaces: tuple[Interface, ...],
-    half: bool,
-    size: float,
+    shared: dict[str, Any],
 ) -> _Tagged:
     """Tag the facets of a body by edge, those in contact by contact."""
     tag_of = {name: tag for tag, name in enumerate(mesh.edges, start=1)}
@@ -237,8 +249,7 @@ def _tagged(
         "lines": _lines(mesh, used),
         "spots": {name: mesh.points[nodes] for name, nodes in mesh.spots.items()},
         "arcs": mesh.arcs,
-        "size": size,
-        "half": half,
+        **shared,
     }
     facets = np.vstack([np.empty((0, 2), dtype=np.int64), *(mesh.edges[name] for name in used)])
     every = np.concatenate([np.empty(0, np.int32), *(tags[name] for name in used)])
@@ -273,6 +284,7 @@ def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
         "contact_elements": [float(scene.mesh.contact_elements)],
         "growth": [float(scene.mesh.growth)],
         "quadrilaterals": [float(cell == "quadrilateral")],
+        "both_edges": [float(frame.both)],
         "top_marks": (marks.top / unit).tolist(),
         "side_marks": (marks.side / unit).tolist(),
         "inner_x": (marks.inner[:, 0] / unit).tolist(),

@@ -27,15 +27,25 @@ EDGE_NAMES = {
     "right": {"bottom": "right", "right": "top", "top": "left", "left": "bottom"},
 }
 """Names on the body of the edges of ``rectangle.geo``, by contact edge."""
+OPPOSITE = {"bottom": "top", "top": "bottom", "left": "right", "right": "left"}
+"""Opposite edges of a rectangle."""
 
 
 @dataclass(frozen=True)
 class Frame:
-    """Edge coordinates of a rectangle: contact edge, its length, and the depth below it."""
+    """Edge coordinates of a rectangle.
+
+    Attributes:
+        edge: contact edge.
+        length: its length.
+        depth: depth of the rectangle below it.
+        both: whether the opposite edge is a contact edge with the same vertices.
+    """
 
     edge: str
     length: float
     depth: float
+    both: bool = False
 
     def to_body(self, s: Array, d: Array) -> Array:
         """Return (n, 2) body coordinates."""
@@ -89,20 +99,26 @@ class HalfMesh:
     edges: dict[str, Ints]
 
 
-def make_frame(scene: Scene, half: bool) -> Frame:
+def make_frame(scene: Scene, half: bool, stacked: bool = False) -> Frame:
     """Return the coordinates of the first contact edge of a rectangle.
+
+    Args:
+        scene: the scene of this body alone.
+        half: only x >= 0 is meshed.
+        stacked: vertices are the same on opposite contact edges.
 
     Raises:
         InputError: only x >= 0 is meshed, but the contact edge is vertical.
     """
     edge = scene.contacts[0].edge
+    both = stacked and any(contact.edge == OPPOSITE[edge] for contact in scene.contacts)
     if edge in ("bottom", "top"):
-        return Frame(edge, scene.body.width, scene.body.height)
+        return Frame(edge, scene.body.width, scene.body.height, both)
     if half:
         raise InputError(
             f"contact.edge = '{edge}' has no half at x >= 0; set solver.symmetry = \"none\""
         )
-    return Frame(edge, scene.body.height, scene.body.width)
+    return Frame(edge, scene.body.height, scene.body.width, both)
 
 
 def find_marks(scene: Scene, frame: Frame) -> Marks:
@@ -132,7 +148,8 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
         s = abs(s)
         if s > 0.5 * frame.length + near or not -near <= d <= frame.depth + near:
             raise InputError(f"{key}: the point ({x:g}, {y:g}) lies outside the body; move it")
-        on_contact, on_top = d <= near, d >= frame.depth - near
+        on_top = d >= frame.depth - near
+        on_contact = d <= near or (frame.both and on_top)
         on_side = s >= 0.5 * frame.length - near
         if on_contact and scene.mesh.refine:
             stops.append(s)
@@ -190,6 +207,11 @@ def _find_ends(scene: Scene, frame: Frame) -> Array:
     spans = [(part.edge, part.span) for part in scene.edge_parts]
     spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
     ends = {}
+    if frame.both:
+        ends[round(0.5 * frame.length / near), round(frame.depth / near)] = (
+            0.5 * frame.length,
+            frame.depth,
+        )
     for edge, span in spans:
         along = np.array(edge_range(scene, edge) if span is None else span)
         for x, y in zip(*edge_points(scene, edge, along), strict=True):
@@ -244,6 +266,8 @@ def snap(scene: Scene, frame: Frame, marks: Marks, mesh: HalfMesh) -> None:
     s[on["axis"]] = 0.0
     d[on["top"]] = frame.depth
     s[on["right"]] = 0.5 * frame.length
+    if frame.both:
+        s[on["top"]] = marks.contact[np.searchsorted(between, s[on["top"]])]
     for mark in marks.side:
         if quadrilaterals:
             d[np.abs(d - mark) <= near] = mark

@@ -14,7 +14,7 @@ from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.half_planes.window import value_rows
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.probes.points import PointValues, point_values
-from receding_fenicsx.bulk.two_bodies import Bodies, Pair
+from receding_fenicsx.bulk.stack import Bodies, Stack
 from receding_fenicsx.interface.system import ProbeMatrix
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Scene
@@ -55,12 +55,12 @@ def probe_matrix(bulk: Bodies, scene: Scene) -> ProbeMatrix | None:
         for side, (here, found) in enumerate(parts):
             if here:
                 own = given(found)
-                rows[here] = _of_pair(bulk, side, own) if isinstance(bulk, Pair) else own
+                rows[here] = _of_stack(bulk, side, own) if isinstance(bulk, Stack) else own
         if bulk.scene.bolts:
             T, G = law_of(bulk)
             n = G.shape[1]
             rows = np.concatenate([rows[..., :n] + rows[..., n:] @ G, rows[..., n:] @ T], axis=-1)
-        held = given(bulk.joined).held if isinstance(bulk, Pair) else bulk.contact.held
+        held = given(bulk.joined).held if isinstance(bulk, Stack) else bulk.contact.held
         shift = interference_shift(scene, bulk.contact, held)
         if shift is not None:
             rows = np.concatenate([rows, (rows[..., : len(shift)] @ shift)[..., None]], axis=-1)
@@ -136,25 +136,17 @@ def _tied(bulk: Bulk, g: Array) -> Array:
     return tied
 
 
-def _of_pair(pair: Pair, side: int, rows: Array) -> Array:
-    """Return rows of one body of a pair for the relative displacements and all loads.
-
-    With u_b = B u + C lambda, and u_a = u + u_b; see :mod:`receding_fenicsx.bulk.join_bodies`.
-    """
-    joined, part = given(pair.joined), pair.parts[side]
-    n = len(joined.held)
-    back, back_load = joined.back
-    moved = back if side == 1 else back + np.eye(n)
-    contact, own, count = rows[..., :n], rows[..., n:], back_load.shape[1]
-    names = pair.load_names + pair.link_names
-    every = np.zeros((*own.shape[:-1], len(names)))
-    every[..., [names.index(name) for name in part.load_names]] = own
-    of_contact = contact @ np.where(joined.held, 0.0, moved)
-    of_loads = contact @ back_load + every[..., :count]
+def _of_stack(stack: Stack, body: int, rows: Array) -> Array:
+    """Return rows of one body of a stack for the relative displacements and all loads."""
+    joined, part = given(stack.joined), stack.parts[body]
+    n = 2 * len(part.contact.x)
+    names = stack.load_names + stack.link_names
+    of_loads = np.zeros((*rows.shape[:-1], len(names)))
+    of_loads[..., [names.index(name) for name in part.load_names]] = rows[..., n:]
+    count = len(stack.load_names)
+    found = joined.rows(body, rows[..., :n])
+    found[..., len(joined.held) :] += of_loads[..., :count]
     if joined.links is not None:
         T, G = joined.links
-        of_contact, of_loads = (
-            of_contact + every[..., count:] @ G,
-            of_loads + every[..., count:] @ T,
-        )
-    return np.concatenate([of_contact, of_loads], axis=-1)
+        found += of_loads[..., count:] @ np.hstack([G, T])
+    return found

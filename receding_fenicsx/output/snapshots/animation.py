@@ -38,7 +38,7 @@ from receding_fenicsx.output.snapshots.view import units_of, view_of
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.two_bodies import Bodies
+    from receding_fenicsx.bulk.stack import Bodies
 
 FILM_DPI = 171.0
 """Dots per inch of a frame, for a width of 1280 pixels."""

@@ -19,15 +19,16 @@ MIN_NUMBERED_ZONE = 0.025
 
 
 def draw_outlines(axes: Axes, view: View) -> None:
-    """Draw the undeformed and the deformed outline, and the rigid plane below the contact edge."""
+    """Draw the undeformed and the deformed outline, and rigid planes below contact edges."""
     before = LineCollection(list(view.points[view.edges]), colors=style.GUIDE_COLOUR)
     before.set(linewidths=0.6, linestyles=[(0, (3, 2))], zorder=2)
     after = LineCollection(list(view.moved[view.edges]), colors="black", capstyle="round")
     after.set(linewidths=0.8, zorder=3)
     axes.add_collection(before)
     axes.add_collection(after)
-    for strip in view.strips if view.rigid else ():
-        _draw_plane(axes, view, strip)
+    for strip in view.strips:
+        if strip.rigid:
+            _draw_plane(axes, view, strip)
 
 
 def _draw_plane(axes: Axes, view: View, strip: Strip) -> None:
@@ -48,7 +49,7 @@ def _draw_plane(axes: Axes, view: View, strip: Strip) -> None:
 def draw_states(axes: Axes, view: View) -> None:
     """Draw the states, as a band below the plane or as a coloured line between two bodies."""
     for strip in view.strips:
-        if view.rigid:
+        if strip.rigid:
             _draw_band(axes, view, strip)
         else:
             _draw_line(axes, strip)

@@ -39,7 +39,7 @@ from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.two_bodies import Bodies
+    from receding_fenicsx.bulk.stack import Bodies
 
 
 def snapshots(

@@ -84,8 +84,11 @@ def layout_of(*views: View, dpi: float = style.DPI) -> Layout:
 def _corners(view: View) -> Array:
     """Return (2, 2) lowest and highest coordinates of everything drawn of a view."""
     shown = [view.points, view.moved]
-    if view.rigid:
-        shown += [strip.place - band_depths(view, strip)[1] * strip.normal for strip in view.strips]
+    shown += [
+        strip.place - band_depths(view, strip)[1] * strip.normal
+        for strip in view.strips
+        if strip.rigid
+    ]
     shown += [end for arrows in view.arrows for end in (arrows.tails, arrows.heads)]
     points = np.vstack(shown)
     return np.stack([points.min(axis=0), points.max(axis=0)])

@@ -23,7 +23,7 @@ from receding_fenicsx.output.snapshots.render import find_renderer
 from receding_fenicsx.output.snapshots.view import Units, units_of, view_of
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.two_bodies import Bodies
+    from receding_fenicsx.bulk.stack import Bodies
 
 NO_FORCE = 1e-9
 """Reaction over the largest one below which a node without a direction of slip is open."""

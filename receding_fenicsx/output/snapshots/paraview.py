@@ -1,6 +1,6 @@
 r"""XDMF files of the whole body and its contact, for ParaView, pyvista and meshio.
 
-An instant is one grid: the cells of one or both bodies, and the contact as lines between its nodes,
+An instant is one grid: the cells of all bodies, and the contact as lines between its nodes,
 which are points of their own. Half bodies are completed. ``instants.xdmf`` is the series of all
 instants of a folder in time. Time counts cycles: 1 is the start of cycle 1, 1.5 the end of the
 first of two legs. Numbers are in HDF5 files beside the XDMF files.
@@ -9,11 +9,11 @@ Values at points:
 
 * ``displacement``; ``sxx``, ``syy``, ``szz``, ``sxy``, ``von_mises``, ``max_shear``: averages of
   the cells around a vertex; on the contact interpolated between vertices.
-* On the contact only, nan elsewhere: tractions ``p`` and ``q`` on the first body, the vector
+* On the contact only, nan elsewhere: tractions ``p`` and ``q`` on its first body, the vector
   ``traction`` $= q\,t + p\,n$, ``gap`` $= g_0 + w$, ``slip`` $= v$.
 * ``state``: 1 to 4 on the contact, 0 elsewhere.
 
-Values of cells: ``part`` (0: contact, 1: first body, 2: second body) and the stresses at the
+Values of cells: ``part`` (0: contact, 1: first body, 2: second body, ...) and the stresses at the
 midpoints, ``sxx_cell`` and so on; of contact lines the mean of both ends.
 """
 
@@ -76,7 +76,9 @@ def grid_of(fields: Fields, cell_stress: dict[str, Array], contact: WholeContact
     line = np.zeros((m, values.shape[1]))
     for k in np.unique(contact.edge):
         on = contact.edge == k
-        line[on] = edge_values(fields, values, contact.points[on], contact.normal[on][0])
+        line[on] = edge_values(
+            fields, values, contact.points[on], contact.normal[on][0], contact.body[on][0]
+        )
     joined = np.vstack([values, line])
     at_points: dict[str, NDArray[Any]] = {"displacement": _vectors(joined[:, :2])}
     at_points |= {name: joined[:, 2 + i] for i, name in enumerate(names)}

@@ -23,7 +23,7 @@ from receding_fenicsx.scene.profiles import directions, evaluate
 from receding_fenicsx.scene.units import Units as SceneUnits
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.two_bodies import Bodies
+    from receding_fenicsx.bulk.stack import Bodies
 
 LARGEST_DISPLACEMENT = 0.1
 """Largest exaggerated displacement in a picture, over the size of the view."""
@@ -57,6 +57,7 @@ class Strip:
         normal: (2,) unit normal n into the body.
         gap: (N,) exaggerated initial gap, from the contact nodes to the plane.
         state: (N,) states.
+        rigid: whether the other side is a rigid plane, not a second body.
     """
 
     name: str
@@ -66,6 +67,7 @@ class Strip:
     normal: Array
     gap: Array
     state: NDArray[np.int8]
+    rigid: bool
 
     @property
     def direction(self) -> Array:
@@ -87,7 +89,6 @@ class View:
             the length of a small contact.
         near: whether the picture is a close-up of the contact.
         strips: the contact edges.
-        rigid: whether the body touches a rigid plane, not a second body.
         p, q: (N,) tractions on the first contact edge; nan at nodes without weight.
         f: friction, forward and backward, of the N nodes on the first contact edge.
         arrows: arrows of the loads.
@@ -106,7 +107,6 @@ class View:
     size: float
     near: bool
     strips: tuple[Strip, ...]
-    rigid: bool
     p: Array
     q: Array
     f: Friction
@@ -169,7 +169,6 @@ def view_of(bulk: Bodies, fields: Fields, instant: Instant, units: Units | None 
         size=size / unit,
         near=near,
         strips=strips,
-        rigid=scene.contacts[0].against is None,
         p=p,
         q=q,
         f=f,
@@ -191,10 +190,14 @@ def _contact(
     for k, described in enumerate(scene.contacts):
         on = found.edge == k
         place, normal = found.points[on], found.normal[on][0]
-        moved = place + units.factor * edge_values(fields, fields.displacement, place, normal)
+        displacement = edge_values(
+            fields, fields.displacement, place, normal, found.body[on][0]
+        )
+        moved = place + units.factor * displacement
         gap = units.factor * found.initial_gap[on] / unit
         at, x, state = place / unit, found.x[on] / unit, found.shown[on]
-        strips.append(Strip(described.edge, x, at, moved / unit, normal, gap, state))
+        rigid = described.against is None
+        strips.append(Strip(described.edge, x, at, moved / unit, normal, gap, state, rigid))
     on = found.edge == 0
     p, q = found.p[on] / units.traction, found.q[on] / units.traction
     argument = found.argument[on]

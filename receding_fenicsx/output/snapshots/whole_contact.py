@@ -16,7 +16,7 @@ from receding_fenicsx.interface.mirror import mirror_nodes
 from receding_fenicsx.scene.profiles import evaluate
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.two_bodies import Bodies
+    from receding_fenicsx.bulk.stack import Bodies
 
 
 @dataclass(frozen=True)
@@ -30,6 +30,7 @@ class WholeContact:
         argument: (N,) argument of friction and gap: x, axisymmetric the radius.
         points: (N, 2) coordinates.
         edge: (N,) number of the contact edge.
+        body: (N,) number of the first body of the contact, as in ``Fields.body``.
         tangent, normal: (N, 2) unit vectors t and n.
         state: (N,) states.
         p, q: (N,) tractions P/m and Q/m on the body; nan at nodes without weight.
@@ -42,6 +43,7 @@ class WholeContact:
     argument: Array
     points: Array
     edge: Ints
+    body: Ints
     tangent: Array
     normal: Array
     state: NDArray[np.int8]
@@ -54,7 +56,7 @@ class WholeContact:
 
 
 def whole_contact(bulk: Bodies, instant: Instant) -> WholeContact:
-    """Return the whole contact of a body, or of two, at one instant.
+    """Return the whole contact of a body or of several at one instant.
 
     Args:
         bulk: the body or bodies.
@@ -69,8 +71,10 @@ def whole_contact(bulk: Bodies, instant: Instant) -> WholeContact:
     argument = np.abs(x) if scene.axisymmetric else x
     edge = contact.edge[mirror.index]
     gap = np.zeros(len(x))
+    names, owners = [part.scene.body.name for part in bulk.parts], []
     for k, described in enumerate(scene.contacts):
         gap[edge == k] = evaluate(described.initial_gap, argument[edge == k])
+        owners.append(names.index(scene.find_edge(described.edge)[0].name))
     weight = mirror.total(contact.weight)
     weight = np.where(weight > 0.0, weight, np.nan)
     # open nodes carry no force: the rest is round-off; held ones carry reactions
@@ -81,6 +85,7 @@ def whole_contact(bulk: Bodies, instant: Instant) -> WholeContact:
         argument=argument,
         points=contact.points[mirror.index] * np.stack([side, np.ones_like(side)], axis=1),
         edge=edge,
+        body=np.array(owners)[edge],
         tangent=contact.tangent[mirror.index],
         normal=contact.normal[mirror.index],
         state=mirror.states(instant.state.state),

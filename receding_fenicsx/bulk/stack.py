@@ -1,8 +1,10 @@
-"""Two discretised bodies in contact with each other: assembly and joined condensed system."""
+"""Discretised bodies in contact with each other and with planes: assembly, joined system."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
 
 from mpi4py import MPI
 
@@ -15,16 +17,16 @@ from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.half_planes.body import HalfPlane, half_plane_of
 from receding_fenicsx.bulk.half_planes.pair import join_half_planes
-from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, join
+from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, Place, join
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.one_body import part_of
+from receding_fenicsx.scene.one_body import part_of, sides_of_body
 
 
 @dataclass
-class Pair:
-    """Two discretised bodies, the contact's ``edge`` being on the first.
+class Stack:
+    """Several discretised bodies, the first contact's ``edge`` being on the first.
 
     Attributes:
         scene: what they were built from.
@@ -35,7 +37,7 @@ class Pair:
     """
 
     scene: Scene
-    parts: tuple[Bulk | HalfPlane, Bulk | HalfPlane]
+    parts: tuple[Bulk | HalfPlane, ...]
     joined: JoinedBodies | None = None
     condensed: bool = False
     soft: Array = field(default_factory=lambda: np.zeros((0, 0)))
@@ -55,21 +57,59 @@ class Pair:
         """Whether only x >= 0 is modelled; always for an axisymmetric body."""
         return self.parts[0].half
 
-    @property
+    @cached_property
+    def places(self) -> tuple[Place, ...]:
+        """Where the contact nodes of each body are among those of all contacts."""
+        sides = [sides_of_body(self.scene, part.scene.body) for part in self.parts]
+        sizes = np.zeros(len(self.scene.contacts), dtype=int)
+        for own, part in zip(sides, self.parts, strict=True):
+            sizes[[k for k, _ in own]] = np.bincount(part.contact.edge)
+        starts = np.cumsum(sizes) - sizes
+        found = []
+        for own, part in zip(sides, self.parts, strict=True):
+            contact, side = np.array(own)[part.contact.edge].T
+            first = np.searchsorted(part.contact.edge, part.contact.edge)
+            node = starts[contact] + np.arange(len(contact)) - first
+            found.append(Place(node, side, contact))
+        return tuple(found)
+
+    @cached_property
     def contact(self) -> ContactNodes:
-        """Contact nodes, on the first body."""
-        return self.parts[0].contact
+        """Nodes of all contacts, each on its first body."""
+        own = [place.side > 0 for place in self.places]
+        order = np.argsort(
+            np.concatenate([p.node[on] for p, on in zip(self.places, own, strict=True)])
+        )
+
+        def merged(name: str) -> Any:
+            arrays = [getattr(part.contact, name) for part in self.parts]
+            return np.concatenate([a[on] for a, on in zip(arrays, own, strict=True)])[order]
+
+        def halves(name: str) -> Any:
+            pairs = [getattr(part.contact, name) for part in self.parts]
+            stacked = [a.reshape(2, len(on), -1)[:, on] for a, on in zip(pairs, own, strict=True)]
+            return np.concatenate(stacked, axis=1)[:, order].reshape(2 * len(order), -1)
+
+        contact = [place.contact[on] for place, on in zip(self.places, own, strict=True)]
+        single = ("x", "points", "node", "tangent", "normal", "weight")
+        return ContactNodes(
+            **{name: merged(name) for name in single},
+            edge=np.concatenate(contact)[order],
+            held=halves("held")[:, 0],
+            modes=halves("modes"),
+            constraints=np.vstack([part.contact.constraints for part in self.parts]),
+            null=np.zeros((2 * len(order), 0)),
+        )
 
     @property
     def load_names(self) -> tuple[str, ...]:
-        """Names of the loads on both bodies."""
+        """Names of the loads on all bodies."""
         return self.scene.body_names
 
     @property
     def link_names(self) -> tuple[str, ...]:
         """Names of the unit loads of springs between the bodies."""
-        every = self.parts[0].load_names
-        return tuple(name for name in every if name.startswith(NAME))
+        return tuple(f"{NAME}{k}" for k in range(len(self.soft)))
 
     @property
     def dofs(self) -> int:
@@ -88,12 +128,12 @@ class Pair:
             bulk.destroy()
 
 
-Bodies = Bulk | HalfPlane | Pair
-"""One discretised body, or two in contact."""
+Bodies = Bulk | HalfPlane | Stack
+"""One discretised body, or several in contact."""
 
 
 def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None = None) -> Bodies:
-    """Assemble one body or two; see :func:`elasticity.build`.
+    """Assemble one body or several; see :func:`elasticity.build`.
 
     Args:
         scene: the scene.
@@ -122,45 +162,45 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
     if len(parts) == 1:
         return parts[0]
     soft = add_links(scene, [part for part in parts if isinstance(part, Bulk)])
-    return Pair(scene, (parts[0], parts[1]), soft=soft)
+    return Stack(scene, tuple(parts), soft=soft)
 
 
-def join_pair(pair: Pair, condensed: tuple[CondensedBody | None, CondensedBody | None]) -> None:
-    """Join the condensed bodies of a pair on rank 0; on all ranks together.
+def join_stack(stack: Stack, condensed: list[CondensedBody | None]) -> None:
+    """Join the condensed bodies of a stack on rank 0; on all ranks together.
 
     Args:
-        pair: the pair, which keeps the result.
-        condensed: both condensed bodies on rank 0.
+        stack: the stack, which keeps the result.
+        condensed: the condensed bodies on rank 0.
     """
 
     def work() -> JoinedBodies:
-        every = pair.load_names + pair.link_names
-        sides = [
+        every = stack.load_names + stack.link_names
+        bodies = [
             _with_all_loads(part, bulk.load_names, every)
-            for part, bulk in zip(condensed, pair.parts, strict=True)
+            for part, bulk in zip(condensed, stack.parts, strict=True)
             if part is not None
         ]
-        joined = join(sides[0], sides[1], every)
-        return with_links(joined, pair.soft) if len(pair.soft) else joined
+        joined = join(bodies, stack.places, every)
+        return with_links(joined, stack.soft) if len(stack.soft) else joined
 
-    pair.joined = on_root(pair.comm, work)
-    pair.condensed = True
+    stack.joined = on_root(stack.comm, work)
+    stack.condensed = True
 
 
-def join_without_meshes(pair: Pair) -> bool:
-    """Join the bodies of a pair on rank 0 if both are half-planes; return whether they are."""
-    a, b = pair.parts
+def join_without_meshes(stack: Stack) -> bool:
+    """Join the bodies of a stack on rank 0 if they are two half-planes; return whether they are."""
+    a, b = stack.parts[0], stack.parts[-1]
     if not (isinstance(a, HalfPlane) and isinstance(b, HalfPlane)):
         return False
-    pair.joined = on_root(pair.comm, lambda: join_half_planes(a, b, pair.load_names))
-    pair.condensed = True
+    stack.joined = on_root(stack.comm, lambda: join_half_planes(a, b, stack.load_names))
+    stack.condensed = True
     return True
 
 
 def _with_all_loads(
     part: CondensedBody, own: tuple[str, ...], every: tuple[str, ...]
 ) -> CondensedBody:
-    """Return a condensed body with the loads of both bodies, zero where they act on the other."""
+    """Return a condensed body with the loads of all bodies, zero where they act on others."""
     rows = np.array([every.index(name) for name in own], dtype=int)
     r_star = np.zeros((len(every), len(part.held)))
     compliance, sign = np.zeros((len(every), len(every))), np.zeros(len(every))
