@@ -132,8 +132,8 @@ def _modes(bulk: Bulk | Stack, tied: NDArray[np.bool_], number: int) -> tuple[li
     A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
     L, soft = _closed(bulk)
     A = A + L @ sparse.csr_matrix(np.linalg.inv(soft)) @ L.T
-    M = sparse.block_diag([_mass(part) for part in parts], "csr")
     starts = np.cumsum([0, *(part.dofs for part in parts)])
+    M = sparse.block_diag([_mass(part) for part in parts], "csr")
     turns, locals_, fixed = [], [], np.zeros(A.shape[0], dtype=bool)
     for part, start in zip(parts, starts, strict=False):
         n, contact = len(part.contact.x), part.contact

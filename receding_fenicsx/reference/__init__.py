@@ -2,7 +2,8 @@
 
 * :mod:`closed_forms`: Hertz, Cattaneo and Mindlin, bilateral layers; computed values of pressed
   blocks, layers and punches.
-* :mod:`layer`: contact half width of a layer on a half-plane, by a singular integral equation.
+* :mod:`layer`: contact half widths of a layer on a half-plane and of two layers on a plane, by
+  singular integral equations.
 * :mod:`fretting`: dissipation of sheared cylinders under any history of both forces.
 * :mod:`ahn_barber`: the paper's statements beside those of a record.
 """

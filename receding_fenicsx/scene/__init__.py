@@ -19,8 +19,8 @@ nothing of finite elements. From a file to a history:
 4. :func:`~receding_fenicsx.scene.history.kinds.from_scene` makes the load history, a polyline of
    load factors.
 5. :func:`~receding_fenicsx.scene.symmetry.is_mirror_symmetric` decides whether half of the body is
-   modelled. :func:`~receding_fenicsx.scene.one_body.part_of` gives each body of a pair its own
-   scene.
+   modelled. :func:`~receding_fenicsx.scene.one_body.part_of` gives each of several bodies its
+   own scene.
 6. :func:`~receding_fenicsx.scene.profiles.evaluate` evaluates friction, gap and loads at points;
    :mod:`~receding_fenicsx.scene.rectangle_edges` knows where the points of a rectangle's edges are.
 7. :func:`~receding_fenicsx.scene.toml_file.to_toml` writes the scene with the results.

@@ -235,7 +235,7 @@ class Probe:
         points: coordinates of several points.
         segment: both ends of a segment, which gets ``count`` evenly spaced points.
         count: number of points of the segment, ends included.
-        body: name of the points' body, in a scene of two bodies.
+        body: name of the points' body, in a scene of several.
     """
 
     name: str

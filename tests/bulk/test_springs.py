@@ -237,7 +237,7 @@ def test_springs_to_a_stiff_body_are_springs_to_the_ground() -> None:
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"against": "a.top"}, "against: must be an edge of the other body"),
+        ({"against": "a.top"}, "against: must be an edge of another body"),
         ({"against": "b.left"}, "have to be straight, parallel and turned towards each other"),
         ({"against": "c.top"}, "names none of the bodies a, b"),
         ({"edge": "a.top", "against": "b.top"}, "turned towards each other"),
@@ -283,7 +283,7 @@ def test_tangential_springs_across_a_gap_are_refused() -> None:
             "lies outside the body",
         ),
         (Spring(point="pin", x=1.0), "a rectangle has no named points"),
-        (Spring("top", normal=1.0, against="bottom"), "must be an edge of the other body"),
+        (Spring("top", normal=1.0, against="bottom"), "must be an edge of another body"),
     ],
 )
 def test_bad_springs_are_refused(spring: Spring, words: str) -> None:

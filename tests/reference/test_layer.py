@@ -3,7 +3,7 @@
 import pytest
 
 from receding_fenicsx.reference.closed_forms import FILON_ZERO, LAYER_ON_HALF_PLANE, LAYERS
-from receding_fenicsx.reference.layer import contact_half_width
+from receding_fenicsx.reference.layer import contact_half_width, double_half_widths
 
 
 @pytest.mark.parametrize("known", LAYERS)
@@ -34,3 +34,11 @@ def test_contact_grows_with_the_load_and_with_a_softer_half_plane() -> None:
 
 def test_lift_off_under_a_line_load_comes_before_filons_zero() -> None:
     assert contact_half_width(0.0) < 0.65 * FILON_ZERO
+
+
+def test_two_layers_have_the_limits_of_one() -> None:
+    # a stiff second layer is a rigid plane, a thick one a half-plane, which a line load presses
+    assert double_half_widths(0.5, 1e-9)[0] == pytest.approx(contact_half_width(0.5), rel=1e-8)
+    first, second = double_half_widths(0.5, 1.0, 40.0)
+    assert first == pytest.approx(contact_half_width(0.5, 1.0), rel=1e-3)
+    assert second / 40.0 == pytest.approx(contact_half_width(0.0), rel=1e-3)

@@ -11,7 +11,7 @@ subtracted from the strain (`thermal`); on elements of order 1, whose strain is 
 midpoint, at the midpoint.
 
 Springs add their part to $A$ and hold the rigid motions that they resist (`springs`); those between
-two bodies close the factors of unit loads, after the bodies are joined (`links`). An
+bodies close the factors of unit loads, after the bodies are joined (`links`). An
 interference alters $r^*$ by $K s$, after the bodies are joined (`interference`); bolts
 close a load's force by their law, a change of $K$ and $r^*$ by rank one each (`bolts`).
 """

@@ -190,9 +190,7 @@ def _contact(
     for k, described in enumerate(scene.contacts):
         on = found.edge == k
         place, normal = found.points[on], found.normal[on][0]
-        displacement = edge_values(
-            fields, fields.displacement, place, normal, found.body[on][0]
-        )
+        displacement = edge_values(fields, fields.displacement, place, normal, found.body[on][0])
         moved = place + units.factor * displacement
         gap = units.factor * found.initial_gap[on] / unit
         at, x, state = place / unit, found.x[on] / unit, found.shown[on]

@@ -37,7 +37,7 @@ class Load(Table):
             or on the far field of a half-plane, which without ``platen`` turns freely under a force
             through the middle of the contact.
         tension: stress along the surface of a half-plane far from the contact, on its far field.
-        body: name of the body with a body force or thermal strain, in a scene of two bodies.
+        body: name of the body with a body force or thermal strain, in a scene of several.
         body_force: force [x, y] per volume; for example ["rho*omega^2*x", 0] with numbers.
         thermal_strain: strain alpha dT of the free material, alike in all directions of space.
         mode: inertia force M phi of a vibration mode by its number; for ``rf.joint_curve``.
@@ -81,7 +81,7 @@ class Support:
         fix: components held: "x", "y" or "xy".
         edge: edge that is held; or ``point``.
         point: coordinates, or the name of a physical point of a mesh file.
-        body: name of the point's body, in a scene of two bodies.
+        body: name of the point's body, in a scene of several.
     """
 
     fix: str
@@ -99,9 +99,9 @@ class Spring:
         span: part of the edge; positions as in a contact.
         normal, tangential: stiffness against displacements along the edge's normal and along it,
             stresses per length, not negative.
-        against: parallel edge of the other body that it is tied to; default: the ground.
+        against: parallel edge of another body that it is tied to; default: the ground.
         point: coordinates, or the name of a physical point of a mesh file.
-        body: name of the point's body, in a scene of two bodies.
+        body: name of the point's body, in a scene of several.
         x, y: stiffness of a point's spring against displacements along the axes, a force for unit
             thickness per length (axisymmetric: of the full circle), not negative.
     """

@@ -54,7 +54,7 @@ def _check_mode(scene: Scene, number: int, where: str) -> None:
 
 
 def body_named(scene: Scene, name: str | None, where: str, what: str = "point") -> Body:
-    """Return the body that a point or load names; a name is for scenes of two bodies only."""
+    """Return the body that a point or load names; a name is for scenes of several bodies only."""
     names = [body.name for body in scene.bodies]
     if (name is None) == bool(scene.others) or name not in (None, *names):
         raise InputError(
@@ -86,7 +86,7 @@ def check_spring(scene: Scene, spring: Spring) -> None:
     if spring.against is not None:
         check_edge(scene, spring.against, f"{where} against", ())
         if scene.find_edge(spring.edge)[0] == scene.find_edge(spring.against)[0]:
-            raise InputError(f"{where} against: must be an edge of the other body")
+            raise InputError(f"{where} against: must be an edge of another body")
     for key in keys:
         if getattr(spring, key) < 0.0:
             raise InputError(f"{where} {key}: is {getattr(spring, key):g}; must not be negative")

@@ -1,0 +1,273 @@
+"""Stacks of bodies on planes: against one body, closed forms, integral equations, themselves."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from bodies import displacements, played, reactions
+
+import receding_fenicsx as rf
+from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.fields import gather_fields, solve_fields
+from receding_fenicsx.bulk.mesh.meshing import make_meshes
+from receding_fenicsx.bulk.stack import Stack, build_all
+from receding_fenicsx.joints.modes import mode_system
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.scene.validate import validate
+
+comm = MPI.COMM_WORLD
+ONCE = rf.HistoryOptions(kind="monotonic")
+STRIP = (rf.Load("p", "b1.top", (-1.0, 1.0), pressure=1.0),)
+LOADS = (replace(STRIP[0], edge="b2.top"),)
+
+
+def layers(
+    heights: tuple[float, ...] = (1.0, 1.0),
+    friction: float = 0.3,
+    young: tuple[float, ...] = (1.0, 2.0, 0.5),
+    **parts: object,
+) -> rf.Scene:
+    """Layers b0, b1, ... of width 4 on each other, the lowest one on a plane."""
+    levels = np.cumsum([0.0, *heights])
+    bodies = [
+        rf.Body(f"b{k}", width=4.0, height=height, position=(0.0, float(levels[k])))
+        for k, height in enumerate(heights)
+    ]
+    contacts = [
+        rf.Contact(f"b{k}.bottom", friction=friction, against=f"b{k - 1}.top" if k else None)
+        for k in range(len(heights))
+    ]
+    scene = rf.Scene(
+        body=bodies[0],
+        others=tuple(bodies[1:]),
+        materials=tuple(
+            rf.Material(E, 0.3, name=body.name) for E, body in zip(young, bodies, strict=False)
+        ),
+        mesh=rf.MeshOptions(contact_elements=16, degree=2, growth=1.3),
+        contacts=tuple(contacts),
+        loads=STRIP,
+        history=rf.HistoryOptions(cycles=2),
+    )
+    return replace(scene, **parts)  # type: ignore[arg-type]
+
+
+# -- against one body, closed forms and integral equations -----------------------------------------
+
+
+@pytest.mark.one_rank
+def test_two_stuck_layers_are_one_of_double_height() -> None:
+    places = ((0.3, 0.5), (-0.7, 1.4))
+    probes = tuple(rf.Probe(f"s{k}", point=at, body=f"b{k}") for k, at in enumerate(places))
+    two = layers(
+        friction=50.0,
+        young=(1.0, 1.0),
+        mesh=rf.MeshOptions(contact_elements=16, cell="quadrilateral", growth=1.0),
+        loads=(rf.Load("p", "b1.top", pressure="1 + 0.3*sin(x)"),),
+        history=ONCE,
+        probes=probes,
+    )
+    one = replace(
+        two,
+        body=rf.Body("b0", width=4.0, height=2.0),
+        others=(),
+        materials=two.materials[:1],
+        contacts=two.contacts[:1],
+        loads=(replace(two.loads[0], edge="b0.top"),),
+        probes=tuple(replace(probe, body=None) for probe in probes),
+    )
+    a, b = played(one), played(two)
+    n, scale = len(a.x), np.abs(a.turning_points.P).max()
+    for key in ("P", "Q"):
+        difference = getattr(b.turning_points, key)[:, :n] - getattr(a.turning_points, key)
+        assert np.abs(difference).max() < 1e-11 * scale
+    known = a.turning_points.load_displacement
+    assert b.turning_points.load_displacement == pytest.approx(known, rel=1e-11)
+    for k in range(2):
+        of_one, of_two = (record.probe(f"s{k}").stress for record in (a, b))
+        assert of_two == pytest.approx(of_one, rel=1e-10, abs=1e-10)
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize(("ratio", "height"), [(1.0, 1.0), (4.0, 1.0), (0.5, 2.0)])
+def test_double_receding_contact_is_that_of_the_integral_equations(
+    ratio: float, height: float
+) -> None:
+    scene = layers(
+        (height, 1.0),
+        friction=0.0,
+        young=(1.0 / ratio, 1.0),
+        mesh=rf.MeshOptions(contact_elements=192, cell="quadrilateral", growth=1.15),
+        loads=(rf.Load("p", "b1.top", (-0.5, 0.5), pressure=1.0),),
+        history=ONCE,
+    )
+    wide = [replace(body, width=8.0) for body in scene.bodies]
+    record = played(replace(scene, body=wide[0], others=(wide[1],)))
+    upper, lower = rf.reference.layer.double_half_widths(0.5, ratio, height)
+    for name, known in (("b1.bottom", upper), ("b0.bottom", lower)):
+        found = rf.half_width_estimates(record.by_edge()[name], -1)["contact_half_width_estimate"]
+        assert found["value"] == pytest.approx(known, rel=4e-3)
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("symmetry", ["auto", "none"])
+def test_three_layers_under_uniform_pressure_are_springs_in_series(symmetry: str) -> None:
+    heights, young, p = (1.0, 0.5, 1.5), (1.0, 4.0, 0.3), 0.7
+    scene = layers(
+        heights,
+        0.0,
+        young,
+        loads=(rf.Load("p", "b2.top", pressure=p),),
+        solver=rf.SolverOptions(symmetry=symmetry),
+    )
+    record = played(scene)
+    table = record.turning_points
+    load = table.load[:, 0]
+    assert table.P / record.weight == pytest.approx(np.outer(load, p + 0.0 * record.x), rel=1e-10)
+    # plane strain, free sides
+    moved = p * sum(h * (1.0 - 0.3**2) / E for h, E in zip(heights, young, strict=True))
+    assert table.load_displacement[:, 0] == pytest.approx(4.0 * p * moved * load, rel=1e-10)
+
+
+# -- against itself ------------------------------------------------------------------------------
+
+
+def test_half_of_a_stack_is_the_whole_one() -> None:
+    half, whole = (
+        played(layers((1.0, 1.0, 0.7), loads=LOADS, solver=rf.SolverOptions(symmetry=s)))
+        for s in ("auto", "none")
+    )
+    assert half.half and not whole.half
+    for key in ("P", "Q", "v", "w"):
+        a, b = (getattr(record.turning_points, key) for record in (half, whole))
+        assert np.abs(a - b).max() < 1e-9 * np.abs(b).max()
+    assert np.array_equal(half.turning_points.state, whole.turning_points.state)
+    assert max(half.residual_max, whole.residual_max) < 1e-12
+    assert max(half.energy_error_max, whole.energy_error_max) < 1e-11
+    assert whole.cycles.dissipation[-1] > 0.0
+
+
+def test_a_plane_is_a_very_stiff_third_body() -> None:
+    on_plane = layers()
+    base = rf.Body("base", width=6.0, height=1.0, position=(0.0, -1.0))
+    on_base = replace(
+        on_plane,
+        others=(*on_plane.others, base),
+        materials=(*on_plane.materials[:2], rf.Material(1e7, 0.3, name="base")),
+        contacts=(replace(on_plane.contacts[0], against="base.top"), on_plane.contacts[1]),
+        supports=(rf.Support("xy", edge="base.bottom"),),
+    )
+    a, b = played(on_plane).turning_points, played(on_base).turning_points
+    assert np.abs(a.P - b.P).max() < 1e-6 * np.abs(a.P).max()
+    assert np.abs(a.Q - b.Q).max() < 1e-6 * np.abs(a.P).max()
+    assert a.load_displacement == pytest.approx(b.load_displacement, rel=1e-6)
+
+
+@pytest.mark.parametrize("order", [(0, 1, 2), (2, 0, 1)])
+def test_nodal_forces_of_all_bodies_balance_in_all_contacts(order: tuple[int, ...]) -> None:
+    scene = layers((1.0, 0.5, 1.5), loads=LOADS)
+    scene = replace(scene, contacts=tuple(scene.contacts[k] for k in order))
+    stack = build_all(scene, make_meshes(comm, scene, False))
+    assert isinstance(stack, Stack)
+    system = condense(stack)
+    u = load = expected = None
+    if system is not None:
+        load, u = np.array([0.8]), np.random.default_rng(3).normal(size=2 * system.n)
+        expected = load @ system.r_star + system.K @ u
+    moved = displacements(stack, load, u)
+    found = [reactions(part, load if part.load_names else np.zeros(0), u) for part, u in moved]
+    zero = np.zeros(0)
+    parts = gather_fields(
+        solve_fields(stack, zero if load is None else load, zero if u is None else u)
+    )
+
+    def check() -> None:
+        assert system is not None and expected is not None and parts is not None
+        assert parts.body is not None
+        for place, force in zip(stack.places, found, strict=True):
+            assert force is not None
+            sides = np.tile(place.side, 2) * expected[place.dofs(system.n)]
+            assert force == pytest.approx(sides, abs=1e-11 * np.abs(expected).max())
+        assert set(parts.body) == {0, 1, 2}
+
+    on_root(comm, check)
+    stack.destroy()
+
+
+def test_a_beam_on_two_blocks_on_a_base_is_mirror_symmetric() -> None:
+    base = rf.Body("base", width=6.0)
+    blocks = [rf.Body(n, width=1.5, position=(x, 1.0)) for n, x in (("l", -2.25), ("r", 2.25))]
+    beam = rf.Body("beam", width=6.0, height=0.75, position=(0.0, 2.0))
+    contacts = [rf.Contact(f"{n}.bottom", against="base.top", friction=0.3) for n in "lr"]
+    contacts += [rf.Contact("beam.bottom", against=f"{n}.top", friction=0.3) for n in "lr"]
+    contacts += [rf.Contact("base.bottom", friction=0.3)]
+    scene = rf.Scene(
+        body=base,
+        others=(*blocks, beam),
+        mesh=rf.MeshOptions(contact_elements=8),
+        contacts=tuple(contacts),
+        loads=(rf.Load("p", "beam.top", (-1.5, 1.5), pressure=1.0),),
+        history=ONCE,
+        solver=rf.SolverOptions(symmetry="none"),
+    )
+    validate(scene)
+    record = played(scene)
+    states, edge = record.turning_points, record.edge
+    sums = [states.P[-1][edge == k].sum() for k in range(5)]
+    assert sums == pytest.approx([1.5, 1.5, 1.5, 1.5, 3.0], rel=1e-10)
+    for left, right in ((0, 1), (2, 3)):
+        mirrored = states.P[-1][edge == left][::-1]
+        assert states.P[-1][edge == right] == pytest.approx(mirrored, abs=1e-9)
+
+
+@pytest.mark.one_rank
+def test_a_run_of_a_stack_is_resumed_and_has_the_compliance_of_its_mode(tmp_path: Path) -> None:
+    scene = layers(mesh=rf.MeshOptions(contact_elements=8))
+    options = rf.RunOptions(pictures=False)
+    short = replace(scene, history=rf.HistoryOptions(cycles=1))
+    rf.run(short, tmp_path / "run", options)
+    resumed = rf.run(scene, tmp_path / "run", replace(options, resume=True))
+    fresh = rf.run(scene, tmp_path / "fresh", options)
+    assert resumed is not None and fresh is not None
+    assert np.array_equal(resumed.turning_points.P, fresh.turning_points.P)
+    # or this raises; three sides hold b0 and b1, so that no mode is rigid
+    heavy = replace(
+        scene,
+        materials=tuple(replace(m, density=1.0) for m in scene.materials),
+        supports=(rf.Support("xy", edge="b0.left"), rf.Support("xy", edge="b1.left")),
+    )
+    assert mode_system(heavy, "mode:2", {"p": 1.0})[1][0] > 0.0
+
+
+# -- refusals ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"contacts": (rf.Contact("b0.bottom"),)}, "body 'b1': touches nothing"),
+        ({"contacts": (rf.Contact("b1.bottom", against="b1.top"),)}, "an edge of another body"),
+        (
+            {"others": (rf.Body("b1", shape="half-plane"),)},
+            "body 'b1' shape: a half-plane touches one body or one plane only",
+        ),
+        (
+            {"mesh": rf.MeshOptions(16, refine=(rf.Refinement(0.01, 0.0),))},
+            "rectangles in a stack have elements of one size",
+        ),
+        ({"others": (rf.Body("b1", width=4.1, position=(0.0, 1.0)),)}, "must be an even number"),
+        (
+            {"contacts": (rf.Contact("b1.bottom", against="b0.top"),)},
+            "load 'p' moves both bodies together",
+        ),
+    ],
+)
+def test_stacks_that_cannot_be_modelled_are_refused(change: dict[str, object], words: str) -> None:
+    scene = replace(layers(materials=()), **change)  # type: ignore[arg-type]
+    with pytest.raises(rf.InputError, match=words):
+        validate(scene)
+        played(scene)
