@@ -180,11 +180,11 @@ def _modes(bulk: Bulk | Stack, tied: NDArray[np.bool_], number: int) -> tuple[li
     return np.split(phi, starts[1:-1]), omega
 
 
-def _closed(bulk: Bulk | Pair) -> tuple[sparse.csr_matrix, Array]:
+def _closed(bulk: Bulk | Stack) -> tuple[sparse.csr_matrix, Array]:
     """Return the unit loads (dofs, m) of bolts and springs between bodies, and their compliance."""
     names = [bolt.name for bolt in bulk.scene.bolts]
     soft = np.diag([1.0 / (bolt.stiffness or np.inf) for bolt in bulk.scene.bolts])
-    if isinstance(bulk, Pair):
+    if isinstance(bulk, Stack):
         names, soft = [*names, *bulk.link_names], block_diag(soft, bulk.soft)
     parts: Any = bulk.parts
     units = [
