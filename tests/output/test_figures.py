@@ -16,7 +16,7 @@ from matplotlib.colors import to_hex, to_rgb, to_rgba_array
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 from PIL import Image
-from small import cyclic, small_system
+from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots import saving, series
@@ -33,10 +33,6 @@ from receding_fenicsx.output.plots.zones.zone_plots import load_axis
 pytestmark = pytest.mark.one_rank
 
 PAPER = rf.Scene(loads=(rf.Load("p0", "top", (-1.0, 1.0), pressure=1.0),))
-LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
-CYCLIC = ((0.0, 1.0), LOOP, 10)
-UNLOADING = ((0.0, 1.0, 0.0), np.zeros((0, 1)), 0)
-MONOTONIC = ((0.0, 1.0), np.zeros((0, 1)), 0)
 
 STICK, OPEN, FORWARD, BACKWARD = rf.State
 
@@ -46,9 +42,9 @@ def record(
     kind: str = "cyclic", method: str = "events", half: bool = True, paper: bool = True
 ) -> rf.Record:
     """Return a record of the paper's block on a coarse mesh."""
-    path, loop, cycles = {"cyclic": CYCLIC, "unloading": UNLOADING, "monotonic": MONOTONIC}[kind]
     system = models.block_system(40 if half else 80, 20, half=half)
-    history = rf.History(("p0",), np.array(path)[:, None], loop, cycles)
+    path = {"unloading": [0.0, 1.0, 0.0], "monotonic": [0.0, 1.0]}
+    history = cyclic(10) if kind == "cyclic" else table(system, path[kind])
     found = rf.evolve(system, history, rf.SolverOptions(method=method))
     return replace(found, scene_toml=rf.to_toml(PAPER)) if paper else found
 
@@ -534,8 +530,7 @@ def test_figures_are_those_that_the_record_holds_something_for() -> None:
 
 def test_first_figures_stand_at_the_largest_load_and_where_a_third_of_it_is_left() -> None:
     system = models.block_system(20, 10)
-    path = np.array([[0.0], [0.4], [1.0], [0.0]])
-    found = rf.evolve(system, rf.History(("p0",), path, np.zeros((0, 1)), 0))
+    found = rf.evolve(system, table(system, [0.0, 0.4, 1.0, 0.0]))
     drawn = dict(rf.figures.draw_all(found))
 
     def part(name: str) -> float:
@@ -607,8 +602,7 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(name: str, asked: Any, said
 def test_nothing_sticks_where_there_is_no_friction(mu: float) -> None:
     system = models.block_system(40, 20)
     system = replace(system, f=np.full_like(system.f, mu))
-    path, loop = np.array([[0.0], [1.0]]), np.array([[1.0], [0.5], [1.0]])
-    found = rf.evolve(system, rf.History(("p0",), path, loop, 2))
+    found = rf.evolve(system, cyclic(2, minimum=0.5))
     low = found.at(1, "minimum")
     touching = low.zones[len(low.zones) // 2][0]
     assert touching == ("stick" if mu else "contact")
@@ -629,8 +623,9 @@ def around(legs: int, cycles: int = 2) -> rf.Record:
     angle = np.linspace(0.0, 2.0 * np.pi, legs + 1)
     loop = np.stack([1.0 + 0.3 * np.cos(angle), 0.2 * np.sin(angle)], axis=1)
     loop[-1] = loop[0]
-    history = rf.History(("a", "b"), np.array([[0.0, 0.0], loop[0]]), loop, cycles)
-    return rf.evolve(two_nodes(), history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
+    system = two_nodes()
+    history = table(system, [[0.0, 0.0], loop[0]], loop, cycles)
+    return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
 
 
 @pytest.mark.parametrize("legs", [2, 4, 5])
@@ -736,12 +731,8 @@ def two_nodes() -> rf.ContactSystem:
 
 
 def test_legs_are_counted_from_0_as_in_the_record() -> None:
-    path, loop = (
-        np.array([[0.0, 0.0], [1.0, 0.5]]),
-        [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]],
-    )
-    system = two_nodes()
-    history = rf.History(("a", "b"), path, np.array(loop), 2)
+    system, loop = two_nodes(), [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]]
+    history = table(system, [[0.0, 0.0], loop[0]], loop, 2)
     found = rf.evolve(system, history, output=rf.OutputOptions(cycles="all"))
     titles = [axes.get_title() for axes in rf.figures.zone_maps(found, 2).axes[:3]]
     assert [re.findall(r"cycle 2, leg (\d): ", title) for title in titles] == [["0"], ["1"], ["2"]]

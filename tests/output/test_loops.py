@@ -7,21 +7,20 @@ import models
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
+from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.loops import representative_nodes, shown_cycles
 
 pytestmark = pytest.mark.one_rank
 
-LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
 CYCLES = 25
 
 
 @cache
 def record(samples: int = 40) -> rf.Record:
     system = models.block_system(40, 20, half=True)
-    history = rf.History(("p0",), np.array([[0.0], [1.0]]), LOOP, CYCLES)
-    return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=samples))
+    return rf.evolve(system, cyclic(CYCLES), output=rf.OutputOptions(samples_per_leg=samples))
 
 
 def test_area_of_a_closed_loop_is_the_dissipation() -> None:
@@ -77,8 +76,7 @@ def test_round_off_is_not_drawn_as_a_loop(mu: float) -> None:
     # without friction, and with so much that nothing slips, loading and unloading are one way
     system = models.block_system(40, 20)
     system = dataclasses.replace(system, f=np.full_like(system.f, mu))
-    loop = np.array([[1.0], [0.5], [1.0]])
-    found = rf.evolve(system, rf.History(("p0",), np.array([[0.0], [1.0]]), loop, 2))
+    found = rf.evolve(system, cyclic(2, minimum=0.5))
     for line in rf.figures.hysteresis(found).axes[1].lines:
         assert np.all(np.asarray(line.get_xdata()) == 0.0)
     figure = rf.figures.trajectories(found)

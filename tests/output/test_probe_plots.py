@@ -8,6 +8,7 @@ from functools import cache
 import models
 import numpy as np
 import pytest
+from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.interface.system import ProbeMatrix
@@ -23,8 +24,7 @@ def record() -> rf.Record:
     rows = np.random.default_rng(3).standard_normal((4, 6, 2 * system.n + 1))
     points = np.array([[0.5, 0.5], [0.0, 0.0], [0.3, 0.4], [0.3, 1.0]])
     probes = ProbeMatrix(("one", "row", "row", "row"), points, rows)
-    history = rf.History(("p0",), np.array([[0.0], [1.0]]), np.array([[1.0], [0.3], [1.0]]), 3)
-    return rf.evolve(replace(system, probes=probes), history)
+    return rf.evolve(replace(system, probes=probes), cyclic(3, minimum=0.3))
 
 
 def lines(axes: object) -> list[tuple[np.ndarray, np.ndarray]]:

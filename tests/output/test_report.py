@@ -12,6 +12,7 @@ import models
 import numpy as np
 import pytest
 from PIL import Image
+from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.report.html import report_html
@@ -73,8 +74,7 @@ class Page(HTMLParser):
 @cache
 def run(cycles: int = 22) -> tuple:
     system = models.block_system(20, 10, half=True)
-    loop = np.array([[1.0], [1.0 / 3.0], [1.0]])
-    record = rf.evolve(system, rf.History(("p0",), np.array([[0.0], [1.0]]), loop, cycles))
+    record = rf.evolve(system, cyclic(cycles))
     record.scene_toml = rf.to_toml(SCENE)
     return record, rf.summarise(record, COSTS)
 
@@ -204,8 +204,7 @@ def test_report_says_what_is_wrong_with_space_errors() -> None:
 
 def test_run_without_cycles_or_costs_has_a_report_too() -> None:
     system = models.block_system(20, 10, half=True)
-    history = rf.History(("p0",), np.array([[0.0], [1.0]]), np.zeros((0, 1)), 0)
-    page = Page(report_html(rf.summarise(rf.evolve(system, history))))
+    page = Page(report_html(rf.summarise(rf.evolve(system, cyclic(0)))))
     assert page.headings == ["Turning points", "Checks"]
     assert "Untitled run" in page.text
 
