@@ -27,8 +27,7 @@ BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
 def body(*overrides: str) -> rf.ContactSystem:
     """Condense the paper's block, 41 nodes of half of it, with friction."""
     scene = rf.read_scene(BLOCK, ["mesh.contact_elements=40", *overrides])
-    system = study.condense(scene, MPI.COMM_SELF)
-    assert system is not None
+    system = rf.given(study.condense(scene, MPI.COMM_SELF))
     return system
 
 
@@ -52,8 +51,7 @@ def pushed_block(pull: bool = False) -> rf.ContactSystem:
             history, kind="table", load=None, columns=("p0", "second"), rows=((1.0, 1.0),)
         ),
     )
-    system = study.condense(scene, MPI.COMM_SELF)
-    assert system is not None
+    system = rf.given(study.condense(scene, MPI.COMM_SELF))
     return system
 
 

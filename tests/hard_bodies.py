@@ -36,8 +36,7 @@ def solve(tally: Tally, scene: rf.Scene) -> tuple[rf.ContactSystem, rf.Record]:
     smooth = all(contact.friction == 0.0 for contact in scene.contacts)
     rough = tuple(replace(c, friction=1.0 if smooth else c.friction) for c in scene.contacts)
     rf.validate(scene)
-    system = study.condense(replace(scene, contacts=rough), MPI.COMM_SELF)
-    assert system is not None
+    system = rf.given(study.condense(replace(scene, contacts=rough), MPI.COMM_SELF))
     if smooth:
         system = with_friction(system, 0.0)
     return system, tally.solve(system, rf.history_from_scene(scene))

@@ -181,8 +181,7 @@ def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
 @pytest.mark.one_rank
 def test_only_loaded_turning_points_are_drawn() -> None:
     scene = rf.read_scene(DEMOS / "unloading.toml", ["mesh.contact_elements=16"])
-    system = study.condense(scene, MPI.COMM_SELF)
-    assert system is not None
+    system = rf.given(study.condense(scene, MPI.COMM_SELF))
     record = rf.evolve(system, scene)
     assert record.turning_points.load[:, 0].tolist() == [1.0, 0.0]
     assert [instant.load.tolist() for instant in default_instants(scene, system, record)] == [[1.0]]
@@ -191,8 +190,7 @@ def test_only_loaded_turning_points_are_drawn() -> None:
 @pytest.mark.one_rank
 def test_of_a_cycle_of_many_legs_few_turning_points_are_drawn() -> None:
     scene = small()
-    system = study.condense(scene, MPI.COMM_SELF)
-    assert system is not None
+    system = rf.given(study.condense(scene, MPI.COMM_SELF))
     name = scene.loads[0].name
     corners = tuple((1.0 - 0.3 * (k % 2),) for k in range(1, 31))
     table = rf.HistoryOptions(
@@ -221,8 +219,7 @@ def test_time_left_is_said_in_a_unit_that_suits_it(seconds: float, said: str) ->
 def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() -> None:
     together = study.condense(small(), comm)
     if together is not None:
-        alone = study.condense(small(), MPI.COMM_SELF)
-        assert alone is not None
+        alone = rf.given(study.condense(small(), MPI.COMM_SELF))
         assert alone.K.tobytes() == together.K.tobytes()
         assert alone.r_star.tobytes() == together.r_star.tobytes()
     comm.Barrier()

@@ -47,8 +47,7 @@ def scene_of(kinematics: str, p: float, h: float, E: float, largest: float) -> r
 def run(kinematics: str, *units: float) -> rf.Record:
     """Condense and play a scene; in units 1, 1, 1, 1 unless others are given."""
     scene = scene_of(kinematics, *(units or (1.0, 1.0, 1.0, 1.0)))
-    system = study.condense(scene, MPI.COMM_SELF)
-    assert system is not None
+    system = rf.given(study.condense(scene, MPI.COMM_SELF))
     return rf.evolve(system, scene)
 
 
@@ -229,8 +228,7 @@ def test_what_cannot_be_made_free_of_units_is_in_those_of_the_scene() -> None:
         "table", columns=("p0", "t"), rows=((4.0, 0.0),), cycle_rows=((3.0, 1.0), (4.0, 0.0))
     )
     scene = replace(scene, loads=(*scene.loads, second), history=replace(table, cycles=CYCLES))
-    system = study.condense(scene, MPI.COMM_SELF)
-    assert system is not None
+    system = rf.given(study.condense(scene, MPI.COMM_SELF))
     record = rf.evolve(system, scene)
     moment = record.at(1, "minimum")
     axes = rf.figures.tractions(record, moment).axes[1]

@@ -20,8 +20,7 @@ BARE = rf.OutputOptions(samples_per_leg=1, cycles=())
 
 def played(scene: rf.Scene) -> rf.Record:
     """Play a scene on this rank alone."""
-    system = rf.condense(scene, MPI.COMM_SELF)
-    assert system is not None
+    system = rf.given(rf.condense(scene, MPI.COMM_SELF))
     return rf.evolve(system, replace(scene, output=BARE))
 
 
