@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -147,21 +147,6 @@ def draw_slip_mode(
         return mode.draw(bulk, critical, Path(file))
 
 
-@dataclass(frozen=True)
-class Wanted:
-    """Pictures that a run draws.
-
-    Attributes:
-        figures: figures of the contact.
-        body: snapshots of the body too.
-        pdf: figures as PDF too.
-    """
-
-    figures: bool = True
-    body: bool = True
-    pdf: bool = False
-
-
 class Drawing:
     """Pictures of a run.
 
@@ -169,21 +154,25 @@ class Drawing:
     the figures are drawn beside the snapshots of the body.
     """
 
-    def __init__(self, comm: MPI.Comm, wanted: Wanted, say: Say | None) -> None:
+    def __init__(
+        self, comm: MPI.Comm, say: Say | None, *, figures: bool, body: bool, pdf: bool
+    ) -> None:
         """Start no process yet.
 
         Args:
             comm: communicator.
-            wanted: what is drawn.
             say: called on rank 0 with the progress.
+            figures: draw figures of the contact; without them nothing is drawn.
+            body: draw snapshots of the body too.
+            pdf: draw the figures as PDF too.
         """
-        self.comm, self.wanted, self.say = comm, wanted, say
+        self.comm, self.say = comm, say
+        self.figures, self.body, self.pdf = figures, body, pdf
         self.beside: FigureProcess | None = None
 
     def __enter__(self) -> Drawing:
         """Start the processes on rank 0; without one that draws figures they are drawn here."""
-        wanted = self.wanted
-        if self.comm.rank == 0 and wanted.figures and wanted.body and cores() > 1:
+        if self.comm.rank == 0 and self.figures and self.body and cores() > 1:
             # a missing renderer is an error when it is needed, on all ranks
             with contextlib.suppress(RecedingError, OSError):
                 self.beside = FigureProcess()
@@ -213,11 +202,11 @@ class Drawing:
         Raises:
             RecedingError: a library is missing, or drawing failed.
         """
-        if not self.wanted.figures:
+        if not self.figures:
             return
         comm = self.comm
         mpi.on_root(comm, lambda: self._begin_figures(mpi.given(record), mpi.given(folder)))
-        if self.wanted.body:
+        if self.body:
             with drawing_modules():
                 from receding_fenicsx.output.snapshots import colours
                 from receding_fenicsx.output.snapshots.draw import snapshots
@@ -234,7 +223,7 @@ class Drawing:
         """Begin to draw the figures beside; draw them here where no process can do it."""
         with drawing_modules():
             from receding_fenicsx.output.plots import figures
-        place, formats = folder / "figures", figures.FORMATS if self.wanted.pdf else ("png",)
+        place, formats = folder / "figures", figures.FORMATS if self.pdf else ("png",)
         if self.beside is None:
             figures.plot_all(record, place, formats=formats, tell=self._tell)
         else:

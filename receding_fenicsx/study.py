@@ -21,7 +21,7 @@ from receding_fenicsx.output.report.starts import check_starts, limit_with_start
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
 from receding_fenicsx.output.storage.run_folder import SYSTEM, shared_folder
-from receding_fenicsx.pictures import Drawing, Wanted, drawing_modules
+from receding_fenicsx.pictures import Drawing, drawing_modules
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.timing import Say, Timer
@@ -100,11 +100,11 @@ def run(
         scene = space_errors.with_coarser_partner(scene)
     comm = comm or world()
     timer = Timer(options.progress if comm.rank == 0 else None)
+    figures = out is not None and options.pictures
     body = options.system_file is None if options.snapshots is None else options.snapshots
-    wanted = Wanted(out is not None and options.pictures, body, options.pdf)
     with (
         shared_folder(comm, out, scene, options.overwrite, options.resume) as folder,
-        Drawing(comm, wanted, timer.say) as drawing,
+        Drawing(comm, timer.say, figures=figures, body=body, pdf=options.pdf) as drawing,
     ):
         found = _found(scene, comm, timer, folder, options)
         if options.starts and found.failure is None:
