@@ -91,7 +91,7 @@ def test_the_body_is_drawn_from_a_saved_system_only_when_asked_for(
     drawn: list[bool] = []
 
     def draw(self: Drawing, *_: object) -> None:
-        drawn.extend([self.body] * self.wanted.figures)
+        drawn.extend([self.body] * self.figures)
 
     monkeypatch.setattr(Drawing, "draw", draw)
     saved, all_, figures = (
