@@ -140,9 +140,15 @@ def integrate(facets: EdgeFacets, traction: Callable[[Array, Array], Array]) -> 
     return length[:, None, None] * np.einsum("iq,q,nqk->nik", shape, weight, values)
 
 
-def shape_functions(nodes: int, s: Array | None = None) -> Array:
-    """Return the values (nodes, points) of a facet's shape functions at s, or Gauss's points."""
-    s = gauss()[0] if s is None else s
+def facet_mass(scene: Scene, facets: EdgeFacets) -> Array:
+    """Return int N_i N_j dA (n, nodes, nodes) of each facet."""
+    shapes = np.tile(shape_functions(facets.nodes.shape[1]).T, (len(facets), 1))
+    return integrate(facets, lambda points, _: measure(scene, points) * shapes)
+
+
+def shape_functions(nodes: int) -> Array:
+    """Return the values (nodes, points) of a facet's shape functions at Gauss's points."""
+    s, _ = gauss()
     if nodes == 2:
         return np.array([1.0 - s, s])
     return np.array([(1.0 - s) * (1.0 - 2.0 * s), s * (2.0 * s - 1.0), 4.0 * s * (1.0 - s)])

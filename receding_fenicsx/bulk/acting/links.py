@@ -1,9 +1,9 @@
 r"""Springs between parallel edges of two bodies.
 
 With $J = u_1 - u_2$ the displacement of the edge relative to the point straight across, and $d$ the
-edge's normal $n$ or tangent $t$, they have the energy $\frac{1}{2} \int k_d (J \cdot d)^2 dA$. On
-the mesh $J \cdot d$ is projected on the shape functions $N_i$ of the edge: with
-$D_i = \int N_i\, J \cdot d \, dA$ and $M_{ij} = \int N_i N_j \, dA$ the energy is
+edge's normal $n$ or tangent $t$, they have the energy $\frac{1}{2} \int k_d (J \cdot d)^2 dA$. With
+the shape functions $N_i$ of the edge, whose nodes are those across,
+$D_i = \int N_i\, J \cdot d \, dA$ and $M_{ij} = \int N_i N_j \, dA$ it is
 $\frac{1}{2} k_d D^T M^{-1} D$. So the unit loads $N_i d$ on the edge and $-N_i d$ across, of which
 $D$ are the work-conjugates, have the factors $F = -k_d M^{-1} D$. Condensed,
 $D = C_{ss} F + C_{sl} \lambda - R u$, and
@@ -25,16 +25,15 @@ from scipy.linalg import block_diag
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.acting.bolts import without_lengthening
 from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.edges import EdgeFacets, edge_facets, measure, shape_functions
+from receding_fenicsx.bulk.edges import edge_facets, edge_nodes, facet_mass
 from receding_fenicsx.bulk.join_bodies import JoinedBodies
-from receding_fenicsx.bulk.mesh.curved_edges import gauss
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene, Spring
 
 NAME = "[[spring]] "
 """Beginning of the names of the unit loads, which no load of a scene has."""
-PARALLEL = 1e-9
+STRAIGHT = 1e-9
 """Difference of unit normals, and distance over the edge's length, that is round-off."""
 
 
@@ -45,85 +44,59 @@ def add_links(scene: Scene, parts: Sequence[Bulk]) -> Array:
         M / k_d (m, m) of the m unit loads, on every rank.
 
     Raises:
-        InputError: the edges are not straight, parallel and opposite to each other.
+        InputError: the first edge is not straight, or the nodes of the other one do not match.
     """
     blocks: list[Array] = []
     for spring in (part for part in scene.springs if part.against is not None):
-        names = [scene.find_edge(edge) for edge in (spring.edge, spring.against or "")]
-        own = [next(p for p in parts if p.scene.body.name == body.name) for body, _ in names]
-        spans = (spring.span, None)
-        facets = [
-            _gathered(part, name, span)
-            for part, (_, name), span in zip(own, names, spans, strict=True)
-        ]
-        nodes, mass, across = _integrals(scene, spring, *facets)
-        normal = facets[0].outward[0]
+        named = [scene.find_edge(edge) for edge in (spring.edge, spring.against or "")]
+        a, b = (next(p for p in parts if p.scene.body.name == body.name) for body, _ in named)
+        nodes, places = edge_nodes(a.space, a.body, named[0][1], spring.span)
+        mass, normal = _mass(a, named[0][1], spring, nodes)
+        others, beyond = edge_nodes(b.space, b.body, named[1][1], None)
+        others = others[_across(spring, places, beyond, normal)]
         tangent = np.array([-normal[1], normal[0]])
         for k, d in ((spring.normal, normal), (spring.tangential, tangent)):
-            if k > 0.0:
-                blocks.append(mass / k)
-                for i in range(len(mass)):
-                    name = f"{NAME}{sum(map(len, blocks[:-1])) + i}"
-                    _append(own[0], name, nodes[0], np.outer(mass[i], d))
-                    _append(own[1], name, nodes[1], -np.outer(across[i], d))
+            for row in mass if k > 0.0 else ():
+                name = f"{NAME}{len(a.load_names)}"
+                _append(a, name, nodes, np.outer(row, d))
+                _append(b, name, others, -np.outer(row, d))
+            blocks += [mass / k] if k > 0.0 else []
     return np.asarray(block_diag(*blocks)) if blocks else np.zeros((0, 0))
 
 
-def _gathered(part: Bulk, edge: str, span: tuple[float, float] | None) -> EdgeFacets:
-    """Return all facets of an edge, on every rank."""
+def _mass(part: Bulk, edge: str, spring: Spring, nodes: Ints) -> tuple[Array, Array]:
+    """Return int N_i N_j dA of the nodes of an edge, and its outward normal, on every rank."""
     comm = part.body.mesh.comm
-    found = on_all(comm, lambda: edge_facets(part.space, part.body, edge, span))
-    every = [facets for facets in comm.allgather(found) if len(facets)]
-    keys = ("points", "nodes", "outward")
-    return EdgeFacets(*(np.concatenate([getattr(f, key) for f in every]) for key in keys))
+    facets = on_all(comm, lambda: edge_facets(part.space, part.body, edge, spring.span))
+    matrix = np.zeros((len(nodes), len(nodes)))
+    rows = np.searchsorted(nodes, facets.nodes)
+    np.add.at(matrix, (rows[:, :, None], rows[:, None]), facet_mass(part.scene, facets))
+    normals = np.concatenate(comm.allgather(facets.outward))
+    if np.abs(normals - normals[0]).max() > STRAIGHT:
+        raise InputError(f"[[spring]] against: '{spring.edge}' is not straight")
+    return comm.allreduce(matrix), normals[0]
 
 
-def _integrals(
-    scene: Scene, spring: Spring, a: EdgeFacets, b: EdgeFacets
-) -> tuple[tuple[Ints, Ints], Array, Array]:
-    """Return the nodes of both edges, int N_i N_j dA (m, m) and int N_i N_j across (m, m_b)."""
-    normal = a.outward[0]
-    tangent = np.array([-normal[1], normal[0]])
-    start, end = a.points[:, 0], a.points[:, 1]
-    bent = np.abs(np.vstack([a.outward - normal, b.outward + normal])).max()
-    size = float(np.ptp(a.points.reshape(-1, 2), axis=0).max())
-    away = (b.points[0, 0] - start[0]) @ normal < -PARALLEL * size
-    if bent > PARALLEL or away:
+def _across(spring: Spring, places: Array, beyond: Array, normal: Array) -> Ints:
+    """Return which of the nodes beyond are straight across from the nodes of an edge."""
+    size = float(np.ptp(places, axis=0).max())
+    offset = beyond - places[:, None]
+    aside = np.abs(offset @ [-normal[1], normal[0]])
+    found = np.argmin(aside, axis=1)
+    worst = int(np.argmax(aside.min(axis=1)))
+    gap = offset[np.arange(len(found)), found] @ normal
+    if aside[worst].min() > STRAIGHT * size or gap.min() < -STRAIGHT * size:
+        x, y = places[worst]
         raise InputError(
-            f"[[spring]] against: '{spring.edge}' and '{spring.against}' have to be straight, "
-            "parallel and turned towards each other"
+            f"[[spring]] against: '{spring.against}' has no node straight across from the one of "
+            f"'{spring.edge}' at ({x:g}, {y:g}); give a span, or both edges the same nodes"
         )
-    s, weight = gauss()
-    shape = shape_functions(a.nodes.shape[1])
-    points = (start[:, None] + s[:, None] * (end - start)[:, None]).reshape(-1, 2)
-    share = np.outer(np.hypot(*(end - start).T), weight).ravel() * measure(scene, points)[:, 0]
-    first, last = (b.points[:, k] @ tangent for k in (0, 1))
-    place = (points @ tangent)[:, None]
-    xi = (place - first) / (last - first)
-    facet = np.argmin(np.abs(xi - 0.5), axis=1)
-    xi = xi[np.arange(len(xi)), facet]
-    if np.any(np.abs(xi - 0.5) > 0.5 + PARALLEL):
-        x, y = points[np.argmax(np.abs(xi - 0.5))]
+    if spring.tangential > 0.0 and gap.max() > STRAIGHT * size:
         raise InputError(
-            f"[[spring]] against: '{spring.against}' has no point straight across ({x:g}, {y:g}) "
-            f"of '{spring.edge}'; give a span"
+            f"[[spring]] tangential: '{spring.edge}' and '{spring.against}' are {gap.max():g} "
+            "apart, where forces along them would not balance in moment; put them on each other"
         )
-    apart = np.abs((b.points[facet, 0] - points) @ normal).max()
-    if spring.tangential > 0.0 and apart > PARALLEL * size:
-        raise InputError(
-            f"[[spring]] tangential: '{spring.edge}' and '{spring.against}' are {apart:g} apart, "
-            "where forces along them would not balance in moment; put them on each other"
-        )
-    nodes_a, column_a = np.unique(a.nodes, return_inverse=True)
-    nodes_b, column_b = np.unique(b.nodes, return_inverse=True)
-    N = np.zeros((len(points), len(nodes_a)))
-    N_b = np.zeros((len(points), len(nodes_b)))
-    rows = np.arange(len(points))[:, None]
-    N[rows, np.repeat(column_a.reshape(a.nodes.shape), len(s), axis=0)] = np.tile(
-        shape.T, (len(a), 1)
-    )
-    N_b[rows, column_b.reshape(b.nodes.shape)[facet]] = shape_functions(b.nodes.shape[1], xi).T
-    return (nodes_a, nodes_b), N.T * share @ N, N.T * share @ N_b
+    return found
 
 
 def _append(part: Bulk, name: str, nodes: Ints, forces: Array) -> None:
@@ -132,7 +105,7 @@ def _append(part: Bulk, name: str, nodes: Ints, forces: Array) -> None:
     vector.set(0.0)
     if part.comm.rank == 0:
         rows = (2 * nodes[:, None] + np.arange(2)).ravel().astype(PETSc.IntType)
-        vector.setValues(rows, forces.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
+        vector.setValues(rows, forces.ravel())
     vector.assemble()
     if part.ties is not None:
         untied, vector = vector, part.stiffness.createVecLeft()

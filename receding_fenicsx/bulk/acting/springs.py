@@ -8,7 +8,7 @@ import numpy as np
 from dolfinx import fem
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.bulk.edges import edge_facets, integrate, measure, shape_functions
+from receding_fenicsx.bulk.edges import edge_facets, facet_mass
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.bulk.rigid_motions import motions
 from receding_fenicsx.bulk.supports import nodes_at
@@ -32,14 +32,9 @@ def add_springs(matrix: PETSc.Mat, space: fem.FunctionSpace, body: BodyMesh, sce
     for spring in _foundations(scene):
         facets = edge_facets(space, body, spring.edge, spring.span)
         n, nodes = facets.nodes.shape
-        shapes = np.tile(shape_functions(nodes).T, (n, 1))
-
-        def weighted(points: Array, _: Array, shapes: Array = shapes) -> Array:
-            return measure(scene, points) * shapes
-
         normal = np.einsum("fa,fb->fab", facets.outward, facets.outward)
         k = spring.normal * normal + spring.tangential * (np.eye(2) - normal)
-        mass = integrate(facets, weighted) / scene.material.young
+        mass = facet_mass(scene, facets) / scene.material.young
         values = np.einsum("fij,fab->fiajb", mass, k).reshape(n, 2 * nodes, 2 * nodes)
         rows = (2 * facets.nodes[:, :, None] + np.arange(2)).reshape(n, 2 * nodes)
         for row, block in zip(rows.astype(PETSc.IntType), values, strict=True):
