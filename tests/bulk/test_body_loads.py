@@ -197,6 +197,66 @@ def test_disc_under_a_field_towards_its_axis(tmp_path: Path) -> None:
     assert moved == pytest.approx(-r * (stt - NU * srr) / E, rel=2e-4)
 
 
+def half_disc(folder: Path, side: int, h: float) -> str:
+    """A .geo file of the upper or lower half of a disc of radius 2."""
+    file = folder / f"half{side}_{h}.geo"
+    file.write_text(
+        f"h = {h}; Point(1) = {{0, 0, 0, h}}; Point(2) = {{{-2 * side}, 0, 0, h}};\n"
+        f"Point(3) = {{{2 * side}, 0, 0, h}}; Point(4) = {{0, {2 * side}, 0, h}};\n"
+        "Line(1) = {2, 1}; Line(2) = {1, 3}; Circle(3) = {3, 1, 4}; Circle(4) = {4, 1, 2};\n"
+        "Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1}; Physical Surface('s') = {1};\n"
+        f"Transfinite Curve {{1, 2}} = {round(2.0 / h) + 1}; Physical Point('mid') = {{1}};\n"
+        "Physical Curve('flat') = {1, 2}; Physical Curve('rim') = {3, 4};\n",
+        encoding="utf-8",
+    )
+    return str(file)
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("kinematics", ["plane stress", "plane strain"])
+def test_full_disc_rotates_inside_a_tight_ring(kinematics: str, tmp_path: Path) -> None:
+    """Two halves of a disc, rim pressure p: s_rr = c (3 + nu)(R^2 - r^2) - p and so on, order 2.
+
+    c = rho omega^2 / 8; in plane strain nu stands for nu / (1 - nu). Straight sides of the rim
+    leave errors of the second power of the element size.
+    """
+    rate, R, p = 0.4, 2.0, 1.5
+    places = np.array([(0.3, 0.4), (0.7, 0.9), (1.1, 0.12), (-0.5, 1.2), (0.05, 1.7)])
+    nu = NU / (1.0 - NU) if kinematics == "plane strain" else NU
+    r = np.hypot(*places.T)
+    c, s = (places / r[:, None]).T
+    srr = rate / 8.0 * (3.0 + nu) * (R**2 - r**2) - p
+    stt = rate / 8.0 * ((3.0 + nu) * R**2 - (1.0 + 3.0 * nu) * r**2) - p
+    known = np.column_stack([srr * c**2 + stt * s**2, srr * s**2 + stt * c**2])
+    error, force = [], []
+    for h in (0.4, 0.2):
+        scene = Scene(
+            body=Body("a", mesh=half_disc(tmp_path, 1, h)),
+            others=(Body("b", mesh=half_disc(tmp_path, -1, h)),),
+            material=Material(E, NU, kinematics),
+            mesh=MeshOptions(degree=2),
+            contacts=(Contact("a.flat", friction=0.0, against="b.flat"),),
+            loads=(
+                *(Load("p", f"{name}.rim", pressure=p) for name in "ab"),
+                *(Load("w", body=n, body_force=(f"{rate}*x", f"{rate}*y")) for n in "ab"),
+            ),
+            supports=(
+                *(Support("xy" if n == "b" else "x", point="mid", body=n) for n in "ab"),
+                Support("x", point=(0.0, -R), body="b"),
+            ),
+            history=HistoryOptions(kind="monotonic", load="w", constant={"p": 1.0}),
+            probes=tuple(
+                Probe(n, points=tuple((x, sign * y) for x, y in places.tolist()), body=n)
+                for n, sign in (("a", 1), ("b", -1))
+            ),
+        )
+        record = played(scene)
+        error.append(max(np.abs(record.probe(n).stress[-1, :, :2] - known).max() / p for n in "ab"))
+        force.append(record.turning_points.P[-1].sum() / (2.0 * p * R - 2.0 / 3.0 * rate * R**3))
+    assert error[1] < 1.2e-3 and error[0] / error[1] > 3.3
+    assert abs(force[1] - 1.0) < 2e-3 and (force[0] - 1.0) / (force[1] - 1.0) > 3.8
+
+
 # -- halves, wholes, pairs, work -----------------------------------------------------------------
 
 CYCLE = HistoryOptions(kind="cyclic", load="T", maximum=1.0, minimum=-1.0, cycles=3)
