@@ -32,23 +32,21 @@ def test_a_strip_on_a_wall_obeys_shear_lag_to_second_order() -> None:
     for factor in (0.25, 0.5, 1.0):
         F = factor * 0.024 * HEIGHT
         slip_length, unit = F / LIMIT, F**3 / (LIMIT * YOUNG * HEIGHT)
-        loop = np.array([[1.0, 0.0], [1.0, factor], [1.0, 0.0]])
-        path = np.array([[0.0, 0.0], [1.0, 0.0]])
+        loop = np.array([[1.0, factor], [1.0, 0.0], [1.0, factor]])
+        path = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, factor]])
         record = rf.evolve(system, rf.History(("N", "P"), path, loop, 3))
-        D = record.cycles.dissipation
         table = record.turning_points
-        top = np.flatnonzero((table.cycle == 1) & (table.load[:, 1] > 0.9 * factor))[0]
+        top = np.flatnonzero((table.cycle == 0) & (table.load[:, 1] > 0.9 * factor))[0]
         slips = np.isin(table.state[top], (rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP))
         slender.append(slip_length / HEIGHT)
-        errors.append(1.0 - D[-1] / (unit / 12.0))
-        # loading again and unloading dissipate alike
-        first.append(1.0 - (D[0] - 0.5 * D[1]) / (unit / 6.0))
+        errors.append(1.0 - record.cycles.dissipation[-1] / (unit / 12.0))
+        first.append(1.0 - record.dissipation_first_loading / (unit / 6.0))
         lengths.append(slip_length - record.weight[slips].sum())
-    order = np.polyfit(np.log(slender), np.log(errors), 1)[0]
-    assert order == pytest.approx(-2.0, abs=0.05) and errors[-1] < 4e-3
-    # the load on the end face reaches the wall within one height: first order
-    assert np.all(np.array(first) < 0.55 / np.array(slender))
-    assert np.all((0.5 * HEIGHT < np.array(lengths)) & (np.array(lengths) < HEIGHT))
+    for found, last in ((errors, 4e-3), (first, 9e-4)):
+        order = np.polyfit(np.log(slender), np.log(found), 1)[0]
+        assert order == pytest.approx(-2.0, abs=0.15) and 0.0 < found[-1] < last
+    # ahead of the slip zone the strip still carries what friction takes on a part of its height
+    assert np.ptp(lengths) < 1e-12 and 0.5 * HEIGHT < lengths[0] < HEIGHT
 
 
 @pytest.mark.parametrize("length", [10.0, 40.0])
