@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import count
 
 from petsc4py import PETSc
 
@@ -47,6 +48,7 @@ def add_links(scene: Scene, parts: Sequence[Bulk]) -> Array:
         InputError: the first edge is not straight, or the nodes of the other one do not match.
     """
     blocks: list[Array] = []
+    number = count()
     for spring in (part for part in scene.springs if part.against is not None):
         named = [scene.find_edge(edge) for edge in (spring.edge, spring.against or "")]
         a, b = (next(p for p in parts if p.scene.body.name == body.name) for body, _ in named)
@@ -57,7 +59,7 @@ def add_links(scene: Scene, parts: Sequence[Bulk]) -> Array:
         tangent = np.array([-normal[1], normal[0]])
         for k, d in ((spring.normal, normal), (spring.tangential, tangent)):
             for row in mass if k > 0.0 else ():
-                name = f"{NAME}{len(a.load_names)}"
+                name = f"{NAME}{next(number)}"
                 _append(a, name, nodes, np.outer(row, d))
                 _append(b, name, others, -np.outer(row, d))
             blocks += [mass / k] if k > 0.0 else []
