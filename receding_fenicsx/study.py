@@ -14,7 +14,6 @@ from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.report.starts import check_starts, limit_with_starts
@@ -255,6 +254,8 @@ def condense(
     validate(scene)
     comm = comm or world()
     if any(load.mode for load in scene.loads):
+        from receding_fenicsx.modal.modes import mode_system
+
         return mpi.on_root(comm, lambda: mode_system(scene)[0])
     system, _ = condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
     prepare = with_profiles if whole else system_for
