@@ -164,15 +164,12 @@ def join(
         places: the contact nodes of each.
         load_names: names of the loads.
 
-    Returns:
-        The joined system.
-
     Raises:
         InputError: a load moves bodies in a motion that no support holds, or is a force on one
             body and a displacement on another.
         SolveError: K does not keep the rigid motions.
     """
-    sign = _common_sign(bodies, load_names)
+    sign = common_sign(np.array([body.sign for body in bodies]), load_names)
     motions, held = _motions(bodies, places)
     size, free = len(held), 1 + max(motion.rest.max(initial=-1) for motion in motions)
     K, H, C = np.zeros((size, size)), np.zeros((free, free)), np.zeros((free, size))
@@ -242,16 +239,13 @@ def _motions(
     return tuple(found), held[0] & held[1]
 
 
-def _common_sign(bodies: Sequence[CondensedBody], load_names: tuple[str, ...]) -> Array:
-    """Return the signs of the loads on all bodies."""
-    signs = np.array([body.sign for body in bodies])
+def common_sign(signs: Array, load_names: tuple[str, ...]) -> Array:
+    """Return the signs of the loads on all bodies from those on each (bodies, n_loads)."""
     low, high = signs.min(axis=0), signs.max(axis=0)
-    opposite = low * high < 0.0
-    if np.any(opposite):
-        name = load_names[int(np.argmax(opposite))]
+    for k in np.flatnonzero(low * high < 0.0):
         raise InputError(
-            f"load '{name}': is a force on one body and a displacement on the other; give it the "
-            "same form on both"
+            f"load '{load_names[k]}': is a force on one body and a displacement on the other; give "
+            "it the same form on both"
         )
     return np.where(low < 0.0, low, high)
 
@@ -277,13 +271,11 @@ def _pin(
             R[motion.rest] = body.modes[motion.on] @ motions
             size += np.abs(body.r_star).sum(axis=1)
         R = np.linalg.qr(R)[0]
-        out = np.abs(R.T @ L).max(axis=0) > BALANCE_TOLERANCE * size
-        if np.any(out):
+        for k in np.flatnonzero(np.abs(R.T @ L).max(axis=0) > BALANCE_TOLERANCE * size):
             raise InputError(
-                f"load '{load_names[int(np.argmax(out))]}' moves "
-                f"{'both' if len(group) == 2 else 'the'} bodies together, and nothing holds them: "
-                "add a [[support]] to one of them, or balance it by its part on the other body "
-                "(a [[load]] of the same name)"
+                f"load '{load_names[k]}' moves {'both' if len(group) == 2 else 'the'} bodies "
+                "together, and nothing holds them: add a [[support]] to one of them, or balance it "
+                "by its part on the other body (a [[load]] of the same name)"
             )
         H += R @ R.T * stiffness
 

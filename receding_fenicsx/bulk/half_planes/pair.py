@@ -5,7 +5,12 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.bulk.half_planes.body import HalfPlane
-from receding_fenicsx.bulk.join_bodies import BALANCE_TOLERANCE, JoinedBodies, Motion
+from receding_fenicsx.bulk.join_bodies import (
+    BALANCE_TOLERANCE,
+    JoinedBodies,
+    Motion,
+    common_sign,
+)
 from receding_fenicsx.bulk.rigid_motions import scaled
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.half_plane.far_field import FarField, condense_far_field
@@ -47,17 +52,12 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
             f"load '{load_names[k]}' moves both half-planes together, and nothing holds them: add "
             "a [[support]] to the far edge of one of them, or balance it by its part on the other"
         )
-    for k in np.flatnonzero(sign[0] * sign[1] < 0.0):
-        raise InputError(
-            f"load '{load_names[k]}': is a force on one body and a displacement on the other; give "
-            "it the same form on both"
-        )
     free = a.far.free | b.far.free
     relative = FarField(
         free,
         np.where(a.far.free, force[0], -force[1]),
         moved[0] - moved[1],
-        np.where(sign[0] == 0.0, sign[1], sign[0]),
+        common_sign(sign, load_names),
     )
     stiffness = SurfaceStiffness(a.surface, a.compliance + b.compliance)
     modes = a.far_modes

@@ -1,4 +1,4 @@
-"""Facets of the contact edges, and matching facets of two bodies in contact."""
+"""Facets of the contact edges, and matching facets of bodies in contact."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from receding_fenicsx.arrays import Ints
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.mesh.raw_mesh import (
     STRAIGHT_TOLERANCE,
     Line,
@@ -74,6 +74,16 @@ def find_interfaces(scene: Scene, meshes: Sequence[RawMesh], half: bool) -> tupl
         found.append(_matched(contact, (mesh, edge, line, facets), (other, facing, back), where))
     _check_apart(scene, meshes, found, half)
     return tuple(found)
+
+
+def middle_of(scene: Scene, meshes: Sequence[RawMesh], interfaces: Sequence[Interface]) -> Array:
+    """Return the middle (2,) of the box around all contacts."""
+    found = []
+    for contact, interface in zip(scene.contacts, interfaces, strict=True):
+        mesh, edge = _mesh_of(scene, meshes, contact.edge)
+        found.append(mesh.points[mesh.edges[edge][interface.facets]].reshape(-1, 2))
+    points = np.vstack(found)
+    return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
 
 
 def _mesh_of(scene: Scene, meshes: Sequence[RawMesh], edge: str) -> tuple[RawMesh, str]:

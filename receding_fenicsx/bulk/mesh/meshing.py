@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces
+from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces, middle_of
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model, mesh_of
 from receding_fenicsx.bulk.mesh.graded_edges import grade_half
@@ -180,17 +180,8 @@ def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
     """Return the meshes of all bodies with their tags; no communication."""
     meshes = [_raw(scene, body, half) for body in scene.bodies]
     interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
-    touching = []
-    for contact, interface in zip(scene.contacts, interfaces, strict=True):
-        body, edge = scene.find_edge(contact.edge)
-        mesh = meshes[scene.bodies.index(body)]
-        touching.append(mesh.points[mesh.edges[edge][interface.facets]].reshape(-1, 2))
-    places = np.vstack(touching)
-    shared = {
-        "size": max(mesh.size for mesh in meshes),
-        "pivot": 0.5 * (places.min(axis=0) + places.max(axis=0)),
-        "half": half,
-    }
+    middle = middle_of(scene, meshes, interfaces)
+    shared = {"size": max(mesh.size for mesh in meshes), "pivot": middle, "half": half}
     return [
         _tagged(scene, body, mesh, interfaces, shared)
         for body, mesh in zip(scene.bodies, meshes, strict=True)

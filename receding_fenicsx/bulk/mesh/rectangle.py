@@ -207,11 +207,7 @@ def _find_ends(scene: Scene, frame: Frame) -> Array:
     spans = [(part.edge, part.span) for part in scene.edge_parts]
     spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
     ends = {}
-    if frame.both:
-        ends[round(0.5 * frame.length / near), round(frame.depth / near)] = (
-            0.5 * frame.length,
-            frame.depth,
-        )
+    spans += [(OPPOSITE[frame.edge], None)] if frame.both else []
     for edge, span in spans:
         along = np.array(edge_range(scene, edge) if span is None else span)
         for x, y in zip(*edge_points(scene, edge, along), strict=True):
