@@ -3,12 +3,19 @@
 from __future__ import annotations
 
 import os
+import shutil
 from pathlib import Path
 
 import numpy as np
 from scipy import io
 
-from receding_fenicsx.atomic import check_file, check_folder, make_folder, publish_folder
+from receding_fenicsx.atomic import (
+    check_file,
+    check_folder,
+    make_folder,
+    publish_folder,
+    unwritable,
+)
 from receding_fenicsx.exchange.importing import import_system
 from receding_fenicsx.output.storage.hdf5 import read_system, write_system
 from receding_fenicsx.output.storage.run_folder import SYSTEM
@@ -40,12 +47,17 @@ def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
     beside = out.with_name(f".{out.name}.{os.getpid()}.tmp")
     make_folder(beside)
     matrices = {"stiffness": system.K, "r_star": system.r_star, "rigid": system.rigid}
-    for name, matrix in matrices.items():
-        symmetry = "symmetric" if name == "stiffness" else "general"
-        text = f"{name} of [v; w]; loads {', '.join(system.load_names)}"
-        io.mmwrite(beside / f"{name}.mtx", matrix, text, precision=17, symmetry=symmetry)
     law = (system.weight, system.friction.forward, system.friction.backward, system.g0)
     table = np.column_stack([system.x, system.points, *law, system.held.reshape(2, -1).T])
-    np.savetxt(beside / "nodes.csv", table, "%.17g", ",", header=",".join(COLUMNS), comments="")
-    publish_folder(beside, out)
+    try:
+        for name, matrix in matrices.items():
+            symmetry = "symmetric" if name == "stiffness" else "general"
+            text = f"{name} of [v; w]; loads {', '.join(system.load_names)}"
+            io.mmwrite(beside / f"{name}.mtx", matrix, text, precision=17, symmetry=symmetry)
+        np.savetxt(beside / "nodes.csv", table, "%.17g", ",", header=",".join(COLUMNS), comments="")
+        publish_folder(beside, out)
+    except OSError as error:
+        raise unwritable(out, error) from None
+    finally:
+        shutil.rmtree(beside, ignore_errors=True)
     print(f"{system.n} contact nodes, {len(system.load_names)} load(s), written to {out}")

@@ -115,6 +115,14 @@ def joint_curve(
         return mpi.on_root(comm, lambda: _of_system(scene, drive, values, folder, replaces))
     cyclic = _driven(scene, drive, values)
     mpi.on_root(comm, lambda: _check(folder, options.overwrite or options.resume))
+    # a mode, the preload or the first loading may fail: before anything is written
+    system = study.condense(cyclic, comm, options.progress, whole=True)
+
+    def loaded() -> Backbone:
+        start = preload_path(mpi.given(system), cyclic, drive)
+        return first_loading(mpi.given(system), drive, start, values, cyclic.solver)
+
+    backbone = mpi.on_root(comm, loaded)
 
     def swept(which: Scene, name: str) -> SweepTable | None:
         place = None if folder is None else folder / name
@@ -124,12 +132,9 @@ def joint_curve(
     table = swept(cyclic, "cases")
     coarser = _coarser(cyclic)
     coarse = None if coarser is None else swept(coarser, "coarse")
-    system = study.condense(cyclic, comm, options.progress, whole=True)
 
     def finish() -> JointCurve:
-        start = preload_path(mpi.given(system), cyclic, drive)
-        backbone = first_loading(mpi.given(system), drive, start, values, cyclic.solver)
-        curve = _curve(drive, values, (mpi.given(table), coarse), backbone)
+        curve = _curve(drive, values, (mpi.given(table), coarse), mpi.given(backbone))
         if folder is not None:
             _write(folder, scene.title, curve)
         return curve

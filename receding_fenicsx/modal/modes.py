@@ -180,24 +180,17 @@ def _modes(bulk: Bulk | Stack, tied: NDArray[np.bool_], number: int) -> tuple[li
     return np.split(phi, starts[1:-1]), omega
 
 
-def _closed(bulk: Bulk | Stack) -> tuple[sparse.csr_matrix, Array]:
+def _closed(bulk: Any) -> tuple[sparse.csr_matrix, Array]:
     """Return the unit loads (dofs, m) of bolts and springs between bodies, and their compliance."""
     names = [bolt.name for bolt in bulk.scene.bolts]
     soft = np.diag([1.0 / (bolt.stiffness or np.inf) for bolt in bulk.scene.bolts])
     if isinstance(bulk, Stack):
         names, soft = [*names, *bulk.link_names], block_diag(soft, bulk.soft)
-    parts: Any = bulk.parts
-    units = [
-        [
-            p.loads[p.load_names.index(n)].getArray() if n in p.load_names else np.zeros(p.dofs)
-            for p in parts
-        ]
-        for n in names
-    ]
-    rows = np.zeros((len(names), sum(part.dofs for part in parts)))
-    for row, unit in zip(rows, units, strict=True):
-        row[:] = np.concatenate(unit)
-    return sparse.csr_matrix(rows.T), soft
+    rows = [np.zeros((len(names), part.dofs)) for part in bulk.parts]
+    for own, part in zip(rows, bulk.parts, strict=True):
+        for name, load in zip(part.load_names, part.loads, strict=True):
+            own[[k for k, known in enumerate(names) if known == name]] = load.getArray()
+    return sparse.csr_matrix(np.hstack(rows).T), soft
 
 
 def _csr(matrix: Any) -> sparse.csr_matrix:

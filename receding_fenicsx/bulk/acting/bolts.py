@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies
 from receding_fenicsx.bulk.rigid_motions import scaled
 from receding_fenicsx.interface.system import ContactSystem
@@ -26,20 +26,30 @@ FREE_TOLERANCE = 1e-9
 """Force of a bolt by a rigid motion, over the sum of its parts, that counts as none."""
 
 
+def closed(C: Array, r_star: Array, at: Ints, soft: Array) -> tuple[Array, Array]:
+    """Return T (n, n) and G (n, 2N) of n loads, some of which have the compliance ``soft``.
+
+    Args:
+        C: (n, n) compliance of the loads.
+        r_star: (n, 2N) their reactions.
+        at: (m,) numbers of the loads that springs close.
+        soft: (m, m) displacements by which unit forces lengthen the springs.
+    """
+    T, G = np.eye(len(C)), np.zeros_like(r_star)
+    kappa = np.linalg.inv(soft + C[np.ix_(at, at)])
+    T[at], G[at] = -kappa @ C[at], kappa @ r_star[at]
+    T[np.ix_(at, at)] = kappa
+    return T, G
+
+
 def bolt_law(scene: Scene, condensed: CondensedBody | JoinedBodies) -> tuple[Array, Array]:
     """Return T (n_loads, n_loads) and G (n_loads, 2N); the identity and zero without bolts."""
     names = scene.body_names
-    T, G = np.eye(len(names)), np.zeros_like(condensed.r_star)
-    at = [names.index(bolt.name) for bolt in scene.bolts]
-    if at:
-        C = condensed.compliance[at]
-        # the forces of a ring of bolts are those per radian
-        part = 2.0 * np.pi if scene.axisymmetric else 1.0
-        soft = np.diag([part / (bolt.stiffness or np.inf) for bolt in scene.bolts])
-        kappa = np.linalg.inv(soft + C[:, at])
-        T[at], G[at] = -kappa @ C, kappa @ condensed.r_star[at]
-        T[np.ix_(at, at)] = kappa
-    return T, G
+    at = np.array([names.index(bolt.name) for bolt in scene.bolts], dtype=int)
+    # the forces of a ring of bolts are those per radian
+    part = 2.0 * np.pi if scene.axisymmetric else 1.0
+    soft = np.diag([part / (bolt.stiffness or np.inf) for bolt in scene.bolts])
+    return closed(condensed.compliance, condensed.r_star, at, soft.reshape(len(at), len(at)))
 
 
 def with_bolts(system: ContactSystem, scene: Scene, law: tuple[Array, Array]) -> ContactSystem:

@@ -5,11 +5,8 @@ edge's normal $n$ or tangent $t$, they have the energy $\frac{1}{2} \int k_d (J 
 the shape functions $N_i$ of the edge, whose nodes are those across,
 $D_i = \int N_i\, J \cdot d \, dA$ and $M_{ij} = \int N_i N_j \, dA$ it is
 $\frac{1}{2} k_d D^T M^{-1} D$. So the unit loads $N_i d$ on the edge and $-N_i d$ across, of which
-$D$ are the work-conjugates, have the factors $F = -k_d M^{-1} D$. Condensed,
-$D = C_{ss} F + C_{sl} \lambda - R u$, and
-
-$$F = T \lambda + G u , \quad G = \kappa R , \quad T = -\kappa C_{sl} , \quad
-\kappa = (M / k_d + C_{ss})^{-1} .$$
+$D$ are the work-conjugates, have the factors $F = -k_d M^{-1} D$, as bolts have without tightening
+(:mod:`~receding_fenicsx.bulk.acting.bolts`).
 """
 
 from __future__ import annotations
@@ -24,7 +21,7 @@ import numpy as np
 from scipy.linalg import block_diag
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.acting.bolts import without_lengthening
+from receding_fenicsx.bulk.acting.bolts import closed, without_lengthening
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.edges import edge_facets, edge_nodes, facet_mass
 from receding_fenicsx.bulk.join_bodies import JoinedBodies
@@ -125,18 +122,17 @@ def with_links(joined: JoinedBodies, soft: Array) -> JoinedBodies:
         soft: M / k_d, from :func:`add_links`.
     """
     n = len(joined.r_star) - len(soft)
-    C, R = joined.compliance, joined.r_star[n:]
-    kappa = np.linalg.inv(soft + C[n:, n:])
-    G, T = kappa @ R, -kappa @ C[n:, :n]
-    K = joined.K + R.T @ G
+    T, G = closed(joined.compliance, joined.r_star, np.arange(n, n + len(soft)), soft)
+    T = T[:, :n]
+    K = joined.K + joined.r_star.T @ G
     rest, rest_load = joined.rest
     return replace(
         joined,
         K=0.5 * (K + K.T),
-        r_star=joined.r_star[:n] + T.T @ R,
-        compliance=C[:n, :n] + C[:n, n:] @ T,
+        r_star=T.T @ joined.r_star,
+        compliance=(joined.compliance @ T)[:n],
         sign=joined.sign[:n],
-        rigid=without_lengthening(joined.rigid, R),
-        rest=(rest + rest_load[:, n:] @ G, rest_load[:, :n] + rest_load[:, n:] @ T),
-        links=(T, G),
+        rigid=without_lengthening(joined.rigid, joined.r_star[n:]),
+        rest=(rest + rest_load @ G, rest_load @ T),
+        links=(T[n:], G[n:]),
     )
