@@ -21,7 +21,7 @@ from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies, Place
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.one_body import part_of, sides_of_body
+from receding_fenicsx.scene.one_body import in_order, part_of, sides_of_body
 
 
 @dataclass
@@ -149,9 +149,8 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
         for body in scene.bodies
         if not body.is_half_plane
     }
-    owner = scene.find_edge(scene.contacts[0].edge)[0]
     parts: list[Bulk | HalfPlane] = []
-    for body in sorted(scene.bodies, key=lambda body: body != owner):
+    for body in in_order(scene):
         if body.name in built:
             parts.append(built[body.name])
             continue

@@ -234,6 +234,12 @@ def contact_elements(scene: Scene, body: Body) -> int:
     return 2 * round(wanted / 2)
 
 
+def in_order(scene: Scene) -> list[Body]:
+    """Return the bodies in the order of their fields: that of the first contact's edge first."""
+    owner = scene.find_edge(scene.contacts[0].edge)[0]
+    return sorted(scene.bodies, key=lambda body: body != owner)
+
+
 def sides_of_body(scene: Scene, body: Body) -> list[tuple[int, int]]:
     """Return the numbers of a body's contacts, each with +1 where it is the first body, or -1."""
     return [(k, side) for k, _, side in _touching(scene, body)]

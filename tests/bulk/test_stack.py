@@ -18,6 +18,7 @@ from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
 from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.snapshots.load_arrows import load_arrows
 from receding_fenicsx.scene.validate import validate
 
 comm = MPI.COMM_WORLD
@@ -210,6 +211,9 @@ def test_nodal_forces_of_all_bodies_balance_in_all_contacts(order: tuple[int, ..
             sides = np.tile(place.side, 2) * expected[place.dofs(system.n)]
             assert force == pytest.approx(sides, abs=1e-11 * np.abs(expected).max())
         assert set(parts.body) == {0, 1, 2}
+        # the load is drawn on the third body, whatever the order of the contacts
+        (arrows,) = load_arrows(scene, ("p",), parts, np.ones(1), 0.0, 1.0)
+        assert arrows.heads[:, 1] == pytest.approx(3.0, abs=0.1)
 
     on_root(comm, check)
     stack.destroy()

@@ -11,6 +11,7 @@ from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.output.snapshots.vertices import edge_values
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Load, Scene
+from receding_fenicsx.scene.one_body import in_order
 from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_points, edge_range
 
@@ -66,16 +67,15 @@ def load_arrows(
     ]
     sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, t in found]
     scale = ARROW_LENGTH * size / max([*sizes, np.finfo(float).tiny])
-    first = scene.find_edge(scene.contacts[0].edge)[0]
-    arrows = []
+    bodies, arrows = in_order(scene), []
     for load, points, traction in found:
         vector = scale * float(factors[names.index(load.name)]) * traction
         if not np.any(vector):
             continue
         body, edge = scene.find_edge(load.edge)
         outward = np.array(OUTWARD[edge])
-        side = int(body != first)
-        moved = edge_values(fields, fields.displacement, points, outward, side)
+        number = bodies.index(body)
+        moved = edge_values(fields, fields.displacement, points, outward, number)
         at = points + exaggeration * moved
         inward = vector @ outward < 0.0
         tails = np.where(inward[:, None], at - vector, at) + ARROW_OFFSET * size * outward

@@ -13,6 +13,7 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.mirror import mirror_nodes
+from receding_fenicsx.scene.one_body import in_order
 from receding_fenicsx.scene.profiles import evaluate
 
 if TYPE_CHECKING:
@@ -71,10 +72,10 @@ def whole_contact(bulk: Bodies, instant: Instant) -> WholeContact:
     argument = np.abs(x) if scene.axisymmetric else x
     edge = contact.edge[mirror.index]
     gap = np.zeros(len(x))
-    names, owners = [part.scene.body.name for part in bulk.parts], []
+    bodies, owners = in_order(scene), []
     for k, described in enumerate(scene.contacts):
         gap[edge == k] = evaluate(described.initial_gap, argument[edge == k])
-        owners.append(names.index(scene.find_edge(described.edge)[0].name))
+        owners.append(bodies.index(scene.find_edge(described.edge)[0]))
     weight = mirror.total(contact.weight)
     weight = np.where(weight > 0.0, weight, np.nan)
     # open nodes carry no force: the rest is round-off; held ones carry reactions
