@@ -10,15 +10,18 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from bodies import displacements, played, reactions
+from replay import objections
 
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.fields import gather_fields, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all
+from receding_fenicsx.evolution.prepare import system_for
 from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.snapshots.load_arrows import load_arrows
+from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.validate import validate
 
 comm = MPI.COMM_WORLD
@@ -167,6 +170,14 @@ def test_half_of_a_stack_is_the_whole_one() -> None:
     assert max(half.residual_max, whole.residual_max) < 1e-12
     assert max(half.energy_error_max, whole.energy_error_max) < 1e-11
     assert whole.cycles.dissipation[-1] > 0.0
+
+
+@pytest.mark.one_rank
+def test_the_record_of_a_stack_keeps_the_laws_by_code_that_shares_nothing() -> None:
+    solver, mesh = rf.SolverOptions(symmetry="none"), rf.MeshOptions(4, degree=2)
+    scene = layers(loads=STRIP, solver=solver, mesh=mesh)
+    system = system_for(scene, rf.given(rf.condense(scene, comm)))
+    assert objections(system, from_scene(scene), rf.evolve(system, scene)) == []
 
 
 def test_a_plane_is_a_very_stiff_third_body() -> None:
