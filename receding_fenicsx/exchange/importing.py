@@ -154,6 +154,9 @@ def _eliminate(
         for load in given.load
     ]
     f = np.array(forces).T
+    for load, column in zip(given.load, f.T, strict=True):
+        if not column.any():
+            raise InputError(f"load '{load.name}': its file has no force; fill it, or remove it")
     K, r_star = np.zeros((len(C), len(C))), np.zeros((f.shape[1], len(C)))
     K[np.ix_(here, here)] = A[own][:, own].toarray()
     r_star[:, here] = -f[own].T

@@ -237,6 +237,7 @@ def turned(path: Path, old: str, new: str) -> None:
         ("[7, 6", "[6, 6", "coincide"),
         ("friction", "frction", "did you mean 'friction'"),
         ('"P.txt"', '"R.txt"', "cannot be read"),
+        ('"P.txt"', '"none.txt"', "load 'P': its file has no force"),
         ('forces = "P.txt"', "", "either forces or reactions"),
         ("K.mtx", "nodes.csv", "is not a stiffness"),
         ("0.0, 2.0", "0.0, 0.0", "must not be zero"),
@@ -250,6 +251,7 @@ def test_bad_specifications_are_one_line(
     block = Block()
     path = specification(tmp_path, write_market(tmp_path, block), block)
     turned(path, old, new)
+    (tmp_path / "none.txt").write_text("*CLOAD\n1,2,0.0\n")
     assert cli.main(["import", str(path), "--out", str(tmp_path / "system.h5")]) == 2
     text = capsys.readouterr().err
     assert told in text and len(text.strip().splitlines()) == 1
