@@ -20,20 +20,28 @@ are lost in round-off."""
 
 
 def energy_error(
-    system: ContactSystem, start: ContactState, leg: Leg, energy_scale: float
+    system: ContactSystem,
+    start: ContactState,
+    ends: tuple[Array, Array],
+    leg: Leg,
+    energy_scale: float,
 ) -> tuple[float, float]:
     """Return the relative error of D + change of (1/2 u K u) + integral lambda r* . du = 0.
+
+    With K u = r - sum lambda r* at both ends.
 
     Args:
         system: the condensed body in 2N form.
         start: state at the leg's start.
+        ends: (n_loads,) load factors at its start and at its end.
         leg: the leg.
         energy_scale: largest energy of an earlier leg.
 
     Returns:
         The error, and the largest energy of a leg so far.
     """
-    stored = 0.5 * float((leg.end.u - start.u) @ system.K @ (leg.end.u + start.u))
+    forces = leg.end.r + start.r - (ends[0] + ends[1]) @ system.r_star
+    stored = 0.5 * float((leg.end.u - start.u) @ forces)
     D = float(leg.dissipation.sum()) + sum(energy for _, energy in leg.jumps)
     largest = max(energy_scale, abs(D) + abs(stored))
     scale = max(abs(D) + abs(stored), SMALLEST_LEG_ENERGY * largest)

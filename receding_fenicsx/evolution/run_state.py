@@ -88,7 +88,7 @@ class RunState:
                 error.args = (f"cycle {number}, leg {k}: {error}",)
                 raise
             static = self._is_static(number, k)
-            totals = self._totals_after(leg, static)
+            totals = self._totals_after((a, b), leg, static)
             self.uniqueness.add((number, k), self.position.state, (a, b), leg, static)
             self.position = Position(leg.end, b, totals)
             dissipation += leg.dissipation
@@ -192,12 +192,12 @@ class RunState:
             ]
         return leg
 
-    def _totals_after(self, leg: Leg, is_static: bool) -> Totals:
+    def _totals_after(self, ends: tuple[Array, Array], leg: Leg, is_static: bool) -> Totals:
         """Return the totals at the end of a leg; a static problem has no energy identity."""
         before = self.position.totals
         error, scale = 0.0, before.energy_scale
         if not is_static:
-            error, scale = energy_error(self.model, self.position.state, leg, scale)
+            error, scale = energy_error(self.model, self.position.state, ends, leg, scale)
         _log_leg(leg, error)
         return Totals(
             force_scale=leg.force_scale,

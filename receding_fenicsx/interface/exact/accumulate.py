@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.legs import PathPoint
-from receding_fenicsx.interface.exact.segments import Segments, States
+from receding_fenicsx.interface.exact.segments import Segment, Segments, States
 from receding_fenicsx.interface.law import FORWARD
 from receding_fenicsx.interface.residual import law_residual, reachable
 
@@ -108,14 +108,19 @@ class Sums:
         if len(self._stops) > STOPS_AT_ONCE:
             self.add_up()
 
-    def with_watched(self, rows: Array) -> Array:
-        """Return rates (k, 4N) of y along this leg, and those of the watched quantities."""
+    def stacked(self, segments: list[Segment]) -> Array:
+        """Return the rates (k, 4N + watched) of y and of the watched quantities."""
+        rows = np.array([segment.q for segment in segments])
         if self.watch is None:
             return rows
-        a, b = self.problem.ends
-        loads = np.broadcast_to(b - a, (len(rows), len(a)))
-        u = rows[:, : 2 * self.system.n]
-        return np.hstack([rows, np.hstack([u, loads]) @ self.watch.rows.T])
+        new = [k for k, segment in enumerate(segments) if segment.watched is None]
+        if new:
+            on_u, on_load = np.hsplit(self.watch.rows, [2 * self.system.n])
+            a, b = self.problem.ends
+            made = rows[new, : 2 * self.system.n] @ on_u.T + on_load @ (b - a)
+            for k, watched in zip(new, made, strict=True):
+                segments[k].watched = watched
+        return np.hstack([rows, [segment.watched for segment in segments]])
 
     def rates(self, rows: Array) -> Rates:
         """Return the rates of the integrals along segments with rates (k, 4N + any) of y."""

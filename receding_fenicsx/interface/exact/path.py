@@ -28,6 +28,7 @@ from receding_fenicsx.interface.exact.legs import (
 )
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.reduction import Reduction, reduce, widen
+from receding_fenicsx.interface.exact.replay.rounds import Rounds
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.unloading import (
@@ -86,6 +87,7 @@ class EventPath:
         self.chooser = chooser
         self.segments = Segments(system)
         self.reduction: Reduction | None = None
+        self._rounds: Rounds | None = None
         self._low_friction_node = _low_friction_node(self.segments)
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
         self._opened = np.zeros(system.n, dtype=bool)
@@ -110,6 +112,11 @@ class EventPath:
             NoQuasiStaticContinuation: the rate problem has no solution.
             SolveError: the residual of the contact law is above its tolerance.
         """
+        known = (
+            None if samples or self._rounds is None else self._rounds.leg(start, ends, force_scale)
+        )
+        if known is not None:
+            return known
         places = evenly_spaced(samples)
         return self._trace(LegProblem(start, ends, force_scale, places, chooser=self.chooser))
 
@@ -260,8 +267,11 @@ class EventPath:
                 self.reduction = reduce(self.segments, start, active, opening)
             if self.reduction is None:
                 return None
+            if self._rounds is None or self._rounds.reduction is not self.reduction:
+                self._rounds = Rounds(self.reduction)
             try:
-                found = self.reduction.follow(problem, self.check_all)
+                walk = self.reduction.follow(problem, self.check_all)
+                found = self.reduction.finish(problem, walk)
             except (SolveError, SingularExchange):
                 # the error of the whole contact comes from the walk without reduction
                 return None
@@ -269,6 +279,7 @@ class EventPath:
                 self._remember(b - a, found)
                 residual, scale = found.residual, found.force_scale
                 if residual <= EVENT_RESIDUAL:
+                    self._rounds.note(problem, walk, found)
                     return found
                 return found if residual <= reachable(self.system, found.end.u, scale) else None
             for nodes in self.changed.values():

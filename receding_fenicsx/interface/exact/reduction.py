@@ -87,20 +87,17 @@ class Reduction:
         kept = np.array_equal(start.state[away], self.frozen[away])
         return kept and np.array_equal(start.u[self.constant], self.back[self.constant, -1])
 
-    def follow(self, problem: LegProblem, check_all: bool) -> Leg | Indices:
+    def follow(self, problem: LegProblem, check_all: bool) -> Walk:
         """Follow a leg with the active nodes, and watch the others.
 
         Args:
             problem: the leg of all nodes.
             check_all: evaluate the residual afresh after every event.
 
-        Returns:
-            The leg of all nodes, or the frozen nodes that reach a limit on it.
-
         Raises:
-            SolveError: the path ends, or its residual is above its tolerance.
+            SolveError: the path ends.
         """
-        (a, b), n = problem.ends, self.full.n
+        a, b = problem.ends
         reduced = replace(
             problem,
             start=self.shrink(problem.start),
@@ -108,7 +105,22 @@ class Reduction:
         )
         walk = Walk(self.segments, reduced, check_all, watch=Watch(self.watched, self.leaving))
         walk.run(1.0)
-        leg = walk.finish()
+        return walk
+
+    def finish(self, problem: LegProblem, walk: Walk) -> Leg | Indices:
+        """Return what came of a leg.
+
+        Args:
+            problem: the leg of all nodes.
+            walk: its walk on the active nodes.
+
+        Returns:
+            The leg of all nodes, or the frozen nodes that reach a limit on it.
+
+        Raises:
+            SolveError: the residual is above its tolerance.
+        """
+        (a, b), n, leg = problem.ends, self.full.n, walk.finish()
         if len(walk.sums.watched):
             return walk.sums.watched
         end, nodes = self.expand(leg.end, b), self.nodes.tolist()

@@ -8,6 +8,7 @@ grown.
 from __future__ import annotations
 
 from collections.abc import Iterable
+from math import sqrt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,8 +23,12 @@ from receding_fenicsx.interface.system import ContactState
 MEASURING_INTERVAL = 16
 """Events between two measurements of the imbalance at most; fewer while it grows fast."""
 
-IMBALANCE_TOLERANCE = 1e-12
-"""Imbalance of displacements and forces, over the force scale, up to which it is never removed."""
+NODAL_IMBALANCE = 1e-13
+"""Error of a nodal force, over the force scale, up to which an imbalance is never removed: summed
+over 2N of them with random signs sqrt(2N) times as much."""
+
+FEWEST_SUMMED = 100
+"""Forces for whose sum the tolerance allows at least."""
 
 IMBALANCE_GROWTH = 2.0
 """Growth of the imbalance since the last refinement, as a factor, below which it is not removed."""
@@ -63,7 +68,7 @@ class RoundOff:
 
     def _tolerance(self) -> float:
         """Return the imbalance that does not matter."""
-        return IMBALANCE_TOLERANCE * self._sums.force_scale
+        return negligible_imbalance(self._segments.system.n) * self._sums.force_scale
 
     def count_event(self) -> None:
         """Note an event; measure the imbalance when due.
@@ -131,6 +136,11 @@ class RoundOff:
             if largest <= EPSILON * self._sums.force_scale:
                 break
         return now
+
+
+def negligible_imbalance(n: int) -> float:
+    """Return the imbalance of n nodes, over the force scale, that does not matter."""
+    return NODAL_IMBALANCE * sqrt(max(2 * n, FEWEST_SUMMED))
 
 
 def displacement_uncertainty(

@@ -7,7 +7,6 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Watch
-from receding_fenicsx.interface.exact.chain import START_OF_LEG, Replay
 from receding_fenicsx.interface.exact.consistency import ConsistentStates
 from receding_fenicsx.interface.exact.legs import (
     Course,
@@ -17,6 +16,7 @@ from receding_fenicsx.interface.exact.legs import (
     only_stick,
 )
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.replay.events import START_OF_LEG, Replay
 from receding_fenicsx.interface.exact.round_off import RoundOff, displacement_uncertainty
 from receding_fenicsx.interface.exact.segments import Following, Segment, Segments
 from receding_fenicsx.interface.exact.unloading import (
@@ -50,7 +50,12 @@ class Walk:
         round_off: imbalance of displacements and forces.
         course: samples, events and stops so far.
         replay: passes known events many at once.
+        first: rates at the start, and the number of changes of state there.
+        last: rates at the end.
     """
+
+    first: tuple[Segment, int]
+    last: Segment
 
     def __init__(
         self,
@@ -95,6 +100,7 @@ class Walk:
         """
         point, y = self.point, self.point.y
         segment = self._consistent()
+        self.first = segment, len(self.course.events)
         looked_at = True
         # towards complete unloading every event is looked at
         replayed_to = s_end - (UNLOADING_EVENTS if self._unloading else END_TOLERANCE)
@@ -116,12 +122,13 @@ class Walk:
                 unloaded = self._unloaded(segment, first, s_end)
                 if unloaded is not None:
                     self._end_at(unloaded, segment, s_end)
+                    self.last = segment
                     return
             ds = s_end - point.s if last else max(first, 0.0)
             self.course.sample(point, segment.q, point.s + ds)
             self._advance(segment, ds)
             if last:
-                point.s = s_end
+                point.s, self.last = s_end, segment
                 return
             if self.problem.samples:
                 self.course.stops.append((point.s, point.displacements(y)))

@@ -7,8 +7,8 @@ import pytest
 from models import block_system
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact import chain
 from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.exact.replay import events as chain
 from receding_fenicsx.interface.exact.segments import Segment
 from receding_fenicsx.interface.residual import law_residual, local_stiffness
 from receding_fenicsx.interface.system import ContactState, Leg, reactions

@@ -19,15 +19,13 @@ last one by itself.
 
 from __future__ import annotations
 
-from operator import attrgetter, is_
-
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.lapack import dtrtrs
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.accumulate import Sums
 from receding_fenicsx.interface.exact.legs import Course, PathPoint
+from receding_fenicsx.interface.exact.replay.chain import Chain, leading
 from receding_fenicsx.interface.exact.round_off import RoundOff
 from receding_fenicsx.interface.exact.segments import (
     EPSILON,
@@ -46,77 +44,11 @@ SHORTEST, LONGEST = 8, 1024
 WORTH_WHILE = 8
 """Events passed by a replay below which further ones are put off."""
 
-KEPT_CHAINS = 8
-"""Chains whose stacked rates are kept."""
-
-MISSED = 4
-"""Times that the last events of a chain may differ before it is made anew."""
-
 LONGEST_PAUSE = 32
 """Events after which a replay is tried again at most."""
 
 PASSED_BY_ROUND_OFF = 8.0
 """Round-offs of the force scale by which a falling quantity may pass its limit at an event."""
-
-
-class Chain:
-    """Segments that followed one another.
-
-    Attributes:
-        segments: k segments.
-        following: what came of the event at the end of each.
-        labels: (k,) quantities that reached their limits.
-        triangle: (k, k) rate of quantity ``labels[i]`` in segment j.
-        rows: (k, 4N + watched) rates; they and all below are made by :meth:`complete`.
-        low: (m,) quantities that cease to fall at one of the events, but for those of ``labels``.
-        fall: (k, m) their rates up to there.
-        rates: rates of the integrals along the leg.
-        changes: nodes, old and new states of all changes of state, in order.
-        event_of: (number of changes,) the event of each.
-        missed: times that not all of them were those that came last.
-    """
-
-    def __init__(self, segments: list[Segment], following: list[Following]) -> None:
-        """Stack the rates."""
-        self.segments, self.following, self.missed = segments, following, 0
-        self.labels = np.array([step.label for step in following])
-        self.rows = np.array([segment.q for segment in segments])
-        self.triangle = self.rows[:, self.labels].T
-        self.is_complete = False
-
-    def complete(self, sums: Sums) -> None:
-        """Make what the verification of its events needs."""
-        k, n, following = len(self.labels), sums.system.n, self.following
-        self.is_complete = True
-        self.rows = sums.with_watched(self.rows)
-        ends = self.rows[:, n:] < 0.0
-        ends[:-1] &= ~ends[1:]
-        ends[np.arange(k), self.labels - n] = False
-        at, low = ends.nonzero()
-        self.low = low + n
-        self.fall = self.rows[:, self.low]
-        self.fall *= np.arange(k)[:, None] <= at
-        self.rates = sums.rates(self.rows)
-        changes = [change for step in following for change in step.changes]
-        self.changes = tuple(zip(*changes, strict=True))
-        self.event_of = np.repeat(np.arange(k), [len(step.changes) for step in following])
-
-    def holding(self, longest: int) -> int:
-        """Return how many of its first events are those that came last; 0 to make it anew."""
-        k, last = len(self.labels), map(attrgetter("last"), self.segments)
-        held = _leading(np.fromiter(map(is_, last, self.following), bool, k))
-        if held == k:
-            can_grow = k < longest and self.following[-1].segment.last is not None
-            return 0 if can_grow else k
-        self.missed += 1
-        return held if 2 * held >= k and self.missed < MISSED else 0
-
-    def quantities(self, y: Array, h: Array, columns: NDArray[np.intp] | slice) -> Array:
-        """Return some of the quantities y at the end of each segment of length h."""
-        k = len(h)
-        at = y[columns] + (h[:, None] * self.rows[:k, columns]).cumsum(axis=0)
-        at[self.labels[:k, None] == np.arange(len(y))[columns]] = 0.0
-        return at
 
 
 class Replay:
@@ -142,11 +74,10 @@ class Replay:
         n, scale = segments.system.n, point.problem.force_scale
         self.active, self._wait = not sums.check_all, 0
         n_watched = 0 if sums.watch is None else len(sums.watch.rows)
-        self._passed = PASSED_BY_ROUND_OFF * EPSILON * scale / segments.weight
-        # what has to stay above it: gap, A, B, then the watched quantities
-        watched = np.full(n_watched, LIMIT_TOLERANCE * scale)
-        self._floor = np.concatenate([np.full(n, -np.inf), -self._passed[n:], watched])
-        self._lowest = np.concatenate([-LIMIT_TOLERANCE * scale / segments.weight, watched])
+        self._passed = passed_by_round_off(segments, scale)
+        self._floor = floors(segments, scale, n_watched)
+        self._lowest = self._floor.copy()
+        self._lowest[: 4 * n] = -LIMIT_TOLERANCE * scale / segments.weight
 
     def follow(self, segment: Segment, s_end: float, course: Course) -> Segment | None:
         """Pass all events of the known chain that hold, those at or beyond ``s_end`` left out.
@@ -193,26 +124,26 @@ class Replay:
         None if it is too short. One that no longer holds to its end is used some times more.
         """
         known, longest = self._segments.chains, min(2 * segment.reach, LONGEST)
-        chain, holding = known.pop(id(segment), None), 0
-        if chain is not None:
-            holding = chain.holding(longest)
-        if chain is None or not holding:
-            segments: list[Segment] = []
-            following: list[Following] = []
-            now, step = segment, segment.last
-            while step is not None and len(following) < max(longest, SHORTEST):
-                segments.append(now)
-                following.append(step)
-                now = step.segment
-                step = now.last
-            holding = len(following)
-            if holding < SHORTEST:
-                return None, 0
-            chain = Chain(segments, following)
-        known[id(segment)] = chain
-        if len(known) > KEPT_CHAINS:
-            del known[next(iter(known))]
-        return chain, holding
+        chain, begin = known.get(id(segment), (None, 0))
+        holding = 0 if chain is None else chain.holding(begin, longest)
+        if chain is not None and holding:
+            if begin == 0:
+                return chain, holding
+            if not chain.is_complete:
+                chain.complete(self._sums)
+            return chain.part(begin), holding
+        segments: list[Segment] = []
+        following: list[Following] = []
+        now, step = segment, segment.last
+        while step is not None and len(following) < max(longest, SHORTEST):
+            segments.append(now)
+            following.append(step)
+            now = step.segment
+            step = now.last
+        if len(following) < SHORTEST:
+            return None, 0
+        self._segments.keep(chain := Chain(segments, following))
+        return chain, len(following)
 
     def _adapt(self, segment: Segment, passed: int, foreseen: int) -> None:
         """Adapt the length of the next replay from here, and how long to wait for any other."""
@@ -246,7 +177,7 @@ class Replay:
         h, singular = dtrtrs(chain.triangle, -y[labels], lower=1)
         holds = (h >= 0.0) & (point.s + h.cumsum() < s_end)
         holds[foreseen:] = False
-        m = 0 if singular else _leading(holds)
+        m = 0 if singular else leading(holds)
         if m == 0 or (m < WORTH_WHILE and not chain.is_complete):
             return h[:0], y
         if not chain.is_complete:
@@ -258,7 +189,7 @@ class Replay:
         end = y + h[:m] @ rows[:m]
         end[labels[m - 1]] = 0.0
         within = self._within_limits(chain, h, m, (y, end))
-        balanced = _leading(self._round_off.balanced(h[:within], chain.rates.imbalance))
+        balanced = leading(self._round_off.balanced(h[:within], chain.rates.imbalance))
         if within and not balanced:
             self._round_off.remove_if_grown()
         if balanced < m:
@@ -294,6 +225,13 @@ class Replay:
         return m
 
 
-def _leading(holds: NDArray[np.bool_]) -> int:
-    """Return how many of the first entries hold."""
-    return len(holds) if holds.all() else int(holds.argmin())
+def passed_by_round_off(segments: Segments, force_scale: float) -> Array:
+    """Return (4N,) by how much each quantity may pass its limit by round-off."""
+    return PASSED_BY_ROUND_OFF * EPSILON * force_scale / segments.weight
+
+
+def floors(segments: Segments, force_scale: float, n_watched: int) -> Array:
+    """Return what gap, A, B and the watched quantities have to stay above; (4N + watched,)."""
+    passed, n = passed_by_round_off(segments, force_scale), segments.system.n
+    passed[:n] = np.inf
+    return np.concatenate([-passed, np.full(n_watched, LIMIT_TOLERANCE * force_scale)])

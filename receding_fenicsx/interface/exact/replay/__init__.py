@@ -1,0 +1,1 @@
+"""Events, and whole cycles, that have come before: foreseen and verified many at once."""

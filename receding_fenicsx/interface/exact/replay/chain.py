@@ -1,0 +1,97 @@
+"""Chains of segments that have followed one another, their rates stacked."""
+
+from __future__ import annotations
+
+from copy import copy
+from operator import attrgetter, is_
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.exact.accumulate import Rates, Sums
+from receding_fenicsx.interface.exact.segments import Following, Segment
+
+MISSED = 4
+"""Times that the last events of a chain may differ before it is made anew."""
+
+
+class Chain:
+    """Segments that followed one another.
+
+    Attributes:
+        segments: k segments.
+        following: what came of the event at the end of each.
+        labels: (k,) quantities that reached their limits.
+        triangle: (k, k) rate of quantity ``labels[i]`` in segment j.
+        rows: (k, 4N + watched) rates; they and all below are made by :meth:`complete`.
+        low: (m,) quantities that cease to fall at one of the events, but for those of ``labels``.
+        fall: (k, m) their rates up to there.
+        rates: rates of the integrals along the leg.
+        changes: nodes, old and new states of all changes of state, in order.
+        event_of: (number of changes,) the event of each.
+        missed: times that not all of them were those that came last.
+    """
+
+    def __init__(self, segments: list[Segment], following: list[Following]) -> None:
+        """Stack the rates."""
+        self.segments, self.following, self.missed = segments, following, 0
+        self.labels = np.array([step.label for step in following])
+        self.rows = np.array([segment.q for segment in segments])
+        self.triangle = self.rows[:, self.labels].T
+        self.is_complete = False
+
+    def complete(self, sums: Sums) -> None:
+        """Make what the verification of its events needs."""
+        k, n, following = len(self.labels), sums.system.n, self.following
+        self.is_complete = True
+        self.rows = sums.stacked(self.segments)
+        ends = self.rows[:, n:] < 0.0
+        ends[:-1] &= ~ends[1:]
+        ends[np.arange(k), self.labels - n] = False
+        at, low = ends.nonzero()
+        self.low = low + n
+        self.fall = self.rows[:, self.low]
+        self.fall *= np.arange(k)[:, None] <= at
+        self.rates = sums.rates(self.rows)
+        changes = [change for step in following for change in step.changes]
+        self.changes = tuple(zip(*changes, strict=True))
+        self.event_of = np.repeat(np.arange(k), [len(step.changes) for step in following])
+
+    def holding(self, begin: int, longest: int) -> int:
+        """Return how many of its events from ``begin`` on are those that came last.
+
+        0 to make it anew.
+        """
+        following, last = self.following[begin:], map(attrgetter("last"), self.segments[begin:])
+        k = len(following)
+        held = leading(np.fromiter(map(is_, last, following), bool, k))
+        if held == k:
+            can_grow = k < longest and following[-1].segment.last is not None
+            return 0 if can_grow else k
+        self.missed += 1
+        return held if 2 * held >= k and self.missed < MISSED else 0
+
+    def part(self, begin: int) -> Chain:
+        """Return the part of a complete chain behind its first events."""
+        one = copy(self)
+        one.segments, one.following = self.segments[begin:], self.following[begin:]
+        one.labels, one.rows = self.labels[begin:], self.rows[begin:]
+        one.triangle, one.fall = self.triangle[begin:, begin:], self.fall[begin:]
+        one.rates = Rates(*(rate[begin:] for rate in self.rates))
+        first = int(self.event_of.searchsorted(begin))
+        one.changes = tuple(part[first:] for part in self.changes)
+        one.event_of = self.event_of[first:] - begin
+        return one
+
+    def quantities(self, y: Array, h: Array, columns: NDArray[np.intp] | slice) -> Array:
+        """Return some of the quantities y at the end of each segment of length h."""
+        k = len(h)
+        at = y[columns] + (h[:, None] * self.rows[:k, columns]).cumsum(axis=0)
+        at[self.labels[:k, None] == np.arange(len(y))[columns]] = 0.0
+        return at
+
+
+def leading(holds: NDArray[np.bool_]) -> int:
+    """Return how many of the first entries hold."""
+    return len(holds) if holds.all() else int(holds.argmin())

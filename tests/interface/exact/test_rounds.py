@@ -1,0 +1,110 @@
+"""Replay of whole cycles: the same path as from event to event, whatever was foreseen."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from models import block_system
+
+from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.exact.replay import rounds
+from receding_fenicsx.interface.residual import law_residual, local_stiffness
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
+
+pytestmark = pytest.mark.one_rank
+
+LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
+
+
+def play(system: ContactSystem, cycles: int) -> list[Leg]:
+    """Follow cycles of the block."""
+    path, n, scale = EventPath(system), system.n, 0.0
+    now = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, np.int8))
+    legs = []
+    for a, b in [(np.zeros(1), LOOP[0]), *(cycles * list(pairwise(LOOP)))]:
+        legs.append(path.trace_leg(now, (a, b), scale))
+        now, scale = legs[-1].end, legs[-1].force_scale
+    return legs
+
+
+def without(monkeypatch: pytest.MonkeyPatch, system: ContactSystem, cycles: int) -> list[Leg]:
+    """Follow the same cycles from event to event."""
+    with monkeypatch.context() as patch:
+        patch.setattr(rounds.Rounds, "leg", lambda *_: None)
+        return play(system, cycles)
+
+
+def assert_same(legs: list[Leg], others: list[Leg], system: ContactSystem) -> None:
+    """Assert that two paths have the same events, and the same forces to round-off."""
+    force = others[-1].force_scale
+    for leg, other in zip(legs, others, strict=True):
+        assert sorted(event[1:] for event in leg.events) == sorted(e[1:] for e in other.events)
+        places = [np.sort([event[0] for event in one.events]) for one in (leg, other)]
+        assert np.abs(places[0] - places[1]).max(initial=0.0) < 1e-9
+        assert np.array_equal(leg.end.state, other.end.state)
+        assert np.abs(leg.end.r - other.end.r).max() <= 1e-11 * force
+        assert leg.dissipation == pytest.approx(other.dissipation, abs=1e-11 * force)
+        assert leg.work == pytest.approx(other.work, rel=1e-9)
+        assert leg.force_scale == pytest.approx(other.force_scale, rel=1e-12)
+    for leg, (_, b) in zip(legs[1:], 2 * list(pairwise(LOOP)), strict=False):
+        end = leg.end
+        assert np.abs(reactions(system, b, end.u) - end.r).max() <= 1e-14 * force
+        error = law_residual(system, end.r, end.u, np.zeros(system.n), local_stiffness(system))
+        assert error.max() <= 1e-11 * force
+
+
+def test_cycles_at_once_are_those_from_event_to_event(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, foreseen = block_system(80, 40), []
+    plain = without(monkeypatch, system, 60)
+    found = rounds.Rounds.leg
+
+    def counting(self: rounds.Rounds, *args: object) -> Leg | None:
+        leg = found(self, *args)  # type: ignore[arg-type]
+        foreseen.append(leg is not None)
+        return leg
+
+    monkeypatch.setattr(rounds.Rounds, "leg", counting)
+    assert_same(play(system, 60), plain, system)
+    assert np.mean(foreseen[-60:]) > 0.5
+
+
+@pytest.mark.parametrize("error", [1e-6, 1e-9])
+def test_ends_foreseen_wrongly_are_not_taken(error: float, monkeypatch: pytest.MonkeyPatch) -> None:
+    system, play_on, taken = block_system(80, 40), rounds._play, []
+    plain = without(monkeypatch, system, 40)
+
+    def misled(*args: object) -> list[tuple[np.ndarray, ...]]:
+        rows = play_on(*args)  # type: ignore[arg-type]
+        return [(y, h, at, end * (1.0 + error)) for y, h, at, end in rows]
+
+    found = rounds.Rounds._verified
+
+    def counting(self: rounds.Rounds, *args: object) -> list[Leg]:
+        legs = found(self, *args)  # type: ignore[arg-type]
+        taken.append(len(legs))
+        return legs
+
+    monkeypatch.setattr(rounds, "_play", misled)
+    monkeypatch.setattr(rounds.Rounds, "_verified", counting)
+    assert_same(play(system, 40), plain, system)
+    assert taken and not any(taken)
+
+
+def test_events_that_no_longer_come_are_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    system, note, play_on, failed = block_system(80, 40), rounds.Rounds.note, rounds._play, [0]
+    plain = without(monkeypatch, system, 40)
+
+    def keeping(self: rounds.Rounds, *args: object) -> None:
+        before = dict(self._known)
+        note(self, *args)  # type: ignore[arg-type]
+        self._known.update(before)
+
+    def counting(segments: object, course: list[object], *args: object) -> list[object]:
+        rows = play_on(segments, course, *args)  # type: ignore[arg-type]
+        failed[0] += len(rows) < len(course)
+        return rows  # type: ignore[return-value]
+
+    monkeypatch.setattr(rounds.Rounds, "note", keeping)
+    monkeypatch.setattr(rounds, "_play", counting)
+    assert_same(play(system, 40), plain, system)
+    assert failed[0] > 5
