@@ -123,8 +123,7 @@ class JoinedBodies:
         rigid: (2N, n) free relative motions of the bodies, each with largest entry 1.
         rest: (m, 2N) and (m, n_loads): y = rest[0] u + rest[1] lambda.
         motions: how each body follows u and y.
-        links: (m, n_loads) and (m, 2N): factors links[0] lambda + links[1] u of the unit loads of
-            springs between the bodies.
+        links: factors links[0] lambda + links[1] u of the unit loads of springs between bodies.
     """
 
     K: Array
@@ -183,7 +182,7 @@ def join(
         L[rest] += body.r_star[:, on].T
     sides = [dict(zip(p.contact.tolist(), p.side.tolist(), strict=True)) for p in places]
     common = common_motions([body.constraints for body in bodies], sides)
-    _pin(H, L, common, (bodies, motions), load_names)
+    _pin(H, L, common, bodies, motions, load_names)
     y = -_solve(H, np.hstack([C, L])) if free else np.zeros((0, size + len(sign)))
     K += C.T @ y[:, :size]
     K = 0.5 * (K + K.T)
@@ -207,14 +206,13 @@ def _motions(
 ) -> tuple[tuple[Motion, ...], NDArray[np.bool_]]:
     """Return how each body follows u and y, and the (2N,) degrees of freedom held on both sides.
 
-    Where neither side is held, y = u_e is free. Where only s is held u_e = -+ u, and where e is
-    held, as a plane is, u_s = +- u.
+    Where neither side is held y = u_e is free; where only s is held u_e = -+ u; where e is held, as
+    a plane is, u_s = +- u.
     """
     n = 1 + max(place.node.max() for place in places)
-    contacts = 1 + max(place.contact.max() for place in places)
     # of the first and the second side; a plane is held and stiff
     held = np.stack([np.zeros(2 * n, dtype=bool), np.ones(2 * n, dtype=bool)])
-    stiffness = np.array([0.0, np.inf])[:, None] * np.ones(contacts)
+    stiffness = np.outer([0.0, np.inf], np.ones(1 + max(p.contact.max() for p in places)))
     where = np.zeros(n, dtype=int)
     for body, place in zip(bodies, places, strict=True):
         second = (place.side < 0).astype(int)
@@ -234,8 +232,7 @@ def _motions(
         at = place.dofs(n)
         is_e = (np.tile(place.side, 2) < 0) == stiffer[at]
         factor = np.where(stiffer, 1.0, -1.0)[at] * np.where(is_e, t[at], t[at] + 1.0)
-        on = np.flatnonzero(free[at])
-        found.append(Motion(at, factor, on, number[at[on]]))
+        found.append(Motion(at, factor, np.flatnonzero(free[at]), number[at[free[at]]]))
     return tuple(found), held[0] & held[1]
 
 
@@ -254,7 +251,8 @@ def _pin(
     H: Array,
     L: Array,
     common: list[tuple[list[int], Array]],
-    stacked: tuple[Sequence[CondensedBody], Sequence[Motion]],
+    bodies: Sequence[CondensedBody],
+    motions: Sequence[Motion],
     load_names: tuple[str, ...],
 ) -> None:
     """Add stiffness to H on the common rigid motions that nothing holds.
@@ -263,14 +261,12 @@ def _pin(
         InputError: a load L is not balanced in one of these motions.
     """
     stiffness = np.trace(H) / max(len(H), 1)
-    for group, motions in common:
-        R = np.zeros((len(H), motions.shape[1]))
-        size = np.zeros(L.shape[1])
+    for group, together in common:
+        R = np.zeros((len(H), together.shape[1]))
         for i in group:
-            body, motion = stacked[0][i], stacked[1][i]
-            R[motion.rest] = body.modes[motion.on] @ motions
-            size += np.abs(body.r_star).sum(axis=1)
+            R[motions[i].rest] = bodies[i].modes[motions[i].on] @ together
         R = np.linalg.qr(R)[0]
+        size = sum(np.abs(bodies[i].r_star).sum(axis=1) for i in group)
         for k in np.flatnonzero(np.abs(R.T @ L).max(axis=0) > BALANCE_TOLERANCE * size):
             raise InputError(
                 f"load '{load_names[k]}' moves {'both' if len(group) == 2 else 'the'} bodies "
@@ -298,7 +294,7 @@ def _check_rigid(K: Array, rigid: Array, held: NDArray[np.bool_]) -> None:
     error = np.abs((K @ rigid)[~held]).max(initial=0.0) / np.abs(K).sum(axis=1).max()
     if not error <= JOINED_RIGID_RESISTANCE:
         raise SolveError(
-            f"the stiffness of the joined bodies resists a rigid motion by {error:.1e} of its "
-            f"size (at most {JOINED_RIGID_RESISTANCE:g}); bring Young's moduli closer together "
-            "or hold the stiffer one"
+            f"the stiffness of the joined bodies resists a rigid motion by {error:.1e} of its size "
+            f"(at most {JOINED_RIGID_RESISTANCE:g}); bring Young's moduli closer together or hold "
+            "the stiffer one"
         )

@@ -58,8 +58,7 @@ class ContactFacets:
 
     Attributes:
         tag: tag of its facets.
-        line: its line; of the first of two bodies also on the second, so that both have the same
-            positions, t and n.
+        line: line of the first body's edge, so that both sides have the same positions, t and n.
     """
 
     tag: int
@@ -201,8 +200,7 @@ def _raw(whole: Scene, body: Body, half: bool) -> RawMesh:
     snap(scene, frame, marks, mesh)
     if not half:
         mesh = mirror(mesh)
-    names = EDGE_NAMES[frame.edge]
-    edges = {names[name]: facets for name, facets in mesh.edges.items()}
+    edges = {EDGE_NAMES[frame.edge][name]: facets for name, facets in mesh.edges.items()}
     if half:
         edges["left"] = np.empty((0, 2), dtype=np.int64)
     middles = {edge: np.hstack(edge_points(scene, edge, [0.0])) for edge in EDGES}

@@ -36,8 +36,7 @@ class Frame:
     """Edge coordinates of a rectangle.
 
     Attributes:
-        edge: contact edge.
-        length: its length.
+        edge, length: contact edge and its length.
         depth: depth of the rectangle below it.
         both: whether the opposite edge is a contact edge with the same vertices.
     """
@@ -206,8 +205,8 @@ def _find_ends(scene: Scene, frame: Frame) -> Array:
     near = POSITION_TOLERANCE * frame.depth
     spans = [(part.edge, part.span) for part in scene.edge_parts]
     spans += [(support.edge, None) for support in scene.supports if support.edge is not None]
-    ends = {}
     spans += [(OPPOSITE[frame.edge], None)] if frame.both else []
+    ends = {}
     for edge, span in spans:
         along = np.array(edge_range(scene, edge) if span is None else span)
         for x, y in zip(*edge_points(scene, edge, along), strict=True):
