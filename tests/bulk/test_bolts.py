@@ -129,6 +129,27 @@ def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
     assert bolt.shortening == pytest.approx(record.turning_points.load[0, 1], rel=2e-3)
 
 
+@pytest.mark.one_rank
+def test_bolts_carry_nothing_while_a_fit_closes() -> None:
+    scene = lap(probes=(), history=HistoryOptions(kind="monotonic", maximum=0.1))
+    (contact,) = scene.contacts
+    scene = with_preloads(
+        replace(
+            scene,
+            contacts=(replace(contact, interference=0.001),),
+            supports=(*scene.supports, Support("xy", edge="a.left")),
+            loads=(Load("pull", "a.right", traction=(0.012, 0.0)),),
+        ),
+        0.01,
+        0.03,
+    )
+    record = played(scene)
+    force = record.turning_points.load_displacement[:, 1:3]
+    np.testing.assert_allclose(force[0], 0.0, atol=1e-11)
+    np.testing.assert_allclose(force[1], [0.01, 0.0], atol=1e-11)
+    assert force[2, 1] == pytest.approx(0.03, rel=1e-9) and record.energy_error_max < 1e-10
+
+
 def test_bolt_in_one_body_prestresses_it() -> None:
     """A block, nu = 0, between head and nut: s + L alpha dT = F (1/k + L / (E H))."""
     scene = block(

@@ -26,7 +26,7 @@ from receding_fenicsx.scene.model import OutputOptions, Scene
 FORCE_TOLERANCE = 1e-10
 """Largest error of a bolt's force over the largest preload."""
 DIFFERENCE = 1e-6
-"""Difference of a shortening, over the largest, by which the slope of the forces is found."""
+"""Difference of a shortening, over that of a stuck joint, by which slopes of forces are found."""
 MOST_STEPS = 30
 
 
@@ -87,15 +87,14 @@ def _shortenings(
         record = record_of(bare.system, bare.solver, cycles)
         return record.turning_points.load_displacement[-1, at]
 
-    slope = problem.system.load_compliance[np.ix_(at, at)]
-    s = path[-2, at] + np.linalg.solve(slope, wanted)
+    soft = np.linalg.inv(problem.system.load_compliance[np.ix_(at, at)])
+    s, step = path[-2, at] + soft @ wanted, DIFFERENCE * scale * np.abs(soft).max()
     error = wanted
     for _ in range(MOST_STEPS):
         found = forces(s)
         error = wanted - found
         if np.abs(error).max() <= FORCE_TOLERANCE * scale:
             return s
-        step = DIFFERENCE * np.abs(s).max()
         columns = [(forces(s + step * unit) - found) / step for unit in np.eye(len(at))]
         s = s + np.linalg.solve(np.array(columns).T, error)
     raise NotConverged(
