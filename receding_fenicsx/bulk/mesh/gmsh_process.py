@@ -79,6 +79,8 @@ def _end() -> int:
 
 def serve() -> None:
     """Do the jobs that standard input holds, each in a fork; write the answers."""
+    import gmsh  # noqa: F401 - once, not in each fork
+
     out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # keep output of commands in a .geo file apart from the answers
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
