@@ -30,8 +30,8 @@ from receding_fenicsx.accuracy.numbers import Number
 
 MIN_RATIO = 1.4
 """Smallest ratio of the sizes of two meshes that are compared."""
-FARTHEST = 8.5
-"""Largest ratio of the size of a mesh to the finest that is used."""
+FARTHEST = 7.9
+"""Largest ratio of the size of a mesh to the finest that is used: two steps of a search."""
 ORDERS = (0.5, 1.75)
 """Range of orders that an estimate assumes."""
 SEARCHED_ORDERS = (-2.0, 8.0)

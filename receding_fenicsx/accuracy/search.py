@@ -171,7 +171,7 @@ def next_elements(
     """Choose the next mesh from what was found: the one that is predicted to meet the tolerance.
 
     The error of a number falls with elements^-p, p its observed order. A mesh much finer than the
-    last is approached in equal ratios.
+    last is approached in equal ratios. The finest is tried where no other could follow the next.
     """
     if not levels:
         first = doublings(scene)[0] if is_refined(scene) else FIRST_ELEMENTS
@@ -187,7 +187,10 @@ def next_elements(
         most = SLOW[1] if slow else RATIOS[1]
         ratio = needed ** (1.0 / math.ceil(math.log(needed) / math.log(most)))
         finest = MOST_NODES / max(levels[-1].nodes, 1)
-        if max(needed_ratio(asked, tolerance), MIN_RATIO) <= finest < ratio:
+        does = needed_ratio(asked, tolerance) <= finest < ratio
+        # after another mesh the finest would be too near to it
+        is_last = ratio < needed and ratio <= finest < MIN_RATIO * ratio
+        if finest >= MIN_RATIO and (does or is_last):
             return 2 * int(0.5 * finest * last)
     return 2 * math.ceil(0.5 * ratio * last)
 

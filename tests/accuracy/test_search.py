@@ -92,6 +92,11 @@ def test_the_finest_mesh_is_tried_where_it_is_predicted_to_do(
         assert met == (sizes(found)[-1] > 990)
         words = "; centre_pressure needs about 930 elements, it converges with order 1.5"
         assert met or found.reason.endswith(words)
+    # two meshes more are predicted, and none could follow the first of them
+    monkeypatch.setattr(module, "MOST_NODES", 2201)
+    slow = made_up(centre_pressure=lambda n: 0.5e-3 * (2000.0 / n) ** 1.5)
+    before, last = sizes(search(scene_of(tolerance), slow))[-2:]
+    assert 1090 < last <= 1100 and before < last / module.MIN_RATIO**2
 
 
 def test_the_worst_of_the_asked_numbers_decides() -> None:
