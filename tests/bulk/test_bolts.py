@@ -13,7 +13,7 @@ from bodies import block, played
 
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.output.storage.hdf5 import read_system, write_system
@@ -127,6 +127,19 @@ def test_bolts_are_tightened_to_their_preloads_one_after_the_other() -> None:
     np.testing.assert_array_equal(plain.turning_points.P, found.turning_points.P)
     # that of the first bolt alone, up to what the second one carries within the leg
     assert bolt.shortening == pytest.approx(record.turning_points.load[0, 1], rel=2e-3)
+
+
+@pytest.mark.one_rank
+def test_bolts_draw_parts_over_a_gap_or_say_that_they_cannot() -> None:
+    scene = lap(probes=(), history=HistoryOptions(kind="monotonic", maximum=0.1))
+    scene = replace(scene, contacts=(replace(scene.contacts[0], initial_gap="0.01*x**2"),))
+    force = played(with_preloads(scene, 0.01, 0.03)).turning_points.load_displacement[:2, 1:]
+    np.testing.assert_allclose([*force[0], force[1, 1]], [0.01, 0.0, 0.03], atol=1e-10)
+    # nothing tells where a plate without bolts floats
+    scene = replace(scene, contacts=(replace(scene.contacts[0], initial_gap=0.05),))
+    with pytest.raises(SolveError, match="bolt 'one': the shortening .* not found") as error:
+        played(with_preloads(scene, 0.01, 0.03))
+    assert "\n" not in str(error.value)
 
 
 @pytest.mark.one_rank

@@ -96,8 +96,13 @@ def _shortenings(
         if np.abs(error).max() <= FORCE_TOLERANCE * scale:
             return s
         columns = [(forces(s + step * unit) - found) / step for unit in np.eye(len(at))]
-        s = s + np.linalg.solve(np.array(columns).T, error)
+        try:
+            s = s + np.linalg.solve(np.array(columns).T, error)
+        except np.linalg.LinAlgError:
+            # parts that nothing else holds float until they touch
+            break
     raise NotConverged(
-        f"bolt: the shortening for its preload was not found in {MOST_STEPS} steps, the force is "
-        f"off by {np.abs(error).max():.1e}; give the shortening instead"
+        f"bolt '{problem.system.load_names[at[0]]}': the shortening for its preload was not found, "
+        f"the force is off by {np.abs(error).max():.1e}; give the shortening instead, or hold "
+        "parts with a gap"
     )
