@@ -137,7 +137,7 @@ def test_bolts_draw_parts_over_a_gap_or_say_that_they_cannot() -> None:
     np.testing.assert_allclose([*force[0], force[1, 1]], [0.01, 0.0, 0.03], atol=1e-10)
     # nothing tells where a plate without bolts floats
     scene = replace(scene, contacts=(replace(scene.contacts[0], initial_gap=0.05),))
-    with pytest.raises(SolveError, match="bolt 'one': the shortening .* not found") as error:
+    with pytest.raises(SolveError, match=r"bolt 'one': the shortening .* not found") as error:
         played(with_preloads(scene, 0.01, 0.03))
     assert "\n" not in str(error.value)
 
