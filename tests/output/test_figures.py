@@ -301,7 +301,7 @@ def test_labels_stay_on_the_page_whatever_the_load_is_called(name: str) -> None:
         rf.figures.hysteresis(found),
         rf.figures.trajectories(found, [45, 60, 75]),
     ):
-        figure.canvas.draw()
+        figure.draw_without_rendering()
         labels = [text for legend in figure.legends for text in legend.get_texts()]
         for axes in figure.axes:
             labels += [axes.xaxis.label, axes.yaxis.label, axes.title]
@@ -463,7 +463,7 @@ def check_texts(figure: Figure, name: str) -> None:
 def text_boxes(figure: Figure) -> list:
     """Return every text that is drawn with its box in dots."""
     saving.lay_out(figure)
-    figure.canvas.draw()
+    figure.draw_without_rendering()
     hidden = {id(label) for axes in figure.axes for label in labels_beyond(axes)}
     found = []
     for text in figure.findobj(Text):
