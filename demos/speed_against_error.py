@@ -25,6 +25,7 @@ from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
+from petsc4py import PETSc  # noqa: F401 - starts on all ranks together
 
 import numpy as np
 import speed_report
