@@ -7,7 +7,7 @@ Quantities are kept in one vector y = [v, gap, A, B] with the margins A and B of
 
 from __future__ import annotations
 
-from collections import OrderedDict, deque
+from collections import OrderedDict
 from dataclasses import dataclass, field, replace
 from math import sqrt
 from typing import Any, NamedTuple
@@ -65,9 +65,6 @@ because f is, and only a node without pressure may count as on both limits at on
 TINY_FRICTION = 1e-3
 """Friction below which the rates A + B of slipping nodes are computed from P itself."""
 
-KEPT_CHAINS = 8
-"""Chains whose stacked rates are kept."""
-
 CACHE_BYTES = 2**26
 """Memory for the rates of sets of states that have been met before."""
 
@@ -122,7 +119,7 @@ class Segments:
         trials: sets of states whose rates were computed.
         refinements: refinements of rates since the tableau was made.
         pause: events to pass one by one after a replay that was not worth while.
-        chains: stacked chains of segments, and the place in them, by the identity of a segment.
+        chains: stacked chains of segments, see :mod:`.replay.chain`.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
     """
@@ -157,8 +154,7 @@ class Segments:
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
         self.pause = 0
-        self.chains: dict[int, tuple[Any, int]] = {}
-        self._kept_chains: deque[Any] = deque()
+        self.chains: Any = None
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
         self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
@@ -227,16 +223,6 @@ class Segments:
             oldest.next.clear()
             oldest.last = None
         return made
-
-    def keep(self, chain: Any) -> None:
-        """Keep a chain under all of its segments, and forget the oldest one."""
-        self.chains.update({id(one): (chain, k) for k, one in enumerate(chain.segments)})
-        self._kept_chains.append(chain)
-        if len(self._kept_chains) > KEPT_CHAINS:
-            oldest = self._kept_chains.popleft()
-            for one in oldest.segments:
-                if self.chains.get(id(one), (None, 0))[0] is oldest:
-                    del self.chains[id(one)]
 
     def known(self, state: States, direction: Array) -> Segment | None:
         """Return the same if they are remembered."""

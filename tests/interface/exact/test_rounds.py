@@ -70,7 +70,7 @@ def test_cycles_at_once_are_those_from_event_to_event(monkeypatch: pytest.Monkey
 
 @pytest.mark.parametrize("error", [1e-6, 1e-9])
 def test_ends_foreseen_wrongly_are_not_taken(error: float, monkeypatch: pytest.MonkeyPatch) -> None:
-    system, play_on, taken = block_system(80, 40), rounds._play, []
+    system, play_on, taken = block_system(80, 40), rounds.play, []
     plain = without(monkeypatch, system, 40)
 
     def misled(*args: object) -> list[tuple[np.ndarray, ...]]:
@@ -84,14 +84,14 @@ def test_ends_foreseen_wrongly_are_not_taken(error: float, monkeypatch: pytest.M
         taken.append(len(legs))
         return legs
 
-    monkeypatch.setattr(rounds, "_play", misled)
+    monkeypatch.setattr(rounds, "play", misled)
     monkeypatch.setattr(rounds.Rounds, "_verified", counting)
     assert_same(play(system, 40), plain, system)
     assert taken and not any(taken)
 
 
 def test_events_that_no_longer_come_are_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, note, play_on, failed = block_system(80, 40), rounds.Rounds.note, rounds._play, [0]
+    system, note, play_on, failed = block_system(80, 40), rounds.Rounds.note, rounds.play, [0]
     plain = without(monkeypatch, system, 40)
 
     def keeping(self: rounds.Rounds, *args: object) -> None:
@@ -105,6 +105,6 @@ def test_events_that_no_longer_come_are_not_taken(monkeypatch: pytest.MonkeyPatc
         return rows  # type: ignore[return-value]
 
     monkeypatch.setattr(rounds.Rounds, "note", keeping)
-    monkeypatch.setattr(rounds, "_play", counting)
+    monkeypatch.setattr(rounds, "play", counting)
     assert_same(play(system, 40), plain, system)
     assert failed[0] > 5

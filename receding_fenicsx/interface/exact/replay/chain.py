@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import deque
 from copy import copy
 from operator import attrgetter, is_
 
@@ -11,6 +12,9 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.accumulate import Rates, Sums
 from receding_fenicsx.interface.exact.segments import Following, Segment
+
+KEPT_CHAINS = 8
+"""Chains that are kept."""
 
 MISSED = 4
 """Times that the last events of a chain may differ before it is made anew."""
@@ -90,6 +94,30 @@ class Chain:
         at = y[columns] + (h[:, None] * self.rows[:k, columns]).cumsum(axis=0)
         at[self.labels[:k, None] == np.arange(len(y))[columns]] = 0.0
         return at
+
+
+class Chains:
+    """The chains made last, found by any of their segments."""
+
+    def __init__(self) -> None:
+        """Keep none."""
+        self._places: dict[int, tuple[Chain, int]] = {}
+        self._kept: deque[Chain] = deque()
+
+    def find(self, segment: Segment) -> tuple[Chain, int] | None:
+        """Return the chain made last that holds a segment, and where in it."""
+        return self._places.get(id(segment))
+
+    def keep(self, chain: Chain) -> None:
+        """Keep a chain, and forget the oldest one."""
+        self._places.update({id(one): (chain, k) for k, one in enumerate(chain.segments)})
+        self._kept.append(chain)
+        if len(self._kept) > KEPT_CHAINS:
+            oldest = self._kept.popleft()
+            for one in oldest.segments:
+                place = self.find(one)
+                if place is not None and place[0] is oldest:
+                    del self._places[id(one)]
 
 
 def leading(holds: NDArray[np.bool_]) -> int:

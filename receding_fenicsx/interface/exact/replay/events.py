@@ -25,7 +25,7 @@ from scipy.linalg.lapack import dtrtrs
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.accumulate import Sums
 from receding_fenicsx.interface.exact.legs import Course, PathPoint
-from receding_fenicsx.interface.exact.replay.chain import Chain, leading
+from receding_fenicsx.interface.exact.replay.chain import Chain, Chains, leading
 from receding_fenicsx.interface.exact.round_off import RoundOff
 from receding_fenicsx.interface.exact.segments import (
     EPSILON,
@@ -70,6 +70,9 @@ class Replay:
             round_off: imbalance of displacements and forces.
         """
         self._segments, self._point = segments, point
+        if segments.chains is None:
+            segments.chains = Chains()
+        self._chains: Chains = segments.chains
         self._sums, self._round_off = sums, round_off
         n, scale = segments.system.n, point.problem.force_scale
         self.active, self._wait = not sums.check_all, 0
@@ -123,10 +126,11 @@ class Replay:
 
         None if it is too short. One that no longer holds to its end is used some times more.
         """
-        known, longest = self._segments.chains, min(2 * segment.reach, LONGEST)
-        chain, begin = known.get(id(segment), (None, 0))
-        holding = 0 if chain is None else chain.holding(begin, longest)
-        if chain is not None and holding:
+        longest = min(2 * segment.reach, LONGEST)
+        place = self._chains.find(segment)
+        holding = 0 if place is None else place[0].holding(place[1], longest)
+        if place is not None and holding:
+            chain, begin = place
             if begin == 0:
                 return chain, holding
             if not chain.is_complete:
@@ -142,7 +146,7 @@ class Replay:
             step = now.last
         if len(following) < SHORTEST:
             return None, 0
-        self._segments.keep(chain := Chain(segments, following))
+        self._chains.keep(chain := Chain(segments, following))
         return chain, len(following)
 
     def _adapt(self, segment: Segment, passed: int, foreseen: int) -> None:
