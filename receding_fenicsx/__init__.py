@@ -67,6 +67,8 @@ if TYPE_CHECKING:
     from receding_fenicsx.evolution.replay import state_at as state_at
     from receding_fenicsx.evolution.solvers import SOLVERS as SOLVERS
     from receding_fenicsx.exchange.importing import import_system as import_system
+    from receding_fenicsx.exchange.reduced import ReducedModel as ReducedModel
+    from receding_fenicsx.exchange.reduced import reduced_model as reduced_model
     from receding_fenicsx.interface.branches.critical_friction import (
         CriticalFriction as CriticalFriction,
     )
@@ -131,6 +133,7 @@ if TYPE_CHECKING:
     from receding_fenicsx.scene.model import Load as Load
     from receding_fenicsx.scene.model import Material as Material
     from receding_fenicsx.scene.model import MeshOptions as MeshOptions
+    from receding_fenicsx.scene.model import ModeOptions as ModeOptions
     from receding_fenicsx.scene.model import OutputOptions as OutputOptions
     from receding_fenicsx.scene.model import Probe as Probe
     from receding_fenicsx.scene.model import Refinement as Refinement
@@ -179,6 +182,7 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "Harmonic": ("scene.model", "Mean, amplitude and phase of a load of a harmonic history"),
         "SolverOptions": ("scene.model", "Method, load steps, tolerances, symmetry"),
         "AccuracyOptions": ("scene.model", "Tolerance, numbers and budget of a search for a mesh"),
+        "ModeOptions": ("scene.model", "Number of vibration modes that are computed"),
         "OutputOptions": ("scene.model", "Cycles and samples that the record keeps"),
         "read_scene": ("scene.toml_file", "Read a scene file, with changes table.key=value"),
         "from_toml": ("scene.toml_file", "Read a scene from TOML text"),
@@ -197,6 +201,11 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "reactions": ("interface.system", "Reactions at given loads and displacements, eq. 11"),
         "read_system": ("output.storage.hdf5", "Read a ContactSystem from an HDF5 file"),
         "import_system": ("exchange.importing", "Make a ContactSystem of matrices from files"),
+        "reduced_model": (
+            "exchange.reduced",
+            "Reduce a scene with masses to its contact",
+        ),
+        "ReducedModel": ("exchange.reduced", "M, K and contact of a joint, for dynamics codes"),
         "write_system": ("output.storage.hdf5", "Write a ContactSystem to an HDF5 file"),
     },
     "Run": {

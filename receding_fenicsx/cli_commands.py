@@ -258,12 +258,15 @@ def _contact_nodes(scene: Scene) -> int:
 
 def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import mpi
-    from receding_fenicsx.exchange.command import export_matrices
+    from receding_fenicsx.exchange.command import export_matrices, export_reduced
     from receding_fenicsx.output.storage.fclib import export
 
     def work() -> None:
         where = options.cycle, options.leg, options.at
         source, out = Path(options.source), Path(options.out)
+        if options.reduced:
+            export_reduced(source, out, options.overwrite)
+            return
         if options.matrices:
             export_matrices(source, out, options.overwrite)
             return

@@ -178,12 +178,22 @@ def _import(added: argparse.ArgumentParser) -> None:
 
 
 def _export(added: argparse.ArgumentParser) -> None:
-    added.add_argument("source", metavar="DIR|SYSTEM", help="run folder, or file of a saved system")
+    added.add_argument(
+        "source",
+        metavar="DIR|SYSTEM|SCENE",
+        help="run folder, file of a saved system, or with --reduced a scene",
+    )
     _out_file(added, "load step")
     added.add_argument(
         "--matrices",
         action="store_true",
         help="write K, r* and the nodes of the system as MatrixMarket and CSV into the folder FILE",
+    )
+    added.add_argument(
+        "--reduced",
+        action="store_true",
+        help="write mass, stiffness and contact of the joint, reduced to its contact nodes and "
+        "[mode] count modes (Craig and Bampton), as HDF5",
     )
     _cycle(added, required=False)
     _leg(added, required=False)

@@ -1,4 +1,4 @@
-"""Commands ``import`` and ``export --matrices``."""
+"""Commands ``import``, ``export --matrices`` and ``export --reduced``."""
 
 from __future__ import annotations
 
@@ -19,6 +19,7 @@ from receding_fenicsx.atomic import (
 from receding_fenicsx.exchange.importing import import_system
 from receding_fenicsx.output.storage.hdf5 import read_system, write_system
 from receding_fenicsx.output.storage.run_folder import SYSTEM
+from receding_fenicsx.scene.toml_file import read_scene
 
 COLUMNS = ("x", "px", "py", "weight", "f_forward", "f_backward", "gap", "held_v", "held_w")
 """Columns of ``nodes.csv``; the points are (px, py)."""
@@ -61,3 +62,17 @@ def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
     finally:
         shutil.rmtree(beside, ignore_errors=True)
     print(f"{system.n} contact nodes, {len(system.load_names)} load(s), written to {out}")
+
+
+def export_reduced(source: Path, out: Path, overwrite: bool) -> None:
+    """Write the reduced model of a scene."""
+    from receding_fenicsx.exchange.reduced import reduced_model
+
+    check_file(out, overwrite)
+    model = reduced_model(read_scene(source))
+    model.save(out, overwrite)
+    found = ", ".join(f"{omega:.6g}" for omega in model.omega)
+    print(
+        f"{len(model.M)} coordinates, {len(model.points)} contact nodes, modes with the contact "
+        f"held at omega = {found}, written to {out}"
+    )

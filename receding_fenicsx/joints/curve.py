@@ -24,7 +24,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.joints.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.joints.figure import joint_figure
 from receding_fenicsx.joints.result import JointCurve
-from receding_fenicsx.modal.modes import mode_number, preload_path
+from receding_fenicsx.modal.modes import mode_number, mode_system, preload_path
 from receding_fenicsx.output.plots.saving import drawing, save
 from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.parameter_sweep.measure import Cell
@@ -40,6 +40,7 @@ from receding_fenicsx.scene.model import (
     Scene,
 )
 from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.validate import validate
 
 TABLE, SUMMARY, PICTURE = "joint.csv", "joint.json", "joint.png"
 """Files of a curve; the sweeps are in folders of their own beside them."""
@@ -116,7 +117,13 @@ def joint_curve(
     cyclic = _driven(scene, drive, values)
     mpi.on_root(comm, lambda: _check(folder, options.overwrite or options.resume))
     # a mode, the preload or the first loading may fail: before anything is written
-    system = study.condense(cyclic, comm, options.progress, whole=True)
+    omega = np.zeros(0)
+    if mode_number(drive):
+        validate(cyclic)
+        found = mpi.on_root(comm, lambda: mode_system(cyclic))
+        system, omega = (None, omega) if found is None else found
+    else:
+        system = study.condense(cyclic, comm, options.progress, whole=True)
 
     def loaded() -> Backbone:
         start = preload_path(mpi.given(system), cyclic, drive)
@@ -135,6 +142,7 @@ def joint_curve(
 
     def finish() -> JointCurve:
         curve = _curve(drive, values, (mpi.given(table), coarse), mpi.given(backbone))
+        curve = replace(curve, linear=omega)
         if folder is not None:
             _write(folder, scene.title, curve)
         return curve
@@ -271,6 +279,7 @@ def _write(folder: Path, title: str, curve: JointCurve) -> None:
         "drive": curve.drive,
         "exponent": slope,
         "exponent_error": error,
+        "stuck_modes": curve.linear.tolist(),
         "macroslip": backbone.macroslip,
         "macroslip_reason": backbone.reason,
         "amplitudes": rows,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,7 @@ class JointCurve:
         kind: kind of each steady state, or "failed".
         backbone: the first loading.
         table: the sweep, with the reasons of failed cases.
+        linear: (k,) angular frequencies of the stuck joint, with a mode as drive; else empty.
     """
 
     drive: str
@@ -44,6 +45,7 @@ class JointCurve:
     kind: tuple[str, ...]
     backbone: Backbone
     table: SweepTable
+    linear: Array = field(default_factory=lambda: np.zeros(0))
 
     @property
     def masing_defect(self) -> Array:
@@ -107,4 +109,7 @@ class JointCurve:
             rows.append(("mesh", f"D changes by at most {worst:.2g} from half as many elements"))
         if np.isfinite(self.backbone.macroslip):
             rows.append(("macroslip", f"at {self.backbone.macroslip:.6g}"))
+        if len(self.linear):
+            found = ", ".join(f"{omega:.6g}" for omega in self.linear)
+            rows.append(("stuck modes", f"omega = {found}"))
         return described(f"JointCurve of '{self.drive}', {len(self.amplitude)} amplitudes", rows)

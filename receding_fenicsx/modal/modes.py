@@ -14,7 +14,7 @@ $$\omega^2(\alpha) = \alpha / q , \qquad \zeta(\alpha) = \frac{D}{2 \pi\, \omega
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 from mpi4py import MPI
@@ -76,7 +76,7 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
         scene: a valid scene with a load ``mode``.
 
     Returns:
-        The system, and the angular frequencies up to this mode.
+        The system, and the angular frequencies up to this mode, ``[mode] count`` at least.
 
     Raises:
         InputError: there is no such mode.
@@ -90,13 +90,14 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
         closed = np.asarray(_preloaded(system, scene, load.name) != State.SEPARATION)
         # along t only with friction
         tied = np.concatenate([closed & system.friction.present, closed])
-        phi, omega = _modes(bulk, tied, load.mode or 0)
+        number = load.mode or 0
+        phi, omega = _modes(bulk, tied, number, scene.mode.count)
         for part, force in zip(bulk.parts, phi, strict=True):
             part.loads[part.load_names.index(load.name)].setArray(force)
         if isinstance(bulk, Stack):
             bulk.condensed = False
         driven = given(condensation.condense(bulk))
-        _check_compliance(driven, tied, omega[-1], driven.load_names.index(load.name))
+        _check_compliance(driven, tied, omega[number - 1], driven.load_names.index(load.name))
         law = {key: getattr(system, key) for key in ("f", "f_backward", "g0", "scene_toml")}
         return replace(driven, **law), omega
     finally:
@@ -126,23 +127,12 @@ def _check_compliance(system: ContactSystem, tied: NDArray[np.bool_], omega: flo
         )
 
 
-def _modes(bulk: Bulk | Stack, tied: NDArray[np.bool_], number: int) -> tuple[list[Array], Array]:
-    """Return M phi of each part, and the angular frequencies up to a mode."""
-    parts: Any = bulk.parts
-    A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
-    L, soft = _closed(bulk)
-    A = A + L @ sparse.csr_matrix(np.linalg.inv(soft)) @ L.T
-    starts = np.cumsum([0, *(part.dofs for part in parts)])
-    M = sparse.block_diag([_mass(part) for part in parts], "csr")
-    turns, locals_, fixed = [], [], np.zeros(A.shape[0], dtype=bool)
-    for part, start in zip(parts, starts, strict=False):
-        n, contact = len(part.contact.x), part.contact
-        turn = sparse.eye(part.dofs, format="lil")
-        turn[np.ix_(contact.dofs, contact.dofs)] = contact.to_global(np.eye(2 * n))
-        turns.append(turn)
-        locals_.append(start + contact.dofs)
-        fixed[start + part.fixed] = True
-        fixed[locals_[-1][contact.held]] = True
+def _modes(
+    bulk: Bulk | Stack, tied: NDArray[np.bool_], number: int, count: int
+) -> tuple[list[Array], Array]:
+    """Return M phi of each part for one mode, and the lowest angular frequencies."""
+    whole = assembled(bulk)
+    A, M, fixed, locals_ = whole.A, whole.M, whole.fixed.copy(), whole.contact
     same = np.arange(A.shape[0])
     if isinstance(bulk, Stack):
         # the freedoms of the first and the second side; -1 is a plane
@@ -163,21 +153,62 @@ def _modes(bulk: Bulk | Stack, tied: NDArray[np.bool_], number: int) -> tuple[li
     T = sparse.csr_matrix(
         (np.ones(len(rows)), (rows, column[same[rows]])), shape=(len(same), len(free))
     )
-    T = sparse.block_diag(turns, "csr") @ T
     K, m = T.T @ A @ T, T.T @ M @ T
     if not number < len(free):
         raise InputError(f"drive: the bodies have fewer than {number} modes")
+    count = min(max(count, number), len(free) - 1)
     ratio = K.diagonal().sum() / m.diagonal().sum()
     try:
-        squares, y = eigsh(K.tocsc(), number, m.tocsc(), sigma=SHIFT * ratio, v0=np.ones(len(free)))
+        squares, y = eigsh(K.tocsc(), count, m.tocsc(), sigma=SHIFT * ratio, v0=np.ones(len(free)))
     except ArpackError as error:
         raise NotConverged(f"drive: the vibration modes were not found ({error})") from error
     order = np.argsort(squares)
-    if squares[order[-1]] <= RIGID * ratio:
+    if squares[order[number - 1]] <= RIGID * ratio:
         raise InputError(f"drive: mode {number} moves the bodies rigidly; add a [[support]]")
-    phi = M @ (T @ y[:, order[-1]])
+    phi = whole.turn @ (M @ (T @ y[:, order[number - 1]]))
     omega = np.sqrt(np.maximum(squares[order], 0.0))
-    return np.split(phi, starts[1:-1]), omega
+    return np.split(phi, whole.starts[1:-1]), omega
+
+
+@dataclass(frozen=True)
+class Assembled:
+    """Matrices of all bodies, with the contact nodes' displacements along and away from the edges.
+
+    Attributes:
+        A, M: (dofs, dofs) stiffness, with elastic bolts and springs between bodies, and mass.
+        turn: (dofs, dofs) nodal displacements x, y from these.
+        starts: where the freedoms of each body begin, and their number.
+        contact: of each body, the freedoms [v; w] of its contact nodes.
+        fixed: (dofs,) freedoms that supports, symmetry or platens hold.
+    """
+
+    A: sparse.csr_matrix
+    M: sparse.csr_matrix
+    turn: sparse.csr_matrix
+    starts: NDArray[np.intp]
+    contact: list[NDArray[np.intp]]
+    fixed: NDArray[np.bool_]
+
+
+def assembled(bulk: Bulk | Stack) -> Assembled:
+    """Assemble the matrices of all bodies of a scene with densities, on one process."""
+    parts: Any = bulk.parts
+    A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
+    L, soft = _closed(bulk)
+    A = A + L @ sparse.csr_matrix(np.linalg.inv(soft)) @ L.T
+    M = sparse.block_diag([_mass(part) for part in parts], "csr")
+    starts = np.cumsum([0, *(part.dofs for part in parts)])
+    turns, contact, fixed = [], [], np.zeros(A.shape[0], dtype=bool)
+    for part, start in zip(parts, starts, strict=False):
+        n, nodes = len(part.contact.x), part.contact
+        turn = sparse.eye(part.dofs, format="lil")
+        turn[np.ix_(nodes.dofs, nodes.dofs)] = nodes.to_global(np.eye(2 * n))
+        turns.append(turn)
+        contact.append(start + nodes.dofs)
+        fixed[start + part.fixed] = True
+        fixed[contact[-1][nodes.held]] = True
+    turn = sparse.block_diag(turns, "csr")
+    return Assembled(turn.T @ A @ turn, turn.T @ M @ turn, turn, starts, contact, fixed)
 
 
 def _closed(bulk: Any) -> tuple[sparse.csr_matrix, Array]:

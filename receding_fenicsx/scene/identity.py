@@ -32,6 +32,7 @@ FREE_WHEN_RESUMED = frozenset(
         "accuracy.tolerance",
         "accuracy.numbers",
         "accuracy.budget_seconds",
+        "mode.count",
     }
 )
 """Keys that may differ when a run is resumed: none changes the finished cycles."""

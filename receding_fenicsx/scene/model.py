@@ -19,6 +19,7 @@ from receding_fenicsx.scene.checks import nearest, unknown_name
 from receding_fenicsx.scene.options import AccuracyOptions as AccuracyOptions
 from receding_fenicsx.scene.options import Harmonic as Harmonic
 from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
+from receding_fenicsx.scene.options import ModeOptions as ModeOptions
 from receding_fenicsx.scene.options import OutputOptions as OutputOptions
 from receding_fenicsx.scene.options import Probe as Probe
 from receding_fenicsx.scene.options import Refinement as Refinement
@@ -195,6 +196,7 @@ class Scene:
     units: Units = field(default_factory=Units)
     shakedown: ShakedownOptions = field(default_factory=ShakedownOptions)
     accuracy: AccuracyOptions = field(default_factory=AccuracyOptions)
+    mode: ModeOptions = field(default_factory=ModeOptions)
 
     def __repr__(self) -> str:
         """Return the parts of the scene, long tables cut."""

@@ -261,6 +261,18 @@ class Probe:
 
 
 @dataclass(frozen=True)
+class ModeOptions:
+    """Vibration modes that are computed.
+
+    Attributes:
+        count: number of modes: of the stuck joint that ``joint`` prints, and with the contact nodes
+            held that a reduced model keeps.
+    """
+
+    count: int = 3
+
+
+@dataclass(frozen=True)
 class AccuracyOptions:
     """Options of a run that chooses its mesh by the errors of its numbers.
 

@@ -17,6 +17,7 @@ from receding_fenicsx.scene.model import (
     RECTANGLE_KEYS,
     AccuracyOptions,
     Body,
+    ModeOptions,
     Scene,
     ShakedownOptions,
 )
@@ -113,6 +114,7 @@ def to_toml(scene: Scene) -> str:
     for name in ("history", "solver", "output"):
         lines += ["", f"[{name}]", *_lines(getattr(scene, name))]
     options = {"units": Units(), "shakedown": ShakedownOptions(), "accuracy": AccuracyOptions()}
+    options["mode"] = ModeOptions()
     for name, default in options.items():
         if getattr(scene, name) != default:
             lines += ["", f"[{name}]", *_lines(getattr(scene, name))]

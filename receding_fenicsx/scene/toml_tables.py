@@ -19,6 +19,7 @@ from receding_fenicsx.scene.model import (
     Load,
     Material,
     MeshOptions,
+    ModeOptions,
     OutputOptions,
     Probe,
     Scene,
@@ -39,6 +40,7 @@ TABLES: dict[str, type] = {
     "units": Units,
     "shakedown": ShakedownOptions,
     "accuracy": AccuracyOptions,
+    "mode": ModeOptions,
 }
 """Tables that occur once, with the dataclass of each."""
 ARRAYS: dict[str, type] = {

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_size
+from receding_fenicsx.scene.checks import check_count, check_size
 from receding_fenicsx.scene.history import from_scene
 from receding_fenicsx.scene.model import TABLE_OF, Harmonic, Load, Scene
 from receding_fenicsx.scene.units import check_units
@@ -20,6 +20,7 @@ from receding_fenicsx.scene.validate_contacts import (
 )
 from receding_fenicsx.scene.validate_loads import check_loads, check_supports
 from receding_fenicsx.scene.validate_options import (
+    MAX_MODES,
     check_accuracy,
     check_output,
     check_probes,
@@ -57,6 +58,7 @@ def validate(scene: Scene) -> None:
     check_probes(scene)
     check_solver(scene.solver)
     check_shakedown(scene)
+    check_count(scene.mode.count, MAX_MODES, "[mode] count")
     check_units(scene.units)
     history = from_scene(scene)
     check_initial_slip(scene)

@@ -18,6 +18,7 @@ from receding_fenicsx.scene.options import NUMBERS
 MAX_STEPS = 1_000_000
 """Largest number of load steps or samples of a leg."""
 MAX_BRANCH = 1_000
+MAX_MODES = 1_000
 """Largest number of a continuation."""
 MAX_RECORD_BYTES = 1e12
 """Size of the largest record."""

@@ -74,7 +74,7 @@ FULL = Scene(
 
 UNITS = {"units.length", "units.stress", "units.force"}
 RANGE = {f"shakedown.{key}" for key in ("mean", "range", "separated", "largest_slip", "diagram")}
-ACCURACY = {"accuracy.tolerance", "accuracy.numbers", "accuracy.budget_seconds"}
+ACCURACY = {"accuracy.tolerance", "accuracy.numbers", "accuracy.budget_seconds", "mode.count"}
 FREE = {"title", "history.cycles", "history.until", "output.cycles", *UNITS, *RANGE, *ACCURACY}
 """What a run may be gone on with: README, "Long runs"."""
 NAMED = {"others": "body", "materials": "material", "contacts": "contact", "loads": "load"}

@@ -23,7 +23,9 @@ def check_body_load(scene: Scene, load: Load, where: str) -> None:
     if given:
         raise InputError(f"{where}: {kind} acts on a whole body; remove {given[0]}")
     if load.mode is not None:
-        _check_mode(scene, load.mode, where)
+        if load.mode < 1:
+            raise InputError(f"{where} mode: must be at least 1, not {load.mode}")
+        check_modes(scene, where)
         return
     body = body_named(scene, load.body, where, "load")
     if body.is_half_plane:
@@ -41,10 +43,8 @@ def check_body_load(scene: Scene, load: Load, where: str) -> None:
         raise InputError(f"{where} {kind}: is zero everywhere; give it a value or remove the load")
 
 
-def _check_mode(scene: Scene, number: int, where: str) -> None:
+def check_modes(scene: Scene, where: str) -> None:
     """Check that the bodies of a scene have vibration modes."""
-    if number < 1:
-        raise InputError(f"{where} mode: must be at least 1, not {number}")
     if any(body.is_half_plane for body in scene.bodies):
         raise InputError(f"{where}: half-planes have no vibration modes; use bodies with a mesh")
     if any(bolt.stiffness is None for bolt in scene.bolts):

@@ -1,0 +1,186 @@
+r"""Reduced model of a joint for dynamics codes: mass, stiffness and contact (Craig & Bampton 1968).
+
+The coordinates are $q = [q_b, \eta]$: the displacements of all contact nodes of all bodies that
+nothing holds, each along its edge and away from the plane, and the amplitudes of the lowest modes
+with these held. With the interior freedoms i of the bodies,
+
+$$u_i = -A_{ii}^{-1} A_{ib}\, q_b + \Phi\, \eta , \qquad
+  A_{ii} \Phi = M_{ii} \Phi\, \Omega^2 , \qquad \Phi^T M_{ii} \Phi = 1 ,$$
+
+$$M \ddot q + K q = C^T r + \sum_k \lambda_k f_k , \qquad u = C q ,$$
+
+where $u = [v; w]$ and $r = [Q; P]$ are relative displacements and reactions at the contact nodes,
+as in the rest of the package. K has no coupling of $q_b$ and $\eta$.
+"""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass, fields, replace
+from pathlib import Path
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+from scipy import sparse
+from scipy.sparse.linalg import ArpackError, eigsh, splu
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk import condensation
+from receding_fenicsx.bulk.from_scene import bulk_of
+from receding_fenicsx.bulk.stack import Stack
+from receding_fenicsx.errors import InputError, NotConverged
+from receding_fenicsx.evolution.prepare import with_profiles
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.modal.modes import Assembled, assembled
+from receding_fenicsx.mpi import given
+from receding_fenicsx.output.storage.hdf5_file import create, write
+from receding_fenicsx.scene.acting.validate import check_modes
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.timing import Timer
+
+REDUCED = "receding_fenicsx reduced model"
+
+
+@dataclass(frozen=True)
+class ReducedModel:
+    """M q'' + K q = C^T r + sum lambda_k f_k, u = C q, with the contact law between u and r.
+
+    Lengths, forces and masses are those of the scene, for unit thickness in the plane.
+
+    Attributes:
+        M, K: (m, m) mass and stiffness; the first coordinates are displacements of contact nodes,
+            the last ones amplitudes of modes with these held, of mass 1.
+        C: (2N, m) relative displacements [v; w] of the contact nodes from the coordinates.
+        loads: (n_loads, m) forces of the loads with factor 1.
+        load_names: names of the loads.
+        omega: (k,) angular frequencies of the modes with the contact nodes held.
+        points: (N, 2) contact nodes.
+        weight: (N,) length of the contact that belongs to each.
+        f, f_backward: (N,) coefficients of friction for forward and backward slip.
+        g0: (N,) initial gaps.
+    """
+
+    M: Array
+    K: Array
+    C: Array
+    loads: Array
+    load_names: tuple[str, ...]
+    omega: Array
+    points: Array
+    weight: Array
+    f: Array
+    f_backward: Array
+    g0: Array
+
+    def save(self, path: str | Path, overwrite: bool = False) -> None:
+        """Write the model as HDF5 with a description.
+
+        Raises:
+            InputError: the file exists already or cannot be written.
+        """
+        with create(Path(path), REDUCED, overwrite) as file:
+            for field in fields(self):
+                write(file, field.name, getattr(self, field.name))
+            file.attrs["description"] = inspect.getdoc(ReducedModel) or ""
+
+
+def reduced_model(scene: Scene) -> ReducedModel:
+    """Reduce the whole bodies of a scene to their contact nodes and ``[mode] count`` modes.
+
+    Args:
+        scene: a valid scene with a density of every material; one process.
+
+    Raises:
+        InputError: a body has no density or no mesh, a load prescribes displacements, or the bodies
+            have fewer freedoms.
+        NotConverged: the modes were not found.
+    """
+    validate(scene)
+    check_modes(scene, "reduced model")
+    scene = replace(scene, solver=replace(scene.solver, symmetry="none"))
+    bulk: Any = bulk_of(scene, MPI.COMM_SELF, Timer(None))
+    try:
+        for part in bulk.parts:
+            for name in part.prescribed:
+                raise InputError(f"load '{name}': prescribes a displacement; reduce it as a force")
+        whole = assembled(bulk)
+        names = tuple(dict.fromkeys(load.name for load in scene.loads))
+        loads = names, np.array([_forces(bulk, whole, name) for name in names])
+        system = with_profiles(scene, given(condensation.condense(bulk)))
+        return _reduced(whole, _relative(bulk, whole, system), loads, system, scene.mode.count)
+    finally:
+        bulk.destroy()
+
+
+def _reduced(
+    whole: Assembled,
+    C: sparse.csr_matrix,
+    loads: tuple[tuple[str, ...], Array],
+    system: ContactSystem,
+    count: int,
+) -> ReducedModel:
+    """Return the model with so many modes.
+
+    Args:
+        whole: the matrices of the bodies.
+        C: (2N, dofs) relative displacements from all freedoms.
+        loads: names, and nodal forces (n_loads, dofs).
+        system: the condensed contact.
+        count: number of modes.
+    """
+    b = np.concatenate(whole.contact)
+    b = b[~whole.fixed[b]]
+    inner = ~whole.fixed
+    inner[b] = False
+    i = np.flatnonzero(inner)
+    if not count < len(i):
+        raise InputError(f"[mode] count: the bodies have {len(i)} inner freedoms; ask for fewer")
+    A, M = whole.A.tocsc(), whole.M.tocsc()
+    A_ii, M_ii = A[i][:, i], M[i][:, i]
+    static = -splu(A_ii).solve(A[i][:, b].toarray())
+    try:
+        squares, phi = eigsh(A_ii, count, M_ii, sigma=0.0, v0=np.ones(len(i)))
+    except ArpackError as error:
+        raise NotConverged(f"[mode] count: the modes were not found ({error})") from error
+    T = np.zeros((A.shape[0], len(b) + count))
+    T[b, np.arange(len(b))] = 1.0
+    T[np.ix_(i, np.arange(len(b)))], T[i, len(b) :] = static, phi[:, np.argsort(squares)]
+    K, mass = T.T @ (A @ T), T.T @ (M @ T)
+    return ReducedModel(
+        M=0.5 * (mass + mass.T),
+        K=0.5 * (K + K.T),
+        C=C @ T,
+        loads=loads[1] @ T,
+        load_names=loads[0],
+        omega=np.sqrt(np.sort(squares)),
+        points=system.points,
+        weight=system.weight,
+        f=system.friction.forward,
+        f_backward=system.friction.backward,
+        g0=system.g0,
+    )
+
+
+def _forces(bulk: Any, whole: Assembled, name: str) -> Array:
+    """Return the nodal forces (dofs,) of a load, on the turned freedoms."""
+    own = [
+        part.loads[part.load_names.index(name)].getArray().copy()
+        if name in part.load_names
+        else np.zeros(part.dofs)
+        for part in bulk.parts
+    ]
+    forces: Array = whole.turn.T @ np.concatenate(own)
+    return forces
+
+
+def _relative(bulk: Any, whole: Assembled, system: ContactSystem) -> sparse.csr_matrix:
+    """Return the map (2N, dofs) from all freedoms to the relative displacements [v; w]."""
+    n, places = system.n, [(np.arange(2 * system.n), np.ones(2 * system.n))]
+    if isinstance(bulk, Stack):
+        places = [(place.dofs(n), np.tile(place.side, 2).astype(float)) for place in bulk.places]
+    rows, sides = (np.concatenate(part) for part in zip(*places, strict=True))
+    shape = 2 * n, whole.A.shape[0]
+    return sparse.csr_matrix((sides, (rows, np.concatenate(whole.contact))), shape=shape)

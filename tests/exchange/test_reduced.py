@@ -1,0 +1,166 @@
+"""Reduced models of joints: stiffness, mass, loads and contact, against what they are made from."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.linalg import eigh
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+from receding_fenicsx.joints.curve import _driven
+from receding_fenicsx.modal.modes import mode_system
+
+pytestmark = pytest.mark.one_rank
+
+BLOCK = """
+[body]
+width = 2.0
+height = 1.0
+[material]
+young = 200.0
+poisson = 0.3
+kinematics = "plane stress"
+density = 2.0
+[mesh]
+contact_elements = 8
+[contact]
+edge = "bottom"
+friction = 0.4
+[[load]]
+name = "N"
+edge = "top"
+pressure = 0.01
+[mode]
+count = {count}
+"""
+STACK = """
+[[body]]
+name = "upper"
+width = 2.0
+height = 0.5
+position = [0.0, 1.0]
+[[body]]
+name = "lower"
+width = 2.0
+height = 1.0
+[material.upper]
+young = 100.0
+poisson = 0.2
+density = 1.0
+[material.lower]
+young = 200.0
+poisson = 0.3
+density = 2.0
+[mesh]
+contact_elements = 8
+[[contact]]
+edge = "upper.bottom"
+against = "lower.top"
+friction = 0.4
+[[contact]]
+edge = "lower.bottom"
+friction = 0.2
+[[load]]
+name = "N"
+edge = "upper.top"
+pressure = 0.01
+"""
+
+
+def condensed(model: rf.ReducedModel, keep: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """K and the loads on given coordinates, the others free of forces."""
+    rest = np.setdiff1d(np.arange(len(model.K)), keep)
+    K, f = model.K, model.loads
+    X = np.linalg.solve(K[np.ix_(rest, rest)], np.hstack([K[np.ix_(rest, keep)], f[:, rest].T]))
+    reduced = K[np.ix_(keep, keep)] - K[np.ix_(keep, rest)] @ X[:, : len(keep)]
+    return reduced, f[:, keep] - (K[np.ix_(keep, rest)] @ X[:, len(keep) :]).T
+
+
+def test_statically_it_is_the_condensed_contact_and_its_mass_is_that_of_the_body() -> None:
+    scene = rf.from_toml(BLOCK.format(count=3))
+    model = rf.reduced_model(scene)
+    whole = replace(scene, solver=replace(scene.solver, symmetry="none"))
+    system = rf.condense(whole, whole=True)
+    assert system is not None
+    m = 2 * system.n
+    assert np.array_equal(model.C, np.eye(m, len(model.K)))
+    K, f = condensed(model, np.arange(m))
+    assert np.abs(K - system.K).max() < 1e-11 * np.abs(system.K).max()
+    assert np.abs(f + system.r_star).max() < 1e-11 * np.abs(system.r_star).max()
+    assert model.load_names == ("N",) and np.all(model.f == 0.4) and np.all(model.g0 == 0.0)
+    # translations and the rotation about the middle of the edge
+    zero, x = np.zeros(system.n), model.points[:, 0]
+    one = zero + 1.0
+    motions = np.array([[*one, *zero], [*zero, *one], [*zero, *x]]).T
+    motions = np.vstack([motions, np.zeros((3, 3))])
+    assert np.abs(model.K @ motions).max() < 1e-9 * np.abs(model.K).max()
+    mass = motions.T @ model.M @ motions
+    # rho b h, and rho (b h^3 / 3 + h b^3 / 12) about the edge; the mass's centre lies above it
+    assert np.diag(mass) == pytest.approx([4.0, 4.0, 2.0 * (2.0 / 3.0 + 8.0 / 12.0)], rel=1e-9)
+    assert abs(mass[0, 2]) == pytest.approx(4.0 * 0.5, rel=1e-9)
+    assert np.abs(model.M[-3:, -3:] - np.eye(3)).max() < 1e-9
+
+
+def test_frequencies_of_the_stuck_block_come_from_above_with_more_modes() -> None:
+    scene = rf.from_toml(BLOCK.format(count=3))
+    loaded = replace(scene, history=replace(scene.history, constant={"N": 1.0}))
+    _, omega = mode_system(_driven(loaded, "mode:3", np.ones(1)))
+    held = rf.reduced_model(scene)
+    assert held.omega == pytest.approx(omega, rel=1e-9)
+    # free at its contact: from above, nearer with more modes
+    free = [
+        np.sqrt(np.maximum(eigh(model.K, model.M, eigvals_only=True)[3:6], 0.0))
+        for model in (rf.reduced_model(rf.from_toml(BLOCK.format(count=k))) for k in (2, 8, 60))
+    ]
+    assert np.all(free[0] >= free[1] * (1.0 - 1e-9)) and np.all(free[1] >= free[2] * (1.0 - 1e-9))
+    assert free[1] == pytest.approx(free[2], rel=0.02)
+
+
+def test_of_a_stack_the_contacts_are_relative_displacements() -> None:
+    scene = rf.from_toml(STACK)
+    model = rf.reduced_model(scene)
+    whole = replace(scene, solver=replace(scene.solver, symmetry="none"))
+    system = rf.condense(whole, whole=True)
+    assert system is not None
+    # any u of the contacts with the rest free of forces: the least energy under C q = u
+    n, m = model.C.shape
+    bordered = np.block([[model.K, model.C.T], [model.C, np.zeros((n, n))]])
+    rng = np.random.default_rng(5)
+    u = rng.standard_normal(n)
+    q = np.linalg.lstsq(bordered, np.concatenate([np.zeros(m), u]), rcond=1e-13)[0][:m]
+    assert np.abs(model.C @ q - u).max() < 1e-9
+    assert q @ model.K @ q == pytest.approx(u @ system.K @ u, rel=1e-8)
+
+
+def test_the_command_writes_what_the_function_returns(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    scene, out = tmp_path / "block.toml", tmp_path / "block.h5"
+    scene.write_text(BLOCK.format(count=2))
+    assert cli.main(["export", str(scene), "--reduced", "--out", str(out)]) == 0
+    assert "omega" in capsys.readouterr().out
+    model = rf.reduced_model(rf.from_toml(scene.read_text()))
+    with h5py.File(out) as file:
+        assert np.array_equal(file["M"], model.M) and np.array_equal(file["C"], model.C)
+        assert "C q" in file.attrs["description"]
+    assert cli.main(["export", str(scene), "--reduced", "--out", str(out)]) == 2
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "told"),
+    [
+        ("density = 2.0", "", "density"),
+        ("pressure = 0.01", "displacement = [0.0, -0.1]", "prescribes a displacement"),
+        ("count = 2", "count = 0", "[mode] count"),
+        ("count = 2", "count = 1000", "inner freedoms"),
+    ],
+)
+def test_what_has_no_reduced_model_is_said(old: str, new: str, told: str) -> None:
+    with pytest.raises(rf.InputError) as caught:
+        rf.reduced_model(rf.from_toml(BLOCK.format(count=2).replace(old, new)))
+    assert told in str(caught.value)
