@@ -16,6 +16,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares, nnls
@@ -25,6 +26,8 @@ from receding_fenicsx.errors import InputError, NotConverged
 
 LEAST_AMPLITUDES = 4
 """Number of points that a curve must have."""
+EARLIEST_SLIP = 0.05
+"""Least slip displacement of a Jenkins element, over the smallest amplitude."""
 LARGEST_LOG = 50.0
 """Bound of the logarithms of parameters."""
 LEAST_SENSITIVITY = 1e-7
@@ -88,7 +91,8 @@ def fit_iwan(amplitude: Array, dissipation: Array, stiffness: Array, slip_force:
 
     chi = np.clip(np.polyfit(np.log(x), np.log(D), 1)[0] - 3.0, -0.9, 0.9)
     starts = [[np.log(1.001 * F[0] / x[0]), chi, beta] for beta in (0.0, -4.0, 4.0)]
-    p = _least(lambda p: _errors(iwan(x, **named(p)), F, D), starts, CHI)
+    most = np.array([LARGEST_LOG, CHI, LARGEST_LOG])
+    p = _least(lambda p: _errors(iwan(x, **named(p)), F, D), starts, (-most, most))
     errors = np.split(_errors(iwan(x, **named(p)), F, D), 2)
     return JointFit({k: np.array(v) for k, v in named(p).items()}, errors[1], errors[0])
 
@@ -115,10 +119,12 @@ def fit_jenkins(amplitude: Array, dissipation: Array, stiffness: Array, count: i
     # the first element slips at every amplitude, as D is positive
     starts = [
         np.log(np.geomspace(low * x[0], high * x[-1], count + 1)[:count])
-        for low in (0.5, 0.95)
-        for high in (0.3, 0.9)
+        for low in (0.5, 0.7, 0.95)
+        for high in (0.3, 0.5, 0.7, 0.9)
     ]
-    p = np.sort(_least(lambda p: _errors(model(p)[1:], F, D), starts))
+    # one that slips later is a spring, of one that slips far earlier only the force is seen
+    limits = np.log(EARLIEST_SLIP * x[0]), np.log(x[-1])
+    p = np.sort(_least(lambda p: _errors(model(p)[1:], F, D), starts, limits))
     k, *found = model(p)
     errors = np.split(_errors(found, F, D), 2)
     return JointFit({"k": k[:-1], "phi": np.exp(p), "k0": k[-1]}, errors[1], errors[0])
@@ -141,17 +147,17 @@ def _errors(model: Sequence[Array], F: Array, D: Array) -> Array:
 
 
 def _least(
-    errors: Callable[[Array], Array], starts: Sequence[Sequence[float]], chi: float = LARGEST_LOG
+    errors: Callable[[Array], Array], starts: Sequence[Sequence[float]], bounds: tuple[Any, Any]
 ) -> Array:
-    """Return the parameters of least squares from several starts; |second| is at most chi."""
-    most = np.full(len(starts[0]), LARGEST_LOG)
-    most[1:2] = chi
-    limits = {"bounds": (-most, most), "xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
-    runs = [least_squares(errors, start, x_scale="jac", **limits) for start in starts]
-    best = min((run for run in runs if run.success), key=lambda run: run.cost, default=None)
-    if best is None:
+    """Return the parameters of least squares within bounds, from several starts."""
+    accuracy = {"xtol": 1e-15, "ftol": 1e-15, "gtol": 1e-15}
+    runs = [least_squares(errors, at, x_scale="jac", bounds=bounds, **accuracy) for at in starts]
+    found = sorted((run for run in runs if run.success), key=lambda run: run.cost)
+    if not found:
         raise NotConverged("fit: did not converge; use fewer elements or more amplitudes")
-    size = np.linalg.svd(best.jac, compute_uv=False)
-    if size[-1] <= LEAST_SENSITIVITY * size[0]:
-        raise InputError("fit: the curve does not determine all parameters; give more of them")
-    return np.asarray(best.x)
+    for run in found:
+        size = np.linalg.svd(run.jac, compute_uv=False)
+        # a parameter without effect, as of an element of no stiffness, is no fit of all of them
+        if size[-1] > LEAST_SENSITIVITY * size[0]:
+            return np.asarray(run.x)
+    raise InputError("fit: the curve does not determine all parameters; give more of them")
