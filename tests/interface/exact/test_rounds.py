@@ -91,7 +91,12 @@ def test_ends_foreseen_wrongly_are_not_taken(error: float, monkeypatch: pytest.M
 
 
 def test_events_that_no_longer_come_are_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
-    system, note, play_on, failed = block_system(80, 40), rounds.Rounds.note, rounds.play, [0]
+    system, note, foresee, refused = (
+        block_system(80, 40),
+        rounds.Rounds.note,
+        rounds.Rounds._foresee,
+        0,
+    )
     plain = without(monkeypatch, system, 40)
 
     def keeping(self: rounds.Rounds, *args: object) -> None:
@@ -99,12 +104,12 @@ def test_events_that_no_longer_come_are_not_taken(monkeypatch: pytest.MonkeyPatc
         note(self, *args)  # type: ignore[arg-type]
         self._known.update(before)
 
-    def counting(segments: object, course: list[object], *args: object) -> list[object]:
-        rows = play_on(segments, course, *args)  # type: ignore[arg-type]
-        failed[0] += len(rows) < len(course)
-        return rows  # type: ignore[return-value]
+    def counting(self: rounds.Rounds, *args: object) -> None:
+        nonlocal refused
+        foresee(self, *args)  # type: ignore[arg-type]
+        refused += not self._ready
 
     monkeypatch.setattr(rounds.Rounds, "note", keeping)
-    monkeypatch.setattr(rounds, "play", counting)
+    monkeypatch.setattr(rounds.Rounds, "_foresee", counting)
     assert_same(play(system, 40), plain, system)
-    assert failed[0] > 5
+    assert refused > 5

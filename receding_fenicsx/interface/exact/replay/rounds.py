@@ -115,26 +115,22 @@ class Rounds:
             self._course.clear()
         self._course.append(way)
         self._end = leg.end
-        following = events_of(walk)
-        last = self._events.get(way)
-        if not following:
-            self._events.pop(way, None)
-            self._known.pop(way, None)
-            return
+        following, last = events_of(walk), self._events.get(way, [])
         self._events[way] = following
-        if last is None or len(last) != len(following):
+        same = bool(following) and len(last) == len(following) and all(map(is_, last, following))
+        known = self._known.get(way)
+        if not same:
             self._known.pop(way, None)
-            return
-        if not all(map(is_, last, following)):
-            self._known.pop(way, None)
-        elif way not in self._known:
+        elif known is None or not np.array_equal(known.start, walk.problem.start.state):
             self._known[way] = known_leg(walk, following, leg)
 
     def _foresee(self, start: ContactState, cycle: list[Way], force_scale: float) -> None:
         """Foresee several cycles; make the legs ready that hold."""
         known, segments = [self._known[way] for way in cycle], self.reduction.segments
         small = self.reduction.shrink(start)
-        if not (self.reduction.fits(start) and np.array_equal(small.state, known[0].start)):
+        starts = [small.state, *(one.end for one in known)]
+        meet = all(np.array_equal(at, known[k % len(known)].start) for k, at in enumerate(starts))
+        if not meet or not self.reduction.fits(start):
             return
         y = _balanced(segments, small, known[0].ends[0], force_scale)
         rows = play(segments, self._count * known, y, force_scale)
