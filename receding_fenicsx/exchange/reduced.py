@@ -48,7 +48,8 @@ REDUCED = "receding_fenicsx reduced model"
 class ReducedModel:
     """M q'' + K q = C^T r + sum lambda_k f_k, u = C q, with the contact law between u and r.
 
-    Lengths, forces and masses are those of the scene, for unit thickness in the plane.
+    Lengths, forces and masses are those of the scene, for unit thickness in the plane, per
+    radian on bodies of revolution.
 
     Attributes:
         M, K: (m, m) mass and stiffness; the first coordinates are displacements of contact nodes,
@@ -94,12 +95,14 @@ def reduced_model(scene: Scene) -> ReducedModel:
         scene: a valid scene with a density of every material; one process.
 
     Raises:
-        InputError: a body has no density or no mesh, a load prescribes displacements, or the bodies
-            have fewer freedoms.
+        InputError: a body has no density or no mesh, a load prescribes displacements, there are
+            bolts or an interference, or the bodies have fewer freedoms.
         NotConverged: the modes were not found.
     """
     validate(scene)
     check_modes(scene, "reduced model")
+    if scene.bolts or any(contact.interference for contact in scene.contacts):
+        raise InputError("reduced model: bolts and interference are no loads of it; remove them")
     scene = replace(scene, solver=replace(scene.solver, symmetry="none"))
     bulk: Any = bulk_of(scene, MPI.COMM_SELF, Timer(None))
     try:

@@ -214,7 +214,9 @@ def assembled(bulk: Bulk | Stack) -> Assembled:
 def _closed(bulk: Any) -> tuple[sparse.csr_matrix, Array]:
     """Return the unit loads (dofs, m) of bolts and springs between bodies, and their compliance."""
     names = [bolt.name for bolt in bulk.scene.bolts]
-    soft = np.diag([1.0 / (bolt.stiffness or np.inf) for bolt in bulk.scene.bolts])
+    # the forces of a ring of bolts are those per radian
+    part = 2.0 * np.pi if bulk.scene.axisymmetric else 1.0
+    soft = np.diag([part / (bolt.stiffness or np.inf) for bolt in bulk.scene.bolts])
     if isinstance(bulk, Stack):
         names, soft = [*names, *bulk.link_names], block_diag(soft, bulk.soft)
     rows = [np.zeros((len(names), part.dofs)) for part in bulk.parts]

@@ -14,6 +14,7 @@ from bodies import block, played
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.output.storage.hdf5 import read_system, write_system
@@ -78,6 +79,19 @@ def test_joint_diagram_of_two_springs(k: float, degree: int) -> None:
     np.testing.assert_allclose(table.load_displacement[:, 1], force, rtol=1e-9)
     np.testing.assert_allclose(table.P.sum(axis=1), force - pull, atol=1e-10)
     assert record.energy_error_max < 1e-10
+
+
+@pytest.mark.one_rank
+def test_a_ring_of_bolts_takes_part_in_the_modes_of_a_joint() -> None:
+    """Condensation finds 1 / omega^2 to 1e-6, or an error is raised; stiffer bolts raise omega."""
+    found, foot = [], (Support("y", point=(0.0, 0.0), body="b"),)
+    round_ = Material(E, 0.0, "axisymmetric", density=2.0)
+    history = HistoryOptions(kind="monotonic", load="m", constant={"pull": 0.01})
+    for scene in (clamped(3.0), clamped(30.0)):
+        scene = replace(scene, material=round_, supports=foot, history=history)
+        driven = replace(scene, loads=(*scene.loads, Load("m", mode=1)))
+        found.append(mode_system(driven)[1][0])
+    assert found[1] > 1.05 * found[0] > 0.0
 
 
 def with_preloads(scene: Scene, *forces: float) -> Scene:

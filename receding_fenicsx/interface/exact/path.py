@@ -112,11 +112,10 @@ class EventPath:
             NoQuasiStaticContinuation: the rate problem has no solution.
             SolveError: the residual of the contact law is above its tolerance.
         """
-        known = (
-            None if samples or self._rounds is None else self._rounds.leg(start, ends, force_scale)
-        )
-        if known is not None:
-            return known
+        if self._rounds is not None and not (samples or self.check_all):
+            known = self._rounds.leg(start, ends, force_scale)
+            if known is not None:
+                return known
         places = evenly_spaced(samples)
         return self._trace(LegProblem(start, ends, force_scale, places, chooser=self.chooser))
 
