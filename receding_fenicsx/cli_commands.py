@@ -261,6 +261,10 @@ def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx.exchange.command import export_matrices, export_reduced
     from receding_fenicsx.output.storage.fclib import export
 
+    if options.reduced:
+        # PETSc starts on all ranks together
+        import receding_fenicsx.exchange.reduced  # noqa: F401
+
     def work() -> None:
         where = options.cycle, options.leg, options.at
         source, out = Path(options.source), Path(options.out)
