@@ -17,7 +17,7 @@ from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.mpi import given
+from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.output.storage.hdf5 import read_system, write_system
 from receding_fenicsx.scene.history import from_scene
@@ -49,7 +49,7 @@ A, B, C = 0.5, 1.0, 2.0
 def ring(folder: Path, name: str, inner: float, outer: float) -> str:
     """A .geo file of a ring's section, 0 <= z <= 1."""
     file = folder / f"{name}.geo"
-    file.write_text(
+    text = (
         f"Point(1) = {{{inner}, 0, 0}}; Point(2) = {{{outer}, 0, 0}};\n"
         f"Point(3) = {{{outer}, 1, 0}}; Point(4) = {{{inner}, 1, 0}};\n"
         "Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};\n"
@@ -57,9 +57,9 @@ def ring(folder: Path, name: str, inner: float, outer: float) -> str:
         "Transfinite Curve {1, 3} = 17; Transfinite Curve {2, 4} = 9;\n"
         "Transfinite Surface {1}; Recombine Surface {1};\n"
         "Physical Surface('s') = {1}; Physical Curve('down') = {1};\n"
-        "Physical Curve('out') = {2}; Physical Curve('up') = {3}; Physical Curve('in') = {4};\n",
-        encoding="utf-8",
+        "Physical Curve('out') = {2}; Physical Curve('up') = {3}; Physical Curve('in') = {4};\n"
     )
+    on_root(comm, lambda: file.write_text(text))
     return str(file)
 
 

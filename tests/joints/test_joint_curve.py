@@ -134,7 +134,9 @@ def test_bad_input_is_one_line(
 
 
 def test_a_file_of_that_name_is_not_overwritten_unasked(shared_tmp_path: Path) -> None:
-    (shared_tmp_path / "joint.csv").write_text("mine")
+    if comm.rank == 0:
+        (shared_tmp_path / "joint.csv").write_text("mine")
+    comm.barrier()
     with pytest.raises(rf.InputError, match="give --overwrite"):
         rf.joint_curve(cylinders(40), "Q", [0.1], shared_tmp_path)
     assert (shared_tmp_path / "joint.csv").read_text() == "mine"
