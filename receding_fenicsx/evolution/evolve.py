@@ -81,6 +81,13 @@ def evolve(
     return continue_history(problem, Journal(), progress)
 
 
+def evolve_bare(system: ContactSystem, scene: Scene) -> Record:
+    """Return the record of a scene without samples, events and uniqueness."""
+    bare = replace(scene, output=OutputOptions(samples_per_leg=1, cycles=()))
+    problem = problem_of_scene(system, with_corners(system, bare)[0])
+    return continue_history(replace(problem, judged=False), Journal())
+
+
 def continue_history(
     problem: Problem, journal: Journal, progress: Progress | None = None
 ) -> Record:

@@ -15,7 +15,7 @@ from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.profiles import Profile, directions, evaluate, evaluate_checked
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.scene.toml_file import known_scene, to_toml
 
 PROFILE_ROUND_OFF = 1e-10
 """Gap or friction, over the largest one along the edge, below which it is round-off of zero."""
@@ -50,7 +50,7 @@ def has_probes_of(scene: Scene, system: ContactSystem) -> bool:
     """Return whether a system has the probes of a scene, for which it need not be condensed."""
     if not scene.probes or system.probes is None or not system.scene_toml:
         return not scene.probes
-    return from_toml(system.scene_toml).probes == scene.probes
+    return known_scene(system.scene_toml).probes == scene.probes
 
 
 def system_for(scene: Scene, system: ContactSystem) -> ContactSystem:

@@ -17,7 +17,7 @@ from receding_fenicsx.scene.history import History, check_history, from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene.profiles import evaluate_checked
-from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.toml_file import known_scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.scene.validate_options import check_branch
 
@@ -39,6 +39,7 @@ class Problem:
         output: which cycles get samples and events.
         initial_slip: (N,) tangential displacement at rest; 0 at held nodes.
         chooser: chooses among several continuations of the exact path; None takes the first.
+        judged: the uniqueness of the path is judged; it costs time, and changes no other answer.
     """
 
     system: ContactSystem
@@ -47,6 +48,7 @@ class Problem:
     output: OutputOptions
     initial_slip: Array
     chooser: Chooser | None = None
+    judged: bool = True
 
     @property
     def has_initial_slip(self) -> bool:
@@ -84,7 +86,7 @@ def problem_of_scene(system: ContactSystem, scene: Scene) -> Problem:
             "evolve: the system was made by hand, for no scene; give a History, or condense the "
             "scene"
         )
-    other = body_difference(from_toml(system.scene_toml), scene)
+    other = body_difference(known_scene(system.scene_toml), scene)
     if other is not None:
         raise InputError(
             f"evolve: the system was condensed from a scene with another {other}; condense this "

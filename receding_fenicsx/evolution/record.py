@@ -23,7 +23,7 @@ from receding_fenicsx.evolution import description, moment, tables
 from receding_fenicsx.evolution.probe_history import ProbeHistory, history_of
 from receding_fenicsx.evolution.record_data import Events, RecordData, States
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.toml_file import known_scene
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -52,7 +52,7 @@ class Record(RecordData):
     @cached_property
     def scene(self) -> Scene | None:
         """The scene that was evolved, parsed once from ``scene_toml``; None where there is none."""
-        return from_toml(self.scene_toml) if self.scene_toml else None
+        return known_scene(self.scene_toml) if self.scene_toml else None
 
     @property
     def dissipates(self) -> bool:

@@ -21,7 +21,7 @@ from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactState, Leg
-from receding_fenicsx.interface.uniqueness.watch import Uniqueness, UniquenessWatch
+from receding_fenicsx.interface.uniqueness.watch import UNKNOWN, Uniqueness, UniquenessWatch
 
 log = logging.getLogger(__name__)
 
@@ -55,7 +55,8 @@ class RunState:
         self.steady = steady_watch(problem.system, problem.solver, cycles)
         self.solver = make_solver(self.model, problem.solver, problem.chooser)
         self.position = self._end_of(len(cycles) - 1)
-        found = cycles[-1].uniqueness if cycles else Uniqueness()
+        begin = Uniqueness() if problem.judged else UNKNOWN
+        found = cycles[-1].uniqueness if cycles else begin
         in_steps = problem.solver.method != "events"
         self.uniqueness = UniquenessWatch(self.model, found, in_steps)
         self.corners: list[Instant] = []
@@ -89,7 +90,8 @@ class RunState:
                 raise
             static = self._is_static(number, k)
             totals = self._totals_after((a, b), leg, static)
-            self.uniqueness.add((number, k), self.position.state, (a, b), leg, static)
+            if self.problem.judged:
+                self.uniqueness.add((number, k), self.position.state, (a, b), leg, static)
             self.position = Position(leg.end, b, totals)
             dissipation += leg.dissipation
             self.corners.append(instant(self.problem.system, (number, k, 1.0), b, leg.end))

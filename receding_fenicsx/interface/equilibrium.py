@@ -70,12 +70,11 @@ def furthest(system: ContactSystem, a: Array, b: Array) -> Limit | None:
     """
     if system.rigid.shape[1] == 0:
         return None
-    s = _reach(system, a, b, bounded=False)
     with_friction = _reach(system, a, b)
     if with_friction >= 1.0 - SHORT:
         return None
     load = (1.0 - with_friction) * a + with_friction * b
-    if s > with_friction + SHORT:
+    if _reach(system, a, b, bounded=False) > with_friction + SHORT:
         kind = "gross sliding"
     else:
         pressure = float((load @ system.r_star)[system.n :] @ _lift(system))

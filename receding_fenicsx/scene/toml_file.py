@@ -8,6 +8,7 @@ import re
 import tomllib
 from collections.abc import Iterable
 from dataclasses import replace
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -76,6 +77,12 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
     for override in overrides:
         apply_override(raw, override)
     return from_raw(raw, folder)
+
+
+@lru_cache(maxsize=16)
+def known_scene(text: str) -> Scene:
+    """Return the scene of a TOML text of :func:`to_toml`, read once."""
+    return from_toml(text)
 
 
 def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:

@@ -2,8 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from types import SimpleNamespace
-from typing import Any
 
 import numpy as np
 import pytest
@@ -48,6 +46,15 @@ def test_the_limit_is_that_of_many_plain_cycles(limit: Record) -> None:
     assert np.array_equal(D[:3], last[:3])
     assert np.array_equal(limit.turning_points.v[:7], plain.turning_points.v[:7])
     assert limit.steady.reached and limit.steady.kind == plain.steady.kind == "cyclic slip"
+
+
+def test_a_contact_without_events_in_its_frozen_cycles_shakes_down() -> None:
+    system = block_system(20, 10, f=0.8)
+    record, plain = evolve(system, cyclic(60, 0.6), until="limit"), evolve(system, cyclic(300, 0.6))
+    assert record.limit is not None and record.limit.jumped
+    assert record.steady.kind == plain.steady.kind == "shakedown"
+    v, w = record.turning_points.v[-1], plain.turning_points.v[-1]
+    assert np.abs(v - w).max() < 1e-7 * np.abs(w).max()
 
 
 def test_the_limit_cycle_repeats_itself_under_the_full_law(limit: Record) -> None:
@@ -135,17 +142,13 @@ def test_p_matrices(M: np.ndarray, verdict: bool | None) -> None:
 
 
 @pytest.mark.parametrize(("coupling", "verdict"), [(-0.5, False), (0.0, False), (0.5, True)])
-def test_a_slip_beyond_the_limit_is_told(
-    monkeypatch: pytest.MonkeyPatch, coupling: float, verdict: bool
-) -> None:
+def test_a_slip_beyond_the_limit_is_told(coupling: float, verdict: bool) -> None:
     # m = q + M y from q = -(1, 0.9): with coupling 0.5 both nodes slip at once, by (1, 0.9), and
     # the solution (0.733, 0.533) of m = 0 is passed
     M = np.array([[1.0, coupling], [coupling, 1.0]])
     y = np.linalg.solve(M, [1.0, 0.9])
-    monkeypatch.setattr(uniqueness, "_drifts", lambda _: (y, np.zeros(2), M, np.ones(2)))
-    frozen = SimpleNamespace(shifted=np.arange(2), force=1.0)
-    found: Any = SimpleNamespace(solution=object(), frozen=frozen)
-    assert uniqueness.is_overshot(found) is verdict
+    drifts = uniqueness.Drifts(y, np.zeros(2), M, np.ones(2))
+    assert uniqueness.is_overshot(drifts, force=1.0) is verdict
 
 
 def test_bad_input_is_refused_in_one_line() -> None:

@@ -14,6 +14,7 @@ import pytest
 
 from receding_fenicsx import condense, evolve, history_from_scene, read_scene, run
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
@@ -69,6 +70,19 @@ def test_a_scene_on_a_condensed_body_is_the_whole_run_of_that_scene(change: str)
     plain = evolve(body(), block())
     ends = plain.turning_points.P.tobytes(), plain.samples.s.tobytes()
     assert ends != (again.turning_points.P.tobytes(), again.samples.s.tobytes())
+
+
+def test_a_bare_evolution_has_the_states_of_the_whole_one() -> None:
+    whole, bare = evolve(body(), block()), evolve_bare(body(), block())
+    for field in ("cycle", "P", "Q", "v", "w", "load_displacement"):
+        wanted, found = (getattr(record.turning_points, field) for record in (whole, bare))
+        np.testing.assert_allclose(found, wanted, rtol=0.0, atol=1e-12 * np.abs(wanted).max())
+    np.testing.assert_allclose(bare.cycles.dissipation, whole.cycles.dissipation, rtol=1e-12)
+    assert not len(bare.samples.s) and not len(bare.events.s)
+    # that it is the only path is not known
+    assert whole.uniqueness is not None and whole.uniqueness.certified
+    assert bare.uniqueness is not None and not bare.uniqueness.certified
+    assert np.isnan(bare.uniqueness.margin)
 
 
 def test_a_scene_counts_whatever_stands_in_the_system() -> None:

@@ -98,7 +98,7 @@ def _dissipation(problem: Problem, scene: Scene) -> tuple[Array, float]:
     history = replace(ended_by(from_scene(scene), None), cycles=cycles)
     bare = OutputOptions(samples_per_leg=1, cycles=())
     finished: list[FinishedCycle] = []
-    run = RunState(replace(problem, history=history, output=bare), finished)
+    run = RunState(replace(problem, history=history, output=bare, judged=False), finished)
     for number in range(cycles + 1):
         finished.append(run.trace_cycle(number))
     D = np.array([cycle.dissipation.sum() for cycle in finished[1:]])

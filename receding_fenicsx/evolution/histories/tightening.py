@@ -81,7 +81,7 @@ def _shortenings(
         rows = path.copy()
         rows[-1, at] = s
         history = History(problem.system.load_names, rows, np.zeros((0, path.shape[1])))
-        bare = replace(problem, history=history, output=OutputOptions(1, ()))
+        bare = replace(problem, history=history, output=OutputOptions(1, ()), judged=False)
         cycles: list[FinishedCycle] = []
         cycles.append(RunState(bare, cycles).trace_cycle(0))
         record = record_of(bare.system, bare.solver, cycles)

@@ -18,7 +18,7 @@ open, and forget what was before, or stick for good. The limit, from top to bott
 5. **Newton** on its pieces. In given states the rates $q$ do not depend on the shifts, so that the
    derivative $S$ of all quantities changes at events only, each of which moves by $\delta s$:
    $$q_l\, \delta s = -S_l, \qquad S \leftarrow S + (q^- - q^+)\, \delta s ,$$
-   one triangular system for all events (`frozen.FrozenCycle.moved_events`).
+   one triangular system for all events (`frozen.FrozenCycle.events`).
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
    those that violate one drift.
 7. **Overshoot** (`uniqueness.is_overshot`): slip does not go back. A limit beyond which some node

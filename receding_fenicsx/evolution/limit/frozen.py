@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -79,18 +80,39 @@ class Budget:
         self.played += 1
 
 
+class MovingEvents(NamedTuple):
+    """Events of a cycle that move with the shifts.
+
+    Attributes:
+        at: (E,) number of the stop of each.
+        label: (E,) quantity that reaches zero there.
+        change: (E, 4N) rates before it less those after it.
+        triangle: (E, E) rate of each quantity at its own event, its changes at those before.
+    """
+
+    at: Ints
+    label: Ints
+    change: Array
+    triangle: Array
+
+    def moved(self, low: Array) -> Array:
+        """Return how far the events move, (E, k), if ``label`` has the derivatives (E, k)."""
+        if not len(self.at):
+            return low
+        ds: Array = sla.solve_triangular(self.triangle, -low, lower=True, check_finite=False)
+        return ds
+
+
 class MovedCycle(NamedTuple):
     """Derivatives of a cycle in the shifts.
 
     Attributes:
-        S: (4N, k) of the quantities at its start.
-        ds: (E, k) of the places of its stops.
-        change: (E, 4N) rates before each stop less those after it, zero where it does not move.
+        S: (2N, k) of the displacements at its start.
+        ds: (E, k) of the places of its events.
     """
 
     S: Array
     ds: Array
-    change: Array
 
 
 @dataclass(frozen=True)
@@ -108,8 +130,9 @@ class FrozenCycle:
     stops: list[Stop]
     opens: NDArray[np.bool_]
 
-    def moved_events(self, S: Array) -> tuple[Array, Array]:
-        """Return how the events move with the shifts, and the changes of the rates there.
+    @cached_property
+    def events(self) -> MovingEvents:
+        """The events that move with the shifts.
 
         The rates q in given states do not depend on the shifts, so that the derivative S (4N, k) of
         the quantities [v, gap, A, B] at a fixed load is constant between events. An event e, where
@@ -118,24 +141,16 @@ class FrozenCycle:
             q_l ds_e = -S_l,    S <- S + (q_before - q_after) ds_e,
 
         one triangular system for all events of the cycle. A corner does not move.
-
-        Args:
-            S: (4N, k) derivative at the start of the cycle.
-
-        Returns:
-            ds (E, k) of the stops, and q_before - q_after (E, 4N), zero where nothing moves.
         """
         q = np.array([stop.q for stop in self.stops])
         label = np.array([stop.label for stop in self.stops])
-        ds, change = np.zeros((len(q), S.shape[1])), np.zeros_like(q)
-        e = np.flatnonzero(label >= 0)
-        e = e[q[e, label[e]] < 0.0]
-        if len(e):
-            change[e] = q[e] - q[e + 1]
-            L = np.tril(change[np.ix_(e, label[e])].T, -1)
-            np.fill_diagonal(L, q[e, label[e]])
-            ds[e] = sla.solve_triangular(L, -S[label[e]], lower=True, check_finite=False)
-        return ds, change
+        at = np.flatnonzero(label >= 0)
+        at = at[q[at, label[at]] < 0.0]
+        label = label[at]
+        change = q[at] - q[at + 1] if len(at) else q[:0]
+        triangle = np.tril(change[:, label].T, -1)
+        np.fill_diagonal(triangle, q[at, label])
+        return MovingEvents(at, label, change, triangle)
 
 
 @dataclass
@@ -223,16 +238,24 @@ class Frozen:
         """Return the derivatives in the shifts of a cycle that repeats itself.
 
         The map from S at the start of the cycle to S at its end is applied until it repeats: where
-        a node slips, it forgets.
+        a node slips, it forgets. The quantities that reach zero tell how the events move.
 
         Raises:
             NoLimit: it does not repeat.
         """
-        S = self.start_change(cycle.start)
+        n, events, start = self.system.n, cycle.events, self.start_change(cycle.start)
+        low, S = start[events.label], start[: 2 * n]
+        on_u, on_low = events.change[:, : 2 * n].T, events.change[:, events.label].T
+        summed = np.zeros_like(low)
         for _ in range(MAX_PASSES):
-            ds, change = cycle.moved_events(S)
-            end = S + change.T @ ds
-            if np.abs(end - S).max(initial=0.0) <= SAME_DERIVATIVE * np.abs(S).max(initial=0.0):
-                return MovedCycle(S, ds, change)
-            S = end
+            ds = events.moved(low)
+            gained = on_low @ ds
+            low += gained
+            if np.abs(gained).max(initial=0.0) <= SAME_DERIVATIVE * np.abs(low).max(initial=0.0):
+                if np.any(summed):
+                    S = start[: 2 * n] + on_u @ summed
+                left = np.abs(on_u @ ds).max(initial=0.0)
+                if left <= SAME_DERIVATIVE * np.abs(S).max(initial=0.0):
+                    return MovedCycle(S, ds)
+            summed += ds
         raise NoLimit("the cycle with frozen nodes forgets its start too slowly")

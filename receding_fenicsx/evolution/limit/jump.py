@@ -13,13 +13,20 @@ from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
 from receding_fenicsx.evolution.limit.search import Candidate, find_limit
-from receding_fenicsx.evolution.limit.uniqueness import NOT_EXAMINED, is_overshot, is_unique
+from receding_fenicsx.evolution.limit.uniqueness import (
+    NOT_EXAMINED,
+    YES,
+    drifts_of,
+    is_overshot,
+    is_unique,
+)
 from receding_fenicsx.evolution.limit.walking import find_walk, may_walk, walking_motions
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Limit, Steady
 from receding_fenicsx.evolution.run_state import Position, RunState
-from receding_fenicsx.evolution.solvers import make_solver
+from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.measures.steady import (
     CYCLIC_SLIP,
     RATCHETTING,
@@ -45,6 +52,9 @@ MAX_STEPPED = 10
 
 IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
 """What is said of the limit of load steps."""
+
+IN_WALKS = "whether the body may walk otherwise is not examined"
+"""What is said of the limit of a body that walks."""
 
 
 class LimitSearch:
@@ -101,7 +111,9 @@ class LimitSearch:
         number, in_steps = len(cycles), self.problem.solver.method != "events"
         trial = RunState(self.problem, cycles)
         found = self._candidate(trial, budget)
-        if is_overshot(found, self.problem.solver.overshoot):
+        drifts = drifts_of(found)
+        allowed = self.problem.solver.overshoot
+        if drifts is not None and is_overshot(drifts, found.frozen.force, allowed):
             raise NoLimit("some node would slip beyond the limit that was found, and stay there")
         begin, cycle = self._played(trial, found.state, budget)
         ends = [begin, cycle.corners[-1]]
@@ -116,7 +128,11 @@ class LimitSearch:
                 f"the cycle that was found changes its forces by {watch.change[0]:.1e} and "
                 f"displacements by {np.abs(cycle.slip).max():.1e}"
             )
-        unique, why = (NOT_EXAMINED, IN_STEPS) if in_steps else is_unique(found)
+        unique, why = YES, "no node drifts"
+        if in_steps or walks:
+            unique, why = NOT_EXAMINED, IN_STEPS if in_steps else IN_WALKS
+        elif drifts is not None:
+            unique, why = is_unique(drifts)
         self.limit = Limit(
             reached=True,
             cycle=number,
@@ -163,7 +179,16 @@ class LimitSearch:
                 raise NoLimit("a body that may walk is played plainly in load steps")
             with suppress(NoLimit):
                 return find_walk(model, start.state, loop, force, budget)
-        exact = make_solver(model, replace(self.problem.solver, method="events"))
+        exact = trial.solver
+        if not isinstance(exact, EventPath) or self.problem.chooser is not None:
+            exact = EventPath(model, on_jump=self.problem.solver.on_jump)
+        # the trial's solver plays the cycle that is found, too: it will know most of its states
+        corners = [trial.cycles[-2].corners[-1], *trial.cycles[-1].corners]
+        states = np.array([corner.state.state for corner in corners])
+        slips = np.ptp([corner.v for corner in corners], axis=0) > 0.0
+        open_ = states == SEPARATION
+        changing = np.any(states != states[0], axis=0) | (slips & ~open_.all(axis=0))
+        exact.expect(loop, changing, open_.any(axis=0) & changing)
         return find_limit(model, exact, start.state, loop, force, budget)
 
     def tell(self, record: Record) -> None:

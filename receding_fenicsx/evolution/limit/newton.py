@@ -85,14 +85,14 @@ def margin_derivatives(
         signs: (m,) 1 for the margin A, -1 for B.
         at: (m,) the stop of each.
     """
-    system, n = frozen.system, frozen.system.n
+    system, n, events = frozen.system, frozen.system.n, cycle.events
     f = np.where(signs > 0.0, system.friction.forward[nodes], system.friction.backward[nodes])
     a = signs[:, None] * system.K[nodes] + f[:, None] * system.K[n + nodes]
-    before = np.arange(len(cycle.stops)) < at[:, None]
-    weights = np.where(before, a @ moved.change[:, : 2 * n].T, 0.0)
+    weights = np.where(events.at < at[:, None], a @ events.change[:, : 2 * n].T, 0.0)
     q = np.array([cycle.stops[j].q[: 2 * n] for j in at]).reshape(len(at), 2 * n)
-    weights[np.arange(len(at)), at] = np.einsum("ij,ij->i", a, q)
-    return a @ moved.S[: 2 * n] + weights @ moved.ds + a[:, frozen.shifted]
+    own, event = np.nonzero(at[:, None] == events.at)
+    weights[own, event] = np.einsum("ij,ij->i", a[own], q[own])
+    return a @ moved.S + weights @ moved.ds + a[:, frozen.shifted]
 
 
 def solve(frozen: Frozen, start: ContactState) -> Solution:

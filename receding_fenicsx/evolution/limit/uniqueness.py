@@ -7,6 +7,7 @@ other limits, also where the drifts have one limit only.
 from __future__ import annotations
 
 from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,6 +27,9 @@ NO_STEP = 1e-2
 
 MAX_DRIFTING = 20_000
 """Cycles of drifts, to first order, after which a limit counts as passed: it is not shown."""
+
+LOOKED_AT = 16
+"""Cycles of drifts after which they are looked at."""
 
 YES, NO, NOT_EXAMINED = 1, 0, -1
 
@@ -50,20 +54,38 @@ def is_p_matrix(M: Array) -> bool | None:
     return all(np.linalg.det(M[np.ix_(s, s)]) > 0.0 for s in subsets)
 
 
-def _drifts(found: Candidate) -> tuple[Array, Array, Array, Array]:
-    """Return drifts y, margins m towards the nearer limits, M = dm/dy, stiffnesses k of nodes."""
+class Drifts(NamedTuple):
+    """Drifts at a limit, to first order.
+
+    Attributes:
+        y: (k,) drifts.
+        m: (k,) smallest margins towards the limits that are nearer.
+        M: (k, k) dm/dy.
+        stiffness: (k,) local stiffnesses of the nodes.
+    """
+
+    y: Array
+    m: Array
+    M: Array
+    stiffness: Array
+
+
+def drifts_of(found: Candidate) -> Drifts | None:
+    """Return the drifts at a limit; None where none are counted."""
     frozen, solution = found.frozen, found.solution
-    assert solution is not None
+    if solution is None or not len(frozen.shifted):
+        return None
     m, nodes = solution.margins, frozen.shifted
     forward = (solution.active > 0) | ((solution.active == 0) & (m.A < m.B))
     signs, at = np.where(forward, 1.0, -1.0), np.where(forward, m.at_A, m.at_B)
     moved = frozen.periodic_change(solution.cycle)
     M = margin_derivatives(frozen, solution.cycle, moved, nodes, signs, at) * signs
     k = local_stiffness(frozen.system)[0][nodes]
-    return np.maximum(signs * solution.shifts, 0.0), np.where(forward, m.A, m.B), M, k
+    y = np.maximum(signs * solution.shifts, 0.0)
+    return Drifts(y, np.where(forward, m.A, m.B), M, k)
 
 
-def is_overshot(found: Candidate, part: float = 0.0) -> bool:
+def is_overshot(drifts: Drifts, force: float, part: float = 0.0) -> bool:
     """Return whether a node would slip beyond the limit on the way to it, and stay there.
 
     To first order each cycle adds max(-m, 0) / M_ii to the drifts y, with m = m* + M (y - y*), and
@@ -72,41 +94,39 @@ def is_overshot(found: Candidate, part: float = 0.0) -> bool:
     they drift for more than ``MAX_DRIFTING`` cycles.
 
     Args:
-        found: the limit.
+        drifts: drifts at the limit.
+        force: largest nodal force of the history.
         part: part of the largest drift by which nodes may pass it.
     """
-    if found.solution is None or not len(found.frozen.shifted):
-        return False
-    limit, m, M, k = _drifts(found)
-    bound, diagonal = OVERSHOT * found.frozen.force / k + part * limit.max(), np.diag(M)
+    limit, m, M, k = drifts
+    bound, diagonal = OVERSHOT * force / k + part * limit.max(), np.diag(M)
     if np.any(diagonal <= 0.0):
         return True
     if np.all(M - np.diag(diagonal) <= 0.0):
         return False
-    y, m = np.zeros_like(limit), m - M @ limit
-    for _ in range(MAX_DRIFTING):
-        step = np.maximum(-m, 0.0) / diagonal
-        if np.all(step <= NO_STEP * bound):
-            return False
-        y, m = y + step, m + M @ step
-        if np.any(y > limit + bound):
-            break
+    y, violated = np.zeros_like(limit), M @ limit - m
+    for cycle in range(MAX_DRIFTING):
+        step = np.maximum(violated, 0.0)
+        step /= diagonal
+        y += step
+        violated -= M.dot(step)
+        if cycle % LOOKED_AT == 0:  # y only grows
+            if np.any(y > limit + bound):
+                break
+            if np.all(step <= NO_STEP * bound):
+                return False
     return True
 
 
-def is_unique(found: Candidate) -> tuple[int, str]:
+def is_unique(drifts: Drifts) -> tuple[int, str]:
     """Return whether no other drifts satisfy the complementarity, to first order, and why.
 
     The block M of the derivatives of the smallest margins in the drifts, both towards the limit
     that is nearer, must be a P-matrix: then y >= 0, m = q + M y >= 0, y . m = 0 has one solution
     whatever q. M is that of the cycle found; other cycles may change state in another order.
     """
-    if found.solution is None:
-        return NOT_EXAMINED, "whether the body may walk otherwise is not examined"
-    if not len(found.frozen.shifted):
-        return YES, "no node drifts"
-    M, k = _drifts(found)[2:]
-    verdict = is_p_matrix(M / np.sqrt(k)[:, None] / np.sqrt(k))
+    scale = 1.0 / np.sqrt(drifts.stiffness)
+    verdict = is_p_matrix(scale[:, None] * drifts.M * scale)
     if verdict is None:
         return NOT_EXAMINED, "whether the drifts have one limit only is not decided"
     if verdict:

@@ -96,22 +96,20 @@ def _newton_step(frozen: Frozen, cycle: FrozenCycle, motions: Array, walk: Array
     """
     model, nodes = frozen.system, frozen.shifted
     n, m, k = model.n, len(nodes), local_stiffness(model)[0]
-    S = frozen.start_change(cycle.start)
-    ds, change = cycle.moved_events(S)
-    gained = change.T @ ds
+    start, events = frozen.start_change(cycle.start), cycle.events
+    S, ds = start[: 2 * n], events.moved(start[events.label])
+    gained = events.change[:, : 2 * n].T @ ds
     s, J, D = (cycle.end.v - cycle.start.v)[nodes], gained[nodes], motions[nodes]
     still = np.abs(s) <= SLIP_ROUND_OFF * frozen.force / k[nodes]
     at_rest, sign = nodes[still], np.sign(walk[nodes[still]])
     low = smallest_margins(frozen, cycle, at_rest)
     margin, at = np.where(sign > 0.0, (low.A, low.at_A), (low.B, low.at_B))
     s[still] = -sign * margin / k[at_rest]
-    moved = margin_derivatives(
-        frozen, cycle, MovedCycle(S, ds, change), at_rest, sign, at.astype(int)
-    )
+    moved = margin_derivatives(frozen, cycle, MovedCycle(S, ds), at_rest, sign, at.astype(int))
     J[still] = -(sign / k[at_rest])[:, None] * moved
     bordered = np.block([[J, -D], [D.T, np.zeros((D.shape[1],) * 2)]])
     x = np.linalg.solve(bordered, np.append(-s, np.zeros(D.shape[1])))[:m]
-    u = cycle.end.u + (S + gained)[: 2 * n] @ x
+    u = cycle.end.u + (S + gained) @ x
     u[nodes] += x
     r, states = reactions(model, frozen.loop[0], u), cycle.end.state
     A, B = model.friction.margins(r[:n], r[n:])

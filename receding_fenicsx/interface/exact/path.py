@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from contextlib import suppress
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -92,6 +93,15 @@ class EventPath:
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
         self._opened = np.zeros(system.n, dtype=bool)
         self._limits: dict[tuple[bytes, bytes], Limit | None] = {}
+
+    def expect(self, loop: Array, changing: NDArray[np.bool_], opening: NDArray[np.bool_]) -> None:
+        """Expect only some nodes to change their states on the legs of a loop of load factors.
+
+        The others are left out from the start; where one of them changes, its leg is traced again.
+        """
+        for a, b in pairwise(loop):
+            self.changed[(b - a).tobytes()] = changing.copy()
+        self._opened |= opening
 
     def trace_leg(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0

@@ -15,6 +15,7 @@ leg on which one of them reaches a limit is discarded and traced again.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import scipy.linalg as sla
@@ -136,8 +137,17 @@ class Reduction:
             force_scale=scale,
             samples=[(s, self.expand(state, problem.load(s))) for s, state in leg.samples],
             events=[(s, nodes[i], old, new) for s, i, old, new in leg.events],
-            stops=[(s, self.displacements(u, problem.load(s))) for s, u in leg.stops],
+            stops=self._expanded(leg.stops, problem),
         )
+
+    def _expanded(self, stops: list[tuple[float, Array]], problem: LegProblem) -> list[Any]:
+        """Return stops of the active nodes, places and displacements, for all nodes."""
+        if not stops:
+            return []
+        places = [s for s, _ in stops]
+        loads = np.array([[*problem.load(s), 1.0] for s in places])
+        u = np.hstack([np.array([u for _, u in stops]), loads]) @ self.back.T
+        return list(zip(places, u, strict=True))
 
     def leaving(self, u: Array, load: Array, force_scale: float) -> Indices:
         """Return the frozen nodes that reach a limit at one of several instants.

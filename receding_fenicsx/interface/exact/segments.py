@@ -259,11 +259,10 @@ class Segments:
         q = tableau.rates(direction)
         imbalance = self.balance.error(q, direction, of_rates=True)
         all_ = q * self.weight
-        forces = all_[2 * n :]
-        accepted = max(
-            RATE_IMBALANCE * sqrt(forces.dot(forces)),
-            UNREFINABLE_ROUND_OFFS * EPSILON * sqrt(all_.dot(all_)),
-        )
+        accepted = UNREFINABLE_ROUND_OFFS * EPSILON * sqrt(all_.dot(all_))
+        if imbalance > accepted:
+            forces = all_[2 * n :]
+            accepted = max(accepted, RATE_IMBALANCE * sqrt(forces.dot(forces)))
         for _ in range(MAX_REFINEMENTS):
             if imbalance <= accepted:
                 break

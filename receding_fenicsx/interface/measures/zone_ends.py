@@ -22,7 +22,7 @@ interval is the hull of several fits, widened by that.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
@@ -88,6 +88,7 @@ class Tractions:
         half: True when all is its own mirror image about x = 0.
         axisymmetric: True when x is the radius.
         f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
+        known: ends of zones that were estimated before, by the zone's last node and the side.
     """
 
     x: Array
@@ -100,6 +101,9 @@ class Tractions:
     half: bool = False
     axisymmetric: bool = False
     f_backward: Array | None = None
+    known: dict[tuple[int, int], ZoneEnd] = field(
+        default_factory=dict, init=False, repr=False, compare=False
+    )
 
     @property
     def friction(self) -> Friction:
@@ -198,8 +202,14 @@ def zone_end(at: Tractions, last: int, side: int) -> ZoneEnd:
     Returns:
         The end; the edge's own end when the zone reaches it.
     """
-    if side < 0:
-        return _turned(zone_end(_mirrored(at), len(at.x) - 1 - last, 1))
+    if (last, side) not in at.known:
+        end = _zone_end(at, last) if side > 0 else _zone_end(_mirrored(at), len(at.x) - 1 - last)
+        at.known[last, side] = end if side > 0 else _turned(end)
+    return at.known[last, side]
+
+
+def _zone_end(at: Tractions, last: int) -> ZoneEnd:
+    """Estimate where a zone ends beyond its last node, towards greater x."""
     if last == len(at.x) - 1:
         return ZoneEnd(at.x[-1], at.x[-1], at.x[-1], fitted=False)
     low, high = float(at.x[last]), float(at.x[last + 1])

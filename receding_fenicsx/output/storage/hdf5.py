@@ -29,7 +29,7 @@ from receding_fenicsx.output.storage.choices import choices_of, text_of
 from receding_fenicsx.output.storage.hdf5_file import create, member, open_file, read, write
 from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.scene.toml_file import known_scene
 
 RECORD = "receding_fenicsx record"
 SYSTEM = "receding_fenicsx contact system"
@@ -129,7 +129,7 @@ def write_system(path: Path, system: ContactSystem, overwrite: bool = False) -> 
             write(file, name, value)
         file.attrs["description"] = inspect.getdoc(ContactSystem) or ""
         file.attrs["checksum"] = _checksum(values)
-        file.attrs["digest"] = digest(from_toml(system.scene_toml)) if system.scene_toml else ""
+        file.attrs["digest"] = digest(known_scene(system.scene_toml)) if system.scene_toml else ""
 
 
 def read_system(path: Path, scene: Scene | None = None) -> ContactSystem:
@@ -215,7 +215,7 @@ def _check_scene(path: Path, stored: str, scene_toml: str, scene: Scene) -> None
         return
     found = None
     with suppress(InputError):  # the mesh file of that scene may no longer exist
-        found = body_difference(from_toml(scene_toml), scene)
+        found = body_difference(known_scene(scene_toml), scene)
     raise InputError(
         f"{path}: was condensed from a scene with another {found or 'mesh file'}; condense this "
         "scene again"

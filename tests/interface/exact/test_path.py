@@ -483,7 +483,7 @@ def test_a_free_body_that_touches_nowhere_is_refused() -> None:
 def test_round_off_does_not_build_up_on_nearly_incompressible_bodies(poisson: float) -> None:
     system = block_system(64, 32, f=0.1, poisson=poisson)
     record = evolve(system, cyclic(3))
-    assert record.residual_max <= 5e-11
+    assert record.residual_max <= 1e-10
     assert record.energy_error_max <= 1e-10
 
 
