@@ -72,9 +72,7 @@ def everything(body: BodyMesh) -> tuple[Array, NDArray[np.int64]]:
     """All points (n, 2) and cells (DOLFINx's order) of a mesh, alike on every rank."""
     mesh = body.mesh
     index_map, cells = mesh.geometry.index_map(), mesh.topology.index_map(2).size_local
-    local = [_dolfinx.cell_nodes(mesh, c) for c in range(cells)]
-    corners = {"triangle": 3, "quadrilateral": 4}[body.cell]
-    numbers = np.array(local, dtype=np.int32).reshape(cells, corners)
+    numbers = _dolfinx.cell_nodes(mesh)[:cells]
     owned = mesh.geometry.x[: index_map.size_local, :2]
     around = index_map.local_to_global(numbers.ravel()).reshape(numbers.shape)
     parts = mesh.comm.allgather((owned, around))
@@ -94,7 +92,7 @@ def facet_ends(body: BodyMesh, edge: str) -> Array:
         for vertex in topology.connectivity(1, 0).links(facet):
             cell = topology.connectivity(0, 2).links(vertex)[0]
             place = list(topology.connectivity(2, 0).links(cell)).index(vertex)
-            ends.append(geometry.x[_dolfinx.cell_nodes(body.mesh, cell)[place], :2])
+            ends.append(geometry.x[_dolfinx.cell_nodes(body.mesh)[cell, place], :2])
         points.append(np.array(sorted(map(tuple, ends))))
     every = [tuple(p.ravel()) for part in body.mesh.comm.allgather(points) for p in part]
     return np.array(sorted(set(every))).reshape(-1, 2, 2)

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.mesh.meshing import _raw
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
+from receding_fenicsx.bulk.mesh.raw_meshes import raw_meshes
 from receding_fenicsx.scene.model import Scene
 
 Array = NDArray[np.float64]
@@ -17,7 +17,7 @@ Ints = NDArray[np.int64]
 
 def rectangle(scene: Scene) -> RawMesh:
     """The mesh of a scene's whole rectangle, as rank 0 makes it."""
-    return _raw(scene, scene.body, False)
+    return raw_meshes(scene, False)[0]
 
 
 def turned(points: Array, degrees: float, shift: tuple[float, float] = (0.0, 0.0)) -> Array:

@@ -88,7 +88,9 @@ def create_mesh(comm: MPI.Comm, cell: str, cells: Ints, points: Array) -> dmesh.
     if VERSION < (0, 7):  # before basix.ufl, the coordinate element is ufl's own
         shape = ufl.Cell(cell, geometric_dimension=2)
         domain = ufl.Mesh(ufl.VectorElement(ufl.FiniteElement("Lagrange", shape, 1)))
-        return dmesh.create_mesh(comm, ordered, points, domain)
+        # other cells are refused first, by a text with all their numbers
+        listed = dolfinx.cpp.graph.AdjacencyList_int64(ordered)
+        return dmesh.create_mesh(comm, listed, points, domain)
     import basix.ufl
 
     element = basix.ufl.element("Lagrange", cell, 1, shape=(2,))
@@ -118,13 +120,22 @@ def tag_entities(mesh: dmesh.Mesh, dim: int, entities: Ints, values: NDArray[np.
     return dmesh.meshtags_from_entities(mesh, dim, listed(owned), tags.astype(np.int32))
 
 
-def cell_nodes(mesh: dmesh.Mesh, cell: int) -> NDArray[np.int32]:
-    """Return the local geometry nodes of a cell: its vertices, as cells are straight-sided."""
+def cell_nodes(mesh: dmesh.Mesh) -> NDArray[np.int32]:
+    """Return the local geometry nodes (cells, corners): vertices, as cells are straight-sided."""
     if VERSION < (0, 7):  # 0.7 made the adjacency list an array
-        return mesh.geometry.dofmap.links(cell)
+        corners = len(REFERENCE_CORNERS[mesh.topology.cell_name()])
+        return mesh.geometry.dofmap.array.reshape(-1, corners)
     if VERSION < (0, 11):  # 0.11 has one dofmap for each kind of cell
-        return mesh.geometry.dofmap[cell]
-    return mesh.geometry.dofmaps[0][cell]
+        return mesh.geometry.dofmap
+    return mesh.geometry.dofmaps[0]
+
+
+def cell_dofs(space: fem.FunctionSpace) -> NDArray[np.int32]:
+    """Return the local numbers of the nodes of all cells (cells, n)."""
+    dofmap = space.dofmap
+    # 0.7 made the adjacency list an array
+    listed = dofmap.list.array if VERSION < (0, 7) else dofmap.list
+    return np.asarray(listed).reshape(-1, dofmap.dof_layout.num_dofs)
 
 
 def assemble_matrix(form: Any) -> PETSc.Mat:

@@ -64,27 +64,27 @@ def tagged_facets(space: fem.FunctionSpace, body: BodyMesh, tags: Sequence[int])
     topology.create_connectivity(1, 2)
     topology.create_connectivity(2, 1)
     cell_of, facets_of = topology.connectivity(1, 2), topology.connectivity(2, 1)
-    owned = topology.index_map(2).size_local
-    corners = _dolfinx.FACET_CORNERS[body.cell]
-    closure = [space.dofmap.dof_layout.entity_closure_dofs(1, i) for i in range(len(corners))]
-    local, points, outward = [], [], []
-    for facet in (facet for tag in tags for facet in body.facet_tags.find(tag)):
-        cell = cell_of.links(facet)[0]
-        if cell >= owned:
-            continue
-        side = int(np.flatnonzero(facets_of.links(cell) == facet)[0])
-        around = body.mesh.geometry.x[_dolfinx.cell_nodes(body.mesh, cell), :2]
-        a, b = around[corners[side]]
-        normal = np.array([b[1] - a[1], a[0] - b[0]]) / np.hypot(*(b - a))
-        inside = normal @ (around.mean(axis=0) - a)
-        local.append(space.dofmap.cell_dofs(cell)[closure[side]])
-        points.append([a, b, 0.5 * (a + b)][: len(closure[side])])
-        outward.append(-normal if inside > 0.0 else normal)
-    if not local:
+    corners = np.array(_dolfinx.FACET_CORNERS[body.cell])
+    facets = np.concatenate([np.empty(0, np.int32), *map(body.facet_tags.find, tags)])
+    cells = cell_of.array[cell_of.offsets[facets]]
+    owned = cells < topology.index_map(2).size_local
+    facets, cells = facets[owned], cells[owned]
+    if not len(facets):
         return EdgeFacets(np.empty((0, 2, 2)), np.empty((0, 2), dtype=np.int64), np.empty((0, 2)))
-    numbers = np.array(local, dtype=np.int32)
+    around = facets_of.array.reshape(-1, len(corners))[cells]
+    side = np.argmax(around == facets[:, None], axis=1)
+    places = body.mesh.geometry.x[_dolfinx.cell_nodes(body.mesh)[cells], :2]
+    a, b = np.moveaxis(places[np.arange(len(cells))[:, None], corners[side]], 1, 0)
+    normal = np.column_stack([b[:, 1] - a[:, 1], a[:, 0] - b[:, 0]])
+    normal /= np.hypot(*(b - a).T)[:, None]
+    inside = np.sum(normal * (places.mean(axis=1) - a), axis=1) > 0.0
+    layout = space.dofmap.dof_layout
+    closure = np.array([layout.entity_closure_dofs(1, i) for i in range(len(corners))])[side]
+    numbers = _dolfinx.cell_dofs(space)[cells[:, None], closure]
     nodes = space.dofmap.index_map.local_to_global(numbers.ravel()).reshape(numbers.shape)
-    return EdgeFacets(np.array(points), nodes.astype(np.int64), np.array(outward) + 0.0)
+    points = np.stack([a, b, 0.5 * (a + b)], axis=1)[:, : numbers.shape[1]]
+    outward = np.where(inside[:, None], -normal, normal) + 0.0
+    return EdgeFacets(points, nodes.astype(np.int64), outward)
 
 
 def along(body: BodyMesh, edge: str, points: Array) -> Array:

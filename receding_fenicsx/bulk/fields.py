@@ -118,8 +118,8 @@ def gather_cell_stresses(parts: Sequence[BodyFields]) -> dict[str, Array] | None
 def _gather_cells(fields: BodyFields) -> dict[str, Array] | None:
     """Return the cell stresses of one whole body on rank 0, None elsewhere."""
     comm, stresses = fields.bulk.comm, fields.stresses.cell
-    dofmap = next(iter(stresses.values())).function_space.dofmap
-    dofs = [dofmap.cell_dofs(cell)[0] for cell in range(dofmap.index_map.size_local)]
+    space = next(iter(stresses.values())).function_space
+    dofs = _dolfinx.cell_dofs(space)[: space.dofmap.index_map.size_local, 0]
     own: Any = comm.gather([function.x.array[dofs] for function in stresses.values()], root=0)
     if comm.rank != 0:
         return None
@@ -158,7 +158,7 @@ def _gather(
     dofmap, block = space.dofmap, space.dofmap.index_map_bs
     topology = bulk.body.mesh.topology
     owned_cells = topology.index_map(topology.dim).size_local
-    local = np.array([dofmap.cell_dofs(c) for c in range(owned_cells)], dtype=np.int32)
+    local = _dolfinx.cell_dofs(space)[:owned_cells]
     width = {"triangle": 3, "quadrilateral": 4}[bulk.body.cell]
     cells = dofmap.index_map.local_to_global(local.ravel()).reshape(-1, width)
     n = dofmap.index_map.size_local

@@ -47,12 +47,8 @@ from numpy.typing import NDArray
 from scipy.linalg import LinAlgError, LinAlgWarning, solve
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.rigid_motions import (
-    common_motions,
-    free_motions,
-    independent,
-    scaled,
-)
+from receding_fenicsx.bulk.rigid_motions import common_motions, free_motions, independent, scaled
+from receding_fenicsx.bulk.symmetric_matrix import block, symmetrise
 from receding_fenicsx.errors import InputError, SolveError
 
 JOINED_RIGID_RESISTANCE = 1e-11
@@ -175,17 +171,18 @@ def join(
     r_star, L = np.zeros((len(sign), size)), np.zeros((free, len(sign)))
     for body, motion in zip(bodies, motions, strict=True):
         at, on, rest = motion.dofs, motion.on, motion.rest
-        K[np.ix_(at, at)] += motion.factor[:, None] * body.K * motion.factor
-        C[np.ix_(rest, at)] += body.K[on] * motion.factor
-        H[np.ix_(rest, rest)] += body.K[np.ix_(on, on)]
-        r_star[:, at] += body.r_star * motion.factor
+        H[block(rest, rest)] += body.K[block(on, on)]
         L[rest] += body.r_star[:, on].T
+        if motion.factor.any():
+            K[block(at, at)] += motion.factor[:, None] * body.K * motion.factor
+            C[block(rest, at)] += body.K[on] * motion.factor
+            r_star[:, at] += body.r_star * motion.factor
     sides = [dict(zip(p.contact.tolist(), p.side.tolist(), strict=True)) for p in places]
     common = common_motions([body.constraints for body in bodies], sides)
     _pin(H, L, common, bodies, motions, load_names)
     y = -_solve(H, np.hstack([C, L])) if free else np.zeros((0, size + len(sign)))
     K += C.T @ y[:, :size]
-    K = 0.5 * (K + K.T)
+    symmetrise(K)
     r_star += (C.T @ y[:, size:]).T
     compliance = sum(body.compliance for body in bodies) + sign[:, None] * (L.T @ y[:, size:])
     own = [body.modes @ free_motions(body.constraints) for body in bodies]

@@ -54,8 +54,8 @@ def stresses(bulk: Bulk, displacement: fem.Function, load: Array | None = None) 
     gradient = _gradient(bulk, displacement, points) - _thermal(bulk, points, load)
     constant = _dolfinx.scalar_space(bulk.body.mesh, "DG", 0)
     linear = _dolfinx.scalar_space(bulk.body.mesh, "Lagrange", 1)
-    cell_dofs = _cell_dofs(constant, len(gradient))[:, 0]
-    vertex_dofs = _cell_dofs(linear, len(gradient))
+    cell_dofs = _dolfinx.cell_dofs(constant)[: len(gradient), 0]
+    vertex_dofs = _dolfinx.cell_dofs(linear)[: len(gradient)]
     count = _sum_at_vertices(linear, vertex_dofs, np.ones(vertex_dofs.shape))
     in_cells, at_vertices = {}, {}
     for name, value in _components(bulk, gradient).items():
@@ -112,13 +112,6 @@ def named_stresses(sxx: Array, syy: Array, szz: Array, sxy: Array) -> dict[str, 
     von_mises = np.sqrt(0.5 * pairs + 3.0 * sxy**2)
     max_shear = np.hypot(0.5 * (sxx - syy), sxy)
     return dict(zip(STRESSES, (sxx, syy, szz, sxy, von_mises, max_shear), strict=True))
-
-
-def _cell_dofs(space: fem.FunctionSpace, cells: int) -> NDArray[np.int32]:
-    """Return the local degrees of freedom of the first ``cells`` cells, (cells, n)."""
-    width = space.dofmap.dof_layout.num_dofs
-    dofs = [space.dofmap.cell_dofs(c) for c in range(cells)]
-    return np.array(dofs, dtype=np.int32).reshape(cells, width)
 
 
 def _sum_at_vertices(space: fem.FunctionSpace, local: NDArray[np.int32], values: Array) -> Array:

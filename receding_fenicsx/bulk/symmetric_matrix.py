@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 import numpy as np
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, Ints
 
 TILE = 128
 """Rows and columns of a tile: two tiles fit into a core's cache."""
@@ -14,6 +15,12 @@ TILE = 128
 
 def _slices(size: int) -> Iterator[slice]:
     return (slice(first, min(first + TILE, size)) for first in range(0, size, TILE))
+
+
+def block(rows: Ints, columns: Ints) -> tuple[Any, ...]:
+    """Return the index of a block; by slices, which copy nothing, where numbers are consecutive."""
+    parts = [slice(k[0], k[-1] + 1) for k in (rows, columns) if len(k) and np.all(np.diff(k) == 1)]
+    return (parts[0], parts[1]) if len(parts) == 2 else np.ix_(rows, columns)
 
 
 def symmetrise(K: Array, triangle: str | None = None) -> None:

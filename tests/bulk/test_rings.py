@@ -17,7 +17,8 @@ from receding_fenicsx import study
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.bulk.mesh.meshing import _raw, contact_nodes_of
+from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
+from receding_fenicsx.bulk.mesh.raw_meshes import raw_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.instants import Instant
@@ -113,7 +114,7 @@ def test_a_ring_is_the_same_made_by_a_mesh_file(shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "ring.msh"
 
     def write() -> None:
-        mesh = _raw(rough, rough.body, True)
+        (mesh,) = raw_meshes(rough, True)
         write_msh(path, mesh.points, [mesh.cells], mesh.edges)
 
     on_root(comm, write)

@@ -36,12 +36,12 @@ def domain_forces(
         InputError: the load's profile cannot be evaluated.
     """
     mesh, dofmap = body.mesh, space.dofmap
-    owned = range(mesh.topology.index_map(2).size_local)
+    owned = mesh.topology.index_map(2).size_local
     if not owned:
         return np.empty((0, 1), dtype=np.int64), np.empty((0, 1, 2))
-    local = np.array([dofmap.cell_dofs(c) for c in owned], dtype=np.int32)
+    local = _dolfinx.cell_dofs(space)[:owned]
     nodes = dofmap.index_map.local_to_global(local.ravel()).astype(np.int64).reshape(local.shape)
-    vertices = np.array([_dolfinx.cell_nodes(mesh, c) for c in owned])
+    vertices = _dolfinx.cell_nodes(mesh)[:owned]
     corners = mesh.geometry.x[vertices][..., :2]
     places = space.tabulate_dof_coordinates()[local[0], :2]
     # the nodes of every cell have the same reference coordinates

@@ -8,6 +8,7 @@ kept at the Gauss points of each facet.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -48,6 +49,7 @@ class Arcs:
         return on, numbers[on]
 
 
+@cache
 def gauss() -> tuple[Array, Array]:
     """Return places s in [0, 1] and weights of Gauss's rule on a facet."""
     position, weight = legendre.leggauss(GAUSS_POINTS)

@@ -1,7 +1,7 @@
-"""Process for work with gmsh that may end or crash it, one fork for each job.
+"""Process for work with gmsh that may end or crash it.
 
 The process loads its modules once and serves until this one ends, so that only the first job pays
-for its start.
+for its start. After a job that fails the next one gets a new process.
 """
 
 from __future__ import annotations
@@ -25,10 +25,10 @@ _servers: dict[int, subprocess.Popen[bytes]] = {}
 """The process that serves this one, by the number of this one, as forks need their own."""
 
 
-def in_fork(work: Callable[..., Any], *arguments: Any) -> tuple[Any, int]:
-    """Return what a function returns in a fork, or its exception; and the exit code of the fork.
+def in_child(work: Callable[..., Any], *arguments: Any) -> tuple[Any, int]:
+    """Return what a function returns in the process, or its exception; and 0.
 
-    Returns None where the fork ends before the function returns.
+    Returns None and the exit code of the process where it ends before the function returns.
     """
     server = _servers.get(os.getpid())
     if server is None or server.poll() is not None:
@@ -37,13 +37,16 @@ def in_fork(work: Callable[..., Any], *arguments: Any) -> tuple[Any, int]:
     try:
         pickle.dump((os.getcwd(), work, arguments), server.stdin)
         server.stdin.flush()
-        answer, code = pickle.load(server.stdout)
-    except (EOFError, OSError):
+        answer = pickle.load(server.stdout)
+    except (EOFError, OSError, pickle.UnpicklingError):  # the last one: ended in its answer
+        server.wait()
         return None, _end()
     except BaseException:
         _end()
         raise
-    return (pickle.loads(answer) if answer else None), code
+    if isinstance(answer, Exception):
+        _end()
+    return answer, 0
 
 
 def _started() -> subprocess.Popen[bytes]:
@@ -55,7 +58,6 @@ def _started() -> subprocess.Popen[bytes]:
         stdin=subprocess.PIPE,
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
-        # forks want no threads
         env=inherited
         | {"PYTHONPATH": os.pathsep.join(filter(None, paths))}
         | dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1"),
@@ -67,7 +69,7 @@ def _started() -> subprocess.Popen[bytes]:
 
 @atexit.register
 def _end() -> int:
-    """End the process and its fork; return its exit code."""
+    """End the process and its children; return its exit code."""
     server = _servers.pop(os.getpid(), None)
     if server is None:
         return 0
@@ -78,9 +80,7 @@ def _end() -> int:
 
 
 def serve() -> None:
-    """Do the jobs that standard input holds, each in a fork; write the answers."""
-    import gmsh  # noqa: F401 - once, not in each fork
-
+    """Do the jobs that standard input holds; write the answers."""
     out = os.fdopen(os.dup(sys.stdout.fileno()), "wb")
     # keep output of commands in a .geo file apart from the answers
     os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
@@ -89,17 +89,7 @@ def serve() -> None:
             job = pickle.load(sys.stdin.buffer)
         except EOFError:
             return
-        begin, end = os.pipe()
-        fork = os.fork()
-        if fork == 0:
-            with os.fdopen(end, "wb") as pipe:
-                pipe.write(_answer(*job))
-            os._exit(0)
-        os.close(end)
-        with os.fdopen(begin, "rb") as pipe:
-            answer = pipe.read()
-        _, status = os.waitpid(fork, 0)
-        pickle.dump((answer, os.waitstatus_to_exitcode(status)), out)
+        out.write(_answer(*job))
         out.flush()
 
 

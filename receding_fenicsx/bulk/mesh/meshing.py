@@ -1,8 +1,4 @@
-"""Meshes of the bodies, tagged by edge and contact and distributed over the ranks.
-
-gmsh sees lengths in units of the body's depth below the contact edge, so that a scene whose lengths
-are multiplied by a power of two has the same mesh to the bit.
-"""
+"""Meshes of the bodies, tagged by edge and contact and distributed over the ranks."""
 
 from __future__ import annotations
 
@@ -21,35 +17,13 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces, middle_of
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
-from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model, mesh_of
-from receding_fenicsx.bulk.mesh.graded_edges import grade_half
-from receding_fenicsx.bulk.mesh.raw_mesh import (
-    STRAIGHT_TOLERANCE,
-    Line,
-    RawMesh,
-    line_of,
-    with_radii,
-)
-from receding_fenicsx.bulk.mesh.rectangle import (
-    EDGE_NAMES,
-    Frame,
-    HalfMesh,
-    Marks,
-    find_marks,
-    make_frame,
-    mirror,
-    places_of,
-    snap,
-)
-from receding_fenicsx.bulk.mesh.user_mesh import read_user_mesh
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.bulk.mesh.raw_mesh import STRAIGHT_TOLERANCE, Line, RawMesh, line_of
+from receding_fenicsx.bulk.mesh.raw_meshes import raw_meshes
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Body, Scene
-from receding_fenicsx.scene.one_body import part_of
-from receding_fenicsx.scene.rectangle_edges import EDGES, edge_points, is_cylinder
 
 CORNERS = {"triangle": 3, "quadrilateral": 4}
-GMSH_TYPES = {"triangle": 2, "quadrilateral": 3}
 
 
 @dataclass(frozen=True)
@@ -124,7 +98,7 @@ def contact_sizes_of(scene: Scene) -> list[float]:
 
 def _contact_elements(scene: Scene) -> Iterator[Array]:
     """Yield the ends (n, 2, dim) of the elements on each contact edge of the whole scene."""
-    meshes = [_raw(scene, body, scene.axisymmetric) for body in scene.bodies]
+    meshes = raw_meshes(scene, scene.axisymmetric)
     for contact, found in zip(scene.contacts, find_interfaces(scene, meshes, False), strict=True):
         body, edge = scene.find_edge(contact.edge)
         mesh = meshes[scene.bodies.index(body)]
@@ -177,7 +151,7 @@ def _distribute(comm: MPI.Comm, made: _Tagged | None, cell: str, data: dict[str,
 
 def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
     """Return the meshes of all bodies with their tags; no communication."""
-    meshes = [_raw(scene, body, half) for body in scene.bodies]
+    meshes = raw_meshes(scene, half)
     interfaces = find_interfaces(scene, meshes, half and not scene.axisymmetric)
     middle = middle_of(scene, meshes, interfaces)
     shared = {"size": max(mesh.size for mesh in meshes), "pivot": middle, "half": half}
@@ -185,27 +159,6 @@ def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
         _tagged(scene, body, mesh, interfaces, shared)
         for body, mesh in zip(scene.bodies, meshes, strict=True)
     ]
-
-
-def _raw(whole: Scene, body: Body, half: bool) -> RawMesh:
-    """Mesh or read a body of a scene."""
-    scene = part_of(whole, body)
-    if scene.body.mesh is not None:
-        given = read_user_mesh(scene.body, scene.mesh, scene.axisymmetric)
-        return with_radii(given) if scene.axisymmetric else given
-    half = half and (not scene.axisymmetric or is_cylinder(scene, scene.body))
-    frame = make_frame(scene, half, bool(whole.others))
-    marks = find_marks(scene, frame)
-    mesh = _gmsh_half(scene, frame, marks)
-    snap(scene, frame, marks, mesh)
-    if not half:
-        mesh = mirror(mesh)
-    edges = {EDGE_NAMES[frame.edge][name]: facets for name, facets in mesh.edges.items()}
-    if half:
-        edges["left"] = np.empty((0, 2), dtype=np.int64)
-    middles = {edge: np.hstack(edge_points(scene, edge, [0.0])) for edge in EDGES}
-    points = frame.to_body(mesh.s, mesh.d) + np.array(scene.body.position)
-    return RawMesh(points, mesh.cells, edges, {}, middles, upright=True)
 
 
 def _tagged(
@@ -261,40 +214,3 @@ def _lines(mesh: RawMesh, edges: list[str]) -> dict[str, Line]:
         with contextlib.suppress(InputError):
             lines[edge] = line_of(mesh, edge, "")
     return lines
-
-
-def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
-    """Mesh the half body."""
-    cell = scene.mesh.cell
-    unit = frame.depth
-    numbers = {
-        "width": [frame.length / unit],
-        "height": [1.0],
-        "contact_elements": [float(scene.mesh.contact_elements)],
-        "growth": [float(scene.mesh.growth)],
-        "quadrilaterals": [float(cell == "quadrilateral")],
-        "both_edges": [float(frame.both)],
-        "top_marks": (marks.top / unit).tolist(),
-        "side_marks": (marks.side / unit).tolist(),
-        "inner_x": (marks.inner[:, 0] / unit).tolist(),
-        "inner_y": (marks.inner[:, 1] / unit).tolist(),
-        "end_x": (marks.ends[:, 0] / unit).tolist(),
-        "end_y": (marks.ends[:, 1] / unit).tolist(),
-    }
-    path = str(geo_path("rectangle.geo"))
-    with gmsh_model() as gmsh:
-        for name, value in numbers.items():
-            gmsh.parser.setNumber(name, value)
-        try:
-            gmsh.merge(path)
-            if scene.mesh.refine:
-                grade_half(gmsh, places_of(scene, frame), marks.contact / unit, unit)
-            gmsh.model.mesh.generate(2)
-        except Exception as caught:  # gmsh raises nothing more special
-            raise SolveError(
-                f"gmsh could not mesh the body: {caught}; change mesh.growth or contact_elements"
-            ) from caught
-        if list(gmsh.model.mesh.getElementTypes(2)) != [GMSH_TYPES[cell]]:
-            raise SolveError(f"gmsh did not fill the body with {cell}s; change contact_elements")
-        mesh = mesh_of(gmsh, None, "rectangle.geo", unit)
-    return HalfMesh(mesh.points[:, 0].copy(), mesh.points[:, 1].copy(), mesh.cells, mesh.edges)

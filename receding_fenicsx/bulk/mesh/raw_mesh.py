@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -47,6 +48,14 @@ class RawMesh:
     def size(self) -> float:
         """Return the larger side of the box around the mesh."""
         return float(np.ptp(self.points, axis=0).max())
+
+    @cached_property
+    def sides(self) -> tuple[Ints, Ints]:
+        """Sides of all cells: a number made of the points of each, in order, and its cell."""
+        pairs, owner = sides(self.cells)
+        keys = pairs[:, 0] * len(self.points) + pairs[:, 1]
+        order = np.argsort(keys, kind="stable")
+        return keys[order], owner[order]
 
     def facets(self, edge: str, where: str) -> Ints:
         """Return the facets of an edge.
@@ -110,15 +119,12 @@ def sides(cells: Ints) -> tuple[Ints, Ints]:
 
 def cells_behind(mesh: RawMesh, facets: Ints) -> tuple[Ints, Ints]:
     """Return how many cells have each facet as a side, and one of them (-1 where there is none)."""
-    pairs, owner = sides(mesh.cells)
-    n = len(mesh.points)
-    keys = pairs[:, 0] * n + pairs[:, 1]
-    order = np.argsort(keys, kind="stable")
+    keys, owner = mesh.sides
     ordered = np.sort(facets, axis=1)
-    wanted = ordered[:, 0] * n + ordered[:, 1]
-    first = np.searchsorted(keys[order], wanted, side="left")
-    count = np.searchsorted(keys[order], wanted, side="right") - first
-    found = owner[order][np.minimum(first, len(order) - 1)]
+    wanted = ordered[:, 0] * len(mesh.points) + ordered[:, 1]
+    first = np.searchsorted(keys, wanted, side="left")
+    count = np.searchsorted(keys, wanted, side="right") - first
+    found = owner[np.minimum(first, len(owner) - 1)]
     return count, np.where(count > 0, found, -1)
 
 

@@ -7,6 +7,7 @@ that they run in, and a damaged mesh can crash it.
 from __future__ import annotations
 
 import signal
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,7 +15,7 @@ import numpy as np
 from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.geo_words import words_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model, mesh_of
-from receding_fenicsx.bulk.mesh.gmsh_process import in_fork
+from receding_fenicsx.bulk.mesh.gmsh_process import in_child
 from receding_fenicsx.bulk.mesh.graded_file import mesh_refined
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides, with_radii
 from receding_fenicsx.errors import InputError, MeshMisfit
@@ -25,43 +26,47 @@ THIN_TOLERANCE = 1e-6
 """Largest double area at a corner of a flat cell, over the square of the longest side."""
 
 
-def read_user_mesh(body: Body, options: MeshOptions, axisymmetric: bool = False) -> RawMesh:
+def read_user_meshes(
+    bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool = False
+) -> list[RawMesh]:
     """Mesh a .geo file, or read a mesh; no communication.
 
     A .geo file is given the numbers ``contact_elements``, ``growth`` and ``quadrilaterals`` (0 or
     1) of the scene and the body's own ``parameters``; they replace defaults in DefineConstant.
 
     Args:
-        body: the body; ``mesh`` is the path.
-        options: the scene's mesh options, with the refined places on this body.
+        bodies: the bodies that are surfaces of one mesh, with the same ``mesh``, the path, and
+            ``parameters``; one body if places are refined.
+        options: the scene's mesh options, with the refined places on the body.
         axisymmetric: positions of places on horizontal edges are radii.
 
     Returns:
-        The mesh of first-order cells.
+        The mesh of each body, of first-order cells.
 
     Raises:
         InputError: gmsh cannot read or mesh the file, or the mesh cannot be used.
     """
-    assert body.mesh is not None
-    path = Path(body.mesh)
+    path = Path(str(bodies[0].mesh))
     where = _label(path)
     if not path.is_file():
         raise InputError(f'[body] mesh: "{path}": no such file; check the path')
-    _check_parameters(body, path, where, path.suffix == ".geo")
-    mesh = _mesh_in_child(body, options, axisymmetric)
-    _check_cells(mesh, where)
-    return mesh
+    _check_parameters(bodies[0], path, where, path.suffix == ".geo")
+    meshes = _meshes_in_child(bodies, options, axisymmetric)
+    for mesh in meshes:
+        _check_cells(mesh, where)
+    return meshes
 
 
-def _mesh_in_child(body: Body, options: MeshOptions, axisymmetric: bool) -> RawMesh:
-    """Mesh or read the body's file in a process of its own; raise the error it raises there."""
-    found, code = in_fork(_mesh, body, options, axisymmetric)
+def _meshes_in_child(
+    bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool
+) -> list[RawMesh]:
+    """Mesh or read the bodies' file in a process of its own; raise the error it raises there."""
+    found, code = in_child(_meshes, bodies, options, axisymmetric)
     if found is None:
-        raise InputError(f"{_label(Path(str(body.mesh)))}: {_ending(code)}")
+        raise InputError(f"{_label(Path(str(bodies[0].mesh)))}: {_ending(code)}")
     if isinstance(found, Exception):
         raise found
-    assert isinstance(found, RawMesh)
-    return found
+    return list(found)
 
 
 def _ending(code: int) -> str:
@@ -71,10 +76,9 @@ def _ending(code: int) -> str:
     return "ends gmsh before the mesh is made (Exit); change the file or its parameters"
 
 
-def _mesh(body: Body, options: MeshOptions, axisymmetric: bool) -> RawMesh:
-    """Mesh or read the body's file in this process; see :func:`read_user_mesh`."""
-    assert body.mesh is not None
-    path = Path(body.mesh)
+def _meshes(bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool) -> list[RawMesh]:
+    """Mesh or read the bodies' file in this process; see :func:`read_user_meshes`."""
+    body, path = bodies[0], Path(str(bodies[0].mesh))
     where, is_geo = _label(path), path.suffix == ".geo"
     with gmsh_model() as gmsh:
         numbers = {
@@ -95,19 +99,21 @@ def _mesh(body: Body, options: MeshOptions, axisymmetric: bool) -> RawMesh:
             raise InputError(f"{where}: gmsh cannot use it: {reason}; mend the file") from None
         # gmsh itself scales a mesh only when it writes it
         scale = gmsh.option.getNumber("Mesh.ScalingFactor") if is_geo else 1.0
-        mesh = mesh_of(gmsh, body.surface, where, scale)
+
+        def found() -> list[RawMesh]:
+            return [mesh_of(gmsh, body.surface, where, scale) for body in bodies]
+
+        meshes = found()
         if options.refine:
             if not is_geo:
                 raise InputError(
                     f"{where}: [mesh] refine: needs the .geo file; give it, not a mesh"
                 )
-            coarse = with_radii(mesh) if axisymmetric else mesh
+            coarse = with_radii(meshes[0]) if axisymmetric else meshes[0]
             mesh_refined(gmsh, options.refine, coarse, scale, f"{where}: [mesh] refine")
         for _ in range(options.refinements or 0):
             gmsh.model.mesh.refine()
-        if options.refine or options.refinements:
-            mesh = mesh_of(gmsh, body.surface, where, scale)
-    return mesh
+        return found() if options.refine or options.refinements else meshes
 
 
 def _label(path: Path) -> str:

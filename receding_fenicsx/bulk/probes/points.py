@@ -84,8 +84,7 @@ def _in_own_cells(bulk: Bulk, points: Array) -> list[tuple[int, Ints, Array, Arr
     mesh, dofmap = bulk.body.mesh, bulk.space.dofmap
     owned = mesh.topology.index_map(2).size_local
     width = len(_dolfinx.REFERENCE_CORNERS[bulk.body.cell])
-    nodes = np.array([_dolfinx.cell_nodes(mesh, c) for c in range(owned)], dtype=np.int64)
-    corners = mesh.geometry.x[nodes.reshape(owned, width), :2]
+    corners = mesh.geometry.x[_dolfinx.cell_nodes(mesh)[:owned], :2]
     low, high = corners.min(axis=1), corners.max(axis=1)
     slack = CELL_TOLERANCE * (high - low).max(axis=1, initial=0.0)[:, None]
     coordinates = bulk.space.tabulate_dof_coordinates()[:, :2]

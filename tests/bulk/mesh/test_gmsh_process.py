@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -12,11 +14,14 @@ import pytest
 from bodies import block, make_mesh
 
 from receding_fenicsx.bulk.mesh import user_mesh
+from receding_fenicsx.bulk.mesh.raw_meshes import raw_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Body, Contact, Load, MeshOptions, Scene
+from receding_fenicsx.scene.toml_file import read_scene
 
 comm = MPI.COMM_WORLD
+DEMOS = Path(__file__).parents[3] / "demos"
 GEO = """
 DefineConstant[ width = {4, Name "width"}, contact_elements = 8 ];
 Rectangle(1) = {0, 0, 0, width, 1};
@@ -57,9 +62,25 @@ def test_file_that_ends_gmsh_is_refused_on_all_ranks(
 @pytest.mark.one_rank
 def test_process_answers_the_mesh_that_gmsh_makes_here(tmp_path: Path) -> None:
     body = geo_scene(tmp_path / "my.geo", GEO + 'Printf("%g", width);').body
-    child, here = (
-        read(body, MeshOptions(contact_elements=8), False)
-        for read in (user_mesh._mesh_in_child, user_mesh._mesh)
+    (child,), (here,) = (
+        read([body], MeshOptions(contact_elements=8), False)
+        for read in (user_mesh._meshes_in_child, user_mesh._meshes)
     )
     assert len(here.cells) > 8 and set(here.edges) == {"foot", "head"}
     np.testing.assert_equal(asdict(child), asdict(here))
+
+
+@pytest.mark.one_rank
+def test_bodies_of_one_file_are_meshed_together(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = read_scene(DEMOS / "dovetail.toml", ["mesh.contact_elements=8"])
+    apart = [user_mesh.read_user_meshes([body], scene.mesh)[0] for body in scene.bodies]
+    jobs: list[object] = []
+
+    def here(work: Callable[..., Any], *job: Any) -> tuple[Any, int]:
+        jobs.append(job)
+        return work(*job), 0
+
+    monkeypatch.setattr(user_mesh, "in_child", here)
+    for found, wanted in zip(raw_meshes(scene, False), apart, strict=True):
+        np.testing.assert_equal(asdict(found), asdict(wanted))
+    assert len(jobs) == 1

@@ -15,7 +15,7 @@ from bodies import block, everything, make_mesh
 import receding_fenicsx as rf
 from receding_fenicsx.accuracy.meshes import scaled
 from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
-from receding_fenicsx.bulk.mesh.user_mesh import read_user_mesh
+from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
 
 comm = MPI.COMM_WORLD
@@ -141,8 +141,9 @@ def test_re_entrant_corners_of_a_geo_file_get_smaller_elements() -> None:
     for body, corners in zip(
         scene.bodies, ([(1.0, 0.0)], [(1.8, -0.8), (2.2, -1.8), (2.2, -0.8)]), strict=True
     ):
-        plain = read_user_mesh(body, scene.mesh)
-        fine = read_user_mesh(body, replace(scene.mesh, refine=(replace(place, edge="right"),)))
+        (plain,) = read_user_meshes([body], scene.mesh)
+        places = (replace(place, edge="right"),)
+        (fine,) = read_user_meshes([body], replace(scene.mesh, refine=places))
         near = [
             (mesh.points[:, None] - [(sign * x, y) for x, y in corners for sign in (1, -1)])
             for mesh in (plain, fine)

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from bodies import CELLS, block, everything, facet_ends, make_mesh
 
-from receding_fenicsx.bulk.mesh.meshing import geo_path
+from receding_fenicsx.bulk.mesh.gmsh_model import geo_path
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Body, Contact, Load, MeshOptions, Scene, Support
 
