@@ -43,7 +43,14 @@ for _variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
 
 if TYPE_CHECKING:
     from receding_fenicsx import reference as reference
+    from receding_fenicsx.accuracy.estimate import Estimate as Estimate
+    from receding_fenicsx.accuracy.estimate import Level as Level
+    from receding_fenicsx.accuracy.estimate import estimates_of as estimates_of
+    from receding_fenicsx.accuracy.meshes import graded_at_ends as graded_at_ends
+    from receding_fenicsx.accuracy.meshes import scaled as scaled_mesh
+    from receding_fenicsx.accuracy.numbers import Number as Number
     from receding_fenicsx.accuracy.numbers import headline as headline
+    from receding_fenicsx.accuracy.space_errors import level_of as level_of
     from receding_fenicsx.accuracy.space_errors import space_errors as space_errors
     from receding_fenicsx.environment import child_environment as child_environment
     from receding_fenicsx.errors import InputError as InputError
@@ -255,7 +262,14 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "refined_at_zone_ends": ("output.report.zone_end_mesh", "Scene with mesh graded by record"),
         "headline": ("accuracy.numbers", "Headline numbers of a record"),
         "HEADLINE_NAMES": ("scene.options:NUMBERS", "Headline numbers in words"),
+        "Number": ("accuracy.numbers", "Headline number, and what it is known to"),
         "space_errors": ("accuracy.space_errors", "Estimate discretisation errors"),
+        "scaled_mesh": ("accuracy.meshes:scaled", "Scene with all mesh sizes scaled alike"),
+        "graded_at_ends": ("accuracy.meshes", "Scene with meshes graded to ends of contact edges"),
+        "level_of": ("accuracy.space_errors", "Level of a record: its mesh and headline numbers"),
+        "Level": ("accuracy.estimate", "What a run on one mesh of a family found"),
+        "estimates_of": ("accuracy.estimate", "Estimate errors from levels of one family"),
+        "Estimate": ("accuracy.estimate", "Number with its estimated error and order"),
     },
     "Report and pictures": {
         "summarise": ("output.report.summary", "Return the numbers of summary.json"),

@@ -100,11 +100,11 @@ def run_history(
 
 
 @contextmanager
-def resumable(folder: Path | None) -> Iterator[None]:
-    """Say how to continue where drawing the pictures of a run is interrupted.
+def resumable(folder: Path | None, where: str) -> Iterator[None]:
+    """Say how to continue where a run is interrupted after its history.
 
     Raises:
-        Interrupted: a signal asked to end. The folder holds the whole record.
+        Interrupted: a signal asked to end. The folder holds the whole history.
     """
     try:
         yield
@@ -112,7 +112,7 @@ def resumable(folder: Path | None) -> Iterator[None]:
         if folder is None:
             raise
         code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
-        text = f"interrupted while drawing; {folder} holds the whole record; continue by --resume"
+        text = f"interrupted {where}; {folder} holds the whole history; continue by --resume"
         raise Interrupted(text, int(code or 1)) from None
 
 

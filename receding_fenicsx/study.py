@@ -11,7 +11,7 @@ from receding_fenicsx.accuracy import space_errors
 from receding_fenicsx.accuracy.in_folder import Solved, draw_way, within_tolerance
 from receding_fenicsx.bulk.from_scene import condensed, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
-from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import world
@@ -21,7 +21,7 @@ from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
 from receding_fenicsx.output.storage.run_folder import SYSTEM, shared_folder
 from receding_fenicsx.pictures import Drawing, drawing_modules
-from receding_fenicsx.scene.model import OutputOptions, Scene
+from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.timing import Say, Timer
 
@@ -114,7 +114,7 @@ def run(
             mpi.on_root(comm, lambda: _write_record(folder, record))
             text = mpi.on_root(comm, lambda: summary.summarise(mpi.given(record), found.extra))
             _write_summary(comm, folder, text, timer)
-            with long_run.resumable(folder), timer("pictures"):
+            with long_run.resumable(folder, "while drawing"), timer("pictures"):
                 if failure is None or isinstance(failure, ToleranceNotMet):
                     drawing.draw(found.scene, found.system, record, folder)
                     if options.pictures and "accuracy" in found.extra:
@@ -145,9 +145,11 @@ def _found(
         return within_tolerance(scene, comm, folder, solve, timer.say)
     found = solve(scene)
     if options.error and found.failure is None:
-        with timer("errors"):
+        # bolts have their preloads on coarser meshes too, not the shortenings of this one
+        own = replace(found.scene, bolts=scene.bolts)
+        with long_run.resumable(folder, "on a coarser mesh"), timer("errors"):
             found.extra |= space_errors.errors_of_run(
-                found.scene, found.record, lambda coarse: _headlines(coarse, comm)
+                own, found.record, lambda coarse: _headlines(coarse, comm)
             )
     return found
 
@@ -263,10 +265,9 @@ def condense(
 
 
 def _headlines(scene: Scene, comm: MPI.Comm) -> Record | None:
-    """Return the record of a scene without samples and events; collective."""
-    bare = replace(scene, output=OutputOptions(samples_per_leg=1, cycles=()))
-    system = condense(bare, comm)
-    return mpi.on_root(comm, lambda: evolve(mpi.given(system), bare))
+    """Return the record of a scene without samples, events and uniqueness; collective."""
+    system = condense(scene, comm)
+    return mpi.on_root(comm, lambda: evolve_bare(mpi.given(system), scene))
 
 
 def _write_record(folder: Path | None, record: Record | None) -> None:

@@ -227,22 +227,24 @@ def test_small_bodies_are_condensed_in_the_same_bits_on_any_number_of_ranks() ->
     assert not is_small(small("mesh.contact_elements=640", "mesh.growth=1"))
 
 
-def test_interrupt_while_drawing_says_how_to_continue(
-    shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize("place", ["Drawing.draw", "_headlines"])
+def test_interrupt_after_the_history_says_how_to_continue(
+    place: str, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
     out = shared_tmp_path / "out"
+    options = study.RunOptions(pictures=False, error=place == "_headlines")
     with monkeypatch.context() as patch:
-        patch.setattr("receding_fenicsx.study.Drawing.draw", interrupt)
+        patch.setattr(f"receding_fenicsx.study.{place}", interrupt)
         with pytest.raises(KeyboardInterrupt) as caught:
-            study.run(small(), out, study.RunOptions(pictures=False))
+            study.run(small(), out, options)
     if MPI.COMM_WORLD.rank == 0:
         assert isinstance(caught.value, rf.Interrupted) and caught.value.exit_code == 130
-        assert str(caught.value).endswith("out.part holds the whole record; continue by --resume")
+        assert str(caught.value).endswith("out.part holds the whole history; continue by --resume")
     assert not out.exists()
-    study.run(small(), out, study.RunOptions(pictures=False, resume=True))
+    study.run(small(), out, dataclasses.replace(options, resume=True))
     assert (out / "summary.json").is_file()
 
 

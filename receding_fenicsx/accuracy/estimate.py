@@ -5,7 +5,8 @@ three meshes i < j < k show the order p of
 
     |a_k - a_j| / |a_j - a_i| = (r_k^p - r_j^p) / (r_j^p - r_i^p),
 
-and with the median p of all triples, limited to [1/2, 7/4], the error of a_0 is taken to be
+and with the median p of all triples, limited to [1/2, 8/5], or to 7/4 on graded meshes, the error
+of a_0 is taken to be
 
     e = max |a_i - a_j| / (r_j^p - r_i^p)  over all pairs of meshes.
 
@@ -32,8 +33,10 @@ MIN_RATIO = 1.4
 """Smallest ratio of the sizes of two meshes that are compared."""
 FARTHEST = 7.9
 """Largest ratio of the size of a mesh to the finest that is used: two steps of a search."""
-ORDERS = (0.5, 1.75)
-"""Range of orders that an estimate assumes."""
+ORDERS = (0.5, 1.6)
+"""Range of orders that an estimate assumes on equal elements."""
+GRADED_ORDER = 1.75
+"""The largest on meshes graded to sharp corners, whose orders are less disturbed."""
 SEARCHED_ORDERS = (-2.0, 8.0)
 """Range in which the order of three meshes is searched for."""
 UNRESOLVED_ORDER = 1.0
@@ -57,6 +60,7 @@ class Level:
         numbers: its headline numbers.
         resolved: every zone is more than two nodes wide.
         sharp: a contact edge ends in a large pressure, at a sharp corner.
+        graded: the mesh is graded towards the ends of the contact.
     """
 
     elements: int
@@ -65,6 +69,7 @@ class Level:
     numbers: Mapping[str, Number]
     resolved: bool = True
     sharp: bool = False
+    graded: bool = False
 
 
 @dataclass(frozen=True)
@@ -111,7 +116,8 @@ def estimates_of(levels: Sequence[Level]) -> dict[str, Estimate]:
         if is_singular(values, order, number.size):
             error = math.inf
         else:
-            most = ORDERS[1] if finest.resolved else UNRESOLVED_ORDER
+            resolved = GRADED_ORDER if finest.graded else ORDERS[1]
+            most = resolved if finest.resolved else UNRESOLVED_ORDER
             least = max(number.known_to, MIN_RELATIVE_ERROR * number.size)
             error = max(estimated_error(values, order, most), least)
         found[name] = Estimate(number.value, error, order, number.size)

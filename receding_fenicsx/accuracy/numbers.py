@@ -12,17 +12,20 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.probe_history import history_of, probe_names
 from receding_fenicsx.evolution.record import DISSIPATION_ROUND_OFF, Record
 from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
 from receding_fenicsx.interface.measures.zone_ends import zone_end
 from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, stick_zone
 from receding_fenicsx.output.report.corner_stress import corners_of
-from receding_fenicsx.output.report.half_widths import contact_betas, estimates, tractions
+from receding_fenicsx.output.report.half_widths import contact_betas, estimates_at, tractions
 
 FITTED_PART = 1.0 / 3.0
 """Part of half its interval that a fitted end is known to: a tenth of the node spacing or more. The
 interval bounds the shift by the elements, which coarser meshes show."""
+ZIGZAG_NODES = 4
+"""Nodes to each side of a node whose pressures show how far its own may be off."""
 ROUND_OFF = 1e-10
 """Size of a number, over its scale, below which it is round-off: zero by symmetry."""
 
@@ -77,11 +80,15 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
     mean = float(table.P[row].sum() / record.weight.sum())
     if not mean > 0.0:
         return
-    yield "centre_pressure", Number(float(centre), scale=max(abs(float(centre)), mean))
+    middle = 0 if axis else int(np.searchsorted(x, 0.5 * (x[0] + x[-1])))
+    scale = max(abs(float(centre)), mean)
+    yield "centre_pressure", Number(float(centre), _scatter(record, p, middle), scale)
     singular = corners_of(record, row).get("p_max_singular", False)
-    yield "largest_pressure", Number(math.inf if singular else float(p.max()))
-    betas, length = contact_betas(record), float(x[-1] - x[0])
-    for name, width in estimates(record, row, betas).items():
+    largest, known_to = float(p.max()), _scatter(record, p, int(p.argmax()))
+    yield "largest_pressure", Number(math.inf if singular else largest, known_to)
+    found = [tractions(record, row, beta) for beta in contact_betas(record) or (None,)]
+    length = float(x[-1] - x[0])
+    for name, width in estimates_at(record, row, found).items():
         if width is not None and width["value"] > 0.0:
             low, high = width["interval"]
             known_to = _known_to(low, high, width["fitted"])
@@ -96,7 +103,7 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
         if zone is None or zone == NO_NODES:
             continue
         for side, last, sign in (("left", zone[0], -1), ("right", zone[1], 1)):
-            ends = [zone_end(tractions(record, row, beta), last, sign) for beta in betas or (None,)]
+            ends = [zone_end(at, last, sign) for at in found]
             value = float(np.mean([end.value for end in ends]))
             known_to = max(_known_to(end.low, end.high, end.fitted) for end in ends)
             yield f"{name}_{side}", Number(value, known_to, length)
@@ -105,6 +112,17 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
 def _known_to(low: float, high: float, fitted: bool) -> float:
     """Return what the end of a zone is known to on its own mesh."""
     return float(0.5 * (high - low)) * (FITTED_PART if fitted else 1.0)
+
+
+def _scatter(record: Record, p: Array, node: int) -> float:
+    """Return what the pressure of a node is known to: on linear elements it zigzags.
+
+    Half the largest second difference of the pressures near the node.
+    """
+    if record.scene is None or record.scene.mesh.degree > 1:
+        return 0.0
+    near = p[max(node - ZIGZAG_NODES, 0) : node + ZIGZAG_NODES + 1]
+    return float(0.5 * np.abs(np.diff(near, 2)).max(initial=0.0))
 
 
 def _of_loads(record: Record, row: int) -> Iterator[tuple[str, Number]]:

@@ -14,6 +14,7 @@ from receding_fenicsx.accuracy.meshes import (
     SEARCH_RATIO,
     elements_near,
     first_that_fits,
+    is_graded,
     is_refined,
     scaled,
     to_limit,
@@ -87,7 +88,8 @@ def level_of(record: Record | None, elements: int, seconds: float = 0.0) -> Leve
         return Level(elements, 0, seconds, {})
     resolved = narrowest_zone(record) > UNRESOLVED_NODES
     sharp = any(map(_ends_sharply, record.by_edge().values()))
-    return Level(elements, len(record.x), seconds, headline(record), resolved, sharp)
+    graded = record.scene is not None and is_graded(record.scene)
+    return Level(elements, len(record.x), seconds, headline(record), resolved, sharp, graded)
 
 
 def _ends_sharply(record: Record) -> bool:

@@ -16,6 +16,7 @@ from receding_fenicsx import cli, study
 from receding_fenicsx.accuracy.meshes import OVERSHOOT, is_refined, scaled, to_limit
 from receding_fenicsx.accuracy.numbers import headline
 from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
+from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.accuracy import verdict
 from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.output.storage.hdf5 import read_record
@@ -46,6 +47,20 @@ def summary_of(folder: Path) -> dict[str, Any]:
 
 
 # -- errors on every scene ------------------------------------------------------------------------
+
+
+def test_bolts_have_their_preloads_on_coarser_meshes(monkeypatch: pytest.MonkeyPatch) -> None:
+    scene = read_scene(DEMOS / "bolted_joint.toml")
+    bolts = tuple(replace(bolt, shortening=None, preload=0.02) for bolt in scene.bolts)
+    seen = []
+
+    def errors_of_run(own: Scene, *_: object) -> dict[str, Any]:
+        seen.append(own.bolts)
+        return {}
+
+    monkeypatch.setattr("receding_fenicsx.accuracy.space_errors.errors_of_run", errors_of_run)
+    study.run(replace(scene, bolts=bolts), None, replace(PLAIN, error=True), COMM)
+    assert seen == [bolts]
 
 
 @pytest.mark.parametrize(
@@ -87,15 +102,12 @@ def own_msh(folder: Path, quadrilaterals: int = 0) -> Scene:
     Physical Curve("top") = Curve In BoundingBox{{-3, .9, -1, 3, 1.1, 1}};
     """
     file = folder / "own.geo"
-    file.write_text(text)
+    on_root(COMM, lambda: file.write_text(text))
     scene = block("load.p0.span=[-0.5, 0.5]")
     return replace(scene, body=replace(scene.body, mesh=str(file)))
 
 
 def test_a_mesh_file_is_refined_and_is_its_own_coarser_partner(shared_tmp_path: Path) -> None:
-    if COMM.rank == 0:
-        own_msh(shared_tmp_path)
-    COMM.barrier()
     scene = own_msh(shared_tmp_path)
     assert is_refined(scene) and not is_refined(block())
     record = study.run(scene, shared_tmp_path / "run", replace(PLAIN, error=True), COMM)
@@ -112,9 +124,6 @@ def test_limits_that_nodes_of_unsymmetric_meshes_pass_by_little_are_taken(
     shared_tmp_path: Path,
 ) -> None:
     """They move the steady dissipation by far less than that part."""
-    if COMM.rank == 0:
-        own_msh(shared_tmp_path)
-    COMM.barrier()
     scene = own_msh(shared_tmp_path)
     history = replace(scene.history, cycles=400, until="limit")
     exact = replace(scene, history=history, mesh=replace(scene.mesh, refinements=1))

@@ -36,7 +36,11 @@ def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[s
         interval around it, and whether it was fitted (else the interval is that between nodes);
         None if there is no such half width.
     """
-    found = [tractions(record, row, beta) for beta in betas or (None,)]
+    return estimates_at(record, row, [tractions(record, row, beta) for beta in betas or (None,)])
+
+
+def estimates_at(record: Record, row: int, found: Sequence[Tractions]) -> dict[str, Any]:
+    """Return :func:`estimates` from the tractions for each value of Dundurs' constant."""
     widths = {
         "contact_half_width_estimate": [contact_half_width_estimate(at) for at in found],
         "stick_half_width_estimate": [stick_half_width_estimate(at) for at in found],
