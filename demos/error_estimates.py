@@ -295,7 +295,7 @@ def main() -> None:
     given = parser.parse_args()
     compared = rf.on_root(MPI.COMM_WORLD, lambda: compare(given.out, given.scenes, given.workers))
     if compared is False:
-        raise SystemExit("not as wanted everywhere: see the bold figures")
+        raise SystemExit("not as wanted everywhere: see the bold figures over all families")
 
 
 if __name__ == "__main__":

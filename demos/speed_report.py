@@ -6,6 +6,7 @@ frontier, nodes of graded edges against those of equal elements, and the default
 
 import argparse
 import csv
+import math
 from pathlib import Path
 from typing import Any
 
@@ -14,10 +15,12 @@ from mpi4py import MPI
 import matplotlib as mpl
 import numpy as np
 from matplotlib.ticker import LogLocator, NullFormatter
+from numpy.typing import NDArray
 
 import receding_fenicsx as rf
 
 Row = dict[str, Any]
+Array = NDArray[np.float64]
 
 GOAL = 1e-3
 """Error at which families are compared: its seconds are read off the line through their runs."""
@@ -37,10 +40,12 @@ def frontier(rows: list[Row]) -> list[Row]:
 
 
 def at_goal(rows: list[Row], cost: str, error: str, goal: float) -> float:
-    """Return the cost of an error by a power law through the runs; NaN far outside of them."""
+    """Return the cost of an error by a power law through the runs; NaN far below their errors."""
     known = [r for r in rows if np.isfinite(r[error]) and r[error] > 0.0]
     if len(known) < 2:
         return float("nan")
+    if all(r[error] <= goal for r in known):
+        return float(min(r[cost] for r in known))
     x, y = (np.log([r[k] for r in known]) for k in (error, cost))
     slope, start = np.polyfit(x, y, 1)
     if not slope < 0.0 or abs(np.log(goal) - np.clip(np.log(goal), x.min(), x.max())) > np.log(10):
@@ -48,18 +53,15 @@ def at_goal(rows: list[Row], cost: str, error: str, goal: float) -> float:
     return float(np.exp(start + slope * np.log(goal)))
 
 
-def nodes_needed(rows: list[Row], error: str, goal: float) -> int | None:
-    """Return the contact nodes of the smallest run from which on all errors are within a goal."""
-    found = None
-    for row in sorted(rows, key=lambda r: -r["nodes"]):
-        if not row[error] <= goal:
-            break
-        found = int(row["nodes"])
-    return found
+def power_law(rows: list[Row], error: str) -> tuple[float, float, float, Array]:
+    """Return slope and start of the line through log error over log nodes, its error, the nodes."""
+    x, y = np.log([[r["nodes"], r[error]] for r in rows if r[error] > 0.0]).T
+    slope, start = np.polyfit(x, y, 1)
+    return slope, start, float(np.std(y - start - slope * x) / np.sqrt(len(x) - 2)), x
 
 
 def gains(rows: list[Row]) -> list[str]:
-    """Return the table of contact nodes for an error that equal and graded edges both reach."""
+    """Return the table of contact nodes with which equal and graded edges have the same error."""
     lines = [
         "| contact | number | error | equal elements | graded | ratio |",
         "| --- | --- | --- | --- | --- | --- |",
@@ -70,14 +72,18 @@ def gains(rows: list[Row]) -> list[str]:
                 [r for r in rows if r["case"] == case and r["kind"] == kind]
                 for kind in (EQUAL, GRADED)
             )
-            # the larger one of the errors on both finest meshes
-            goal = max(max(kind, key=lambda r: r["nodes"])[error] for kind in (equal, graded))
-            of_equal, of_graded = (nodes_needed(kind, error, goal) for kind in (equal, graded))
-            if of_equal and of_graded:
-                lines.append(
-                    f"| {case} | {words} | {goal:.1e} | {of_equal} | {of_graded} | "
-                    f"{of_graded / of_equal:.2f} |"
-                )
+            if min(sum(r[error] > 0.0 for r in kind) for kind in (equal, graded)) < 4:
+                continue
+            laws = [power_law(kind, error) for kind in (equal, graded)]
+            # the smallest error that both kinds reach; the coarsest graded mesh may be below it
+            goal = max(slope * x.max() + start for slope, start, _, x in laws)
+            nodes = [max((goal - start) / slope, x.min()) for slope, start, _, x in laws]
+            ratio = float(np.exp(nodes[1] - nodes[0]))
+            scatter = ratio * math.hypot(*(e / slope for slope, _, e, _ in laws))
+            lines.append(
+                f"| {case} | {words} | {np.exp(goal):.1e} | {np.exp(nodes[0]):.0f} | "
+                f"{np.exp(nodes[1]):.0f} | {ratio:.2f} ± {scatter:.2f} |"
+            )
     return lines
 
 
@@ -187,7 +193,9 @@ def write(folder: Path) -> None:
         "",
         "## Contact nodes for the same error",
         "",
-        "Of the smallest meshes from which on all are within the error, which both kinds reach.",
+        "Single meshes scatter, as zones end between nodes: by power laws through the errors of "
+        "all meshes, at the smallest one that both kinds reach. Zone ends: the largest error of an "
+        "end over the length of the edge.",
         "",
         *gains(rows),
         "",

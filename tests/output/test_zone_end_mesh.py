@@ -31,16 +31,35 @@ def sheared(f: float, elements: int) -> rf.Scene:
     return rf.read_scene(DEMOS / "sheared_block.toml", [*overrides, mesh])
 
 
+def graded_twice(scene: rf.Scene) -> rf.Record:
+    """Play a scene on a mesh graded by the zone ends of a graded run."""
+    record = played(rf.refined_at_zone_ends(scene, played(scene)))
+    return played(rf.refined_at_zone_ends(scene, record, 8.0))
+
+
+def zone_ends(record: rf.Record) -> list[float]:
+    """Ends of zones at all turning points."""
+    points = rf.summarise(record)["turning_points"]
+    return [end["value"] for point in points for end in point["zone_ends"]]
+
+
 @pytest.mark.parametrize("f", [0.5, 0.8])
 def test_graded_corners_need_less_than_half_the_nodes(f: float) -> None:
-    scene = sheared(f, 30)
-    fine = sheared(f, 60)
-    limit = played(replace(fine, mesh=replace(fine.mesh, refine=(rf.Refinement(1e-5),))))
-    equal = played(sheared(f, 120))
+    scene = sheared(f, 24)
+    limit = graded_twice(sheared(f, 100))
+    equal = played(sheared(f, 160))
     better = played(rf.refined_at_zone_ends(scene, played(scene)))
     exact, of_equal, of_better = (r.cycles.dissipation[0] for r in (limit, equal, better))
     assert len(better.x) <= 0.5 * len(equal.x)
     assert abs(of_better - exact) < abs(of_equal - exact)
+
+
+def test_zone_ends_of_a_mesh_graded_twice_need_less_than_half_the_nodes() -> None:
+    limit = zone_ends(graded_twice(sheared(0.5, 160)))
+    better, equal = graded_twice(sheared(0.5, 40)), played(sheared(0.5, 240))
+    errors = [np.abs(np.array(zone_ends(record)) - limit).max() for record in (better, equal)]
+    assert len(better.x) <= 0.5 * len(equal.x)
+    assert errors[0] < errors[1]
 
 
 def test_places_lie_at_zone_ends_and_at_corners_that_touch() -> None:

@@ -15,9 +15,9 @@ from receding_fenicsx.output.report.half_widths import contact_betas, estimated_
 from receding_fenicsx.scene.model import Refinement, Scene
 from receding_fenicsx.scene.rectangle_edges import is_cylinder
 
-ZONE_RATIO = 2.0
-"""Size of the elements of the coarse run over that at zone ends: they move in a cycle, and smaller
-elements at a few of their positions gain little."""
+ZONE_RATIO = 4.0
+"""Size of the elements of the coarse run over that at zone ends: it knows them not well enough for
+more, which pays at those of a graded run."""
 CORNER_RATIO = 100.0
 """Size of the elements of the coarse run over that at corners, where tractions may be singular."""
 GROWTH = 1.5
