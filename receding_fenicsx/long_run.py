@@ -100,19 +100,27 @@ def run_history(
 
 
 @contextmanager
-def resumable(folder: Path | None, where: str) -> Iterator[None]:
-    """Say how to continue where a run is interrupted after its history.
+def resumable(
+    folder: Path | None, where: str, held: str = "the whole history", file: str = ""
+) -> Iterator[None]:
+    """Say how to continue where a run is interrupted before or after a history.
+
+    Args:
+        folder: of the run; None without one.
+        where: what was interrupted.
+        held: what the folder holds from which the run continues.
+        file: where it holds that; without this file there is nothing to continue.
 
     Raises:
-        Interrupted: a signal asked to end. The folder holds the whole history.
+        Interrupted: a signal asked to end.
     """
     try:
         yield
     except (KeyboardInterrupt, SystemExit) as signalled:
-        if folder is None:
+        if folder is None or not (folder / file).exists():
             raise
         code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
-        text = f"interrupted {where}; {folder} holds the whole history; continue by --resume"
+        text = f"interrupted {where}; {folder} holds {held}; continue by --resume"
         raise Interrupted(text, int(code or 1)) from None
 
 

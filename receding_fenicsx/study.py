@@ -19,7 +19,7 @@ from receding_fenicsx.output.report import summary
 from receding_fenicsx.output.report.starts import check_starts, limit_with_starts
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
-from receding_fenicsx.output.storage.run_folder import SYSTEM, shared_folder
+from receding_fenicsx.output.storage.run_folder import SEARCH, SYSTEM, shared_folder
 from receding_fenicsx.pictures import Drawing, drawing_modules
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
@@ -142,7 +142,8 @@ def _found(
         return Solved(meshed, system, record, failure, extra)
 
     if scene.accuracy.tolerance is not None:
-        return within_tolerance(scene, comm, folder, solve, timer.say)
+        with long_run.resumable(folder, "between meshes", "the meshes that are solved", SEARCH):
+            return within_tolerance(scene, comm, folder, solve, timer.say)
     found = solve(scene)
     if options.error and found.failure is None:
         # bolts have their preloads on coarser meshes too, not the shortenings of this one

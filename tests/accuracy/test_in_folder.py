@@ -269,6 +269,26 @@ def test_an_interrupted_search_is_resumed_where_it_was(
     assert np.array_equal(record.turning_points.P, whole.turning_points.P)
 
 
+@pytest.mark.parametrize("meshes", [0, 1])
+def test_interrupt_between_meshes_says_how_to_continue(
+    meshes: int, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    condensed, calls = study.condensed, []
+
+    def interrupt(*arguments: Any) -> Any:
+        calls.append(1)
+        if len(calls) > meshes:
+            raise KeyboardInterrupt
+        return condensed(*arguments)
+
+    monkeypatch.setattr(study, "condensed", interrupt)
+    with pytest.raises(KeyboardInterrupt) as caught:
+        study.run(searching(block(), 2e-2), shared_tmp_path / "run", PLAIN, COMM)
+    if COMM.rank == 0:
+        told = str(caught.value).endswith("holds the meshes that are solved; continue by --resume")
+        assert told == (meshes > 0)
+
+
 def test_a_finished_search_goes_on_with_a_smaller_tolerance(shared_tmp_path: Path) -> None:
     out, numbers = shared_tmp_path / "run", ("load_displacement",)
     with pytest.raises(ToleranceNotMet):
