@@ -35,7 +35,10 @@ GROUPS = {"pressure": "pressures", "displacement": "displacements", "dissipation
 
 def read(folder: Path) -> list[Row]:
     """Read the CSV file."""
-    with (folder / "error_estimates.csv").open() as file:
+    path = folder / "error_estimates.csv"
+    if not path.is_file():
+        raise SystemExit(f"{path}: no such file; run error_estimates.py, or give its --out")
+    with path.open() as file:
         rows: list[Row] = [*csv.DictReader(file)]
     return [{k: v if k in WORDS else float(v) for k, v in row.items()} for row in rows]
 

@@ -165,6 +165,8 @@ def write_csv(path: Path, rows: list[Row]) -> None:
 
 def read_csv(path: Path) -> list[Row]:
     """Read the rows, numbers as numbers."""
+    if not path.is_file():
+        raise SystemExit(f"{path}: no such file; run speed_against_error.py, or give its --out")
     with path.open() as file:
         rows: list[Row] = [*csv.DictReader(file)]
     words = ("case", "kind")

@@ -103,7 +103,7 @@ def run_history(
 def resumable(
     folder: Path | None, where: str, held: str = "the whole history", file: str = ""
 ) -> Iterator[None]:
-    """Say how to continue where a run is interrupted before or after a history.
+    """Say how to continue where a run is interrupted outside its history, which says so itself.
 
     Args:
         folder: of the run; None without one.
@@ -116,6 +116,8 @@ def resumable(
     """
     try:
         yield
+    except Interrupted:
+        raise
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None or not (folder / file).exists():
             raise

@@ -245,13 +245,14 @@ def test_an_interrupted_search_is_resumed_where_it_was(
     def stop_third(*arguments: Any) -> Any:
         calls.append(1)
         if len(calls) == 3:
-            raise Interrupted("enough", 130)
+            raise Interrupted("enough", 143)
         return evolved(*arguments)
 
     monkeypatch.setattr(study, "_evolved", stop_third)
     out = shared_tmp_path / "run"
-    with pytest.raises(Interrupted):
+    with pytest.raises(Interrupted, match="enough") as caught:
         study.run(scene, out, PLAIN, COMM)
+    assert caught.value.exit_code == 143
     if COMM.rank == 0:
         kept = json.loads((shared_tmp_path / "run.part" / SEARCH).read_text())
         assert len(kept["levels"]) == 2
