@@ -8,7 +8,7 @@ error of the dissipation cost?
 error of the dissipations, by element, order, grading along the contact edge (its seconds hold the
 runs that it takes its zone ends from) and method; the frontier of runs that no other beats in
 both; the contact nodes with which graded edges are as good as equal elements; the default that
-follows.
+follows; the stress exponents fitted at sharp corners, beside their closed form.
 
 ``space.csv``, ``speed.png`` (and PDF) and ``report.md`` go to the folder of --out. One thread, CPU
 seconds, with forms compiled before. The limit of each number is that of the finest graded mesh.
@@ -162,6 +162,24 @@ def rows_of(case: str) -> list[dict[str, Any]]:
     return rows
 
 
+def corner_table() -> list[str]:
+    """Return fitted stress exponents at corners of the sheared block, pressed and sheared."""
+    lines = ["", "## Exponents at sharp corners", "", "| f | elements | closed form | fitted |"]
+    lines += ["| --- " * 4 + "|"]
+    for f, elements, refine in (
+        *((f, n, ()) for f in (0.5, 0.8) for n in (100, 200, 400)),
+        *((f, 40, (rf.Refinement(3e-6, growth=1.2),)) for f in (0.5, 0.8)),
+    ):
+        scene = scene_of(f"sheared, f = {f}", elements)
+        once = replace(scene.history, cycles=1)
+        record, _ = played(replace(scene, history=once, mesh=replace(scene.mesh, refine=refine)))
+        corners = [c for p in rf.summarise(record)["turning_points"][:2] for c in p["corners"]]
+        fitted = ", ".join(f"{c['fitted']:.4f}" if c["fitted"] else "-" for c in corners)
+        count = f"{(len(record.x) - 1) // 2}{' graded' if refine else ''}"
+        lines.append(f"| {f} | {count} | {corners[0]['exponent']:.4f} | {fitted} |")
+    return lines
+
+
 def study(folder: Path, cases: list[str]) -> None:
     """Measure the cases, and write the report."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -170,6 +188,10 @@ def study(folder: Path, cases: list[str]) -> None:
             played(scene_of("block", 40, cell, degree))  # compiles the forms
     speed_report.write_csv(folder / "space.csv", [row for case in cases for row in rows_of(case)])
     speed_report.write(folder)
+    corners = corner_table()
+    print("\n".join(corners))
+    with (folder / "report.md").open("a") as page:
+        page.write("\n".join(corners) + "\n")
 
 
 def main() -> None:
