@@ -177,7 +177,7 @@ def limit_distances(
         friction: (N,) coefficients of friction.
         nodes: (N,) nodes with friction, and smooth ones, at which P stands in place of A.
         state: (N,) states.
-        r: (2N,) reactions [Q; P], or their rates.
+        r: (2N,) reactions [Q; P], or their rates; or (2N, k) of several, all else (N, 1).
     """
     frictional, smooth = nodes
     n = len(state)
@@ -185,7 +185,8 @@ def limit_distances(
     sliding, (margin_A, margin_B) = friction.opening(P), friction.margins(Q, P)
     distance_A = np.where(state == BACKWARD, sliding, margin_A)
     distance_B = np.where(state == FORWARD, sliding, margin_B)
-    distance_A[state == FORWARD] = distance_B[state == BACKWARD] = 0.0
+    distance_A = np.where(state == FORWARD, 0.0, distance_A)
+    distance_B = np.where(state == BACKWARD, 0.0, distance_B)
     contact = state != SEPARATION
     distance_A = np.where(smooth, P, np.where(frictional, distance_A, 0.0))
     return np.where(contact, distance_A, 0.0), np.where(contact & frictional, distance_B, 0.0)

@@ -155,10 +155,13 @@ class PivotMatrix:
         return True
 
     def response(self, inputs: Indices, change: Array) -> Array:
-        """Return the change (m,) of the outputs when the labelled inputs change."""
+        """Return the change (m,) of the outputs when the labelled inputs change, or several."""
+        columns, k = self.column_of[inputs], self._pending
+        if change.ndim > 1:
+            small: Array = self._V[:k].take(columns, axis=1) @ change
+            return self.T.take(columns, axis=1) @ change + self._U[:, :k] @ small
         x = np.zeros(self.T.shape[1])
-        x[self.column_of[inputs]] = change
-        k = self._pending
+        x[columns] = change
         return self.T @ x + self._U[:, :k] @ (self._V[:k] @ x)
 
     def _apply_pending(self) -> None:

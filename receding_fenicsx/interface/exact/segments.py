@@ -65,7 +65,7 @@ because f is, and only a node without pressure may count as on both limits at on
 TINY_FRICTION = 1e-3
 """Friction below which the rates A + B of slipping nodes are computed from P itself."""
 
-CACHE_BYTES = 2**26
+CACHE_BYTES = 2**28
 """Memory for the rates of sets of states that have been met before."""
 
 
@@ -124,14 +124,20 @@ class Segments:
         sliding.
     """
 
-    def __init__(self, system: ContactSystem, opening: NDArray[np.bool_] | None = None) -> None:
+    def __init__(
+        self,
+        system: ContactSystem,
+        opening: NDArray[np.bool_] | None = None,
+        carried: int | None = None,
+    ) -> None:
         """Start with nothing remembered.
 
         Args:
             system: the condensed body in 2N form.
             opening: (N,) nodes expected to open, see :class:`Tableau`.
+            carried: the first loads, by which legs mostly differ, see :class:`Tableau`.
         """
-        self.system, self._opening = system, opening
+        self.system, self._opening, self._carried = system, opening, carried
         n = system.n
         normal = ~system.held[n:]
         self.frictional = ~system.held[:n] & normal & system.friction.present
@@ -167,7 +173,7 @@ class Segments:
         """
         try:
             if self._tableau is None:
-                self._tableau = Tableau(self.system, state, self._opening)
+                self._tableau = Tableau(self.system, state, self._opening, self._carried)
             else:
                 self._tableau.move_to(state)
         except SingularExchange:

@@ -78,6 +78,7 @@ class Tableau:
         system: ContactSystem,
         state: NDArray[np.int8],
         opening: NDArray[np.bool_] | None = None,
+        carried: int | None = None,
     ) -> None:
         """Make the tableau of ``system`` (2N form) for the given states.
 
@@ -86,6 +87,8 @@ class Tableau:
             state: (N,) states.
             opening: (N,) nodes expected to open; w of the others stays an input, whose column is
                 left out until one of them opens after all. None where all may open.
+            carried: the first loads, whose rates are to be at hand; None for all. Those of others
+                take a product with the whole matrix.
 
         Raises:
             SingularExchange: the body has a motion without stiffness in these states.
@@ -105,24 +108,27 @@ class Tableau:
         self._unit = 2.0 ** int(np.frexp(typical)[1])
         stays = np.zeros(n, dtype=bool) if opening is None else ~opening & (state != SEPARATION)
         self._left_out = W * n + np.flatnonzero(stays)
-        self._all_stuck = self._with_all_stuck()
+        self._all_stuck = self._with_all_stuck(system.r_star[:carried].T)
         self._copies: deque[tuple[NDArray[np.int8], PivotData]] = deque(maxlen=STORED_COPIES)
         self.rebuilds = 1
         self.state = state.copy()
         self.matrix = PivotMatrix(self._made(state).without(self._left_out), 5 * n)
 
-    def _with_all_stuck(self) -> PivotData:
+    def _with_all_stuck(self, r_star: Array) -> PivotData:
         """Return the map with all nodes stuck, whose matrix is the stiffness itself."""
         n, system, nodes = self.system.n, self.system, np.arange(self.system.n)
         F, S, Z = nodes[self.frictional], nodes[self.smooth], nodes[self.free_v]
-        wide = np.hstack([system.K / self._unit, system.r_star.T])
-        force = np.vstack(
-            [*system.friction[F, None].margins(wide[F], wide[n + F]), wide[n + S], wide[Z]]
-        )
         dofs = np.concatenate([F, n + F, n + S, Z])
+
+        def forces(of_u: Array) -> Array:
+            margins = system.friction[F, None].margins(of_u[F], of_u[n + F])
+            return np.vstack([*margins, of_u[n + S], of_u[Z]])
+
+        of_u = system.K.take(dofs, axis=1)
+        of_u *= 1.0 / self._unit  # a power of two
         return PivotData(
-            T=np.ascontiguousarray(force[:, dofs]),
-            G=np.ascontiguousarray(force[:, 2 * n :]),
+            T=forces(of_u),
+            G=forces(r_star),
             row_label=np.concatenate([A * n + F, B * n + F, A * n + S, REACTION * n + Z]),
             column_label=np.concatenate([V * n + F, W * n + F, W * n + S, V * n + Z]),
         )
@@ -223,40 +229,48 @@ class Tableau:
         Returns:
             (4N,) rates by label; zero for the inputs.
         """
-        n = len(self.state)
+        n, carried = len(self.state), self.matrix.G.shape[1]
+        if len(direction) > carried and direction[carried:].any():
+            return self.following(direction @ self.system.r_star)
         rates = np.zeros(4 * n)
-        rates[self.matrix.row_label] = self.matrix.G.dot(direction)
+        rates[self.matrix.row_label] = self.matrix.G.dot(direction[:carried])
         rates[: 2 * n] *= 1.0 / self._unit  # a power of two
         return rates
 
     def refined(self, rates: Array, direction: Array) -> Array:
         """Return rates after one step of iterative refinement, reactions evaluated afresh."""
         n, system = self.system.n, self.system
-        dr = direction @ system.r_star + system.K @ rates[: 2 * n]
-        change = self.correction(dr)[: 4 * n].reshape(4, n)
-        forward, backward = limit_distances(
-            system.friction, (self.frictional, self.smooth), self.state, dr
-        )
+        new = self.following(direction @ system.r_star + system.K @ rates[: 2 * n])
+        new[: 2 * n] += rates[: 2 * n]
+        return new
+
+    def following(self, dr: Array) -> Array:
+        """Return the rates (4N,) where loads change the reactions by dr (2N,), or several."""
+        n, every = self.system.n, (slice(None), *(None,) * (dr.ndim - 1))
+        friction, state = self.system.friction[every], self.state[every]
+        frictional, smooth = self.frictional[every], self.smooth[every]
+        change = self.correction(dr)[: 4 * n].reshape(4, n, *dr.shape[1:])
+        forward, backward = limit_distances(friction, (frictional, smooth), state, dr)
         # at a slipping node the sum of both is the change of A + B
         sliding = change[A] + change[B]
+        forward += np.where(state == BACKWARD, sliding, change[A])
+        backward += np.where(state == FORWARD, sliding, change[B])
         open_ = self.state == SEPARATION
-        forward += np.where(self.state == BACKWARD, sliding, change[A])
-        backward += np.where(self.state == FORWARD, sliding, change[B])
         forward[open_ | (self.state == FORWARD)] = 0.0
         backward[open_ | (self.state == BACKWARD)] = 0.0
-        return np.concatenate([rates[: 2 * n] + change[:A].ravel(), forward, backward])
+        return np.concatenate([*change[:A], forward, backward])
 
     def response(self, labels: NDArray[np.intp], change: Array) -> Array:
         """Return the change of every quantity when forces among the inputs change.
 
         Args:
             labels: labels of the changed inputs, not V or W.
-            change: (k,) their changes.
+            change: (k,) their changes, or several in columns.
 
         Returns:
-            (5N,) changes by label.
+            (5N,) changes by label, or as many columns.
         """
-        out = np.zeros(5 * self.system.n)
+        out = np.zeros((5 * self.system.n, *change.shape[1:]))
         out[self.matrix.row_label] = self.matrix.response(labels, change)
         out[: 2 * self.system.n] /= self._unit
         out[labels] = change
@@ -266,13 +280,15 @@ class Tableau:
         """Return the change of every quantity that brings every input back to zero.
 
         Args:
-            r: (2N,) reactions, or rates of reaction, in the present states.
+            r: (2N,) reactions, or rates of reaction, in the present states; or several in columns.
 
         Returns:
             (5N,) changes by label; the first 2N are those of the displacements.
         """
         n, state = self.system.n, self.state
-        Q, P = r[:n], r[n:]
+        Q, P, friction = r[:n], r[n:], self.system.friction
+        if r.ndim > 1:
+            friction = friction[:, None]
         open_ = state == SEPARATION
         nodes = (
             np.flatnonzero(self.frictional & (open_ | (state == FORWARD))),
@@ -280,7 +296,7 @@ class Tableau:
             np.flatnonzero(self.smooth & open_),
             np.flatnonzero(self.free_v),
         )
-        quantities = (*self.system.friction.margins(Q, P), P, Q)
+        quantities = (*friction.margins(Q, P), P, Q)
         labels = [kind * n + i for kind, i in zip((A, B, A, REACTION), nodes, strict=True)]
         change = [-quantity[i] for quantity, i in zip(quantities, nodes, strict=True)]
         return self.response(np.concatenate(labels), np.concatenate(change))

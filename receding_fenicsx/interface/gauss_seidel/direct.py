@@ -45,11 +45,13 @@ def solve_directly(
     if motions.shape[1]:
         K = K + float(np.abs(np.diagonal(K)).max()) * motions @ motions.T
     f = system.friction.at_slip(state)[free_t]
-    rows = np.vstack([K[free_t] + f[:, None] * K[n + free_t], K[n + free_n]])
+    matrix = K.take(free, axis=0).take(free, axis=1)
+    matrix[: len(f)] += f[:, None] * K.take(n + free_t, axis=0).take(free, axis=1)
     r = reactions(system, load, u)
-    rhs = np.concatenate([r[free_t] + f * r[n + free_t], r[n + free_n]])
+    rhs = r[free]
+    rhs[: len(f)] += f * r[n + free_t]
     try:
-        u[free] -= np.linalg.solve(rows[:, free], rhs)
+        u[free] -= np.linalg.solve(matrix, rhs)
     except np.linalg.LinAlgError:
         return None
     return u

@@ -78,7 +78,8 @@ def solutions_from_rest(
     except np.linalg.LinAlgError:
         return np.zeros((0, n), dtype=np.int8), False
     every = [np.where(state > 0, state, others) for state in ends]
-    return _distinct(certificate, start, load, every), False
+    different = list({state.tobytes(): state for state in every}.values())
+    return _distinct(certificate, start, load, different), False
 
 
 def _by_newton(
