@@ -4,7 +4,7 @@ The slow tail towards the steady state comes from nodes that drift: they slip on
 direction, less each time, until they only touch their friction limit. All others slip both ways or
 open, and forget what was before, or stick for good. The limit, from top to bottom:
 
-1. **When** (`jump.LimitSearch`): after cycle 3, then 6, 12, ... of a history with
+1. **When** (`jump.LimitSearch`): after cycle 2, then 4, 8, ... of a history with
    `until = "limit"`. Everything follows from the finished cycles alone, with solvers of its own, so
    that a resumed run repeats it bit by bit and a failed search leaves no trace.
 2. **Sort** (`sorting.sort_nodes`): play one cycle; nodes that slip both ways or open stay free, all
@@ -18,9 +18,10 @@ open, and forget what was before, or stick for good. The limit, from top to bott
 5. **Newton** on its pieces. In given states the rates $q$ do not depend on the shifts, so that the
    derivative $S$ of all quantities changes at events only, each of which moves by $\delta s$:
    $$q_l\, \delta s = -S_l, \qquad S \leftarrow S + (q^- - q^+)\, \delta s ,$$
-   one triangular system for all events (`frozen.FrozenCycle.events`).
+   one triangular system for all events (`frozen.FrozenCycle.events`). A margin that is smallest at
+   an event moves with it, by its own rate times $\delta s$ (`newton.margin_derivatives`).
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
-   those that violate one drift.
+   those that violate one drift. Newton's method goes on from the drifts found.
 7. **Overshoot** (`uniqueness.is_overshot`): slip does not go back. A limit beyond which some node
    would slip on the way is refused, and searched for again later.
 8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,

@@ -32,12 +32,14 @@ class Stop(NamedTuple):
 
     Attributes:
         load: (n_loads,) load factors, those of the shifts included.
+        way: (n_loads,) their changes over the leg.
         u: (2N,) displacements, those of frozen nodes without their shifts.
         q: (4N,) rates of [v, gap, A, B] on the way there, over the leg.
         label: quantity that reached its limit, -1 at a corner.
     """
 
     load: Array
+    way: Array
     u: Array
     q: Array
     label: int
@@ -54,8 +56,8 @@ class TracedWalk(Walk):
 
     def _advance(self, segment: Segment, ds: float) -> None:
         super()._advance(segment, ds)
-        point = self.point
-        self.trace.append(Stop(point.load, point.displacements(point.y), segment.q, -1))
+        point, way = self.point, self.states.direction
+        self.trace.append(Stop(point.load, way, point.displacements(point.y), segment.q, -1))
 
     def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
         self.trace[-1] = self.trace[-1]._replace(label=label)
@@ -169,6 +171,7 @@ class Frozen:
         loop: (m + 1, n_loads) load factors of a cycle.
         force: largest nodal force of the history.
         budget: counts the cycles.
+        opening: (N,) nodes expected to open; None for all.
     """
 
     system: ContactSystem
@@ -177,6 +180,7 @@ class Frozen:
     loop: Array
     force: float
     budget: Budget
+    opening: NDArray[np.bool_] | None = None
     segments: Segments = field(init=False)
 
     def __post_init__(self) -> None:
@@ -195,7 +199,9 @@ class Frozen:
                 load_names=(*system.load_names, *(f"shift {d}" for d in self.shifted)),
                 load_compliance=np.zeros((0, 0)),
                 load_sign=np.zeros(0),
-            )
+            ),
+            self.opening,
+            len(system.load_names),
         )
 
     def shift(self, state: ContactState, old: Array, new: Array) -> ContactState:
@@ -230,9 +236,8 @@ class Frozen:
 
     def start_change(self, state: ContactState) -> Array:
         """Return the derivatives (4N, k) of [v, gap, A, B] in the shifts, the states kept."""
-        k, tableau = len(self.shifted), self.segments.tableau(state.state)
-        unit = np.eye(len(self.system.load_names) + k)[len(self.system.load_names) :]
-        return np.array([tableau.rates(d) for d in unit]).reshape(k, 4 * self.system.n).T
+        tableau = self.segments.tableau(state.state)
+        return tableau.following(self.system.K[self.shifted].T)
 
     def periodic_change(self, cycle: FrozenCycle) -> MovedCycle:
         """Return the derivatives in the shifts of a cycle that repeats itself.

@@ -38,7 +38,7 @@ from receding_fenicsx.interface.system import ContactState, typical_stiffness
 Progress = Callable[[int, int, str], None]
 """Called as progress(cycle, cycles, message) after every cycle."""
 
-FIRST_SEARCH = 3
+FIRST_SEARCH = 2
 """Cycle after which the limit is searched for first; then after twice as many, and so on."""
 
 MAX_CYCLES = 40

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.limit.frozen import Frozen, FrozenCycle, MovedCycle, NoLimit
 from receding_fenicsx.interface.residual import local_stiffness
-from receding_fenicsx.interface.system import ContactState
+from receding_fenicsx.interface.system import ContactState, reactions
 
 MAX_STEPS = 20
 """Newton steps after which the search is given up."""
@@ -23,6 +23,12 @@ MAX_FROZEN_CYCLES = 12
 
 REPEATS = 1e-13
 """Change of the displacements over a cycle with frozen nodes, over their largest, that is none."""
+
+ROUND_OFF = 1e-11
+"""The same up to which a change that does not become smaller is round-off."""
+
+UNEVEN = 0.1
+"""Part of a change by which it may differ from one that is geometric."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +69,7 @@ def smallest_margins(frozen: Frozen, cycle: FrozenCycle, nodes: Ints) -> Margins
     rows = np.concatenate([nodes, n + nodes])
     load = np.array([stop.load for stop in cycle.stops])
     u = np.array([stop.u for stop in cycle.stops])
-    r = load @ frozen.segments.system.r_star[:, rows] + u @ system.K[:, rows]
+    r = load @ frozen.segments.system.r_star[:, rows] + u @ system.K[rows].T
     A, B = system.friction[nodes].margins(r[:, : len(nodes)], r[:, len(nodes) :])
     return Margins(A.min(axis=0), B.min(axis=0), A.argmin(axis=0), B.argmin(axis=0))
 
@@ -75,7 +81,9 @@ def margin_derivatives(
 
     At stop j of a node with the row a of its margin in r = ... + K u,
 
-        dm = a . (S + sum over events e before j of change_e ds_e + q_j ds_j) + a_shifted .
+        dm = a . (S + sum over events e before j of change_e ds_e) + m'_j ds_j + a_shifted ,
+
+    m'_j being the rate of the margin on the way there.
 
     Args:
         frozen: the contact.
@@ -87,15 +95,23 @@ def margin_derivatives(
     """
     system, n, events = frozen.system, frozen.system.n, cycle.events
     f = np.where(signs > 0.0, system.friction.forward[nodes], system.friction.backward[nodes])
-    a = signs[:, None] * system.K[nodes] + f[:, None] * system.K[n + nodes]
+
+    def of(r: Array) -> Array:
+        return signs[:, None] * r[nodes] + f[:, None] * r[n + nodes]
+
+    a, stops = of(system.K), [cycle.stops[j] for j in at]
     weights = np.where(events.at < at[:, None], a @ events.change[:, : 2 * n].T, 0.0)
-    q = np.array([cycle.stops[j].q[: 2 * n] for j in at]).reshape(len(at), 2 * n)
+    q = np.array([stop.q[: 2 * n] for stop in stops]).reshape(len(at), 2 * n)
+    way = np.array([stop.way for stop in stops]).reshape(
+        len(at), len(frozen.segments.system.r_star)
+    )
     own, event = np.nonzero(at[:, None] == events.at)
-    weights[own, event] = np.einsum("ij,ij->i", a[own], q[own])
+    rate = (a * q).sum(axis=1) + (of(frozen.segments.system.r_star.T) * way).sum(axis=1)
+    weights[own, event] = rate[own]
     return a @ moved.S + weights @ moved.ds + a[:, frozen.shifted]
 
 
-def solve(frozen: Frozen, start: ContactState) -> Solution:
+def solve(frozen: Frozen, start: ContactState, guess: Array) -> Solution:
     """Find shifts x of the nodes that can be shifted so that none of them would slip.
 
     With the smallest margins A and B of a node over the periodic cycle: x > 0 only where A = 0,
@@ -105,6 +121,7 @@ def solve(frozen: Frozen, start: ContactState) -> Solution:
     Args:
         frozen: the contact.
         start: state at the start of a cycle, no node shifted.
+        guess: (k,) shifts to begin with.
 
     Raises:
         NoLimit: it does not converge within the contact's budget of cycles.
@@ -112,7 +129,9 @@ def solve(frozen: Frozen, start: ContactState) -> Solution:
     """
     nodes = frozen.shifted
     k = local_stiffness(frozen.system)[0][nodes]
-    x, state = np.zeros(len(nodes)), start
+    x, state = guess, start
+    if np.any(x):
+        state = frozen.shift(start, np.zeros_like(x), x)
     for step in range(MAX_STEPS):
         cycle = _repeating(frozen, state, x)
         m = smallest_margins(frozen, cycle, nodes)
@@ -141,11 +160,23 @@ def solve(frozen: Frozen, start: ContactState) -> Solution:
 
 
 def _repeating(frozen: Frozen, state: ContactState, x: Array) -> FrozenCycle:
-    """Return the cycle with given shifts that repeats itself."""
+    """Return the cycle with given shifts that repeats itself.
+
+    Where the change of the displacements shrinks by one factor c from cycle to cycle, all that is
+    still to come, c / (1 - c) times the last one, is added at once.
+    """
+    before, load = np.zeros_like(state.u), np.append(frozen.loop[0], x)
     for _ in range(MAX_FROZEN_CYCLES):
         cycle = frozen.cycle(state, x)
-        change = np.abs(cycle.end.u - cycle.start.u).max()
-        if change <= REPEATS * np.abs(cycle.end.u).max():
+        state, change = cycle.end, cycle.end.u - cycle.start.u
+        size, last, largest = (float(np.abs(u).max()) for u in (change, before, state.u))
+        if size <= REPEATS * largest or (0.5 * last <= size <= ROUND_OFF * largest and last > 0.0):
             return cycle
-        state = cycle.end
+        c = float(change @ before) / float(before @ before) if last else 0.0
+        uneven = np.linalg.norm(change - c * before) > UNEVEN * np.linalg.norm(change)
+        before = change
+        if 0.0 < c < 1.0 and not uneven and np.array_equal(cycle.start.state, state.state):
+            u = state.u + c / (1.0 - c) * change
+            state = ContactState(u, reactions(frozen.segments.system, load, u), state.state)
+            before = np.zeros_like(u)
     raise NoLimit(f"{MAX_FROZEN_CYCLES} cycles with frozen nodes did not repeat themselves")

@@ -13,6 +13,7 @@ from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
 from receding_fenicsx.evolution.limit.newton import Solution, smallest_margins, solve
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.reduction import widen
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.law import STICK
 from receding_fenicsx.interface.solver import Solver
@@ -72,16 +73,17 @@ def find_limit(
     try:
         budget.take()
         nodes = sort_nodes(model, solver, start, loop, force)
+        shift = np.zeros(model.n)
         for _ in range(MAX_SORTS):
             held, shifted = np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting)
-            frozen = Frozen(model, held, shifted, loop, force, budget)
+            frozen = Frozen(model, held, shifted, loop, force, budget, widen(nodes.opens))
             states = np.where(nodes.frozen, STICK, start.state).astype(np.int8)
-            solution = solve(frozen, replace(start, state=states))
+            solution = solve(frozen, replace(start, state=states), shift[shifted])
             steps += solution.steps
+            shift = np.zeros(model.n)
+            shift[shifted] = solution.shifts
             again = _sorted_again(frozen, solution, nodes)
             if again is None:
-                shift = np.zeros(model.n)
-                shift[frozen.shifted] = solution.shifts
                 if not nodes.go_on(shift):
                     raise NoLimit(
                         "some node would slip back on the way to the limit that was found"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -33,16 +33,18 @@ class Sorted:
             depends on the cycles before.
         drifting: (N,) frozen nodes that slip in one direction, and their neighbours among them.
         slip: (N,) slip in the cycle of the nodes that were frozen at first, 0 elsewhere.
+        opens: (N,) nodes that are open somewhere in the cycle.
     """
 
     frozen: Mask
     drifting: Mask
     slip: Array
+    opens: Mask
 
     def with_moved(self, freed: Mask, drifting: Mask) -> Sorted:
         """Return the same with some nodes freed, and others that drift."""
         frozen = self.frozen & ~freed
-        return Sorted(frozen, (self.drifting | drifting) & frozen, self.slip)
+        return replace(self, frozen=frozen, drifting=(self.drifting | drifting) & frozen)
 
     def go_on(self, shift: Array) -> bool:
         """Return whether frozen nodes that slip in the cycle slip on in the same direction.
@@ -84,4 +86,4 @@ def sort_nodes(
     frozen = loose & ~opens & ~slips.all(axis=0)
     near = np.convolve(slips.any(axis=0) & frozen, np.ones(2 * NEIGHBOURS + 1))
     slip = np.where(frozen & slips.any(axis=0), forward - backward, 0.0)
-    return Sorted(frozen, (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen, slip)
+    return Sorted(frozen, (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen, slip, opens)

@@ -1,0 +1,55 @@
+"""Newton's method for the limit: derivatives against differences, and cycles that repeat slowly."""
+
+import numpy as np
+import pytest
+from models import block_system
+from small import cyclic
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, FrozenCycle
+from receding_fenicsx.evolution.limit.newton import margin_derivatives, smallest_margins, solve
+from receding_fenicsx.evolution.limit.sorting import sort_nodes
+from receding_fenicsx.evolution.replay import turning_point
+from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.normal_form import frictional_form
+
+pytestmark = pytest.mark.one_rank
+
+
+def frozen_contact(minimum: float) -> tuple[Frozen, Array, FrozenCycle]:
+    """Return the block with its nodes sorted after two cycles, the drifts and the limit cycle."""
+    system, history = block_system(40, 20), cyclic(2, minimum)
+    record = evolve(system, history)
+    start, model = turning_point(record, system, -1), frictional_form(system)
+    force = float(np.abs(start.r).max())
+    nodes = sort_nodes(model, EventPath(model), start, history.loop, force)
+    held, drifting = np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting)
+    frozen = Frozen(model, held, drifting, history.loop, force, Budget(500))
+    start.state[held] = 1
+    solution = solve(frozen, start, np.zeros(len(drifting)))
+    assert solution.steps <= 5 and solution.residual < 1e-13
+    return frozen, solution.shifts, solution.cycle
+
+
+@pytest.mark.parametrize("minimum", [0.05, 1 / 3])
+def test_the_derivatives_of_the_margins_are_those_of_differences(minimum: float) -> None:
+    frozen, x, cycle = frozen_contact(minimum)
+    nodes, small = frozen.shifted, 1e-6 * np.abs(x).max()
+    one = np.ones(len(nodes))
+    now = smallest_margins(frozen, cycle, nodes)
+    moved = frozen.periodic_change(cycle)
+    J = margin_derivatives(frozen, cycle, moved, nodes, one, now.at_A)
+    compared = 0
+    for i in range(0, len(nodes), 3):
+        shifted = x + small * (np.arange(len(nodes)) == i)
+        state = frozen.shift(cycle.end, x, shifted)
+        for _ in range(5):
+            again = frozen.cycle(state, shifted)
+            state = again.end
+        assert [stop.label for stop in again.stops] == [stop.label for stop in cycle.stops]
+        then = smallest_margins(frozen, again, nodes)
+        same = then.at_A == now.at_A  # another stop has another derivative
+        compared += int(same.sum())
+        assert np.abs((then.A - now.A) / small - J[:, i])[same].max() < 1e-6 * np.abs(J).max()
+    assert compared > 0.8 * len(nodes) * len(range(0, len(nodes), 3))
