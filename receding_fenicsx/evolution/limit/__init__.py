@@ -23,7 +23,8 @@ open, and forget what was before, or stick for good. The limit, from top to bott
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
    those that violate one drift. Newton's method goes on from the drifts found.
 7. **Overshoot** (`uniqueness.is_overshot`): slip does not go back. A limit beyond which some node
-   would slip on the way is refused, and searched for again later.
+   would slip on the way is refused, and searched for again later. So is one in which a free node
+   has come to rest: where it rests depends on cycles that were not played.
 8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,
    with the residuals and energies of any other. It is accepted only if it repeats itself as a
    steady cycle does (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`).

@@ -16,6 +16,8 @@ from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.reduction import widen
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.law import STICK
+from receding_fenicsx.interface.measures.steady import SLIP_ROUND_OFF
+from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.solver import Solver
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 
@@ -88,6 +90,8 @@ def find_limit(
                     raise NoLimit(
                         "some node would slip back on the way to the limit that was found"
                     )
+                if _come_to_rest(frozen, solution, nodes):
+                    raise NoLimit("some node that slips both ways would come to rest on the way")
                 state = _unfrozen(frozen, solution)
                 return Candidate(state, steps, solution.residual, frozen, solution)
             nodes = again
@@ -116,6 +120,18 @@ def _sorted_again(frozen: Frozen, solution: Solution, nodes: Sorted) -> Sorted |
     if not np.any(freed | drifting):
         return None
     return nodes.with_moved(freed, drifting)
+
+
+def _come_to_rest(frozen: Frozen, solution: Solution, nodes: Sorted) -> bool:
+    """Return whether a free node stays where it is in the cycle, and never opens.
+
+    Where it stays depends on the cycles before, which were not played.
+    """
+    model, n = frozen.system, frozen.system.n
+    free = model.friction.present & ~model.held[:n] & ~nodes.frozen & ~solution.cycle.opens
+    v = np.array([stop.u[:n] for stop in solution.cycle.stops])
+    give = SLIP_ROUND_OFF * frozen.force / local_stiffness(model)[0]
+    return bool(np.any(free & (np.ptp(v, axis=0) <= give)))
 
 
 def _unfrozen(frozen: Frozen, solution: Solution) -> ContactState:
