@@ -122,3 +122,21 @@ def test_limits_under_several_loads_are_those_of_plain_cycles(seed: int) -> None
     limit = rf.evolve(block, table(block, path, loop, 300), until="limit")
     plain = rf.evolve(block, table(block, path, loop, 1000), solver, until="steady")
     assert_same(limit, plain)
+
+
+def test_round_off_of_a_contact_that_shakes_down_is_no_walk() -> None:
+    file = Path(__file__).parents[2] / "demos" / "block.toml"
+    values = {
+        "mesh.contact_elements": 320,
+        "contact.friction": 1.0847,
+        "material.poisson": 0.3361,
+        "history.minimum": 0.7621,
+        "history.cycles": 100,
+    }
+    scene = rf.read_scene(file, [f"{key}={value}" for key, value in values.items()])
+    system = rf.condense(scene)
+    if system is None:
+        return
+    record = rf.evolve(system, scene, until="limit")
+    assert record.limit is not None and record.limit.jumped, record.limit
+    assert record.steady.kind == "shakedown" and record.limit.cycles_played <= 20

@@ -50,6 +50,9 @@ MAX_CHECKS = 3
 MAX_STEPPED = 10
 """The same of load steps, whose forces must repeat themselves too."""
 
+NO_GAIN = 1e-12
+"""Slip in the cycle that was found, over the largest displacement, that is round-off."""
+
 IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
 """What is said of the limit of load steps."""
 
@@ -216,7 +219,9 @@ class LimitSearch:
         r, v = begin.state.r, begin.v
         seen = [(instant.state.r, instant.v) for instant in ends[1:]]
         if len(seen) == 1:
-            seen.append((r + 2.0 * (end.state.r - r), v + 2.0 * (end.v - v)))
+            gain = end.v - v
+            gain[np.abs(gain) <= NO_GAIN * np.abs(end.state.u).max()] = 0.0
+            seen = [(r + k * (end.state.r - r), v + k * gain) for k in (1.0, 2.0)]
         watch = SteadyWatch(
             problem.solver.steady_tolerance or LIMIT_TOLERANCE, typical_stiffness(problem.system)
         )

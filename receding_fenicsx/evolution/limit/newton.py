@@ -99,14 +99,12 @@ def margin_derivatives(
     def of(r: Array) -> Array:
         return signs[:, None] * r[nodes] + f[:, None] * r[n + nodes]
 
-    a, stops = of(system.K), [cycle.stops[j] for j in at]
+    a, r_star = of(system.K), frozen.segments.system.r_star
     weights = np.where(events.at < at[:, None], a @ events.change[:, : 2 * n].T, 0.0)
-    q = np.array([stop.q[: 2 * n] for stop in stops]).reshape(len(at), 2 * n)
-    way = np.array([stop.way for stop in stops]).reshape(
-        len(at), len(frozen.segments.system.r_star)
-    )
+    q = np.array([cycle.stops[j].q[: 2 * n] for j in at]).reshape(len(at), 2 * n)
+    way = np.array([cycle.stops[j].way for j in at]).reshape(len(at), len(r_star))
     own, event = np.nonzero(at[:, None] == events.at)
-    rate = (a * q).sum(axis=1) + (of(frozen.segments.system.r_star.T) * way).sum(axis=1)
+    rate = (a * q).sum(axis=1) + (of(r_star.T) * way).sum(axis=1)
     weights[own, event] = rate[own]
     return a @ moved.S + weights @ moved.ds + a[:, frozen.shifted]
 
