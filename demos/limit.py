@@ -159,7 +159,8 @@ def main() -> None:
             f"{rows[:, 5].max():.1e}; at most {int(rows[found, 0].max(initial=0))} cycles played; "
             f"{np.median(rows[:, 6]):.1f} times faster (median)"
         )
-        assert rows[:, 4].max() < 1e-8, "a limit differs from plain cycles"
+        # cycles that end where they repeat to TOLERANCE have not come to their limit
+        assert rows[:, 4].max() < (1e-8 if options.plain else 1e-6), "a limit differs"
     scene = scene_of(options.nodes, PAPER)
     scene = replace(scene, history=replace(scene.history, until="limit"))
     cells = {
