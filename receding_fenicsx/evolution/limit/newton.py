@@ -24,7 +24,7 @@ MAX_FROZEN_CYCLES = 12
 REPEATS = 1e-13
 """Change of the displacements over a cycle with frozen nodes, over their largest, that is none."""
 
-ROUND_OFF = 1e-11
+ROUND_OFF = 1e-12
 """The same up to which a change that does not become smaller is round-off."""
 
 UNEVEN = 0.1

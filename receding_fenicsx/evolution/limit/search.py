@@ -127,10 +127,9 @@ def _come_to_rest(frozen: Frozen, solution: Solution, nodes: Sorted) -> bool:
 
     Where it stays depends on the cycles before, which were not played.
     """
-    model, n = frozen.system, frozen.system.n
-    free = model.friction.present & ~model.held[:n] & ~nodes.frozen & ~solution.cycle.opens
-    v = np.array([stop.u[:n] for stop in solution.cycle.stops])
-    give = SLIP_ROUND_OFF * frozen.force / local_stiffness(model)[0]
+    free = nodes.rubbing & ~nodes.frozen & ~solution.cycle.opens
+    v = np.array([stop.u[: frozen.system.n] for stop in solution.cycle.stops])
+    give = SLIP_ROUND_OFF * frozen.force / local_stiffness(frozen.system)[0]
     return bool(np.any(free & (np.ptp(v, axis=0) <= give)))
 
 

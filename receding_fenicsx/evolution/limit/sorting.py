@@ -29,13 +29,15 @@ class Sorted:
     """Nodes by what they do in a cycle.
 
     Attributes:
-        frozen: (N,) nodes that do not slip both ways and do not open; only these have a limit that
-            depends on the cycles before.
+        rubbing: (N,) nodes with friction, held in no direction.
+        frozen: (N,) those of them that do not slip both ways and do not open; only these have a
+            limit that depends on the cycles before.
         drifting: (N,) frozen nodes that slip in one direction, and their neighbours among them.
         slip: (N,) slip in the cycle of the nodes that were frozen at first, 0 elsewhere.
         opens: (N,) nodes that are open somewhere in the cycle.
     """
 
+    rubbing: Mask
     frozen: Mask
     drifting: Mask
     slip: Array
@@ -82,8 +84,9 @@ def sort_nodes(
         state = leg.end
     give = SLIP_ROUND_OFF * force / local_stiffness(model)[0]
     slips = np.array([forward > give, backward > give])
-    loose = model.friction.present & ~model.held[:n] & ~model.held[n:]
-    frozen = loose & ~opens & ~slips.all(axis=0)
+    rubbing = model.friction.present & ~model.held[:n] & ~model.held[n:]
+    frozen = rubbing & ~opens & ~slips.all(axis=0)
     near = np.convolve(slips.any(axis=0) & frozen, np.ones(2 * NEIGHBOURS + 1))
     slip = np.where(frozen & slips.any(axis=0), forward - backward, 0.0)
-    return Sorted(frozen, (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen, slip, opens)
+    drifting = (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen
+    return Sorted(rubbing, frozen, drifting, slip, opens)
