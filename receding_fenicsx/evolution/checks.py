@@ -8,11 +8,17 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, NoEquilibrium, SolveError
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.residual import is_carried_by_round_off
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, typical_stiffness
 from receding_fenicsx.scene.history import History
 
 SMALLEST_LEG_ENERGY = 1e-4
 """Smallest scale of a leg's energy error, over the largest energy of a leg so far."""
+
+ENERGY_ROUND_OFF = 1e-12
+"""Smallest scale over the energy of the largest nodal force on a typical stiffness."""
+
+MAX_ENERGY_ERROR = 1e-6
+"""Energy error with which a leg of the exact path is refused; correct ones have up to 1e-8."""
 
 SMALLEST_FORCE_RANGE = 1e-7
 """Change of the held reactions in a cycle, over the largest force so far, below which its events
@@ -44,8 +50,24 @@ def energy_error(
     stored = 0.5 * float((leg.end.u - start.u) @ forces)
     D = float(leg.dissipation.sum()) + sum(energy for _, energy in leg.jumps)
     largest = max(energy_scale, abs(D) + abs(stored))
-    scale = max(abs(D) + abs(stored), SMALLEST_LEG_ENERGY * largest)
+    least = ENERGY_ROUND_OFF * leg.force_scale**2 / (typical_stiffness(system) or np.inf)
+    scale = max(abs(D) + abs(stored), SMALLEST_LEG_ENERGY * largest, least)
     return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
+
+
+def check_energy(error: float, load: Array) -> None:
+    """Raise SolveError where a leg of the exact path breaks its energy identity.
+
+    Args:
+        error: energy error of the leg.
+        load: (n_loads,) load factors at its end.
+    """
+    if error > MAX_ENERGY_ERROR:
+        raise SolveError(
+            f"the exact path breaks the energy identity before load factors {load.tolist()}: "
+            f"error {error:.1e} over {MAX_ENERGY_ERROR:.0e} of the leg's energy; try the other "
+            "solver method, and report this scene"
+        )
 
 
 def check_force_range(model: ContactSystem, history: History, force: float) -> None:

@@ -11,7 +11,12 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.checks import check_holds, check_landing, energy_error
+from receding_fenicsx.evolution.checks import (
+    check_energy,
+    check_holds,
+    check_landing,
+    energy_error,
+)
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
 from receding_fenicsx.evolution.instants import Event, Instant, instant, rest_state
 from receding_fenicsx.evolution.probing import known_places, probed_at
@@ -83,13 +88,13 @@ class RunState:
         )
         self.corners = []
         for k, (a, b) in enumerate(self._legs(number)):
+            static = self._is_static(number, k)
             try:
                 leg = self._trace(number, k, (a, b), samples)
+                totals = self._totals_after((a, b), leg, static)
             except SolveError as error:
                 error.args = (f"cycle {number}, leg {k}: {error}",)
                 raise
-            static = self._is_static(number, k)
-            totals = self._totals_after((a, b), leg, static)
             if self.problem.judged:
                 self.uniqueness.add((number, k), self.position.state, (a, b), leg, static)
             self.position = Position(leg.end, b, totals)
@@ -200,6 +205,8 @@ class RunState:
         error, scale = 0.0, before.energy_scale
         if not is_static:
             error, scale = energy_error(self.model, self.position.state, ends, leg, scale)
+            if self.problem.solver.method == "events":
+                check_energy(error, ends[1])
         _log_leg(leg, error)
         return Totals(
             force_scale=leg.force_scale,

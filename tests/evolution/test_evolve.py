@@ -5,7 +5,8 @@ import pytest
 from models import block_system
 from small import cyclic, small_system, table
 
-from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged
+from receding_fenicsx.errors import InputError, NoEquilibrium, NotConverged, SolveError
+from receding_fenicsx.evolution import run_state
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -162,6 +163,15 @@ def test_an_error_carries_the_record_up_to_the_failed_leg() -> None:
     whole = evolve(BLOCK, table(BLOCK, [0.0, 1.0], [1.0, 0.4, 0.8, 1.0], 1))
     assert np.array_equal(ends.P, whole.turning_points.P[:3])
     assert len(record.cycles.dissipation) == 0
+
+
+def test_a_leg_that_breaks_its_energy_identity_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    exact = run_state.energy_error
+    monkeypatch.setattr(run_state, "energy_error", lambda *given: (1e-5, exact(*given)[1]))
+    with pytest.raises(SolveError, match=r"cycle 0, leg 0: .* energy identity .* error 1\.0e-05"):
+        evolve(BLOCK, cyclic(1))
+    steps = SolverOptions(method="gauss-seidel", steps_per_leg=10)
+    assert evolve(BLOCK, cyclic(1), steps).energy_error_max == 1e-5
 
 
 def test_a_step_that_does_not_converge_carries_the_record_too() -> None:

@@ -18,7 +18,8 @@ from receding_fenicsx.interface.exact.legs import (
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.replay.events import START_OF_LEG, Replay
 from receding_fenicsx.interface.exact.round_off import RoundOff, displacement_uncertainty
-from receding_fenicsx.interface.exact.segments import Following, Segment, Segments
+from receding_fenicsx.interface.exact.segments import Following, Segment, Segments, States
+from receding_fenicsx.interface.exact.tableau import A
 from receding_fenicsx.interface.exact.unloading import (
     UNLOADING_EVENTS,
     UNLOADING_REFINEMENTS,
@@ -26,6 +27,7 @@ from receding_fenicsx.interface.exact.unloading import (
     displacements_at_rest,
     keeps_limits,
 )
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
 from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.system import ContactState, Leg
 
@@ -196,11 +198,19 @@ class Walk:
             point.state = before
             following = self._consistent(label)
             made = changed_nodes(before, point.state)
-        # others that sit on limits by chance are not to be repeated, those that cease to slip are
-        if alone or (states.by_rates and only_stick(made, i)):
+        # what sits on another limit by chance is not to be repeated, what ceases to slip is
+        certain = states.by_rates and only_stick(made, i) and not self._needs_both(label, before)
+        if alone or certain:
             segment.next[label] = segment.last = Following(label, point.state, following, made)
         self.round_off.count_event()
         return following, True
+
+    def _needs_both(self, label: int, before: States) -> bool:
+        """Return whether a node that stuck before has changed as only one on both limits can."""
+        kind, i = divmod(label, len(before))
+        if before[i] != STICK or not self.segments.frictional[i]:
+            return False
+        return self.point.state[i] not in (STICK, FORWARD if kind == A else BACKWARD)
 
     def _consistent(self, hit: int | None = None) -> Segment:
         """Bring the states to consistent ones; return their rates."""

@@ -614,3 +614,16 @@ def test_a_body_that_has_slid_rests_without_load() -> None:
     assert np.array_equal(once.turning_points.P, twice.turning_points.P[[1, 2, 4]])
     assert np.array_equal(once.turning_points.v, twice.turning_points.v[[1, 2, 4]])
     assert twice.dissipation_first_loading == once.dissipation_first_loading
+
+
+@pytest.mark.parametrize("pull", [0.1, -0.1])
+def test_a_node_that_opened_without_tangential_force_slips_first_under_one(pull: float) -> None:
+    # P = 1 - 2 s on the legs down: both margins vanish at s = 0.5 where Q = 0, and one does where
+    # f P = |Q| = 0.1, at s = 0.4. The second node carries the body while the first is open
+    loads = {"press": [0, 0, 1, 0], "pull": [-1, 0, 0, 0], "rest": [0, 0, 0, 1]}
+    system = small_system(np.diag([2.0, 2.0, 1.0, 1.0]), loads, 0.5)
+    path = [[0, 0, 0], [0, 0, 1], [1, 0, 1], [-1, 0, 1], [1, 0, 1], [1, pull, 1], [-1, pull, 1]]
+    record = evolve(system, table(system, path))
+    slip = FORWARD if pull > 0.0 else BACKWARD
+    assert events_of(record, 0, 5) == [near((0.4, 0, STICK, slip)), near((0.5, 0, slip, OPEN))]
+    assert record.energy_error_max < 1e-12
