@@ -123,3 +123,27 @@ def pushed_block() -> ContactSystem:
         load_names=("p0", "push"),
         load_compliance=np.zeros((0, 0)),
     )
+
+
+def under_four_loads(seed: int) -> tuple[ContactSystem, list[list[float]]]:
+    """Return a random block under pressure and three more loads, and the corners of a loop."""
+    rng = np.random.default_rng(seed)
+    half, nx = bool(rng.random() < 0.5), int(rng.choice([16, 24, 32, 48]))
+    f, poisson = rng.uniform(0.1, 1.0), rng.uniform(0.0, 0.48)
+    block = block_system(nx, nx // 4, f, poisson, half)
+    n, rows = block.n, [block.r_star[0]]
+    for _ in range(3):
+        normal = 0.6 * rng.normal(size=2)[0] * np.cos(rng.integers(1, 3) * np.pi * block.x / 2)
+        tangential = 0.3 * rng.normal() * np.sin(np.pi * block.x / 2)
+        rows.append(np.concatenate([block.weight * tangential, block.weight * normal]))
+    loaded = replace(
+        block,
+        r_star=np.where(block.held, 0.0, np.array(rows)),
+        load_names=("p0", "a", "b", "c"),
+        f=f * (1.0 + 0.3 * rng.uniform(-1.0, 1.0, size=n)),
+        load_compliance=np.zeros((4, 4)),
+        load_sign=np.ones(4),
+    )
+    count = int(rng.integers(2, 5))
+    corners = [[rng.uniform(0.6, 1.4), *rng.uniform(-0.5, 0.5, size=3)] for _ in range(count)]
+    return loaded, [*corners, corners[0]]

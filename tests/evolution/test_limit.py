@@ -13,7 +13,7 @@ from small import cyclic, small_system, table
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import continue_history, evolve
 from receding_fenicsx.evolution.journal import Journal, JournalFile
-from receding_fenicsx.evolution.limit import jump, uniqueness
+from receding_fenicsx.evolution.limit import jump
 from receding_fenicsx.evolution.limit.uniqueness import is_p_matrix
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
@@ -139,16 +139,6 @@ def test_load_steps_from_the_exact_limit_repeat_themselves() -> None:
 )
 def test_p_matrices(M: np.ndarray, verdict: bool | None) -> None:
     assert is_p_matrix(np.array(M)) is verdict
-
-
-@pytest.mark.parametrize(("coupling", "verdict"), [(-0.5, False), (0.0, False), (0.5, True)])
-def test_a_slip_beyond_the_limit_is_told(coupling: float, verdict: bool) -> None:
-    # m = q + M y from q = -(1, 0.9): with coupling 0.5 both nodes slip at once, by (1, 0.9), and
-    # the solution (0.733, 0.533) of m = 0 is passed
-    M = np.array([[1.0, coupling], [coupling, 1.0]])
-    y = np.linalg.solve(M, [1.0, 0.9])
-    drifts = uniqueness.Drifts(y, np.zeros(2), M, np.ones(2))
-    assert uniqueness.is_overshot(drifts, force=1.0) is verdict
 
 
 def test_bad_input_is_refused_in_one_line() -> None:

@@ -1,11 +1,10 @@
 """Limits of infinitely many cycles of other bodies and loads, against plain playing."""
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
-from models import block_system, pushed_block
+from models import pushed_block, under_four_loads
 from small import table
 
 import receding_fenicsx as rf
@@ -60,7 +59,7 @@ def polygon(corners: int, phase: float) -> np.ndarray:
 def assert_same(limit: rf.Record, plain: rf.Record) -> None:
     """Assert that a limit that was searched for is that of plain cycles."""
     assert limit.limit is not None and limit.limit.jumped, limit.limit
-    assert plain.steady.reached and plain.steady.cycle > limit.limit.cycles_played
+    assert plain.steady.reached
     D, last = limit.cycles.dissipation, plain.cycles.dissipation[-1]
     assert last > 0.0 and abs(D[-1] - last) < 1e-7 * last
     v, w = limit.turning_points.v[-1], plain.turning_points.v[-1]
@@ -88,34 +87,10 @@ def test_the_limit_of_two_bodies_is_that_of_plain_cycles(tmp_path: Path) -> None
     assert_same(rf.evolve(system, scene, until="limit"), plain)
 
 
-def under_four_loads(seed: int) -> tuple[rf.ContactSystem, list[list[float]]]:
-    """Return a random block under pressure and three more loads, and the corners of a loop."""
-    rng = np.random.default_rng(seed)
-    half, nx = bool(rng.random() < 0.5), int(rng.choice([16, 24, 32, 48]))
-    f, poisson = rng.uniform(0.1, 1.0), rng.uniform(0.0, 0.48)
-    block = block_system(nx, nx // 4, f, poisson, half)
-    n, rows = block.n, [block.r_star[0]]
-    for _ in range(3):
-        normal = 0.6 * rng.normal(size=2)[0] * np.cos(rng.integers(1, 3) * np.pi * block.x / 2)
-        tangential = 0.3 * rng.normal() * np.sin(np.pi * block.x / 2)
-        rows.append(np.concatenate([block.weight * tangential, block.weight * normal]))
-    loaded = replace(
-        block,
-        r_star=np.where(block.held, 0.0, np.array(rows)),
-        load_names=("p0", "a", "b", "c"),
-        f=f * (1.0 + 0.3 * rng.uniform(-1.0, 1.0, size=n)),
-        load_compliance=np.zeros((4, 4)),
-        load_sign=np.ones(4),
-    )
-    count = int(rng.integers(2, 5))
-    corners = [[rng.uniform(0.6, 1.4), *rng.uniform(-0.5, 0.5, size=3)] for _ in range(count)]
-    return loaded, [*corners, corners[0]]
-
-
-@pytest.mark.parametrize("seed", [12, 38])
+@pytest.mark.parametrize("seed", [12, 38, 338, 428, 738])
 def test_limits_under_several_loads_are_those_of_plain_cycles(seed: int) -> None:
     # with seed 38 a node slips both ways in the first cycles, and comes to rest: where is not known
-    # before they are played
+    # before they are played; from 338 on nodes pass the limit that is found first
     block, loop = under_four_loads(seed)
     path = [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]]
     solver = rf.SolverOptions(steady_tolerance=1e-11)

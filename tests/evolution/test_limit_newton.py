@@ -8,7 +8,7 @@ from small import cyclic
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, FrozenCycle
-from receding_fenicsx.evolution.limit.newton import margin_derivatives, smallest_margins, solve
+from receding_fenicsx.evolution.limit.newton import margin_rows, smallest_margins, solve
 from receding_fenicsx.evolution.limit.sorting import sort_nodes
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.path import EventPath
@@ -39,7 +39,7 @@ def test_the_derivatives_of_the_margins_are_those_of_differences(minimum: float)
     one = np.ones(len(nodes))
     now = smallest_margins(frozen, cycle, nodes)
     moved = frozen.periodic_change(cycle)
-    J = margin_derivatives(frozen, cycle, moved, nodes, one, now.at_A)
+    J = margin_rows(frozen, cycle, nodes, one, now.at_A).moved(moved, nodes)
     compared = 0
     for i in range(0, len(nodes), 3):
         shifted = x + small * (np.arange(len(nodes)) == i)

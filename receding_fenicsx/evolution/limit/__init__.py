@@ -19,12 +19,14 @@ open, and forget what was before, or stick for good. The limit, from top to bott
    derivative $S$ of all quantities changes at events only, each of which moves by $\delta s$:
    $$q_l\, \delta s = -S_l, \qquad S \leftarrow S + (q^- - q^+)\, \delta s ,$$
    one triangular system for all events (`frozen.FrozenCycle.events`). A margin that is smallest at
-   an event moves with it, by its own rate times $\delta s$ (`newton.margin_derivatives`).
+   an event moves with it, by its own rate times $\delta s$ (`newton.margin_rows`).
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
    those that violate one drift. Newton's method goes on from the drifts found.
-7. **Overshoot** (`uniqueness.is_overshot`): slip does not go back. A limit beyond which some node
-   would slip on the way is refused, and searched for again later. So is one in which a free node
-   has come to rest: where it rests depends on cycles that were not played.
+7. **Overshoot** (`drifts.is_overshot`): slip does not go back. The drifts of all cycles to come are
+   followed to first order, with what free nodes remember; the same moved events tell what a slip
+   changes in its own cycle and in later ones. A limit beyond which some node would slip on the way
+   is refused, and searched for again later. So is one in which a free node has come to rest: where
+   it rests depends on cycles that were not played.
 8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,
    with the residuals and energies of any other. It is accepted only if it repeats itself as a
    steady cycle does (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`).

@@ -16,9 +16,12 @@ from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segment, Segments
 from receding_fenicsx.interface.exact.unloading import carries_nothing
 from receding_fenicsx.interface.exact.walk import Walk
-from receding_fenicsx.interface.law import SEPARATION
+from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.rigid_motions import neutral_motions
 from receding_fenicsx.interface.system import ContactState, ContactSystem
+
+DOUBLE = {(STICK, SEPARATION)}
+"""Changes of state of one node at which two quantities vanish."""
 
 MAX_PASSES = 50
 """Passes of the derivative through a cycle after which it must repeat itself."""
@@ -36,6 +39,7 @@ class Stop(NamedTuple):
         u: (2N,) displacements, those of frozen nodes without their shifts.
         q: (4N,) rates of [v, gap, A, B] on the way there, over the leg.
         label: quantity that reached its limit, -1 at a corner.
+        state: (N,) states on the way there.
     """
 
     load: Array
@@ -43,6 +47,7 @@ class Stop(NamedTuple):
     u: Array
     q: Array
     label: int
+    state: NDArray[np.int8]
 
 
 class TracedWalk(Walk):
@@ -57,7 +62,8 @@ class TracedWalk(Walk):
     def _advance(self, segment: Segment, ds: float) -> None:
         super()._advance(segment, ds)
         point, way = self.point, self.states.direction
-        self.trace.append(Stop(point.load, way, point.displacements(point.y), segment.q, -1))
+        u = point.displacements(point.y)
+        self.trace.append(Stop(point.load, way, u, segment.q, -1, point.state))
 
     def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
         self.trace[-1] = self.trace[-1]._replace(label=label)
@@ -88,12 +94,15 @@ class MovingEvents(NamedTuple):
     Attributes:
         at: (E,) number of the stop of each.
         label: (E,) quantity that reaches zero there.
-        change: (E, 4N) rates before it less those after it.
+        moves: (E,) whether the stop moves by ds; else ds is the part of a further quantity that
+            vanishes there, too.
+        change: (E, 4N) change of all quantities over ds: rates before it less those after it.
         triangle: (E, E) rate of each quantity at its own event, its changes at those before.
     """
 
     at: Ints
     label: Ints
+    moves: NDArray[np.bool_]
     change: Array
     triangle: Array
 
@@ -125,12 +134,14 @@ class FrozenCycle:
         start, end: states at its start and end.
         stops: its events and corners.
         opens: (N,) nodes that are open somewhere.
+        segments: makes the rates.
     """
 
     start: ContactState
     end: ContactState
     stops: list[Stop]
     opens: NDArray[np.bool_]
+    segments: Segments
 
     @cached_property
     def events(self) -> MovingEvents:
@@ -142,17 +153,39 @@ class FrozenCycle:
 
             q_l ds_e = -S_l,    S <- S + (q_before - q_after) ds_e,
 
-        one triangular system for all events of the cycle. A corner does not move.
+        one triangular system for all events of the cycle. A corner does not move. Where a node that
+        sticks opens, both margins vanish: the second one is brought to zero in the states that
+        follow. This is right to first order though it may slip on the way.
         """
-        q = np.array([stop.q for stop in self.stops])
-        label = np.array([stop.label for stop in self.stops])
-        at = np.flatnonzero(label >= 0)
-        at = at[q[at, label[at]] < 0.0]
-        label = label[at]
-        change = q[at] - q[at + 1] if len(at) else q[:0]
+        found: list[tuple[int, int, float, Array]] = []
+        for j, stop in enumerate(self.stops):
+            if stop.label >= 0 and stop.q[stop.label] < 0.0:
+                change = stop.q - self.stops[j + 1].q
+                found.append((j, stop.label, stop.q[stop.label], change))
+                found += [(j, label, 0.0, change) for label, change in self._vanishing(j)]
+        at = np.array([j for j, *_ in found], dtype=np.intp)
+        label = np.array([label for _, label, *_ in found], dtype=np.intp)
+        rate = np.array([rate for *_, rate, _ in found])
+        width = len(self.stops[0].q)
+        change = np.array([change for *_, change in found]).reshape(len(at), width)
         triangle = np.tril(change[:, label].T, -1)
-        np.fill_diagonal(triangle, q[at, label])
-        return MovingEvents(at, label, change, triangle)
+        np.fill_diagonal(triangle, np.where(rate < 0.0, rate, 1.0))
+        return MovingEvents(at, label, rate < 0.0, change, triangle)
+
+    def _vanishing(self, j: int) -> list[tuple[int, Array]]:
+        """Return further quantities that vanish at a stop, with what brings them to zero (4N,)."""
+        before, label, after = self.stops[j].state, self.stops[j].label, self.stops[j + 1].state
+        i = label % len(before)
+        alone = np.count_nonzero(before != after) == 1
+        if alone and (before[i], after[i]) not in DOUBLE:
+            return []
+        reached = self.segments.tableau(before).limits_reached(after)
+        tableau, one = self.segments.tableau(after), np.ones(1)
+        return [
+            (other, tableau.response(np.array([other]), one)[: 4 * len(before)])
+            for other in reached
+            if other != label
+        ]
 
 
 @dataclass
@@ -227,7 +260,7 @@ class Frozen:
                 raise NoLimit("the contact is unloaded in the cycle, and begins anew")
             state, stops = leg.end, stops + walk.trace
             opens[[node for _, node, _, new in leg.events if new == SEPARATION]] = True
-        return FrozenCycle(start, state, stops, opens)
+        return FrozenCycle(start, state, stops, opens, self.segments)
 
     def _walked(self, state: ContactState, ends: tuple[Array, Array]) -> TracedWalk:
         walk = TracedWalk(self.segments, LegProblem(state, ends, self.force))
@@ -238,6 +271,14 @@ class Frozen:
         """Return the derivatives (4N, k) of [v, gap, A, B] in the shifts, the states kept."""
         tableau = self.segments.tableau(state.state)
         return tableau.following(self.system.K[self.shifted].T)
+
+    def quantities(self, u: Array) -> Array:
+        """Return [v, gap, A, B] (4N,) of displacements (2N,) without loads and initial gaps."""
+        n, segments = self.system.n, self.segments
+        r = self.system.K @ u
+        A, B = self.system.friction.margins(r[:n], r[n:])
+        A = np.where(segments.smooth, r[n:], np.where(segments.frictional, A, 0.0))
+        return np.concatenate([u, A, np.where(segments.frictional, B, 0.0)])
 
     def periodic_change(self, cycle: FrozenCycle) -> MovedCycle:
         """Return the derivatives in the shifts of a cycle that repeats itself.

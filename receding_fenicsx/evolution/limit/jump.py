@@ -11,15 +11,10 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
+from receding_fenicsx.evolution.limit.drifts import is_overshot
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
 from receding_fenicsx.evolution.limit.search import Candidate, find_limit
-from receding_fenicsx.evolution.limit.uniqueness import (
-    NOT_EXAMINED,
-    YES,
-    drifts_of,
-    is_overshot,
-    is_unique,
-)
+from receding_fenicsx.evolution.limit.uniqueness import NOT_EXAMINED, YES, is_unique
 from receding_fenicsx.evolution.limit.walking import find_walk, may_walk, walking_motions
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
@@ -50,7 +45,7 @@ MAX_CHECKS = 3
 MAX_STEPPED = 10
 """The same of load steps, whose forces must repeat themselves too."""
 
-NO_GAIN = 1e-12
+NO_GAIN = 1e-10
 """Slip in the cycle that was found, over the largest displacement, that is round-off."""
 
 IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
@@ -114,13 +109,13 @@ class LimitSearch:
         number, in_steps = len(cycles), self.problem.solver.method != "events"
         trial = RunState(self.problem, cycles)
         found = self._candidate(trial, budget)
-        drifts = drifts_of(found)
-        allowed = self.problem.solver.overshoot
-        if drifts is not None and is_overshot(drifts, found.frozen.force, allowed):
+        drifts, allowed = found.drifts, self.problem.solver.overshoot
+        force = trial.position.totals.force_scale
+        if drifts is not None and is_overshot(drifts, force, allowed):
             raise NoLimit("some node would slip beyond the limit that was found, and stay there")
         begin, cycle = self._played(trial, found.state, budget)
         ends = [begin, cycle.corners[-1]]
-        walks = found.solution is None
+        walks = found.walks
         if walks or in_steps:
             budget.played += 1
             ends += trial.trace_cycle(number).corners[-1:]

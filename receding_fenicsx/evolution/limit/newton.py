@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,10 +75,28 @@ def smallest_margins(frozen: Frozen, cycle: FrozenCycle, nodes: Ints) -> Margins
     return Margins(A.min(axis=0), B.min(axis=0), A.argmin(axis=0), B.argmin(axis=0))
 
 
-def margin_derivatives(
-    frozen: Frozen, cycle: FrozenCycle, moved: MovedCycle, nodes: Ints, signs: Array, at: Ints
-) -> Array:
-    """Return the derivatives (m, k) of margins of nodes at stops of a cycle in the shifts.
+class MarginRows(NamedTuple):
+    """Margins of nodes, each at one stop of a cycle, as linear functions of what moves there.
+
+    Attributes:
+        at: (m,) the stop of each.
+        of_u: (m, 2N) factors of the displacements.
+        of_events: (m, E) factors of the moved events.
+    """
+
+    at: Ints
+    of_u: Array
+    of_events: Array
+
+    def moved(self, moved: MovedCycle, shifted: Ints) -> Array:
+        """Return the derivatives (m, k) of the margins in the shifts of nodes (k,)."""
+        return self.of_u @ moved.S + self.of_events @ moved.ds + self.of_u[:, shifted]
+
+
+def margin_rows(
+    frozen: Frozen, cycle: FrozenCycle, nodes: Ints, signs: Array, at: Ints
+) -> MarginRows:
+    """Return how margins of nodes at stops of a cycle change.
 
     At stop j of a node with the row a of its margin in r = ... + K u,
 
@@ -88,7 +107,6 @@ def margin_derivatives(
     Args:
         frozen: the contact.
         cycle: the cycle.
-        moved: its derivatives.
         nodes: (m,) the nodes.
         signs: (m,) 1 for the margin A, -1 for B.
         at: (m,) the stop of each.
@@ -103,10 +121,10 @@ def margin_derivatives(
     weights = np.where(events.at < at[:, None], a @ events.change[:, : 2 * n].T, 0.0)
     q = np.array([cycle.stops[j].q[: 2 * n] for j in at]).reshape(len(at), 2 * n)
     way = np.array([cycle.stops[j].way for j in at]).reshape(len(at), len(r_star))
-    own, event = np.nonzero(at[:, None] == events.at)
+    own, event = np.nonzero((at[:, None] == events.at) & events.moves)
     rate = (a * q).sum(axis=1) + (of(r_star.T) * way).sum(axis=1)
     weights[own, event] = rate[own]
-    return a @ moved.S + weights @ moved.ds + a[:, frozen.shifted]
+    return MarginRows(at, a, weights)
 
 
 def solve(frozen: Frozen, start: ContactState, guess: Array) -> Solution:
@@ -145,9 +163,8 @@ def solve(frozen: Frozen, start: ContactState, guess: Array) -> Solution:
         J, chosen = np.diag(k), np.flatnonzero(active)
         signs = active[chosen].astype(float)
         at = np.where(forward, m.at_A, m.at_B)[chosen]
-        J[chosen] = signs[:, None] * margin_derivatives(
-            frozen, cycle, moved, nodes[chosen], signs, at
-        )
+        rows = margin_rows(frozen, cycle, nodes[chosen], signs, at)
+        J[chosen] = signs[:, None] * rows.moved(moved, nodes)
         try:
             new = x - np.linalg.solve(J, R)
         except np.linalg.LinAlgError:

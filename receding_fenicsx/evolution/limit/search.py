@@ -9,6 +9,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution.limit.drifts import Drifts, drifts_of
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
 from receding_fenicsx.evolution.limit.newton import Solution, smallest_margins, solve
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
@@ -37,15 +38,15 @@ class Candidate:
         steps: Newton steps.
         residual: natural map of drifts and margins, over the largest nodal force; of a body that
             walks, change of the forces.
-        frozen: the contact with frozen nodes.
-        solution: the cycle with frozen nodes; None where the body walks.
+        drifts: drifts of the nodes, None where none drifts.
+        walks: the body walks.
     """
 
     state: ContactState
     steps: int
     residual: float
-    frozen: Frozen
-    solution: Solution | None
+    drifts: Drifts | None = None
+    walks: bool = False
 
 
 def find_limit(
@@ -86,14 +87,12 @@ def find_limit(
             shift[shifted] = solution.shifts
             again = _sorted_again(frozen, solution, nodes)
             if again is None:
-                if not nodes.go_on(shift):
-                    raise NoLimit(
-                        "some node would slip back on the way to the limit that was found"
-                    )
-                if _come_to_rest(frozen, solution, nodes):
-                    raise NoLimit("some node that slips both ways would come to rest on the way")
-                state = _unfrozen(frozen, solution)
-                return Candidate(state, steps, solution.residual, frozen, solution)
+                drifts = drifts_of(frozen, solution, nodes.end)
+                if drifts is None or not len(drifts.others):
+                    _check_rest(frozen, solution, nodes, shift)
+                    state = _unfrozen(frozen, solution)
+                    return Candidate(state, steps, solution.residual, drifts)
+                again = nodes.with_drifting(drifts.others)
             nodes = again
     except SolveError as error:
         raise NoLimit(f"a cycle with frozen nodes ends early: {error}") from error
@@ -122,15 +121,19 @@ def _sorted_again(frozen: Frozen, solution: Solution, nodes: Sorted) -> Sorted |
     return nodes.with_moved(freed, drifting)
 
 
-def _come_to_rest(frozen: Frozen, solution: Solution, nodes: Sorted) -> bool:
-    """Return whether a free node stays where it is in the cycle, and never opens.
+def _check_rest(frozen: Frozen, solution: Solution, nodes: Sorted, shift: Array) -> None:
+    """Raise NoLimit where the place of a node in the limit depends on cycles not played.
 
-    Where it stays depends on the cycles before, which were not played.
+    That is so where one that drifts would slip back, and where a free node stays where it is in the
+    cycle, and never opens.
     """
+    if not nodes.go_on(shift):
+        raise NoLimit("some node would slip back on the way to the limit that was found")
     free = nodes.rubbing & ~nodes.frozen & ~solution.cycle.opens
     v = np.array([stop.u[: frozen.system.n] for stop in solution.cycle.stops])
     give = SLIP_ROUND_OFF * frozen.force / local_stiffness(frozen.system)[0]
-    return bool(np.any(free & (np.ptp(v, axis=0) <= give)))
+    if np.any(free & (np.ptp(v, axis=0) <= give)):
+        raise NoLimit("some node that slips both ways would come to rest on the way")
 
 
 def _unfrozen(frozen: Frozen, solution: Solution) -> ContactState:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.measures.steady import SLIP_ROUND_OFF
 from receding_fenicsx.interface.residual import local_stiffness
@@ -35,6 +35,7 @@ class Sorted:
         drifting: (N,) frozen nodes that slip in one direction, and their neighbours among them.
         slip: (N,) slip in the cycle of the nodes that were frozen at first, 0 elsewhere.
         opens: (N,) nodes that are open somewhere in the cycle.
+        end: state at the end of the cycle.
     """
 
     rubbing: Mask
@@ -42,11 +43,18 @@ class Sorted:
     drifting: Mask
     slip: Array
     opens: Mask
+    end: ContactState
 
     def with_moved(self, freed: Mask, drifting: Mask) -> Sorted:
         """Return the same with some nodes freed, and others that drift."""
         frozen = self.frozen & ~freed
         return replace(self, frozen=frozen, drifting=(self.drifting | drifting) & frozen)
+
+    def with_drifting(self, others: Ints) -> Sorted:
+        """Return the same with further frozen nodes that drift."""
+        drifting = self.drifting.copy()
+        drifting[others] = True
+        return replace(self, drifting=drifting)
 
     def go_on(self, shift: Array) -> bool:
         """Return whether frozen nodes that slip in the cycle slip on in the same direction.
@@ -89,4 +97,4 @@ def sort_nodes(
     near = np.convolve(slips.any(axis=0) & frozen, np.ones(2 * NEIGHBOURS + 1))
     slip = np.where(frozen & slips.any(axis=0), forward - backward, 0.0)
     drifting = (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen
-    return Sorted(rubbing, frozen, drifting, slip, opens)
+    return Sorted(rubbing, frozen, drifting, slip, opens, state)

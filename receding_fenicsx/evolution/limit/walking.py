@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, FrozenCycle, MovedCycle, NoLimit
-from receding_fenicsx.evolution.limit.newton import margin_derivatives, smallest_margins
+from receding_fenicsx.evolution.limit.newton import margin_rows, smallest_margins
 from receding_fenicsx.evolution.limit.search import VIOLATED, Candidate
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.law import SEPARATION, STICK
@@ -80,7 +80,7 @@ def find_walk(
             uneven = (local_stiffness(model)[0] * np.abs(slip - walk))[touches].max(initial=0.0)
             residual = max(float(np.abs(cycle.end.r - state.r).max()), float(uneven)) / force
             if residual <= REPEATS:
-                return Candidate(state, step, residual, frozen, None)
+                return Candidate(state, step, residual, walks=True)
             state = _newton_step(frozen, cycle, motions, walk)
     except (SolveError, np.linalg.LinAlgError, SingularExchange) as error:
         raise NoLimit(f"a cycle of a body that walks ends early: {error}") from error
@@ -105,8 +105,8 @@ def _newton_step(frozen: Frozen, cycle: FrozenCycle, motions: Array, walk: Array
     low = smallest_margins(frozen, cycle, at_rest)
     margin, at = np.where(sign > 0.0, (low.A, low.at_A), (low.B, low.at_B))
     s[still] = -sign * margin / k[at_rest]
-    moved = margin_derivatives(frozen, cycle, MovedCycle(S, ds), at_rest, sign, at.astype(int))
-    J[still] = -(sign / k[at_rest])[:, None] * moved
+    rows = margin_rows(frozen, cycle, at_rest, sign, at.astype(int))
+    J[still] = -(sign / k[at_rest])[:, None] * rows.moved(MovedCycle(S, ds), nodes)
     bordered = np.block([[J, -D], [D.T, np.zeros((D.shape[1],) * 2)]])
     x = np.linalg.solve(bordered, np.append(-s, np.zeros(D.shape[1])))[:m]
     u = cycle.end.u + (S + gained) @ x

@@ -179,6 +179,11 @@ class Tableau:
                 inputs.append(into * n + i)
         return outputs, inputs
 
+    def limits_reached(self, state: NDArray[np.int8]) -> list[int]:
+        """Return the labels of gaps and margins that vanish in given states, not in the present."""
+        outputs, _ = self._exchanges(self._different(state, self.state), self.state, state)
+        return [label for label in outputs if label >= len(state)]
+
     def _restore_nearest(self, state: NDArray[np.int8], changes: int) -> None:
         """Continue from a stored copy if fewer than ``changes`` nodes differ there."""
         candidates = list(self._copies)

@@ -1,0 +1,241 @@
+"""How nodes drift to a limit, cycle by cycle, and whether some pass it: slip does not go back."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import count, islice
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.evolution.limit.frozen import Frozen, FrozenCycle, MovedCycle, NoLimit
+from receding_fenicsx.evolution.limit.newton import (
+    MarginRows,
+    Solution,
+    margin_rows,
+    smallest_margins,
+)
+from receding_fenicsx.interface.residual import local_stiffness
+from receding_fenicsx.interface.system import ContactState
+
+OVERSHOT = 1e-10
+"""Force by which a margin may be passed, over the largest nodal force, that is none."""
+
+MAX_DRIFTING = 20_000
+"""Cycles of drifts, to first order, after which a limit counts as passed: it is not shown."""
+
+LOOKED_AT = 4
+"""Cycles of drifts after which they are looked at."""
+
+CLEAR = 0.05
+"""Distance from the limit, over what others may still change there, below which a node may pass it:
+the first order is not exact."""
+
+FORGOTTEN = 1e-7
+"""Difference of margins from those of the periodic cycle, over the largest, that is none."""
+
+MAX_MEMORY = 50
+"""Cycles that a slip is remembered at most."""
+
+MAX_GUESSES = 50
+"""Guesses which nodes slip in a cycle."""
+
+
+@dataclass(frozen=True)
+class Drifts:
+    """Drifts of k nodes to a limit, to first order: first those forward, then those backward.
+
+    Attributes:
+        limit: (2k,) drifts at the limit.
+        begun: (2k,) drifts that have been made.
+        margins: (L, 2k) smallest margins in the cycles to come without further drifts, A before B;
+            the last ones in all later cycles.
+        responses: (L, 2k, 2k) changes of the margins after a slip, in its own cycle and those to
+            come; the last ones in all later cycles.
+        towards: (k,) numbers of the drifts that the nodes make, or are nearer to.
+        stiffness: (k,) local stiffnesses of the nodes.
+        others: further frozen nodes that might slip while these drift.
+    """
+
+    limit: Array
+    begun: Array
+    margins: Array
+    responses: Array
+    towards: Ints
+    stiffness: Array
+    others: Ints
+
+    @property
+    def M(self) -> Array:
+        """(k, k) derivatives of the margins in the drifts of cycles that repeat themselves."""
+        M: Array = self.responses[-1][np.ix_(self.towards, self.towards)]
+        return M
+
+
+def drifts_of(frozen: Frozen, solution: Solution, now: ContactState) -> Drifts | None:
+    """Return the drifts from a state at the end of a cycle to a limit; None where none drifts."""
+    nodes, m, cycle, x = frozen.shifted, solution.margins, solution.cycle, solution.shifts
+    k = len(nodes)
+    if not k:
+        return None
+    signs = np.repeat([1.0, -1.0], k)
+    rows = margin_rows(frozen, cycle, np.tile(nodes, 2), signs, np.append(m.at_A, m.at_B))
+    moved = frozen.periodic_change(cycle)
+    M = rows.moved(moved, nodes)
+    begun = (now.v - cycle.start.v)[nodes]
+    far = now.u - cycle.start.u
+    far[nodes] -= x
+    margins, responses = _followed(frozen, cycle, rows, far)
+    smallest = np.append(m.A, m.B)
+    forward = (solution.active > 0) | ((solution.active == 0) & (m.A < m.B))
+    return Drifts(
+        limit=np.maximum(np.append(x, -x), 0.0),
+        begun=np.maximum(np.append(begun, -begun), 0.0),
+        margins=smallest + np.vstack([margins, M @ (begun - x)]),
+        responses=np.concatenate([responses, np.hstack([M, -M])[None]]),
+        towards=np.arange(k) + np.where(forward, 0, k),
+        stiffness=local_stiffness(frozen.system)[0][nodes],
+        others=_at_risk(frozen, solution, moved),
+    )
+
+
+def _followed(
+    frozen: Frozen, cycle: FrozenCycle, rows: MarginRows, far: Array
+) -> tuple[Array, Array]:
+    """Return the changes of the margins (L, 2k) without slips, and those after slips (L, 2k, 2k).
+
+    A node slips where its margin is smallest, in the states on the way there. What it changes at
+    once is followed through the rest of the cycle and the next ones, as the moved events change it.
+    So is the distance ``far`` (2N,) from the limit at the start of the cycle.
+    """
+    system, n, events = frozen.system, frozen.system.n, cycle.events
+    signs, nodes = np.repeat([1.0, -1.0], len(frozen.shifted)), np.tile(frozen.shifted, 2)
+    at_once = np.zeros((4 * n, len(nodes) + 1))
+    for stop in np.unique(rows.at):
+        here = np.flatnonzero(rows.at == stop)
+        tableau = frozen.segments.tableau(cycle.stops[stop].state)
+        at_once[:, here] = tableau.following(system.K[nodes[here]].T * signs[here])
+    at_once[:, -1] = frozen.quantities(far)
+    low, m = at_once[events.label], rows.of_u @ at_once[: 2 * n]
+    m[:, :-1] += rows.of_u[:, nodes] * signs
+    began = np.append(rows.at, -1)
+    on_low = events.change[:, events.label].T
+    on_m = rows.of_u @ events.change[:, : 2 * n].T
+    ds = events.moved(np.where(began <= events.at[:, None], low, 0.0))
+    followed = [np.where(began <= rows.at[:, None], m, 0.0) + rows.of_events @ ds]
+    while len(followed) < MAX_MEMORY:
+        low, m = low + on_low @ ds, m + on_m @ ds
+        ds = events.moved(low)
+        followed.append(m + rows.of_events @ ds)
+        change = np.abs(followed[-1] - followed[-2]).max(axis=0)
+        if np.all(change <= FORGOTTEN * np.abs(followed[-1]).max(axis=0)):
+            break
+    every = np.array(followed)
+    return every[:, :, -1], every[:, :, :-1]
+
+
+def _at_risk(frozen: Frozen, solution: Solution, moved: MovedCycle) -> Ints:
+    """Return frozen nodes without drift whose margins may vanish while others drift.
+
+    While the others lack any parts of their drifts x, a margin is at least
+    m* - sum over j of |dm/dx_j x_j|.
+    """
+    rest = np.setdiff1d(frozen.nodes, frozen.shifted)
+    m = smallest_margins(frozen, solution.cycle, rest)
+    risk = np.zeros(len(rest), dtype=bool)
+    for sign, margin, at in ((1.0, m.A, m.at_A), (-1.0, m.B, m.at_B)):
+        rows = margin_rows(frozen, solution.cycle, rest, np.full(len(rest), sign), at)
+        risk |= margin < np.abs(rows.moved(moved, frozen.shifted) * solution.shifts).sum(axis=1)
+    return rest[risk]
+
+
+def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
+    """Yield the drifts (2k,) after each cycle to come, and the margins (2k,) that they leave.
+
+    In each cycle the drifts grow by slips s >= 0 that end where no margin is negative:
+
+        m + R_0 s >= 0,  s . (m + R_0 s) = 0,   m = m_0 + sum over slips s' before of R_l s' ,
+
+    m_0 being the margins without slips and R_l the response l cycles after a slip.
+
+    Raises:
+        NoLimit: the slips of a cycle were not found.
+    """
+    margins, M = drifts.margins, drifts.responses[-1]
+    slips, memory = Slips(drifts.responses[0]), drifts.responses[1:-1] - M
+    past = np.zeros(memory.shape[:2])
+    y, left = drifts.begun.copy(), margins[-1].copy()
+    for cycle in count():
+        lasting = margins[min(cycle, len(margins) - 1)] - margins[-1]
+        s = slips.of(left + lasting + np.einsum("lij,lj->i", memory, past))
+        y += s
+        left += M @ s
+        past = np.vstack([s, past])[: len(past)]
+        yield y, left
+
+
+def is_overshot(drifts: Drifts, force: float, part: float = 0.0) -> bool:
+    """Return whether a node would slip beyond the limit on the way to it, and stay there.
+
+    Where a node passes its limit while others still drift, their slips may leave it a margin: no
+    later cycle takes its slip back. True also where a node comes nearer to that than ``CLEAR``, and
+    where they drift for more than ``MAX_DRIFTING`` cycles.
+
+    Args:
+        drifts: drifts to the limit.
+        force: largest nodal force of the history.
+        part: part of the largest drift by which nodes may pass it.
+
+    Raises:
+        NoLimit: the slips of a cycle were not found.
+    """
+    limit, margins, M = drifts.limit, drifts.margins, drifts.responses[-1]
+    if np.any(np.diagonal(drifts.M) <= 0.0):
+        return True
+    stiffness = np.abs(np.diagonal(M))
+    allowed = OVERSHOT * force + part * limit.max() * stiffness
+    by_others = np.abs(M) * np.tile(1.0 - np.eye(len(drifts.stiffness)), (2, 2))
+    for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), MAX_DRIFTING)):
+        if cycle % LOOKED_AT:
+            continue
+        left = limit - y
+        to_come = by_others @ np.maximum(left, 0.0)
+        to_come += np.abs(margins[min(cycle, len(margins) - 1)] - margins[-1])
+        if np.any(stiffness * left + np.maximum(m, 0.0) + allowed < CLEAR * to_come):
+            return True
+        if np.all(to_come <= allowed):
+            return False
+    return True
+
+
+class Slips:
+    """Slips of a cycle: s >= 0 and m + R s >= 0 with s . (m + R s) = 0."""
+
+    def __init__(self, R: Array) -> None:
+        """Take the response of the margins to slips in the same cycle."""
+        self.R = R
+        self.active: NDArray[np.bool_] = np.zeros(len(R), dtype=bool)
+        self.solution = np.zeros_like(R)
+
+    def of(self, m: Array) -> Array:
+        """Return the slips (k,) for the margins m without them.
+
+        Raises:
+            NoLimit: none were found.
+        """
+        for _ in range(MAX_GUESSES):
+            s: Array = self.solution @ m
+            wanted = np.where(self.active, s > 0.0, m + self.R @ s < 0.0)
+            if np.array_equal(wanted, self.active):
+                return s
+            self.active = wanted
+            chosen = np.flatnonzero(wanted)
+            self.solution = np.zeros_like(self.R)
+            block = np.ix_(chosen, chosen)
+            try:
+                self.solution[block] = -np.linalg.inv(self.R[block])
+            except np.linalg.LinAlgError:
+                break
+        raise NoLimit("which nodes slip on the way to the limit is not decided")

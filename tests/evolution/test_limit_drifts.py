@@ -1,0 +1,83 @@
+"""Drifts to a limit, cycle by cycle: against cycles that are played, and nodes that pass it."""
+
+from itertools import islice
+
+import numpy as np
+import pytest
+from models import block_system, under_four_loads
+from small import cyclic, table
+
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.limit import search
+from receding_fenicsx.evolution.limit.drifts import Drifts, cycles_to_come, is_overshot
+from receding_fenicsx.evolution.limit.frozen import Budget
+from receding_fenicsx.evolution.replay import turning_point
+from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.normal_form import frictional_form
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.scene.history import History
+
+pytestmark = pytest.mark.one_rank
+
+
+def paper_block(cycles: int) -> tuple[ContactSystem, History]:
+    """Return half of the paper's block on a coarse mesh and its history."""
+    return block_system(40, 20), cyclic(cycles)
+
+
+def loaded_block(seed: int, cycles: int) -> tuple[ContactSystem, History]:
+    """Return a random block under four loads and its history."""
+    block, loop = under_four_loads(seed)
+    return block, table(block, [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]], loop, cycles)
+
+
+@pytest.mark.parametrize(
+    ("seed", "before"), [(None, 16), (338, 10), (428, 10), (433, 16), (738, 16)]
+)
+def test_drifts_are_those_of_cycles_that_are_played(
+    seed: int | None, before: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    # with seed 433 nodes open without slip before, where both margins vanish at once
+    after = 6
+    system, history = paper_block(30) if seed is None else loaded_block(seed, 30)
+    record, shifted = evolve(system, history), []
+    drifts_of = search.drifts_of
+
+    def remembered(frozen, solution, now):  # type: ignore[no-untyped-def]
+        shifted[:] = frozen.shifted
+        return drifts_of(frozen, solution, now)
+
+    monkeypatch.setattr(search, "drifts_of", remembered)
+    model, rows = frictional_form(system), [record.start_row(c) for c in range(1, 31)]
+    start = turning_point(record, system, rows[before])
+    force = float(np.abs(record.turning_points.P).max())
+    found = search.find_limit(model, EventPath(model), start, history.loop, force, Budget(50))
+    drifts, k = found.drifts, len(shifted)
+    assert drifts is not None
+    half = record.turning_points.v.shape[1] - system.n
+    played = record.turning_points.v[rows][:, half:][:, shifted]
+    played = played[before + 2 : before + 2 + after] - played[before]
+    # the arrays are changed in place from cycle to cycle
+    foreseen = np.array([y[:k] - y[k:] for y, _ in islice(cycles_to_come(drifts), after)])
+    size = np.abs(played[-1] - played[0]).max()
+    assert size > 1e-8 * np.abs(record.turning_points.v).max()
+    assert np.abs(foreseen - played).max() < 1e-7 * size
+
+
+@pytest.mark.parametrize(("coupling", "verdict"), [(-0.5, False), (0.0, False), (0.5, True)])
+def test_a_slip_beyond_the_limit_is_told(coupling: float, verdict: bool) -> None:
+    # m = q + M y from q = -(1, 0.9). Node 1 slips by all that it lacks, 1, and node 2 by half of
+    # it; with coupling 0.5 the limit of node 1 is 0.733. None drifts backward: m = 9 there
+    M, q, none = np.array([[1.0, coupling], [coupling, 1.0]]), -np.array([1.0, 0.9]), np.zeros(2)
+    both = np.block([[M, -M], [-M, M]])
+    drifts = Drifts(
+        limit=np.append(np.linalg.solve(M, -q), none),
+        begun=np.zeros(4),
+        margins=np.append(q, none + 9.0)[None],
+        responses=np.array([np.diag([1.0, 2.0, 1.0, 1.0]), both]),
+        towards=np.arange(2),
+        stiffness=np.ones(2),
+        others=np.zeros(0, dtype=int),
+    )
+    assert is_overshot(drifts, force=1.0) is verdict
+    assert is_overshot(drifts, force=1.0, part=0.9) is False
