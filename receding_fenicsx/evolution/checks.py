@@ -14,8 +14,9 @@ from receding_fenicsx.scene.history import History
 SMALLEST_LEG_ENERGY = 1e-4
 """Smallest scale of a leg's energy error, over the largest energy of a leg so far."""
 
-ENERGY_ROUND_OFF = 1e-12
-"""Smallest scale over the energy of the largest nodal force on a typical stiffness."""
+ENERGY_ROUND_OFF = 1e-8
+"""Smallest scale over (F + K u) (F / k + u): F the largest nodal force, u the largest displacement,
+K and k the largest and a typical stiffness."""
 
 MAX_ENERGY_ERROR = 1e-6
 """Energy error with which a leg of the exact path is refused; correct ones have up to 1e-8."""
@@ -50,7 +51,9 @@ def energy_error(
     stored = 0.5 * float((leg.end.u - start.u) @ forces)
     D = float(leg.dissipation.sum()) + sum(energy for _, energy in leg.jumps)
     largest = max(energy_scale, abs(D) + abs(stored))
-    least = ENERGY_ROUND_OFF * leg.force_scale**2 / (typical_stiffness(system) or np.inf)
+    F, u = leg.force_scale, float(np.abs(leg.end.u).max())
+    K, k = float(np.abs(system.K).max()), typical_stiffness(system) or np.inf
+    least = ENERGY_ROUND_OFF * (F + K * u) * (F / k + u)
     scale = max(abs(D) + abs(stored), SMALLEST_LEG_ENERGY * largest, least)
     return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
 

@@ -87,7 +87,7 @@ def test_the_limit_of_two_bodies_is_that_of_plain_cycles(tmp_path: Path) -> None
     assert_same(rf.evolve(system, scene, until="limit"), plain)
 
 
-@pytest.mark.parametrize("seed", [12, 38, 338, 428, 738])
+@pytest.mark.parametrize("seed", [12, 38, 338, 428, 738, 4239])
 def test_limits_under_several_loads_are_those_of_plain_cycles(seed: int) -> None:
     # with seed 38 a node slips both ways in the first cycles, and comes to rest: where is not known
     # before they are played; from 338 on nodes pass the limit that is found first

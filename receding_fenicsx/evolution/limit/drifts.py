@@ -29,9 +29,9 @@ MAX_DRIFTING = 20_000
 LOOKED_AT = 4
 """Cycles of drifts after which they are looked at."""
 
-CLEAR = 0.05
-"""Distance from the limit, over what others may still change there, below which a node may pass it:
-the first order is not exact."""
+CLEAR = 0.1
+"""Distance from the limit after a cycle, over what others may change there from its start on, below
+which a node may pass it: the first order is not exact."""
 
 FORGOTTEN = 1e-7
 """Difference of margins from those of the periodic cycle, over the largest, that is none."""
@@ -197,16 +197,17 @@ def is_overshot(drifts: Drifts, force: float, part: float = 0.0) -> bool:
     stiffness = np.abs(np.diagonal(M))
     allowed = OVERSHOT * force + part * limit.max() * stiffness
     by_others = np.abs(M) * np.tile(1.0 - np.eye(len(drifts.stiffness)), (2, 2))
+    before = limit - drifts.begun
     for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), MAX_DRIFTING)):
-        if cycle % LOOKED_AT:
-            continue
         left = limit - y
-        to_come = by_others @ np.maximum(left, 0.0)
-        to_come += np.abs(margins[min(cycle, len(margins) - 1)] - margins[-1])
-        if np.any(stiffness * left + np.maximum(m, 0.0) + allowed < CLEAR * to_come):
-            return True
-        if np.all(to_come <= allowed):
-            return False
+        if cycle % LOOKED_AT == 0:
+            unsure = by_others @ np.maximum(before, 0.0)
+            unsure += np.abs(margins[min(cycle, len(margins) - 1)] - margins[-1])
+            if np.any(stiffness * left + np.maximum(m, 0.0) + allowed < CLEAR * unsure):
+                return True
+            if np.all(unsure <= allowed):
+                return False
+        before = left
     return True
 
 

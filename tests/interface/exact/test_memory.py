@@ -1,0 +1,60 @@
+"""What the exact path remembers of earlier legs changes nothing, on legs that repeat themselves."""
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from problems import problem
+from small import table
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution.checks import energy_error
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.replay import turning_point
+from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.normal_form import frictional_form
+
+pytestmark = pytest.mark.one_rank
+
+LEGS = 40
+
+
+def random_walk(rng: np.random.Generator, loads: int) -> Iterator[tuple[Array, Array]]:
+    """Yield legs between points of a lattice of load factors, whose directions repeat."""
+    at = np.zeros(loads)
+    at[0] = 1.0
+    for _ in range(LEGS):
+        to = at.copy()
+        to[rng.integers(loads)] += 0.5 * rng.choice([-1, 1])
+        if rng.random() < 0.3:
+            to[rng.integers(loads)] += 0.5 * rng.choice([-1, 1])
+        if 0.5 <= to[0] <= 2.0 and np.abs(to[1:]).max(initial=0.0) <= 1.0:
+            yield at, to
+            at = to
+
+
+# the first two once went wrong, by memory of an opening that needed both friction limits
+@pytest.mark.parametrize("number", [395, 586, *range(20)])
+def test_legs_are_those_of_a_solver_without_memory(number: int) -> None:
+    system, rng = problem(number).system, np.random.default_rng(number)
+    loads, model = len(system.load_names), frictional_form(system)
+    first = np.eye(loads)[0]
+    try:
+        record = evolve(system, table(system, [np.zeros(loads), first]))
+    except SolveError:
+        return
+    state, scale = turning_point(record, system, -1), 0.0
+    force, path = float(np.abs(state.r).max()), EventPath(model)
+    for ends in random_walk(rng, loads):
+        try:
+            fresh = EventPath(model).trace_leg(state, ends, force, 1)
+        except SolveError:
+            with pytest.raises(SolveError):
+                path.trace_leg(state, ends, force, 1)
+            return
+        leg = path.trace_leg(state, ends, force, 1)
+        error, scale = energy_error(model, state, ends, leg, scale)
+        assert error < 1e-7
+        assert np.abs(leg.end.r - fresh.end.r).max() < 1e-9 * leg.force_scale
+        state, force = leg.end, leg.force_scale
