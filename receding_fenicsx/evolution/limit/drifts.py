@@ -186,7 +186,7 @@ def is_overshot(drifts: Drifts, force: float, part: float = 0.0) -> bool:
     Args:
         drifts: drifts to the limit.
         force: largest nodal force of the history.
-        part: part of the largest drift by which nodes may pass it.
+        part: part of the largest drift by which nodes may pass it; near is not judged then.
 
     Raises:
         NoLimit: the slips of a cycle were not found.
@@ -197,13 +197,13 @@ def is_overshot(drifts: Drifts, force: float, part: float = 0.0) -> bool:
     stiffness = np.abs(np.diagonal(M))
     allowed = OVERSHOT * force + part * limit.max() * stiffness
     by_others = np.abs(M) * np.tile(1.0 - np.eye(len(drifts.stiffness)), (2, 2))
-    before = limit - drifts.begun
+    before, clear = limit - drifts.begun, 0.0 if part else CLEAR
     for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), MAX_DRIFTING)):
         left = limit - y
         if cycle % LOOKED_AT == 0:
             unsure = by_others @ np.maximum(before, 0.0)
             unsure += np.abs(margins[min(cycle, len(margins) - 1)] - margins[-1])
-            if np.any(stiffness * left + np.maximum(m, 0.0) + allowed < CLEAR * unsure):
+            if np.any(stiffness * left + np.maximum(m, 0.0) + allowed < clear * unsure):
                 return True
             if np.all(unsure <= allowed):
                 return False
