@@ -14,9 +14,9 @@ from receding_fenicsx.scene.history import History
 SMALLEST_LEG_ENERGY = 1e-4
 """Smallest scale of a leg's energy error, over the largest energy of a leg so far."""
 
-ENERGY_ROUND_OFF = 1e-8
+LEAST_ENERGY = 1e-5
 """Smallest scale over (F + K u) (F / k + u): F the largest nodal force, u the largest displacement,
-K and k the largest and a typical stiffness."""
+K and k the largest and a typical stiffness. Residuals up to 1e-11 stay below the tolerance."""
 
 MAX_ENERGY_ERROR = 1e-6
 """Energy error with which a leg of the exact path is refused; correct ones have up to 1e-8."""
@@ -53,7 +53,7 @@ def energy_error(
     largest = max(energy_scale, abs(D) + abs(stored))
     F, u = leg.force_scale, float(np.abs(leg.end.u).max())
     K, k = float(np.abs(system.K).max()), typical_stiffness(system) or np.inf
-    least = ENERGY_ROUND_OFF * (F + K * u) * (F / k + u)
+    least = LEAST_ENERGY * (F + K * u) * (F / k + u)
     scale = max(abs(D) + abs(stored), SMALLEST_LEG_ENERGY * largest, least)
     return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
 

@@ -40,7 +40,7 @@ def test_drifts_are_those_of_cycles_that_are_played(
     # with seed 433 nodes open without slip before, where both margins vanish at once
     after = 6
     system, history = paper_block(30) if seed is None else loaded_block(seed, 30)
-    record, shifted = evolve(system, history), []
+    record, shifted = evolve(system, history), list[int]()
     drifts_of = search.drifts_of
 
     def remembered(frozen, solution, now):  # type: ignore[no-untyped-def]
@@ -48,8 +48,9 @@ def test_drifts_are_those_of_cycles_that_are_played(
         return drifts_of(frozen, solution, now)
 
     monkeypatch.setattr(search, "drifts_of", remembered)
-    model, rows = frictional_form(system), [record.start_row(c) for c in range(1, 31)]
-    start = turning_point(record, system, rows[before])
+    model = frictional_form(system)
+    rows = np.array([record.start_row(cycle) for cycle in range(1, 31)], dtype=int)
+    start = turning_point(record, system, int(rows[before]))
     force = float(np.abs(record.turning_points.P).max())
     found = search.find_limit(model, EventPath(model), start, history.loop, force, Budget(50))
     drifts, k = found.drifts, len(shifted)
