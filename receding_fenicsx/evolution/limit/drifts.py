@@ -29,7 +29,7 @@ MAX_DRIFTING = 20_000
 LOOKED_AT = 4
 """Cycles of drifts after which they are looked at."""
 
-CLEAR = 0.1
+CLEAR = 0.02
 """Distance from the limit after a cycle, over what others may change there from its start on, below
 which a node may pass it: the first order is not exact."""
 
