@@ -52,7 +52,8 @@ def energy_error(
     D = float(leg.dissipation.sum()) + sum(energy for _, energy in leg.jumps)
     largest = max(energy_scale, abs(D) + abs(stored))
     F, u = leg.force_scale, float(np.abs(leg.end.u).max())
-    K, k = float(np.abs(system.K).max()), typical_stiffness(system) or np.inf
+    # the largest entry of a stiffness matrix is on its diagonal
+    K, k = float(np.diagonal(system.K).max()), typical_stiffness(system) or np.inf
     least = LEAST_ENERGY * (F + K * u) * (F / k + u)
     scale = max(abs(D) + abs(stored), SMALLEST_LEG_ENERGY * largest, least)
     return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest

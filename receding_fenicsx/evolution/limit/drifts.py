@@ -34,10 +34,10 @@ CLEAR = 0.02
 which a node may pass it: the first order is not exact."""
 
 FORGOTTEN = 1e-7
-"""Difference of margins from those of the periodic cycle, over the largest, that is none."""
+"""Change of the margins from one cycle to the next, over the largest, that is none."""
 
 MAX_MEMORY = 50
-"""Cycles that a slip is remembered at most."""
+"""Cycles in which a slip must be forgotten."""
 
 MAX_GUESSES = 50
 """Guesses which nodes slip in a cycle."""
@@ -109,6 +109,9 @@ def _followed(
     A node slips where its margin is smallest, in the states on the way there. What it changes at
     once is followed through the rest of the cycle and the next ones, as the moved events change it.
     So is the distance ``far`` (2N,) from the limit at the start of the cycle.
+
+    Raises:
+        NoLimit: the cycles remember for too long.
     """
     system, n, events = frozen.system, frozen.system.n, cycle.events
     signs, nodes = np.repeat([1.0, -1.0], len(frozen.shifted)), np.tile(frozen.shifted, 2)
@@ -125,13 +128,16 @@ def _followed(
     on_m = rows.of_u @ events.change[:, : 2 * n].T
     ds = events.moved(np.where(began <= events.at[:, None], low, 0.0))
     followed = [np.where(began <= rows.at[:, None], m, 0.0) + rows.of_events @ ds]
+    none = np.append(np.zeros(len(nodes)), OVERSHOT * frozen.force)
     while len(followed) < MAX_MEMORY:
         low, m = low + on_low @ ds, m + on_m @ ds
         ds = events.moved(low)
         followed.append(m + rows.of_events @ ds)
-        change = np.abs(followed[-1] - followed[-2]).max(axis=0)
-        if np.all(change <= FORGOTTEN * np.abs(followed[-1]).max(axis=0)):
+        change, largest = (np.abs(of).max(axis=0) for of in (followed[-1] - followed[-2], m))
+        if np.all(change <= np.maximum(FORGOTTEN * largest, none)):
             break
+    else:
+        raise NoLimit("the cycle with frozen nodes forgets a slip too slowly")
     every = np.array(followed)
     return every[:, :, -1], every[:, :, :-1]
 

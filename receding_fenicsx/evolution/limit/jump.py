@@ -46,7 +46,7 @@ MAX_STEPPED = 10
 """The same of load steps, whose forces must repeat themselves too."""
 
 NO_GAIN = 1e-10
-"""Slip in the cycle that was found, over the largest displacement, that is round-off."""
+"""Slip that the cycle found adds, over the largest displacement, that is an error of the drifts."""
 
 IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
 """What is said of the limit of load steps."""
@@ -112,7 +112,7 @@ class LimitSearch:
         drifts, allowed = found.drifts, self.problem.solver.overshoot
         force = trial.position.totals.force_scale
         if drifts is not None and is_overshot(drifts, force, allowed):
-            raise NoLimit("some node would slip beyond the limit that was found, and stay there")
+            raise NoLimit("some node would slip beyond the limit that was found, or nearly")
         begin, cycle = self._played(trial, found.state, budget)
         ends = [begin, cycle.corners[-1]]
         walks = found.walks
