@@ -8,7 +8,7 @@ from small import cyclic
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, FrozenCycle
-from receding_fenicsx.evolution.limit.newton import margin_rows, smallest_margins, solve
+from receding_fenicsx.evolution.limit.newton import approach, margin_rows, smallest_margins
 from receding_fenicsx.evolution.limit.sorting import sort_nodes
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.path import EventPath
@@ -27,7 +27,7 @@ def frozen_contact(minimum: float) -> tuple[Frozen, Array, FrozenCycle]:
     held, drifting = np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting)
     frozen = Frozen(model, held, drifting, history.loop, force, Budget(500))
     start.state[held] = 1
-    solution = solve(frozen, start, np.zeros(len(drifting)))
+    *_, solution = approach(frozen, start, np.zeros(len(drifting)))
     assert solution.steps <= 5 and solution.residual < 1e-13
     return frozen, solution.shifts, solution.cycle
 

@@ -11,7 +11,7 @@ open, and forget what was before, or stick for good. The limit, from top to bott
    others are frozen, those that slip one way drift.
 3. **Freeze** (`frozen.Frozen`): a frozen node is held tangentially. The shift $x_d$ of a drifting
    node is one more load with the reactions $K_d$, so that one set of rates serves for all shifts.
-4. **Play** until the cycle repeats itself (`newton.solve`), and read the smallest margins $A_i$
+4. **Play** until the cycle repeats itself (`newton.approach`), and read the smallest margins $A_i$
    and $B_i$ of the frozen nodes at its events and corners. The limit is
    $$\min\big(A_i, \max(k_i x_i, -B_i)\big) = 0 ,$$
    that is $x_i > 0$ only where $A_i = 0$, $x_i < 0$ only where $B_i = 0$, and $A_i, B_i \ge 0$.
@@ -19,13 +19,15 @@ open, and forget what was before, or stick for good. The limit, from top to bott
    derivative $S$ of all quantities changes at events only, each of which moves by $\delta s$:
    $$q_l\, \delta s = -S_l, \qquad S \leftarrow S + (q^- - q^+)\, \delta s ,$$
    one triangular system for all events (`frozen.FrozenCycle.events`). A margin that is smallest at
-   an event moves with it, by its own rate times $\delta s$ (`newton.margin_rows`).
+   an event moves with it, by its own rate times $\delta s$ (`newton.margin_rows`). What the nodes
+   have still to forget of the cycle's start follows likewise (`frozen.Frozen.to_forget`).
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
-   those that violate one drift. Newton's method goes on from the drifts found.
-7. **Overshoot** (`drifts.is_overshot`): slip does not go back. The drifts of all cycles to come are
+   those that violate one drift. Newton's method goes on from the cycle at hand.
+7. **Overshoot** (`drifts.clearance`): slip does not go back. The drifts of all cycles to come are
    followed to first order, with what free nodes remember; the same moved events tell what a slip
    changes in its own cycle and in later ones. A limit beyond which some node would slip on the way
-   is refused, and searched for again later. So is one in which a free node has come to rest: where
+   is refused, and searched for again later; one that is nearly passed is kept, and judged again
+   after each cycle. Refused is one, too, in which a free node has come to rest: where
    it rests depends on cycles that were not played.
 8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,
    with the residuals and energies of any other. It is accepted only if it repeats itself as a

@@ -30,8 +30,7 @@ LOOKED_AT = 4
 """Cycles of drifts after which they are looked at."""
 
 CLEAR = 0.02
-"""Distance from the limit after a cycle, over what others may change there from its start on, below
-which a node may pass it: the first order is not exact."""
+""":func:`clearance` below which a node may pass its limit: the first order is not exact."""
 
 FORGOTTEN = 1e-7
 """Change of the margins from one cycle to the next, over the largest, that is none."""
@@ -182,39 +181,43 @@ def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
         yield y, left
 
 
-def is_overshot(drifts: Drifts, force: float, part: float = 0.0) -> bool:
-    """Return whether a node would slip beyond the limit on the way to it, and stay there.
+def clearance(drifts: Drifts, force: float, part: float = 0.0) -> float:
+    """Return how clear of passing the limit the nodes stay on the way to it; -1 where one does.
 
-    Where a node passes its limit while others still drift, their slips may leave it a margin: no
-    later cycle takes its slip back. True also where a node comes nearer to that than ``CLEAR``, and
-    where they drift for more than ``MAX_DRIFTING`` cycles.
+    Slip does not go back: where a node passes its limit while others still drift, their slips may
+    leave it a margin. The distance from that after a cycle is given over what the others may
+    change there from its start on: the smallest one, or the first below ``CLEAR``. -1 also for
+    drifts of more than ``MAX_DRIFTING`` cycles.
 
     Args:
         drifts: drifts to the limit.
         force: largest nodal force of the history.
-        part: part of the largest drift by which nodes may pass it; near is not judged then.
+        part: part of the largest drift by which nodes may pass it; then all else is clear.
 
     Raises:
         NoLimit: the slips of a cycle were not found.
     """
     limit, margins, M = drifts.limit, drifts.margins, drifts.responses[-1]
     if np.any(np.diagonal(drifts.M) <= 0.0):
-        return True
-    stiffness = np.abs(np.diagonal(M))
+        return -1.0
+    stiffness, least = np.abs(np.diagonal(M)), 1.0
     allowed = OVERSHOT * force + part * limit.max() * stiffness
     by_others = np.abs(M) * np.tile(1.0 - np.eye(len(drifts.stiffness)), (2, 2))
-    before, clear = limit - drifts.begun, 0.0 if part else CLEAR
+    before = limit - drifts.begun
     for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), MAX_DRIFTING)):
         left = limit - y
         if cycle % LOOKED_AT == 0:
             unsure = by_others @ np.maximum(before, 0.0)
             unsure += np.abs(margins[min(cycle, len(margins) - 1)] - margins[-1])
-            if np.any(stiffness * left + np.maximum(m, 0.0) + allowed < clear * unsure):
-                return True
-            if np.all(unsure <= allowed):
-                return False
+            distance = stiffness * left + np.maximum(m, 0.0) + allowed
+            if np.any(distance < 0.0):
+                return -1.0
+            if not part:
+                least = min(least, float((distance / np.maximum(unsure, allowed)).min()))
+            if least < CLEAR or np.all(unsure <= allowed):
+                return least
         before = left
-    return True
+    return -1.0
 
 
 class Slips:

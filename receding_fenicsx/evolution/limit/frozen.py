@@ -12,13 +12,15 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segment, Segments
 from receding_fenicsx.interface.exact.unloading import carries_nothing
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SEPARATION, STICK
+from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.rigid_motions import neutral_motions
-from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 
 DOUBLE = {(STICK, SEPARATION)}
 """Changes of state of one node at which two quantities vanish."""
@@ -28,6 +30,15 @@ MAX_PASSES = 50
 
 SAME_DERIVATIVE = 1e-9
 """Change of a derivative over its size that counts as none."""
+
+ROUND_OFF = 1e-14
+"""Change of the displacements, over their largest, that is round-off."""
+
+MAX_TERMS = 100
+"""Cycles within which the start of a cycle must be forgotten, for them not to be played."""
+
+MAX_GROWTH = 1e3
+"""Change from cycle to cycle, over the first, beyond which the start is not forgotten."""
 
 
 class Stop(NamedTuple):
@@ -143,6 +154,27 @@ class FrozenCycle:
     opens: NDArray[np.bool_]
     segments: Segments
 
+    @property
+    def change(self) -> Array:
+        """(2N,) change of the displacements from its start to its end."""
+        change: Array = self.end.u - self.start.u
+        return change
+
+    def moved(self, by: MovedCycle) -> FrozenCycle:
+        """Return the cycle, to first order, after its start and events have moved (k = 1)."""
+        events, stops, u = self.events, [], by.S[:, 0].copy()
+        ds = dict.fromkeys(range(len(self.stops)), 0.0)
+        of: dict[int, Array] = {}
+        for e, j in enumerate(events.at.tolist()):
+            if events.moves[e]:
+                ds[j] = float(by.ds[e, 0])
+            of[j] = of.get(j, 0.0) + events.change[e, : len(u)] * by.ds[e, 0]
+        for j, stop in enumerate(self.stops):
+            here = stop.u + u + stop.q[: len(u)] * ds[j]
+            stops.append(stop._replace(load=stop.load + ds[j] * stop.way, u=here))
+            u = u + of.get(j, 0.0)
+        return replace(self, stops=stops)
+
     @cached_property
     def events(self) -> MovingEvents:
         """The events that move with the shifts.
@@ -239,6 +271,8 @@ class Frozen:
 
     def shift(self, state: ContactState, old: Array, new: Array) -> ContactState:
         """Follow the contact at the start of a cycle while the shifts (k,) grow to new ones."""
+        if np.array_equal(old, new):
+            return state
         start = self.loop[0]
         walk = self._walked(state, (np.append(start, old), np.append(start, new)))
         return walk.finish().end
@@ -305,3 +339,43 @@ class Frozen:
                     return MovedCycle(S, ds)
             summed += ds
         raise NoLimit("the cycle with frozen nodes forgets its start too slowly")
+
+    def to_forget(self, cycle: FrozenCycle) -> MovedCycle | None:
+        """Return how the cycle that repeats itself differs from one that does not yet (k = 1).
+
+        With the map P from a change of the start to that of the end, the start still moves by
+        (1 + P + P^2 + ...) (end - start), to first order. None where the states at the start and
+        the end differ, or where the sum does not converge.
+        """
+        if not np.array_equal(cycle.start.state, cycle.end.state):
+            return None
+        events, change = cycle.events, cycle.change
+        weight, on_low = self.segments.weight[events.label], events.change[:, events.label].T
+        low = self.quantities(change)[events.label, None]
+        total, moved, every = low.copy(), np.zeros_like(low), np.zeros_like(low)
+        first, none = weight @ np.abs(low[:, 0]), ROUND_OFF * self.force
+        for terms in range(1, MAX_TERMS):
+            ds = events.moved(low)
+            low = low + on_low @ ds
+            total += low
+            moved += ds
+            every += moved
+            size = weight @ np.abs(low[:, 0])
+            if size <= max(SAME_DERIVATIVE * first, none) or not size <= MAX_GROWTH * first:
+                break
+        on_u = events.change[:, : len(change)].T
+        last, S = change + (on_u @ moved)[:, 0], (terms + 1) * change + (on_u @ every)[:, 0]
+        none = ROUND_OFF * np.abs(cycle.end.u).max()
+        if not np.abs(last).max() <= max(SAME_DERIVATIVE * np.abs(S).max(), none):
+            return None
+        return MovedCycle(S[:, None], events.moved(total))
+
+    def displaced(self, state: ContactState, by: Array, shifts: Array) -> ContactState:
+        """Return a state at the start of a cycle displaced by (2N,) where the law allows that."""
+        system, u = self.segments.system, state.u + by
+        there = ContactState(u, reactions(system, np.append(self.loop[0], shifts), u), state.state)
+        return there if self.allows(there) else state
+
+    def allows(self, state: ContactState) -> bool:
+        """Return whether the law allows a state at the start of a cycle."""
+        return residual_at_rest(self.segments.system, state, self.force) <= EVENT_RESIDUAL

@@ -11,7 +11,7 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
-from receding_fenicsx.evolution.limit.drifts import is_overshot
+from receding_fenicsx.evolution.limit.drifts import CLEAR, clearance
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
 from receding_fenicsx.evolution.limit.search import Candidate, find_limit
 from receding_fenicsx.evolution.limit.uniqueness import NOT_EXAMINED, YES, is_unique
@@ -73,15 +73,20 @@ class LimitSearch:
         self.limit = Limit(False, -1, 0, 0, np.nan, -1, "the search has not begun")
         self.steady: Steady | None = None
         self.searched = 0
+        self._waiting: Candidate | None = None
         for number in filter(self.is_due, range(len(cycles))):
             before = self.limit
             if self.found(cycles[:number], None):  # a history that began without searches
                 self.limit, self.steady = before, None
 
     def is_due(self, number: int) -> bool:
-        """Return whether the limit is searched for before a cycle is played."""
+        """Return whether the limit is searched for before a cycle is played.
+
+        One that was found, but may be passed, is looked at before every cycle.
+        """
         doublings, rest = divmod(number - 1, FIRST_SEARCH)
-        return number > 1 and rest == 0 and doublings.bit_count() == 1
+        due = number > 1 and rest == 0 and doublings.bit_count() == 1
+        return due or self._waiting is not None
 
     def found(self, cycles: list[FinishedCycle], progress: Progress | None) -> bool:
         """Search for the cycle that repeats itself; add it to the finished ones if it was found."""
@@ -108,14 +113,11 @@ class LimitSearch:
         """
         number, in_steps = len(cycles), self.problem.solver.method != "events"
         trial = RunState(self.problem, cycles)
-        found = self._candidate(trial, budget)
-        drifts, allowed = found.drifts, self.problem.solver.overshoot
-        force = trial.position.totals.force_scale
-        if drifts is not None and is_overshot(drifts, force, allowed):
-            raise NoLimit("some node would slip beyond the limit that was found, or nearly")
+        found = self._clear(trial, budget)
+        drifts = found.drifts
         begin, cycle = self._played(trial, found.state, budget)
         ends = [begin, cycle.corners[-1]]
-        walks = found.walks
+        walks = found.found is None
         if walks or in_steps:
             budget.played += 1
             ends += trial.trace_cycle(number).corners[-1:]
@@ -144,6 +146,26 @@ class LimitSearch:
         change = np.append(np.array(trial.steady.change), watch.change[0])
         self.steady = Steady(True, number, watch.kind, watch.period, change)
         return cycle
+
+    def _clear(self, trial: RunState, budget: Budget) -> Candidate:
+        """Return a state whose cycle should repeat itself, and that no node passes.
+
+        One to which nodes come too near is kept: a few cycles later they may be sure to stay clear.
+        """
+        waiting, self._waiting = self._waiting, None
+        found = None if waiting is None else waiting.seen_from(trial.position.state)
+        if found is None:
+            if not self.is_due(len(trial.cycles)):
+                raise NoLimit("nodes slip that were to stick in the limit that was found")
+            found = self._candidate(trial, budget)
+        if found.drifts is None:
+            return found
+        allowed = self.problem.solver.overshoot
+        clear = clearance(found.drifts, trial.position.totals.force_scale, allowed)
+        if clear < CLEAR:
+            self._waiting = found if clear >= 0.0 else None
+            raise NoLimit("some node would slip beyond the limit that was found, or nearly")
+        return found
 
     def _played(
         self, trial: RunState, state: ContactState, budget: Budget

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -9,9 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.evolution.limit.frozen import Frozen, FrozenCycle, MovedCycle, NoLimit
+from receding_fenicsx.evolution.limit.frozen import (
+    ROUND_OFF,
+    Frozen,
+    FrozenCycle,
+    MovedCycle,
+    NoLimit,
+)
 from receding_fenicsx.interface.residual import local_stiffness
-from receding_fenicsx.interface.system import ContactState, reactions
+from receding_fenicsx.interface.system import ContactState
 
 MAX_STEPS = 20
 """Newton steps after which the search is given up."""
@@ -19,17 +26,11 @@ MAX_STEPS = 20
 CONVERGED = 1e-13
 """Natural map over the largest nodal force below which it is zero."""
 
-MAX_FROZEN_CYCLES = 12
+MAX_UNSETTLED = 12
 """Cycles with frozen nodes, after a Newton step, that may differ from each other."""
 
-REPEATS = 1e-13
-"""Change of the displacements over a cycle with frozen nodes, over their largest, that is none."""
-
-ROUND_OFF = 1e-12
-"""The same up to which a change that does not become smaller is round-off."""
-
-UNEVEN = 0.1
-"""Part of a change by which it may differ from one that is geometric."""
+REPEATS = 1e-12
+"""Change of the displacements in all cycles to come, over their largest, that is none."""
 
 
 @dataclass(frozen=True)
@@ -44,13 +45,13 @@ class Margins:
 
 @dataclass(frozen=True)
 class Solution:
-    """Cycle in which no frozen node would slip.
+    """Cycle that repeats itself, on the way to the one in which no shifted node would slip.
 
     Attributes:
         cycle: the cycle with frozen nodes.
         shifts: (k,) drifts of the shifted nodes.
         steps: Newton steps.
-        residual: natural map over the largest nodal force.
+        residual: natural map over the largest nodal force; at most ``CONVERGED`` at the end.
         active: (k,) 1 where the margin A vanishes after a drift forward, -1 where B does after one
             backward, 0 where the node stays.
         margins: smallest margins of the shifted nodes.
@@ -127,17 +128,24 @@ def margin_rows(
     return MarginRows(at, a, weights)
 
 
-def solve(frozen: Frozen, start: ContactState, guess: Array) -> Solution:
-    """Find shifts x of the nodes that can be shifted so that none of them would slip.
+def approach(
+    frozen: Frozen, start: ContactState, guess: Array, near: ContactState | None = None
+) -> Iterator[Solution]:
+    """Yield cycles with shifts x of the nodes that can be shifted, until none of them would slip.
 
     With the smallest margins A and B of a node over the periodic cycle: x > 0 only where A = 0,
     x < 0 only where B = 0, and A, B >= 0. This is the zero of the natural map
     R = min(A, max(k x, -B)), k being the node's stiffness, found by Newton's method on its pieces.
 
+    After a step a cycle differs from the periodic one by what the nodes have still to forget of
+    their start. Once a periodic cycle has been met this is added to first order, to the margins
+    and to the next start, in place of playing it. Only cycles that repeat themselves are yielded.
+
     Args:
         frozen: the contact.
         start: state at the start of a cycle, no node shifted.
         guess: (k,) shifts to begin with.
+        near: state with these shifts to begin with where the law allows it.
 
     Raises:
         NoLimit: it does not converge within the contact's budget of cycles.
@@ -145,53 +153,72 @@ def solve(frozen: Frozen, start: ContactState, guess: Array) -> Solution:
     """
     nodes = frozen.shifted
     k = local_stiffness(frozen.system)[0][nodes]
-    x, state = guess, start
-    if np.any(x):
+    x, steps, unsettled, met = guess, 0, 0, False
+    if near is not None and frozen.allows(near):
+        state = near
+    else:
         state = frozen.shift(start, np.zeros_like(x), x)
-    for step in range(MAX_STEPS):
-        cycle = _repeating(frozen, state, x)
-        m = smallest_margins(frozen, cycle, nodes)
+    while steps <= MAX_STEPS and unsettled <= MAX_UNSETTLED:
+        cycle = frozen.cycle(state, x)
+        largest, change = (float(np.abs(u).max()) for u in (cycle.end.u, cycle.change))
+        left = frozen.to_forget(cycle) if change > ROUND_OFF * largest else None
+        repeats = (change if left is None else np.abs(left.S).max()) <= REPEATS * largest
+        if not repeats and (left is None or not met):
+            state, unsettled = cycle.end, unsettled + 1
+            if left is not None:
+                state = frozen.displaced(state, left.S[:, 0] - cycle.change, x)
+            continue
+        later = cycle if repeats or left is None else cycle.moved(left)
+        m = smallest_margins(frozen, later, nodes)
         inner = np.maximum(k * x, -m.B)
         R = np.minimum(m.A, inner)
         forward = m.A < inner
         backward = ~forward & (-m.B > k * x)
         active = forward.astype(np.int8) - backward.astype(np.int8)
         residual = float(np.abs(R).max(initial=0.0)) / frozen.force
-        if residual <= CONVERGED:
-            return Solution(cycle, x, step, residual, active, m)
-        moved = frozen.periodic_change(cycle)
-        J, chosen = np.diag(k), np.flatnonzero(active)
-        signs = active[chosen].astype(float)
-        at = np.where(forward, m.at_A, m.at_B)[chosen]
-        rows = margin_rows(frozen, cycle, nodes[chosen], signs, at)
-        J[chosen] = signs[:, None] * rows.moved(moved, nodes)
-        try:
-            new = x - np.linalg.solve(J, R)
-        except np.linalg.LinAlgError:
-            raise NoLimit("the margins do not determine the drifts") from None
-        new[active == 0] = 0.0
-        state, x = frozen.shift(cycle.end, x, new), new
-    raise NoLimit(f"{MAX_STEPS} Newton steps did not converge")
+        if repeats:
+            yield Solution(cycle, x, steps, residual, active, m)
+            if residual <= CONVERGED:
+                return
+        met, steps, unsettled = True, steps + 1, 0
+        at = np.where(active > 0, m.at_A, m.at_B)
+        state, x = _stepped(frozen, cycle, x, (k, R, active, at), left)
+    raise NoLimit("Newton's method did not converge")
 
 
-def _repeating(frozen: Frozen, state: ContactState, x: Array) -> FrozenCycle:
-    """Return the cycle with given shifts that repeats itself.
+def _stepped(
+    frozen: Frozen,
+    cycle: FrozenCycle,
+    x: Array,
+    pieces: tuple[Array, Array, NDArray[np.int8], Ints],
+    left: MovedCycle | None,
+) -> tuple[ContactState, Array]:
+    """Return the start of the next cycle and its shifts.
 
-    Where the change of the displacements shrinks by one factor c from cycle to cycle, all that is
-    still to come, c / (1 - c) times the last one, is added at once.
+    Args:
+        frozen: the contact.
+        cycle: the last one.
+        x: its shifts.
+        pieces: stiffnesses, natural map, its pieces, and the stops of the margins.
+        left: what the cycle has still to forget.
     """
-    before, load = np.zeros_like(state.u), np.append(frozen.loop[0], x)
-    for _ in range(MAX_FROZEN_CYCLES):
-        cycle = frozen.cycle(state, x)
-        state, change = cycle.end, cycle.end.u - cycle.start.u
-        size, last, largest = (float(np.abs(u).max()) for u in (change, before, state.u))
-        if size <= REPEATS * largest or (0.5 * last <= size <= ROUND_OFF * largest and last > 0.0):
-            return cycle
-        c = float(change @ before) / float(before @ before) if last else 0.0
-        uneven = np.linalg.norm(change - c * before) > UNEVEN * np.linalg.norm(change)
-        before = change
-        if 0.0 < c < 1.0 and not uneven and np.array_equal(cycle.start.state, state.state):
-            u = state.u + c / (1.0 - c) * change
-            state = ContactState(u, reactions(frozen.segments.system, load, u), state.state)
-            before = np.zeros_like(u)
-    raise NoLimit(f"{MAX_FROZEN_CYCLES} cycles with frozen nodes did not repeat themselves")
+    (k, R, active, at), nodes = pieces, frozen.shifted
+    moved = frozen.periodic_change(cycle)
+    J, chosen = np.diag(k), np.flatnonzero(active)
+    signs = active[chosen].astype(float)
+    rows = margin_rows(frozen, cycle, nodes[chosen], signs, at[chosen])
+    J[chosen] = signs[:, None] * rows.moved(moved, nodes)
+    try:
+        new = x - np.linalg.solve(J, R)
+    except np.linalg.LinAlgError:
+        raise NoLimit("the margins do not determine the drifts") from None
+    new[active == 0] = 0.0
+    state = frozen.shift(cycle.end, x, new)
+    if not np.array_equal(state.state, cycle.end.state):
+        return state, new
+    # what the nodes will forget of their start after the step
+    at_once = frozen.start_change(cycle.start)[: len(moved.S)]
+    u = (moved.S - at_once) @ (new - x)
+    if left is not None:
+        u += left.S[:, 0] - cycle.change
+    return frozen.displaced(state, u, new), new

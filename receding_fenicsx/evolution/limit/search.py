@@ -11,7 +11,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.limit.drifts import Drifts, drifts_of
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
-from receding_fenicsx.evolution.limit.newton import Solution, smallest_margins, solve
+from receding_fenicsx.evolution.limit.newton import CONVERGED, Solution, approach, smallest_margins
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.reduction import widen
@@ -28,6 +28,10 @@ MAX_SORTS = 10
 VIOLATED = 1e-12
 """Margin of a frozen node below zero, over the largest nodal force, that is no round-off."""
 
+CERTAIN = 2.0
+"""Margin of a frozen node below zero, over the natural map of those that drift, by which it slips
+in the limit, too."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -39,14 +43,27 @@ class Candidate:
         residual: natural map of drifts and margins, over the largest nodal force; of a body that
             walks, change of the forces.
         drifts: drifts of the nodes, None where none drifts.
-        walks: the body walks.
+        found: contact and cycle with frozen nodes; None for a body that walks.
     """
 
     state: ContactState
     steps: int
     residual: float
     drifts: Drifts | None = None
-    walks: bool = False
+    found: tuple[Frozen, Solution] | None = None
+
+    def seen_from(self, now: ContactState) -> Candidate | None:
+        """Return the same with the drifts from a later state at the end of a cycle.
+
+        None where nodes have moved that stick on the way to this limit.
+        """
+        assert self.found is not None
+        frozen, solution = self.found
+        give = SLIP_ROUND_OFF * frozen.force / local_stiffness(frozen.system)[0]
+        at_rest = np.setdiff1d(frozen.nodes, frozen.shifted)
+        if np.any(np.abs(now.v - solution.cycle.start.v)[at_rest] > give[at_rest]):
+            return None
+        return replace(self, drifts=drifts_of(frozen, solution, now))
 
 
 def find_limit(
@@ -76,22 +93,28 @@ def find_limit(
     try:
         budget.take()
         nodes = sort_nodes(model, solver, start, loop, force)
-        shift = np.zeros(model.n)
+        shift, near = np.zeros(model.n), None
         for _ in range(MAX_SORTS):
             held, shifted = np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting)
             frozen = Frozen(model, held, shifted, loop, force, budget, widen(nodes.opens))
-            states = np.where(nodes.frozen, STICK, start.state).astype(np.int8)
-            solution = solve(frozen, replace(start, state=states), shift[shifted])
+            if near is not None:
+                u = near.u.copy()
+                u[shifted] -= shift[shifted]
+                near = replace(near, u=u)
+            first = replace(start, state=np.where(nodes.frozen, STICK, start.state).astype(np.int8))
+            for solution in approach(frozen, first, shift[shifted], near):
+                again = _sorted_again(frozen, solution, nodes)
+                if again is not None:
+                    break
             steps += solution.steps
-            shift = np.zeros(model.n)
+            near, shift = _unfrozen(frozen, solution), np.zeros(model.n)
             shift[shifted] = solution.shifts
-            again = _sorted_again(frozen, solution, nodes)
             if again is None:
                 drifts = drifts_of(frozen, solution, nodes.end)
                 if drifts is None or not len(drifts.others):
                     _check_rest(frozen, solution, nodes, shift)
-                    state = _unfrozen(frozen, solution)
-                    return Candidate(state, steps, solution.residual, drifts)
+                    found = frozen, solution
+                    return Candidate(near, steps, solution.residual, drifts, found)
                 again = nodes.with_drifting(drifts.others)
             nodes = again
     except SolveError as error:
@@ -109,13 +132,15 @@ def _sorted_again(frozen: Frozen, solution: Solution, nodes: Sorted) -> Sorted |
     """
     n = frozen.system.n
     m = smallest_margins(frozen, solution.cycle, frozen.nodes)
-    least = -VIOLATED * frozen.force
+    settled = solution.residual <= CONVERGED
+    least = -frozen.force * (VIOLATED if settled else CERTAIN * solution.residual)
     forward, backward = (np.zeros(n, dtype=bool) for _ in range(2))
     forward[frozen.nodes[m.A < least]] = True
     backward[frozen.nodes[m.B < least]] = True
     drifting = forward | backward
     freed = (forward & backward) | (drifting & nodes.drifting)
-    freed |= solution.cycle.opens & nodes.frozen
+    if settled:
+        freed |= solution.cycle.opens & nodes.frozen
     if not np.any(freed | drifting):
         return None
     return nodes.with_moved(freed, drifting)

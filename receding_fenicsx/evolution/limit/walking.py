@@ -80,7 +80,7 @@ def find_walk(
             uneven = (local_stiffness(model)[0] * np.abs(slip - walk))[touches].max(initial=0.0)
             residual = max(float(np.abs(cycle.end.r - state.r).max()), float(uneven)) / force
             if residual <= REPEATS:
-                return Candidate(state, step, residual, walks=True)
+                return Candidate(state, step, residual)
             state = _newton_step(frozen, cycle, motions, walk)
     except (SolveError, np.linalg.LinAlgError, SingularExchange) as error:
         raise NoLimit(f"a cycle of a body that walks ends early: {error}") from error
