@@ -1,13 +1,15 @@
 """Limits of infinitely many cycles of other bodies and loads, against plain playing."""
 
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
-from models import pushed_block, under_four_loads
+from models import pushed_block, tall_under_four_loads, under_four_loads
 from small import table
 
 import receding_fenicsx as rf
+from receding_fenicsx.interface.system import ContactSystem
 
 pytestmark = pytest.mark.one_rank
 
@@ -87,11 +89,18 @@ def test_the_limit_of_two_bodies_is_that_of_plain_cycles(tmp_path: Path) -> None
     assert_same(rf.evolve(system, scene, until="limit"), plain)
 
 
-@pytest.mark.parametrize("seed", [12, 38, 338, 428, 738, 4239])
-def test_limits_under_several_loads_are_those_of_plain_cycles(seed: int) -> None:
+@pytest.mark.parametrize(
+    ("made", "seed"),
+    [(under_four_loads, seed) for seed in (12, 38, 338, 428, 738, 4239)]
+    + [(tall_under_four_loads, 20985)],
+)
+def test_limits_under_several_loads_are_those_of_plain_cycles(
+    made: Callable[[int], tuple[ContactSystem, list[list[float]]]], seed: int
+) -> None:
     # with seed 38 a node slips both ways in the first cycles, and comes to rest: where is not known
-    # before they are played; from 338 on nodes pass the limit that is found first
-    block, loop = under_four_loads(seed)
+    # before they are played; from 338 on nodes pass the limit that is found first; in the last one
+    # after twenty cycles, which only drifts foreseen a little otherwise tell
+    block, loop = made(seed)
     path = [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]]
     solver = rf.SolverOptions(steady_tolerance=1e-11)
     limit = rf.evolve(block, table(block, path, loop, 300), until="limit")

@@ -7,7 +7,8 @@ from small import cyclic
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, FrozenCycle
+from receding_fenicsx.evolution.limit.frozen import Budget, Frozen
+from receding_fenicsx.evolution.limit.frozen_cycle import FrozenCycle
 from receding_fenicsx.evolution.limit.newton import approach, margin_rows, smallest_margins
 from receding_fenicsx.evolution.limit.sorting import sort_nodes
 from receding_fenicsx.evolution.replay import turning_point
@@ -30,6 +31,24 @@ def frozen_contact(minimum: float) -> tuple[Frozen, Array, FrozenCycle]:
     *_, solution = approach(frozen, start, np.zeros(len(drifting)))
     assert solution.steps <= 5 and solution.residual < 1e-13
     return frozen, solution.shifts, solution.cycle
+
+
+def test_what_a_cycle_has_still_to_forget_is_that_of_cycles_played() -> None:
+    frozen, x, cycle = frozen_contact(0.05)
+    away = x + 1e-4 * np.abs(x).max() * np.cos(np.arange(len(x)))
+    first = frozen.cycle(frozen.shift(cycle.end, x, away), away)
+    left, state = frozen.to_forget(first), first.end
+    for _ in range(8):
+        last = frozen.cycle(state, away)
+        state = last.end
+    assert left is not None
+    played, size = last.start.u - first.start.u, np.abs(first.change).max()
+    assert size > 1e-9 * np.abs(x).max()
+    assert np.abs(left.S[:, 0] - played).max() < 1e-6 * size
+    moved = first.moved(left)
+    assert len(moved.stops) == len(last.stops)
+    for one, other in zip(moved.stops, last.stops, strict=True):
+        assert np.abs(one.u - other.u).max() < 1e-5 * size
 
 
 @pytest.mark.parametrize("minimum", [0.05, 1 / 3])

@@ -18,17 +18,18 @@ open, and forget what was before, or stick for good. The limit, from top to bott
 5. **Newton** on its pieces. In given states the rates $q$ do not depend on the shifts, so that the
    derivative $S$ of all quantities changes at events only, each of which moves by $\delta s$:
    $$q_l\, \delta s = -S_l, \qquad S \leftarrow S + (q^- - q^+)\, \delta s ,$$
-   one triangular system for all events (`frozen.FrozenCycle.events`). A margin that is smallest at
-   an event moves with it, by its own rate times $\delta s$ (`newton.margin_rows`). What the nodes
-   have still to forget of the cycle's start follows likewise (`frozen.Frozen.to_forget`).
+   one triangular system for all events (`frozen_cycle.FrozenCycle.events`). A margin that is
+   smallest at an event moves with it, by its own rate times $\delta s$ (`newton.margin_rows`). What
+   the nodes have still to forget of the cycle's start follows likewise (`Frozen.to_forget`).
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
    those that violate one drift. Newton's method goes on from the cycle at hand.
 7. **Overshoot** (`drifts.clearance`): slip does not go back. The drifts of all cycles to come are
    followed to first order, with what free nodes remember; the same moved events tell what a slip
    changes in its own cycle and in later ones. A limit beyond which some node would slip on the way
-   is refused, and searched for again later; one that is nearly passed is kept, and judged again
-   after each cycle. Refused is one, too, in which a free node has come to rest: where
-   it rests depends on cycles that were not played.
+   is refused, and searched for again later. One that is nearly passed, or would be if the drifts
+   were foreseen wrongly (`drifts.is_robust`), is kept, and judged again after each cycle. Refused
+   is also one in which a free node has come to rest: where it rests depends on cycles that were
+   not played.
 8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,
    with the residuals and energies of any other. It is accepted only if it repeats itself as a
    steady cycle does (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`).

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import count, islice
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.evolution.limit.frozen import Frozen, FrozenCycle, MovedCycle, NoLimit
+from receding_fenicsx.evolution.limit.frozen import Frozen, NoLimit
+from receding_fenicsx.evolution.limit.frozen_cycle import FrozenCycle, MovedCycle
 from receding_fenicsx.evolution.limit.newton import (
     MarginRows,
     Solution,
@@ -26,11 +27,20 @@ OVERSHOT = 1e-10
 MAX_DRIFTING = 20_000
 """Cycles of drifts, to first order, after which a limit counts as passed: it is not shown."""
 
+SAME_SHAPE = 0.01
+"""Force, over ``OVERSHOT``, by which drifts of one shape may change but for their size."""
+
 LOOKED_AT = 4
 """Cycles of drifts after which they are looked at."""
 
 CLEAR = 0.02
 """:func:`clearance` below which a node may pass its limit: the first order is not exact."""
+
+DOUBT = 2.0
+"""Factor by which what is foreseen after two or three cycles may be wrong."""
+
+WAVES = 3
+"""Half waves, at most, in which they may be wrong along the contact."""
 
 FORGOTTEN = 1e-7
 """Change of the margins from one cycle to the next, over the largest, that is none."""
@@ -65,6 +75,12 @@ class Drifts:
     towards: Ints
     stiffness: Array
     others: Ints
+
+    def lacking(self, factor: Array) -> Drifts:
+        """Return the same while the nodes lack (k,) times as much of their limits."""
+        less = (self.limit - self.begun) * (1.0 - np.tile(factor, 2))
+        margins = self.margins + self.responses[-1] @ less
+        return replace(self, begun=self.begun + less, margins=margins)
 
     @property
     def M(self) -> Array:
@@ -181,6 +197,17 @@ def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
         yield y, left
 
 
+def is_robust(drifts: Drifts, force: float, doubt: float = DOUBT) -> bool:
+    """Return whether no node comes near to passing the limit though drifts are foreseen wrongly.
+
+    The first order is not exact while the drifts are large. So what the nodes lack is taken larger
+    and smaller, by up to the factor ``doubt``, in waves along the contact.
+    """
+    along = np.linspace(0.0, np.pi, len(drifts.stiffness))
+    waves = [sign * np.cos(k * along) for k in range(1, WAVES + 1) for sign in (1.0, -1.0)]
+    return all(clearance(drifts.lacking(doubt**wave), force) >= CLEAR for wave in waves)
+
+
 def clearance(drifts: Drifts, force: float, part: float = 0.0) -> float:
     """Return how clear of passing the limit the nodes stay on the way to it; -1 where one does.
 
@@ -197,13 +224,13 @@ def clearance(drifts: Drifts, force: float, part: float = 0.0) -> float:
     Raises:
         NoLimit: the slips of a cycle were not found.
     """
-    limit, margins, M = drifts.limit, drifts.margins, drifts.responses[-1]
     if np.any(np.diagonal(drifts.M) <= 0.0):
         return -1.0
+    limit, margins, M = drifts.limit, drifts.margins, drifts.responses[-1]
     stiffness, least = np.abs(np.diagonal(M)), 1.0
     allowed = OVERSHOT * force + part * limit.max() * stiffness
     by_others = np.abs(M) * np.tile(1.0 - np.eye(len(drifts.stiffness)), (2, 2))
-    before = limit - drifts.begun
+    before, shape = limit - drifts.begun, np.zeros_like(limit)
     for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), MAX_DRIFTING)):
         left = limit - y
         if cycle % LOOKED_AT == 0:
@@ -214,10 +241,23 @@ def clearance(drifts: Drifts, force: float, part: float = 0.0) -> float:
                 return -1.0
             if not part:
                 least = min(least, float((distance / np.maximum(unsure, allowed)).min()))
-            if least < CLEAR or np.all(unsure <= allowed):
+            largest = float((stiffness * left).max())
+            last, shape = shape, stiffness * left / max(largest, OVERSHOT * force)
+            # drifts of one shape that only become smaller stay as clear as they are
+            settled = largest * np.abs(shape - last).max() <= SAME_SHAPE * OVERSHOT * force
+            if least < CLEAR or settled or np.all(unsure <= allowed):
                 return least
         before = left
     return -1.0
+
+
+def error_of(before: Drifts, now: Drifts) -> float:
+    """Return how far drifts were foreseen wrongly a cycle before, over what they still lack."""
+    foreseen, _ = next(cycles_to_come(before))
+    k = len(now.stiffness)
+    net = [y[:k] - y[k:] for y in (foreseen, now.begun, now.limit)]
+    error, lacking = (float(np.abs(net[1] - other).max()) for other in (net[0], net[2]))
+    return error / lacking if lacking > 0.0 else 0.0
 
 
 class Slips:

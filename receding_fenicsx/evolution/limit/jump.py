@@ -11,7 +11,13 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
-from receding_fenicsx.evolution.limit.drifts import CLEAR, clearance
+from receding_fenicsx.evolution.limit.drifts import (
+    CLEAR,
+    DOUBT,
+    clearance,
+    error_of,
+    is_robust,
+)
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
 from receding_fenicsx.evolution.limit.search import Candidate, find_limit
 from receding_fenicsx.evolution.limit.uniqueness import NOT_EXAMINED, YES, is_unique
@@ -47,6 +53,9 @@ MAX_STEPPED = 10
 
 NO_GAIN = 1e-10
 """Slip that the cycle found adds, over the largest displacement, that is an error of the drifts."""
+
+ERRORS = 8.0
+"""Errors of the cycle before, as what is foreseen may be wrong."""
 
 IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
 """What is said of the limit of load steps."""
@@ -152,20 +161,24 @@ class LimitSearch:
 
         One to which nodes come too near is kept: a few cycles later they may be sure to stay clear.
         """
-        waiting, self._waiting = self._waiting, None
+        waiting, self._waiting, doubt = self._waiting, None, DOUBT
         found = None if waiting is None else waiting.seen_from(trial.position.state)
-        if found is None:
+        if waiting is not None and found is not None:
+            assert waiting.drifts is not None and found.drifts is not None
+            doubt = min(DOUBT, 1.0 + ERRORS * error_of(waiting.drifts, found.drifts))
+        else:
             if not self.is_due(len(trial.cycles)):
                 raise NoLimit("nodes slip that were to stick in the limit that was found")
             found = self._candidate(trial, budget)
         if found.drifts is None:
             return found
         allowed = self.problem.solver.overshoot
-        clear = clearance(found.drifts, trial.position.totals.force_scale, allowed)
-        if clear < CLEAR:
-            self._waiting = found if clear >= 0.0 else None
-            raise NoLimit("some node would slip beyond the limit that was found, or nearly")
-        return found
+        force = trial.position.totals.force_scale
+        clear = clearance(found.drifts, force, allowed)
+        if clear >= CLEAR and (allowed or is_robust(found.drifts, force, doubt)):
+            return found
+        self._waiting = found if clear >= 0.0 else None
+        raise NoLimit("some node would slip beyond the limit that was found, or nearly")
 
     def _played(
         self, trial: RunState, state: ContactState, budget: Budget

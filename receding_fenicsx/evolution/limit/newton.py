@@ -10,13 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.evolution.limit.frozen import (
-    ROUND_OFF,
-    Frozen,
-    FrozenCycle,
-    MovedCycle,
-    NoLimit,
-)
+from receding_fenicsx.evolution.limit.frozen import ROUND_OFF, Frozen, NoLimit
+from receding_fenicsx.evolution.limit.frozen_cycle import FrozenCycle, MovedCycle
 from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState
 

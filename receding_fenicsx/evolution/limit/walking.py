@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, FrozenCycle, MovedCycle, NoLimit
+from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
+from receding_fenicsx.evolution.limit.frozen_cycle import FrozenCycle, MovedCycle
 from receding_fenicsx.evolution.limit.newton import margin_rows, smallest_margins
 from receding_fenicsx.evolution.limit.search import VIOLATED, Candidate
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
