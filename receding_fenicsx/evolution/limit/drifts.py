@@ -39,8 +39,8 @@ CLEAR = 0.02
 DOUBT = 2.0
 """Factor by which what is foreseen after two or three cycles may be wrong."""
 
-WAVES = 3
-"""Half waves, at most, in which they may be wrong along the contact."""
+SOON = 32
+"""Cycles in which they are followed then: where nodes do pass their limits, they do so early."""
 
 FORGOTTEN = 1e-7
 """Change of the margins from one cycle to the next, over the largest, that is none."""
@@ -198,28 +198,36 @@ def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
 
 
 def is_robust(drifts: Drifts, force: float, doubt: float = DOUBT) -> bool:
-    """Return whether no node comes near to passing the limit though drifts are foreseen wrongly.
+    """Return whether no node passes the limit soon though drifts are foreseen wrongly.
 
     The first order is not exact while the drifts are large. So what the nodes lack is taken larger
-    and smaller, by up to the factor ``doubt``, in waves along the contact.
+    at one end of the contact and smaller at the other, by the factor ``doubt``, and the reverse.
     """
-    along = np.linspace(0.0, np.pi, len(drifts.stiffness))
-    waves = [sign * np.cos(k * along) for k in range(1, WAVES + 1) for sign in (1.0, -1.0)]
-    return all(clearance(drifts.lacking(doubt**wave), force) >= CLEAR for wave in waves)
+    wave = np.cos(np.linspace(0.0, np.pi, len(drifts.stiffness)))
+    lacking = (drifts.lacking(doubt**w) for w in (wave, -wave))
+    return all(clearance(wrong, force, least=0.0, cycles=SOON) >= 0.0 for wrong in lacking)
 
 
-def clearance(drifts: Drifts, force: float, part: float = 0.0) -> float:
+def clearance(
+    drifts: Drifts,
+    force: float,
+    part: float = 0.0,
+    least: float = CLEAR,
+    cycles: int = MAX_DRIFTING,
+) -> float:
     """Return how clear of passing the limit the nodes stay on the way to it; -1 where one does.
 
     Slip does not go back: where a node passes its limit while others still drift, their slips may
     leave it a margin. The distance from that after a cycle is given over what the others may
-    change there from its start on: the smallest one, or the first below ``CLEAR``. -1 also for
+    change there from its start on: the smallest one, or the first below ``least``. -1 also for
     drifts of more than ``MAX_DRIFTING`` cycles.
 
     Args:
         drifts: drifts to the limit.
         force: largest nodal force of the history.
         part: part of the largest drift by which nodes may pass it; then all else is clear.
+        least: clearance that is enough.
+        cycles: cycles that are followed.
 
     Raises:
         NoLimit: the slips of a cycle were not found.
@@ -227,11 +235,11 @@ def clearance(drifts: Drifts, force: float, part: float = 0.0) -> float:
     if np.any(np.diagonal(drifts.M) <= 0.0):
         return -1.0
     limit, margins, M = drifts.limit, drifts.margins, drifts.responses[-1]
-    stiffness, least = np.abs(np.diagonal(M)), 1.0
+    stiffness, clear = np.abs(np.diagonal(M)), 1.0
     allowed = OVERSHOT * force + part * limit.max() * stiffness
     by_others = np.abs(M) * np.tile(1.0 - np.eye(len(drifts.stiffness)), (2, 2))
     before, shape = limit - drifts.begun, np.zeros_like(limit)
-    for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), MAX_DRIFTING)):
+    for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), cycles)):
         left = limit - y
         if cycle % LOOKED_AT == 0:
             unsure = by_others @ np.maximum(before, 0.0)
@@ -240,15 +248,15 @@ def clearance(drifts: Drifts, force: float, part: float = 0.0) -> float:
             if np.any(distance < 0.0):
                 return -1.0
             if not part:
-                least = min(least, float((distance / np.maximum(unsure, allowed)).min()))
+                clear = min(clear, float((distance / np.maximum(unsure, allowed)).min()))
             largest = float((stiffness * left).max())
             last, shape = shape, stiffness * left / max(largest, OVERSHOT * force)
             # drifts of one shape that only become smaller stay as clear as they are
             settled = largest * np.abs(shape - last).max() <= SAME_SHAPE * OVERSHOT * force
-            if least < CLEAR or settled or np.all(unsure <= allowed):
-                return least
+            if clear < least or settled or np.all(unsure <= allowed):
+                return clear
         before = left
-    return -1.0
+    return clear if cycles < MAX_DRIFTING else -1.0
 
 
 def error_of(before: Drifts, now: Drifts) -> float:
