@@ -18,6 +18,7 @@ from receding_fenicsx.evolution.limit.newton import (
     margin_rows,
     smallest_margins,
 )
+from receding_fenicsx.interface.lcp import lemke
 from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState
 
@@ -38,6 +39,12 @@ CLEAR = 0.02
 
 DOUBT = 2.0
 """Factor by which what is foreseen after two or three cycles may be wrong."""
+
+PARTS_OF_DOUBT = (1.0, 0.75, 0.5, 0.25)
+"""Parts of the doubt, as exponents, of which the largest that agrees with what is seen is taken."""
+
+WAVES = (1.0, 2.0)
+"""Half waves along the contact of the errors of what nodes lack."""
 
 SOON = 32
 """Cycles in which they are followed then: where nodes do pass their limits, they do so early."""
@@ -77,8 +84,8 @@ class Drifts:
     others: Ints
 
     def lacking(self, factor: Array) -> Drifts:
-        """Return the same while the nodes lack (k,) times as much of their limits."""
-        less = (self.limit - self.begun) * (1.0 - np.tile(factor, 2))
+        """Return the same while (2k,) times as much of the limits is lacking."""
+        less = (self.limit - self.begun) * (1.0 - factor)
         margins = self.margins + self.responses[-1] @ less
         return replace(self, begun=self.begun + less, margins=margins)
 
@@ -201,11 +208,20 @@ def is_robust(drifts: Drifts, force: float, doubt: float = DOUBT) -> bool:
     """Return whether no node passes the limit soon though drifts are foreseen wrongly.
 
     The first order is not exact while the drifts are large. So what the nodes lack is taken larger
-    at one end of the contact and smaller at the other, by the factor ``doubt``, and the reverse.
+    at one end of the contact and smaller at the other, by the factor ``doubt``, and the reverse; by
+    less where nodes would slip at once that are known to rest.
     """
-    wave = np.cos(np.linspace(0.0, np.pi, len(drifts.stiffness)))
-    lacking = (drifts.lacking(doubt**w) for w in (wave, -wave))
-    return all(clearance(wrong, force, least=0.0, cycles=SOON) >= 0.0 for wrong in lacking)
+    rest, none = drifts.limit <= 0.0, -OVERSHOT * force
+    seen = np.minimum(drifts.margins[0], 0.0)[rest] + none
+    wave = np.cos(np.pi * _places(drifts))
+    for exponents in (wave, -wave):
+        for part in PARTS_OF_DOUBT:
+            wrong = drifts.lacking(doubt ** (part * exponents))
+            if np.all(wrong.margins[0][rest] >= seen):
+                break
+        if clearance(wrong, force, least=0.0, cycles=SOON) < 0.0:
+            return False
+    return True
 
 
 def clearance(
@@ -218,9 +234,10 @@ def clearance(
     """Return how clear of passing the limit the nodes stay on the way to it; -1 where one does.
 
     Slip does not go back: where a node passes its limit while others still drift, their slips may
-    leave it a margin. The distance from that after a cycle is given over what the others may
-    change there from its start on: the smallest one, or the first below ``least``. -1 also for
-    drifts of more than ``MAX_DRIFTING`` cycles.
+    leave it a margin. The distance from that after a cycle is given over what its margin changes
+    if others lack more or less of their limits at the cycle's start, in waves along the contact:
+    the smallest one, or the first below ``least``. -1 also for drifts of more than ``MAX_DRIFTING``
+    cycles.
 
     Args:
         drifts: drifts to the limit.
@@ -237,15 +254,17 @@ def clearance(
     limit, margins, M = drifts.limit, drifts.margins, drifts.responses[-1]
     stiffness, clear = np.abs(np.diagonal(M)), 1.0
     allowed = OVERSHOT * force + part * limit.max() * stiffness
-    by_others = np.abs(M) * np.tile(1.0 - np.eye(len(drifts.stiffness)), (2, 2))
-    before, shape = limit - drifts.begun, np.zeros_like(limit)
+    waves = np.cos(np.pi * np.outer(_places(drifts), WAVES))
+    before, shape = _left(limit, drifts.begun), np.zeros_like(limit)
     for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), cycles)):
-        left = limit - y
+        left = _left(limit, y)
         if cycle % LOOKED_AT == 0:
-            unsure = by_others @ np.maximum(before, 0.0)
+            lack = np.maximum(before, 0.0)[:, None]
+            unsure = np.abs(M @ (waves * lack) - waves * (M @ lack)).max(axis=1)
             unsure += np.abs(margins[min(cycle, len(margins) - 1)] - margins[-1])
-            distance = stiffness * left + np.maximum(m, 0.0) + allowed
-            if np.any(distance < 0.0):
+            passed = stiffness * left + allowed
+            distance = passed + np.maximum(m, 0.0)
+            if np.any(passed < 0.0):
                 return -1.0
             if not part:
                 clear = min(clear, float((distance / np.maximum(unsure, allowed)).min()))
@@ -257,6 +276,22 @@ def clearance(
                 return clear
         before = left
     return clear if cycles < MAX_DRIFTING else -1.0
+
+
+def _places(drifts: Drifts) -> Array:
+    """Return (2k,) places of the drifts along the contact, from 0 to 1."""
+    return np.tile(np.linspace(0.0, 1.0, len(drifts.stiffness)), 2)
+
+
+def _left(limit: Array, y: Array) -> Array:
+    """Return what the drifts y (2k,) lack of the limit, which a node may slip back from on its way.
+
+    A node without drift in the limit must not slip at all: there it would stay.
+    """
+    drifts, back = limit > 0.0, np.roll(limit, len(limit) // 2) > 0.0
+    left: Array = limit - y + np.where(drifts, np.roll(y, len(y) // 2), 0.0)
+    left[back] = 0.0
+    return left
 
 
 def error_of(before: Drifts, now: Drifts) -> float:
@@ -296,4 +331,7 @@ class Slips:
                 self.solution[block] = -np.linalg.inv(self.R[block])
             except np.linalg.LinAlgError:
                 break
-        raise NoLimit("which nodes slip on the way to the limit is not decided")
+        found = lemke.solve(self.R, m, [np.ones(len(m))])
+        if found is None:
+            raise NoLimit("which nodes slip on the way to the limit is not decided")
+        return found

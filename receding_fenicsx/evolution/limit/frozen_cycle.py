@@ -15,7 +15,7 @@ from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segment, Segments
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SEPARATION, STICK
-from receding_fenicsx.interface.system import ContactState
+from receding_fenicsx.interface.system import ContactState, reactions
 
 DOUBLE = {(STICK, SEPARATION)}
 """Changes of state of one node at which two quantities vanish."""
@@ -135,7 +135,10 @@ class FrozenCycle:
             here = stop.u + u + stop.q[: len(u)] * ds[j]
             stops.append(stop._replace(load=stop.load + ds[j] * stop.way, u=here))
             u = u + of.get(j, 0.0)
-        return replace(self, stops=stops)
+        now = stops[-1].u
+        r = reactions(self.segments.system, stops[-1].load, now)
+        start, end = (ContactState(now, r, at.state) for at in (self.start, self.end))
+        return replace(self, start=start, end=end, stops=stops)
 
     @cached_property
     def events(self) -> MovingEvents:

@@ -18,13 +18,13 @@ from receding_fenicsx.interface.system import ContactState
 MAX_STEPS = 20
 """Newton steps after which the search is given up."""
 
-CONVERGED = 1e-13
+CONVERGED = 1e-12
 """Natural map over the largest nodal force below which it is zero."""
 
 MAX_UNSETTLED = 12
 """Cycles with frozen nodes, after a Newton step, that may differ from each other."""
 
-REPEATS = 1e-12
+REPEATS = 1e-11
 """Change of the displacements in all cycles to come, over their largest, that is none."""
 
 
@@ -40,13 +40,14 @@ class Margins:
 
 @dataclass(frozen=True)
 class Solution:
-    """Cycle that repeats itself, on the way to the one in which no shifted node would slip.
+    """Cycle on the way to the one that repeats itself and in which no shifted node would slip.
 
     Attributes:
-        cycle: the cycle with frozen nodes.
+        cycle: the cycle with frozen nodes; to first order where it does not repeat itself yet.
         shifts: (k,) drifts of the shifted nodes.
         steps: Newton steps.
-        residual: natural map over the largest nodal force; at most ``CONVERGED`` at the end.
+        residual: natural map over the largest nodal force.
+        settled: the cycle repeats itself, and the natural map is zero.
         active: (k,) 1 where the margin A vanishes after a drift forward, -1 where B does after one
             backward, 0 where the node stays.
         margins: smallest margins of the shifted nodes.
@@ -56,6 +57,7 @@ class Solution:
     shifts: Array
     steps: int
     residual: float
+    settled: bool
     active: NDArray[np.int8]
     margins: Margins
 
@@ -134,7 +136,7 @@ def approach(
 
     After a step a cycle differs from the periodic one by what the nodes have still to forget of
     their start. Once a periodic cycle has been met this is added to first order, to the margins
-    and to the next start, in place of playing it. Only cycles that repeat themselves are yielded.
+    and to the next start, in place of playing it.
 
     Args:
         frozen: the contact.
@@ -171,10 +173,10 @@ def approach(
         backward = ~forward & (-m.B > k * x)
         active = forward.astype(np.int8) - backward.astype(np.int8)
         residual = float(np.abs(R).max(initial=0.0)) / frozen.force
-        if repeats:
-            yield Solution(cycle, x, steps, residual, active, m)
-            if residual <= CONVERGED:
-                return
+        settled = repeats and residual <= CONVERGED
+        yield Solution(cycle if repeats else later, x, steps, residual, settled, active, m)
+        if settled:
+            return
         met, steps, unsettled = True, steps + 1, 0
         at = np.where(active > 0, m.at_A, m.at_B)
         state, x = _stepped(frozen, cycle, x, (k, R, active, at), left)
@@ -208,12 +210,9 @@ def _stepped(
     except np.linalg.LinAlgError:
         raise NoLimit("the margins do not determine the drifts") from None
     new[active == 0] = 0.0
-    state = frozen.shift(cycle.end, x, new)
-    if not np.array_equal(state.state, cycle.end.state):
-        return state, new
-    # what the nodes will forget of their start after the step
-    at_once = frozen.start_change(cycle.start)[: len(moved.S)]
-    u = (moved.S - at_once) @ (new - x)
+    # with what the nodes will forget of their start after the step
+    u = moved.S @ (new - x)
     if left is not None:
         u += left.S[:, 0] - cycle.change
-    return frozen.displaced(state, u, new), new
+    state = frozen.displaced(cycle.end, u, new)
+    return frozen.shift(cycle.end, x, new) if state is cycle.end else state, new

@@ -6,12 +6,13 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.limit.drifts import Drifts, drifts_of
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
-from receding_fenicsx.evolution.limit.newton import CONVERGED, Solution, approach, smallest_margins
+from receding_fenicsx.evolution.limit.newton import Solution, approach, smallest_margins
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.reduction import widen
@@ -25,7 +26,7 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem, react
 MAX_SORTS = 10
 """Sortings of the nodes after which the search is given up."""
 
-VIOLATED = 1e-12
+VIOLATED = 1e-11
 """Margin of a frozen node below zero, over the largest nodal force, that is no round-off."""
 
 CERTAIN = 2.0
@@ -111,11 +112,14 @@ def find_limit(
             shift[shifted] = solution.shifts
             if again is None:
                 drifts = drifts_of(frozen, solution, nodes.end)
-                if drifts is None or not len(drifts.others):
-                    _check_rest(frozen, solution, nodes, shift)
+                others = () if drifts is None else drifts.others
+                rest = _at_rest(frozen, solution, nodes)
+                if not len(others) and not np.any(rest):
+                    _check_places(frozen, solution, nodes, shift)
                     found = frozen, solution
                     return Candidate(near, steps, solution.residual, drifts, found)
-                again = nodes.with_drifting(drifts.others)
+                again = nodes.with_drifting(others, rest)
+                shift[rest] = (near.v - start.v)[rest]
             nodes = again
     except SolveError as error:
         raise NoLimit(f"a cycle with frozen nodes ends early: {error}") from error
@@ -132,32 +136,36 @@ def _sorted_again(frozen: Frozen, solution: Solution, nodes: Sorted) -> Sorted |
     """
     n = frozen.system.n
     m = smallest_margins(frozen, solution.cycle, frozen.nodes)
-    settled = solution.residual <= CONVERGED
-    least = -frozen.force * (VIOLATED if settled else CERTAIN * solution.residual)
+    least = -frozen.force * (VIOLATED if solution.settled else CERTAIN * solution.residual)
     forward, backward = (np.zeros(n, dtype=bool) for _ in range(2))
     forward[frozen.nodes[m.A < least]] = True
     backward[frozen.nodes[m.B < least]] = True
     drifting = forward | backward
     freed = (forward & backward) | (drifting & nodes.drifting)
-    if settled:
+    if solution.settled:
         freed |= solution.cycle.opens & nodes.frozen
     if not np.any(freed | drifting):
         return None
     return nodes.with_moved(freed, drifting)
 
 
-def _check_rest(frozen: Frozen, solution: Solution, nodes: Sorted, shift: Array) -> None:
+def _at_rest(frozen: Frozen, solution: Solution, nodes: Sorted) -> NDArray[np.bool_]:
+    """Return (N,) free nodes that stay where they are in the cycle, and never open."""
+    v = np.array([stop.u[: frozen.system.n] for stop in solution.cycle.stops])
+    give = SLIP_ROUND_OFF * frozen.force / local_stiffness(frozen.system)[0]
+    still: NDArray[np.bool_] = np.ptp(v, axis=0) <= give
+    return nodes.rubbing & ~nodes.frozen & ~solution.cycle.opens & still
+
+
+def _check_places(frozen: Frozen, solution: Solution, nodes: Sorted, shift: Array) -> None:
     """Raise NoLimit where the place of a node in the limit depends on cycles not played.
 
-    That is so where one that drifts would slip back, and where a free node stays where it is in the
-    cycle, and never opens.
+    That is so where one that drifts would slip back, and where one that still slips both ways comes
+    to rest but not on its friction limit.
     """
     if not nodes.go_on(shift):
         raise NoLimit("some node would slip back on the way to the limit that was found")
-    free = nodes.rubbing & ~nodes.frozen & ~solution.cycle.opens
-    v = np.array([stop.u[: frozen.system.n] for stop in solution.cycle.stops])
-    give = SLIP_ROUND_OFF * frozen.force / local_stiffness(frozen.system)[0]
-    if np.any(free & (np.ptp(v, axis=0) <= give)):
+    if np.any(nodes.settling[frozen.shifted[solution.active == 0]]):
         raise NoLimit("some node that slips both ways would come to rest on the way")
 
 

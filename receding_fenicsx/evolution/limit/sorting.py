@@ -35,6 +35,7 @@ class Sorted:
         drifting: (N,) frozen nodes that slip in one direction, and their neighbours among them.
         slip: (N,) slip in the cycle of the nodes that were frozen at first, 0 elsewhere.
         opens: (N,) nodes that are open somewhere in the cycle.
+        settling: (N,) frozen nodes that slip both ways, but not for ever.
         end: state at the end of the cycle.
     """
 
@@ -43,18 +44,21 @@ class Sorted:
     drifting: Mask
     slip: Array
     opens: Mask
+    settling: Mask
     end: ContactState
 
     def with_moved(self, freed: Mask, drifting: Mask) -> Sorted:
         """Return the same with some nodes freed, and others that drift."""
         frozen = self.frozen & ~freed
-        return replace(self, frozen=frozen, drifting=(self.drifting | drifting) & frozen)
+        drifting = (self.drifting | drifting) & frozen
+        return replace(self, frozen=frozen, drifting=drifting, settling=self.settling & frozen)
 
-    def with_drifting(self, others: Ints) -> Sorted:
-        """Return the same with further frozen nodes that drift."""
-        drifting = self.drifting.copy()
-        drifting[others] = True
-        return replace(self, drifting=drifting)
+    def with_drifting(self, others: Ints | tuple[()], settling: Mask) -> Sorted:
+        """Return the same with further frozen nodes that drift, and free ones that settle."""
+        drifting = self.drifting | settling
+        drifting[list(others)] = True
+        settling = self.settling | settling
+        return replace(self, frozen=self.frozen | settling, drifting=drifting, settling=settling)
 
     def go_on(self, shift: Array) -> bool:
         """Return whether frozen nodes that slip in the cycle slip on in the same direction.
@@ -97,4 +101,4 @@ def sort_nodes(
     near = np.convolve(slips.any(axis=0) & frozen, np.ones(2 * NEIGHBOURS + 1))
     slip = np.where(frozen & slips.any(axis=0), forward - backward, 0.0)
     drifting = (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen
-    return Sorted(rubbing, frozen, drifting, slip, opens, state)
+    return Sorted(rubbing, frozen, drifting, slip, opens, np.zeros(n, dtype=bool), state)
