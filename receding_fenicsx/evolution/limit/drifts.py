@@ -8,6 +8,7 @@ from itertools import count, islice
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.limit.frozen import Frozen, NoLimit
@@ -16,7 +17,6 @@ from receding_fenicsx.evolution.limit.newton import (
     MarginRows,
     Solution,
     margin_rows,
-    smallest_margins,
 )
 from receding_fenicsx.interface.lcp import lemke
 from receding_fenicsx.interface.residual import local_stiffness
@@ -98,7 +98,8 @@ class Drifts:
 
 def drifts_of(frozen: Frozen, solution: Solution, now: ContactState) -> Drifts | None:
     """Return the drifts from a state at the end of a cycle to a limit; None where none drifts."""
-    nodes, m, cycle, x = frozen.shifted, solution.margins, solution.cycle, solution.shifts
+    nodes, cycle, x = frozen.shifted, solution.cycle, solution.shifts
+    m = solution.margins.of(np.searchsorted(frozen.nodes, nodes))
     k = len(nodes)
     if not k:
         return None
@@ -170,8 +171,8 @@ def _at_risk(frozen: Frozen, solution: Solution, moved: MovedCycle) -> Ints:
     While the others lack any parts of their drifts x, a margin is at least
     m* - sum over j of |dm/dx_j x_j|.
     """
-    rest = np.setdiff1d(frozen.nodes, frozen.shifted)
-    m = smallest_margins(frozen, solution.cycle, rest)
+    still = np.flatnonzero(~np.isin(frozen.nodes, frozen.shifted))
+    rest, m = frozen.nodes[still], solution.margins.of(still)
     risk = np.zeros(len(rest), dtype=bool)
     for sign, margin, at in ((1.0, m.A, m.at_A), (-1.0, m.B, m.at_B)):
         rows = margin_rows(frozen, solution.cycle, rest, np.full(len(rest), sign), at)
@@ -310,7 +311,14 @@ class Slips:
         """Take the response of the margins to slips in the same cycle."""
         self.R = R
         self.active: NDArray[np.bool_] = np.zeros(len(R), dtype=bool)
-        self.solution = np.zeros_like(R)
+        self._choose(self.active)
+
+    def _choose(self, active: NDArray[np.bool_]) -> None:
+        """Factor the response of the nodes that slip."""
+        self.active, self._chosen = active, np.flatnonzero(active)
+        self._columns = self.R[:, self._chosen]
+        if len(self._chosen):
+            self._factor = dgetrf(self._columns[self._chosen])
 
     def of(self, m: Array) -> Array:
         """Return the slips (k,) for the margins m without them.
@@ -319,18 +327,18 @@ class Slips:
             NoLimit: none were found.
         """
         for _ in range(MAX_GUESSES):
-            s: Array = self.solution @ m
-            wanted = np.where(self.active, s > 0.0, m + self.R @ s < 0.0)
+            s, left = np.zeros_like(m), m
+            if len(self._chosen):
+                lu, pivots, singular = self._factor
+                if singular:
+                    break
+                slips = -dgetrs(lu, pivots, m[self._chosen])[0]
+                s[self._chosen] = slips
+                left = m + self._columns @ slips
+            wanted = np.where(self.active, s > 0.0, left < 0.0)
             if np.array_equal(wanted, self.active):
                 return s
-            self.active = wanted
-            chosen = np.flatnonzero(wanted)
-            self.solution = np.zeros_like(self.R)
-            block = np.ix_(chosen, chosen)
-            try:
-                self.solution[block] = -np.linalg.inv(self.R[block])
-            except np.linalg.LinAlgError:
-                break
+            self._choose(wanted)
         found = lemke.solve(self.R, m, [np.ones(len(m))])
         if found is None:
             raise NoLimit("which nodes slip on the way to the limit is not decided")

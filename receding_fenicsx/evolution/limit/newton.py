@@ -37,6 +37,10 @@ class Margins:
     at_A: Ints
     at_B: Ints
 
+    def of(self, chosen: Ints) -> Margins:
+        """Return those of some of the nodes, given by their numbers among these."""
+        return Margins(self.A[chosen], self.B[chosen], self.at_A[chosen], self.at_B[chosen])
+
 
 @dataclass(frozen=True)
 class Solution:
@@ -50,7 +54,7 @@ class Solution:
         settled: the cycle repeats itself, and the natural map is zero.
         active: (k,) 1 where the margin A vanishes after a drift forward, -1 where B does after one
             backward, 0 where the node stays.
-        margins: smallest margins of the shifted nodes.
+        margins: smallest margins of all frozen nodes.
     """
 
     cycle: FrozenCycle
@@ -148,8 +152,8 @@ def approach(
         NoLimit: it does not converge within the contact's budget of cycles.
         SolveError: a cycle with frozen nodes ends early.
     """
-    nodes = frozen.shifted
-    k = local_stiffness(frozen.system)[0][nodes]
+    moving = np.searchsorted(frozen.nodes, frozen.shifted)
+    k = local_stiffness(frozen.system)[0][frozen.shifted]
     x, steps, unsettled, met = guess, 0, 0, False
     if near is not None and frozen.allows(near):
         state = near
@@ -166,7 +170,8 @@ def approach(
                 state = frozen.displaced(state, left.S[:, 0] - cycle.change, x)
             continue
         later = cycle if repeats or left is None else cycle.moved(left)
-        m = smallest_margins(frozen, later, nodes)
+        every = smallest_margins(frozen, later, frozen.nodes)
+        m = every.of(moving)
         inner = np.maximum(k * x, -m.B)
         R = np.minimum(m.A, inner)
         forward = m.A < inner
@@ -174,7 +179,7 @@ def approach(
         active = forward.astype(np.int8) - backward.astype(np.int8)
         residual = float(np.abs(R).max(initial=0.0)) / frozen.force
         settled = repeats and residual <= CONVERGED
-        yield Solution(cycle if repeats else later, x, steps, residual, settled, active, m)
+        yield Solution(cycle if repeats else later, x, steps, residual, settled, active, every)
         if settled:
             return
         met, steps, unsettled = True, steps + 1, 0

@@ -12,7 +12,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.limit.drifts import Drifts, drifts_of
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
-from receding_fenicsx.evolution.limit.newton import Solution, approach, smallest_margins
+from receding_fenicsx.evolution.limit.newton import Solution, approach
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.reduction import widen
@@ -134,8 +134,7 @@ def _sorted_again(frozen: Frozen, solution: Solution, nodes: Sorted) -> Sorted |
     Nodes that open, violate both margins, or violate one though their drift holds the other, slip
     both ways. Others that violate one drift.
     """
-    n = frozen.system.n
-    m = smallest_margins(frozen, solution.cycle, frozen.nodes)
+    n, m = frozen.system.n, solution.margins
     least = -frozen.force * (VIOLATED if solution.settled else CERTAIN * solution.residual)
     forward, backward = (np.zeros(n, dtype=bool) for _ in range(2))
     forward[frozen.nodes[m.A < least]] = True

@@ -106,9 +106,9 @@ class Certificate:
             np.linalg.LinAlgError: what moves freely has a motion without stiffness.
         """
         free, factor = self._free_stiffness(open_)
-        K = self.system.K[rows[:, None], rows[:columns]]
+        K = self.system.K[rows][:, rows[:columns]]
         if len(free) and len(rows):
-            coupled = self.system.K[free[:, None], rows]
+            coupled = self.system.K[free][:, rows]
             half = sla.solve_triangular(factor, coupled, lower=True, check_finite=False)
             K -= half.T @ half[:, :columns]
         return K

@@ -240,24 +240,33 @@ class UniquenessWatch:
 
     def judge(self, sets: list[Sides]) -> None:
         """Certify sets of states in which something slips; note those that are not definite."""
+        made: list[Pattern] = []
         for group in grouped(list(filter(self._is_new, sets))):
-            self._judge(group)
+            self._judge(group, made, 0)
+        self._patterns[:0] = made[::-1]
 
-    def _judge(self, sets: list[Sides]) -> None:
-        """Certify a group: together, else in halves, at last each alone."""
-        while sets := list(filter(self._is_new, sets)):
+    def _judge(self, sets: list[Sides], made: list[Pattern], seen: int) -> None:
+        """Certify a group: together, else in halves, at last each alone.
+
+        Args:
+            sets: the group.
+            made: patterns made since the sets were new.
+            seen: number of those that hold none of them.
+        """
+        while sets := [one for one in sets if not any(other.holds(one) for other in made[seen:])]:
+            seen = len(made)
             pattern = certify(self.certificate, sets, LARGE_MARGIN)
             if pattern is None and len(sets) > 1:
                 for half in halves(sets):
-                    self._judge(half)
+                    self._judge(half, made, seen)
                 return
             if pattern is None:
                 self._measure(sets[0])
                 pattern = certify(self.certificate, sets, 1.0 + SAME_MARGIN)
             if pattern is None:
                 self.indefinite.add(sets[0])
-            else:
-                self._patterns.insert(0, pattern)
+                return
+            made.append(pattern)
 
     def _measure(self, one: Sides) -> None:
         """Lower the margin to that of a set of states, if it is smaller."""
