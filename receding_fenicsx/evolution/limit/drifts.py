@@ -193,12 +193,16 @@ def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
         NoLimit: the slips of a cycle were not found.
     """
     margins, M = drifts.margins, drifts.responses[-1]
-    slips, memory = Slips(drifts.responses[0]), drifts.responses[1:-1] - M
-    past = np.zeros(memory.shape[:2])
+    slips, memory = Slips(drifts.responses[0]), (drifts.responses[1:-1] - M).transpose(1, 0, 2)
+    past, slipping = np.zeros(memory.shape[1:]), np.zeros(len(M), dtype=bool)
+    remembered = memory[:, :, slipping].reshape(len(M), -1)
     y, left = drifts.begun.copy(), margins[-1].copy()
     for cycle in count():
         lasting = margins[min(cycle, len(margins) - 1)] - margins[-1]
-        s = slips.of(left + lasting + np.einsum("lij,lj->i", memory, past))
+        s = slips.of(left + lasting + remembered @ past[:, slipping].ravel())
+        if np.any(s[~slipping]):
+            slipping = slipping | (s > 0.0)
+            remembered = memory[:, :, slipping].reshape(len(M), -1)
         y += s
         left += M @ s
         past = np.vstack([s, past])[: len(past)]
