@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segment, Segments
+from receding_fenicsx.interface.exact.tableau import exchanges
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactState, reactions
@@ -176,10 +177,11 @@ class FrozenCycle:
     def _vanishing(self, j: int) -> list[tuple[int, Array]]:
         """Return further quantities that vanish at a stop, with what brings them to zero (4N,)."""
         before, label, after = self.stops[j].state, self.stops[j].label, self.stops[j + 1].state
-        reached = self.segments.tableau(before).limits_reached(after)
-        tableau, one = self.segments.tableau(after), np.ones(1)
-        return [
-            (other, tableau.response(np.array([other]), one)[: 4 * len(before)])
-            for other in reached
-            if other != label
-        ]
+        segments, n = self.segments, len(before)
+        changed = np.flatnonzero((before != after) & (segments.frictional | segments.smooth))
+        reached, _ = exchanges(segments.frictional, changed, before, after)
+        others = [other for other in reached if other >= n and other != label]
+        if not others:
+            return []
+        tableau, one = segments.tableau(after), np.ones(1)
+        return [(other, tableau.response(np.array([other]), one)[: 4 * n]) for other in others]

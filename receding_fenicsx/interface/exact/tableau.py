@@ -62,6 +62,31 @@ MAX_AGE = 10
 round-off."""
 
 
+def exchanges(
+    frictional: NDArray[np.bool_],
+    nodes: NDArray[np.intp],
+    old: NDArray[np.int8],
+    new: NDArray[np.int8],
+) -> tuple[list[int], list[int]]:
+    """Return the labels of outputs and inputs to exchange where nodes change their states.
+
+    Args:
+        frictional: (N,) nodes with the full contact law.
+        nodes: those that change.
+        old: (N,) states before.
+        new: (N,) states after.
+    """
+    n = len(old)
+    outputs: list[int] = []
+    inputs: list[int] = []
+    for i in nodes.tolist():
+        table = EXCHANGES if frictional[i] else SMOOTH_EXCHANGES
+        for out, into in table.get((int(old[i]), int(new[i])), ()):
+            outputs.append(out * n + i)
+            inputs.append(into * n + i)
+    return outputs, inputs
+
+
 class Tableau:
     """Maps the rates of inputs and loads to the rates of outputs, for the present states.
 
@@ -152,7 +177,7 @@ class Tableau:
         """Return the map for ``state``, made from that with all nodes stuck."""
         n = len(state)
         stuck = np.full(n, STICK, dtype=np.int8)
-        outputs, inputs = self._exchanges(self._different(stuck, state), stuck, state)
+        outputs, inputs = exchanges(self.frictional, self._different(stuck, state), stuck, state)
         # Q = 0 of a frictionless node is an input for good
         Z = np.flatnonzero(self.free_v)
         outputs += (REACTION * n + Z).tolist()
@@ -164,25 +189,6 @@ class Tableau:
     def _different(self, one: NDArray[np.int8], other: NDArray[np.int8]) -> NDArray[np.intp]:
         """Return the nodes that are in different states, those without any limit left out."""
         return ((one != other) & self._limited).nonzero()[0]
-
-    def _exchanges(
-        self, nodes: NDArray[np.intp], old: NDArray[np.int8], new: NDArray[np.int8]
-    ) -> tuple[list[int], list[int]]:
-        """Return the labels of outputs and inputs to exchange where nodes change their states."""
-        n = len(old)
-        outputs: list[int] = []
-        inputs: list[int] = []
-        for i in nodes.tolist():
-            table = EXCHANGES if self.frictional[i] else SMOOTH_EXCHANGES
-            for out, into in table.get((int(old[i]), int(new[i])), ()):
-                outputs.append(out * n + i)
-                inputs.append(into * n + i)
-        return outputs, inputs
-
-    def limits_reached(self, state: NDArray[np.int8]) -> list[int]:
-        """Return the labels of gaps and margins that vanish in given states, not in the present."""
-        outputs, _ = self._exchanges(self._different(state, self.state), self.state, state)
-        return [label for label in outputs if label >= len(state)]
 
     def _restore_nearest(self, state: NDArray[np.int8], changes: int) -> None:
         """Continue from a stored copy if fewer than ``changes`` nodes differ there."""
@@ -206,7 +212,7 @@ class Tableau:
         if changes > ONE_BY_ONE:
             self._restore_nearest(state, changes)
             changing = self._different(state, self.state)
-        outputs, inputs = self._exchanges(changing, self.state, state)
+        outputs, inputs = exchanges(self.frictional, changing, self.state, state)
         matrix = self.matrix
         if any(matrix.column_of[label] < 0 for label in inputs):
             self._left_out = self._left_out[:0]
