@@ -106,6 +106,8 @@ class UniquenessWatch:
         self._instants = InstantsOfLegs()
         self._whole_legs = WholeLegs(self.certificate, LARGE_MARGIN)
         self._patterns: list[Pattern] = []
+        # of no smaller margin than the one that is found
+        self._larger: list[Pattern] = []
         self.indefinite: set[Sides] = set()
         self._measured: set[Sides] = set()
         self._solved: set[bytes] = set()
@@ -271,8 +273,13 @@ class UniquenessWatch:
     def _measure(self, one: Sides) -> None:
         """Lower the margin to that of a set of states, if it is smaller."""
         judge, least = self.certificate, self.found.margin
-        if np.isfinite(least) and certify(judge, [one], least * (1.0 - SAME_MARGIN)):
+        if any(larger.holds(one) for larger in self._larger):
             return
+        if np.isfinite(least):
+            pattern = certify(judge, [one], least * (1.0 - SAME_MARGIN))
+            if pattern is not None:
+                self._larger.append(pattern)
+                return
         margin, _ = judge.margin(one.states(judge.system.n))
         if margin > 0.0:  # what slips without stiffness does so whatever the friction
             self.found = replace(self.found, margin=min(least, margin))
