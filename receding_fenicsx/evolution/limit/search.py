@@ -33,6 +33,10 @@ CERTAIN = 2.0
 """Margin of a frozen node below zero, over the natural map of those that drift, by which it slips
 in the limit, too."""
 
+FEW = 2
+"""Nodes freed before any Newton step below which one is taken before the next sorting: there the
+zone of those that slip both ways grows node by node."""
+
 
 @dataclass(frozen=True)
 class Candidate:
@@ -94,7 +98,7 @@ def find_limit(
     try:
         budget.take()
         nodes = sort_nodes(model, solver, start, loop, force)
-        shift, near = np.zeros(model.n), None
+        shift, near, creeping = np.zeros(model.n), None, False
         for _ in range(MAX_SORTS):
             held, shifted = np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting)
             frozen = Frozen(model, held, shifted, loop, force, budget, widen(nodes.opens))
@@ -104,10 +108,13 @@ def find_limit(
                 near = replace(near, u=u)
             first = replace(start, state=np.where(nodes.frozen, STICK, start.state).astype(np.int8))
             for solution in approach(frozen, first, shift[shifted], near):
+                if creeping and not (solution.steps or solution.settled):
+                    continue
                 again = _sorted_again(frozen, solution, nodes)
                 if again is not None:
                     break
             steps += solution.steps
+            at_once = near is not None and not solution.steps
             near, shift = _unfrozen(frozen, solution), np.zeros(model.n)
             shift[shifted] = solution.shifts
             if again is None:
@@ -120,7 +127,8 @@ def find_limit(
                     return Candidate(near, steps, solution.residual, drifts, found)
                 again = nodes.with_drifting(others, rest)
                 shift[rest] = (near.v - start.v)[rest]
-            nodes = again
+            few = np.count_nonzero(again.frozen != nodes.frozen) < FEW
+            creeping, nodes = at_once and few, again
     except SolveError as error:
         raise NoLimit(f"a cycle with frozen nodes ends early: {error}") from error
     except SingularExchange as error:
