@@ -43,9 +43,9 @@ def test_drifts_are_those_of_cycles_that_are_played(
     record, shifted = evolve(system, history), list[int]()
     drifts_of = search.drifts_of
 
-    def remembered(frozen, solution, now):  # type: ignore[no-untyped-def]
+    def remembered(frozen, solution, *states):  # type: ignore[no-untyped-def]
         shifted[:] = frozen.shifted
-        return drifts_of(frozen, solution, now)
+        return drifts_of(frozen, solution, *states)
 
     monkeypatch.setattr(search, "drifts_of", remembered)
     model = frictional_form(system)

@@ -91,7 +91,7 @@ def test_the_limit_of_two_bodies_is_that_of_plain_cycles(tmp_path: Path) -> None
 
 @pytest.mark.parametrize(
     ("made", "seed"),
-    [(under_four_loads, seed) for seed in (12, 38, 338, 428, 738, 4239)]
+    [(under_four_loads, seed) for seed in (12, 38, 338, 428, 738, 4239, 91729)]
     + [(tall_under_four_loads, seed) for seed in (20985, 101054)],
 )
 def test_limits_under_several_loads_are_those_of_plain_cycles(

@@ -40,6 +40,9 @@ CLEAR = 0.02
 DOUBT = 2.0
 """Factor by which what is foreseen after two or three cycles may be wrong."""
 
+SURPRISE = 2.0
+"""Error of the cycle before, over what a node still lacks, from which it may pass its limit."""
+
 PARTS_OF_DOUBT = (1.0, 0.75, 0.5, 0.25)
 """Parts of the doubt, as exponents, of which the largest that agrees with what is seen is taken."""
 
@@ -96,8 +99,10 @@ class Drifts:
         return M
 
 
-def drifts_of(frozen: Frozen, solution: Solution, now: ContactState) -> Drifts | None:
-    """Return the drifts from a state at the end of a cycle to a limit; None where none drifts."""
+def drifts_of(
+    frozen: Frozen, solution: Solution, *states: ContactState
+) -> tuple[Drifts, ...] | None:
+    """Return the drifts from states at the ends of cycles to a limit; None where none drifts."""
     nodes, cycle, x = frozen.shifted, solution.cycle, solution.shifts
     m = solution.margins.of(np.searchsorted(frozen.nodes, nodes))
     k = len(nodes)
@@ -107,51 +112,58 @@ def drifts_of(frozen: Frozen, solution: Solution, now: ContactState) -> Drifts |
     rows = margin_rows(frozen, cycle, np.tile(nodes, 2), signs, np.append(m.at_A, m.at_B))
     moved = frozen.periodic_change(cycle)
     M = rows.moved(moved, nodes)
-    begun = (now.v - cycle.start.v)[nodes]
-    far = now.u - cycle.start.u
-    far[nodes] -= x
+    far = np.array([now.u - cycle.start.u for now in states]).T
+    begun = far[nodes].T.copy()
+    far[nodes] -= x[:, None]
     margins, responses = _followed(frozen, cycle, rows, far)
     smallest = np.append(m.A, m.B)
     forward = (solution.active > 0) | ((solution.active == 0) & (m.A < m.B))
-    return Drifts(
-        limit=np.maximum(np.append(x, -x), 0.0),
-        begun=np.maximum(np.append(begun, -begun), 0.0),
-        margins=smallest + np.vstack([margins, M @ (begun - x)]),
-        responses=np.concatenate([responses, np.hstack([M, -M])[None]]),
-        towards=np.arange(k) + np.where(forward, 0, k),
-        stiffness=local_stiffness(frozen.system)[0][nodes],
-        others=_at_risk(frozen, solution, moved),
+    common = {
+        "limit": np.maximum(np.append(x, -x), 0.0),
+        "responses": np.concatenate([responses, np.hstack([M, -M])[None]]),
+        "towards": np.arange(k) + np.where(forward, 0, k),
+        "stiffness": local_stiffness(frozen.system)[0][nodes],
+        "others": _at_risk(frozen, solution, moved),
+    }
+    return tuple(
+        Drifts(
+            begun=np.maximum(np.append(made, -made), 0.0),
+            margins=smallest + np.vstack([margins[:, :, j], M @ (made - x)]),
+            **common,
+        )
+        for j, made in enumerate(begun)
     )
 
 
 def _followed(
     frozen: Frozen, cycle: FrozenCycle, rows: MarginRows, far: Array
 ) -> tuple[Array, Array]:
-    """Return the changes of the margins (L, 2k) without slips, and those after slips (L, 2k, 2k).
+    """Return the changes of margins (L, 2k, j) without slips, and those after slips (L, 2k, 2k).
 
     A node slips where its margin is smallest, in the states on the way there. What it changes at
     once is followed through the rest of the cycle and the next ones, as the moved events change it.
-    So is the distance ``far`` (2N,) from the limit at the start of the cycle.
+    So are distances ``far`` (2N, j) from the limit at the start of the cycle.
 
     Raises:
         NoLimit: the cycles remember for too long.
     """
     system, n, events = frozen.system, frozen.system.n, cycle.events
     signs, nodes = np.repeat([1.0, -1.0], len(frozen.shifted)), np.tile(frozen.shifted, 2)
-    at_once = np.zeros((4 * n, len(nodes) + 1))
+    k, of_far = len(nodes), far.shape[1]
+    at_once = np.zeros((4 * n, k + of_far))
     for stop in np.unique(rows.at):
         here = np.flatnonzero(rows.at == stop)
         tableau = frozen.segments.tableau(cycle.stops[stop].state)
         at_once[:, here] = tableau.following(system.K[nodes[here]].T * signs[here])
-    at_once[:, -1] = frozen.quantities(far)
+    at_once[:, k:] = np.array([frozen.quantities(one) for one in far.T]).T
     low, m = at_once[events.label], rows.of_u @ at_once[: 2 * n]
-    m[:, :-1] += rows.of_u[:, nodes] * signs
-    began = np.append(rows.at, -1)
+    m[:, :k] += rows.of_u[:, nodes] * signs
+    began = np.append(rows.at, np.full(of_far, -1))
     on_low = events.change[:, events.label].T
     on_m = rows.of_u @ events.change[:, : 2 * n].T
     ds = events.moved(np.where(began <= events.at[:, None], low, 0.0))
     followed = [np.where(began <= rows.at[:, None], m, 0.0) + rows.of_events @ ds]
-    none = np.append(np.zeros(len(nodes)), OVERSHOT * frozen.force)
+    none = np.append(np.zeros(k), np.full(of_far, OVERSHOT * frozen.force))
     while len(followed) < MAX_MEMORY:
         low, m = low + on_low @ ds, m + on_m @ ds
         ds = events.moved(low)
@@ -162,7 +174,7 @@ def _followed(
     else:
         raise NoLimit("the cycle with frozen nodes forgets a slip too slowly")
     every = np.array(followed)
-    return every[:, :, -1], every[:, :, :-1]
+    return every[:, :, k:], every[:, :, :k]
 
 
 def _at_risk(frozen: Frozen, solution: Solution, moved: MovedCycle) -> Ints:
@@ -299,13 +311,24 @@ def _left(limit: Array, y: Array) -> Array:
     return left
 
 
-def error_of(before: Drifts, now: Drifts) -> float:
-    """Return how far drifts were foreseen wrongly a cycle before, over what they still lack."""
+def errors_of(before: Drifts, now: Drifts) -> tuple[Array, Array]:
+    """Return how far drifts (k,) were foreseen wrongly a cycle before, and what they still lack."""
     foreseen, _ = next(cycles_to_come(before))
     k = len(now.stiffness)
-    net = [y[:k] - y[k:] for y in (foreseen, now.begun, now.limit)]
-    error, lacking = (float(np.abs(net[1] - other).max()) for other in (net[0], net[2]))
+    then, made, limit = (y[:k] - y[k:] for y in (foreseen, now.begun, now.limit))
+    return np.abs(made - then), np.abs(limit - made)
+
+
+def error_of(before: Drifts, now: Drifts) -> float:
+    """Return how far drifts were foreseen wrongly a cycle before, over what they still lack."""
+    error, lacking = (float(of.max()) for of in errors_of(before, now))
     return error / lacking if lacking > 0.0 else 0.0
+
+
+def is_as_foreseen(before: Drifts, now: Drifts, force: float) -> bool:
+    """Return whether no node has slipped otherwise than foreseen by far more than it lacks now."""
+    error, lacking = errors_of(before, now)
+    return bool(np.all(now.stiffness * (error - SURPRISE * lacking) <= OVERSHOT * force))
 
 
 class Slips:

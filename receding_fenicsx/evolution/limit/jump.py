@@ -16,6 +16,7 @@ from receding_fenicsx.evolution.limit.drifts import (
     DOUBT,
     clearance,
     error_of,
+    is_as_foreseen,
     is_robust,
 )
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
@@ -57,6 +58,9 @@ NO_GAIN = 1e-10
 ERRORS = 8.0
 """Errors of the cycle before, as what is foreseen may be wrong."""
 
+TOO_NEAR = "some node would slip beyond the limit that was found, or nearly"
+"""Why a limit is looked at again later."""
+
 IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
 """What is said of the limit of load steps."""
 
@@ -83,6 +87,8 @@ class LimitSearch:
         self.steady: Steady | None = None
         self.searched = 0
         self._waiting: Candidate | None = None
+        # the cycle from whose end it was last judged
+        self._judged = 0
         for number in filter(self.is_due, range(len(cycles))):
             before = self.limit
             if self.found(cycles[:number], None):  # a history that began without searches
@@ -162,7 +168,13 @@ class LimitSearch:
         One to which nodes come too near is kept: a few cycles later they may be sure to stay clear.
         """
         waiting, self._waiting, doubt = self._waiting, None, DOUBT
+        number = len(trial.cycles)
+        if waiting is not None and self._judged == number - 1:
+            # the cycle that has sorted the nodes has been played again, and nothing more
+            self._waiting = waiting
+            raise NoLimit(TOO_NEAR)
         found = None if waiting is None else waiting.seen_from(trial.position.state)
+        self._judged = number - 1
         if waiting is not None and found is not None:
             assert waiting.drifts is not None and found.drifts is not None
             doubt = min(DOUBT, 1.0 + ERRORS * error_of(waiting.drifts, found.drifts))
@@ -170,15 +182,21 @@ class LimitSearch:
             if not self.is_due(len(trial.cycles)):
                 raise NoLimit("nodes slip that were to stick in the limit that was found")
             found = self._candidate(trial, budget)
+            self._judged = number
         if found.drifts is None:
             return found
         allowed = self.problem.solver.overshoot
         force = trial.position.totals.force_scale
+        assert found.before is not None
         clear = clearance(found.drifts, force, allowed)
-        if clear >= CLEAR and (allowed or is_robust(found.drifts, force, doubt)):
+        safe = allowed or (
+            is_as_foreseen(found.before, found.drifts, force)
+            and is_robust(found.drifts, force, doubt)
+        )
+        if clear >= CLEAR and safe:
             return found
         self._waiting = found if clear >= 0.0 else None
-        raise NoLimit("some node would slip beyond the limit that was found, or nearly")
+        raise NoLimit(TOO_NEAR)
 
     def _played(
         self, trial: RunState, state: ContactState, budget: Budget

@@ -48,6 +48,7 @@ class Candidate:
         residual: natural map of drifts and margins, over the largest nodal force; of a body that
             walks, change of the forces.
         drifts: drifts of the nodes, None where none drifts.
+        before: the same from the end of the cycle before.
         found: contact and cycle with frozen nodes; None for a body that walks.
     """
 
@@ -55,6 +56,7 @@ class Candidate:
     steps: int
     residual: float
     drifts: Drifts | None = None
+    before: Drifts | None = None
     found: tuple[Frozen, Solution] | None = None
 
     def seen_from(self, now: ContactState) -> Candidate | None:
@@ -68,7 +70,8 @@ class Candidate:
         at_rest = np.setdiff1d(frozen.nodes, frozen.shifted)
         if np.any(np.abs(now.v - solution.cycle.start.v)[at_rest] > give[at_rest]):
             return None
-        return replace(self, drifts=drifts_of(frozen, solution, now))
+        found = drifts_of(frozen, solution, now)
+        return replace(self, drifts=None if found is None else found[0], before=self.drifts)
 
 
 def find_limit(
@@ -118,13 +121,13 @@ def find_limit(
             near, shift = _unfrozen(frozen, solution), np.zeros(model.n)
             shift[shifted] = solution.shifts
             if again is None:
-                drifts = drifts_of(frozen, solution, nodes.end)
+                before, drifts = drifts_of(frozen, solution, start, nodes.end) or (None, None)
                 others = () if drifts is None else drifts.others
                 rest = _at_rest(frozen, solution, nodes)
                 if not len(others) and not np.any(rest):
                     _check_places(frozen, solution, nodes, shift)
                     found = frozen, solution
-                    return Candidate(near, steps, solution.residual, drifts, found)
+                    return Candidate(near, steps, solution.residual, drifts, before, found)
                 again = nodes.with_drifting(others, rest)
                 shift[rest] = (near.v - start.v)[rest]
             few = np.count_nonzero(again.frozen != nodes.frozen) < FEW
