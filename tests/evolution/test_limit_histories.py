@@ -58,6 +58,12 @@ def polygon(corners: int, phase: float) -> np.ndarray:
     return np.stack([1.0 + 0.4 * np.cos(angle), 0.25 * np.sin(angle + phase)], axis=1)
 
 
+def block_scene(values: dict[str, float]) -> rf.Scene:
+    """Return the scene of the paper's block with other values."""
+    file = Path(__file__).parents[2] / "demos" / "block.toml"
+    return rf.read_scene(file, [f"{key}={value}" for key, value in values.items()])
+
+
 def assert_same(limit: rf.Record, plain: rf.Record) -> None:
     """Assert that a limit that was searched for is that of plain cycles."""
     assert limit.limit is not None and limit.limit.jumped, limit.limit
@@ -111,16 +117,16 @@ def test_limits_under_several_loads_are_those_of_plain_cycles(
 
 def test_a_node_that_slips_both_ways_settles_on_its_friction_limit() -> None:
     # played plainly its last slip back is in cycle 12
-    file = Path(__file__).parents[2] / "demos" / "block.toml"
-    values = {
-        "mesh.contact_elements": 80,
-        "contact.friction": 0.9129,
-        "material.poisson": 0.1908,
-        "history.minimum": 0.5168,
-        "history.cycles": 400,
-        "solver.steady_tolerance": 1e-11,
-    }
-    scene = rf.read_scene(file, [f"{key}={value}" for key, value in values.items()])
+    scene = block_scene(
+        {
+            "mesh.contact_elements": 80,
+            "contact.friction": 0.9129,
+            "material.poisson": 0.1908,
+            "history.minimum": 0.5168,
+            "history.cycles": 400,
+            "solver.steady_tolerance": 1e-11,
+        }
+    )
     system = rf.condense(scene)
     if system is None:
         return
@@ -133,15 +139,15 @@ def test_a_node_that_slips_both_ways_settles_on_its_friction_limit() -> None:
 
 
 def test_round_off_of_a_contact_that_shakes_down_is_no_walk() -> None:
-    file = Path(__file__).parents[2] / "demos" / "block.toml"
-    values = {
-        "mesh.contact_elements": 320,
-        "contact.friction": 1.0847,
-        "material.poisson": 0.3361,
-        "history.minimum": 0.7621,
-        "history.cycles": 100,
-    }
-    scene = rf.read_scene(file, [f"{key}={value}" for key, value in values.items()])
+    scene = block_scene(
+        {
+            "mesh.contact_elements": 320,
+            "contact.friction": 1.0847,
+            "material.poisson": 0.3361,
+            "history.minimum": 0.7621,
+            "history.cycles": 100,
+        }
+    )
     system = rf.condense(scene)
     if system is None:
         return

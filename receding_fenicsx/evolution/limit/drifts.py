@@ -301,9 +301,9 @@ def _places(drifts: Drifts) -> Array:
 
 
 def _left(limit: Array, y: Array) -> Array:
-    """Return what the drifts y (2k,) lack of the limit, which a node may slip back from on its way.
+    """Return what the drifts y (2k,) lack of the limit.
 
-    A node without drift in the limit must not slip at all: there it would stay.
+    A node that drifts to it may slip back on the way; one that does not drift must not slip at all.
     """
     drifts, back = limit > 0.0, np.roll(limit, len(limit) // 2) > 0.0
     left: Array = limit - y + np.where(drifts, np.roll(y, len(y) // 2), 0.0)
