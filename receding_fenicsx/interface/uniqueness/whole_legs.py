@@ -8,10 +8,12 @@ cycles before holds most of the next ones too, without a look at their single in
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
+from receding_fenicsx.interface.exact.legs import Change
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.uniqueness.definite import Certificate
 from receding_fenicsx.interface.uniqueness.instants import Event
@@ -61,7 +63,61 @@ class Extent(NamedTuple):
         )
 
 
-def extent(judge: Certificate, start: States, events: list[Event], first: int) -> Extent | None:
+class Known(NamedTuple):
+    """A pattern of legs.
+
+    Attributes:
+        extent: what the nodes do on these legs, or on more.
+        pattern: their pattern.
+        changes: changes of state that keep a leg within it.
+    """
+
+    extent: Extent
+    pattern: Pattern
+    changes: set[Change]
+
+    def holds(self, judge: Certificate, state: States, events: list[Event]) -> bool:
+        """Return whether the pattern holds a leg, where that is seen from single changes.
+
+        Args:
+            judge: certificate of the contact.
+            state: (N,) states after the start of the leg.
+            events: its changes of state after the start, in order.
+        """
+        together = {event[1:] for a, b in pairwise(events) if a[0] == b[0] for event in (a, b)}
+        if any(map(turns, together)) or len({i for i, _, _ in together}) < len(together):
+            return False
+        forward, backward, open_ = Sides.of(state).of_nodes(judge.rubbing)
+        at_start = Extent(forward, backward, 0, open_, open_)
+        if not at_start.within(self.pattern):
+            return False
+        made = {event[1:] for event in events}
+        made -= self.changes
+        if not all(self._keeps(change, judge.rubbing) for change in made):
+            return False
+        self.changes.update(made)
+        return True
+
+    def _keeps(self, change: Change, rubbing: int) -> bool:
+        """Return whether the pattern holds the states before, after and at a change."""
+        (i, old, new), pattern = change, self.pattern
+        node = 1 << i
+        slips = node & rubbing
+        return not (
+            (FORWARD in (old, new) and slips & ~pattern.forward)
+            or (BACKWARD in (old, new) and slips & ~pattern.backward)
+            or (turns(change) and (slips & ~pattern.either or node & ~pattern.may_open))
+            or (turns(change) and node & pattern.opened)
+        )
+
+
+def turns(change: Change) -> bool:
+    """Return whether a node opens, closes or turns round its slip."""
+    _, old, new = change
+    return SEPARATION in (old, new) or STICK not in (old, new)
+
+
+def extent(judge: Certificate, state: States, events: list[Event]) -> Extent | None:
     """Return what the nodes do on a leg, its start left out.
 
     None where it takes single instants to tell.
@@ -71,19 +127,15 @@ def extent(judge: Certificate, start: States, events: list[Event], first: int) -
 
     Args:
         judge: certificate of the contact.
-        start: (N,) states at the start of the leg.
-        events: its changes of state, in order.
-        first: the first of them after the start.
+        state: (N,) states after the start of the leg.
+        events: its changes of state after the start, in order.
     """
-    n = len(start)
-    state = start.copy()
-    for _, i, _, new_state in events[:first]:
-        state[i] = new_state
+    n = len(state)
     sides = np.zeros((5, n), dtype=bool)
     sides[state, np.arange(n)] = True
     touching = np.zeros(n, dtype=bool)
-    if len(events) > first:
-        places, nodes, old, new = (np.array(part) for part in zip(*events[first:], strict=True))
+    if events:
+        places, nodes, old, new = (np.array(part) for part in zip(*events, strict=True))
         sides[old, nodes] = sides[new, nodes] = True
         turns = (old == SEPARATION) | (new == SEPARATION) | ((old != STICK) & (new != STICK))
         touching[nodes[turns]] = True
@@ -112,7 +164,7 @@ class WholeLegs:
             margin: factor on friction with which a leg is to be definite.
         """
         self._judge, self._margin = judge, margin
-        self._known: dict[bytes, tuple[Extent, Pattern] | None] = {}
+        self._known: dict[bytes, Known | None] = {}
 
     def hold(self, way: bytes, start: States, events: list[Event], first: int) -> bool:
         """Return whether all sets of states of a leg, but for its start, are definite.
@@ -123,18 +175,24 @@ class WholeLegs:
             events: its changes of state, in order.
             first: the first of them after the start.
         """
-        known = self._known.get(way, ())
-        leg = None if known is None else extent(self._judge, start, events, first)
+        known, judge = self._known.get(way), self._judge
+        if way in self._known and known is None:
+            return False
+        state, at_start, events = start.copy(), events[:first], events[first:]
+        for _, i, _, new in at_start:
+            state[i] = new
+        if known and known.holds(judge, state, events):
+            return True
+        leg = extent(judge, state, events)
         if leg is None:
             return False
-        if known and leg.within(known[1]):
+        if known and leg.within(known.pattern):
             return True
         # a pattern of all legs so far is likely to hold the next one
-        wide = known[0].united(leg) if known else leg
-        for nodes in (wide, leg) if known else (leg,):
+        for nodes in (known.extent.united(leg), leg) if known else (leg,):
             pattern = self._certified(nodes)
             if pattern is not None:
-                self._known[way] = nodes, pattern
+                self._known[way] = Known(nodes, pattern, set())
                 return True
         self._known[way] = None
         return False

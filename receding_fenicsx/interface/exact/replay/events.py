@@ -38,13 +38,11 @@ from receding_fenicsx.interface.exact.segments import (
 START_OF_LEG = -1
 """Label under which a segment remembers what came of the start of a leg."""
 
-SHORTEST, LONGEST = 8, 1024
-"""Events replayed at once; up to twice as many as passed last from the same segment."""
+WORTH_WHILE, LONGEST = 48, 1024
+"""Events replayed at once: to pass fewer one by one takes less time, and where fewer have held
+further replays are put off; up to twice as many as passed last from the same segment."""
 
-WORTH_WHILE = 8
-"""Events passed by a replay below which further ones are put off."""
-
-LONGEST_PAUSE = 32
+LONGEST_PAUSE = 256
 """Events after which a replay is tried again at most."""
 
 PASSED_BY_ROUND_OFF = 8.0
@@ -101,7 +99,7 @@ class Replay:
             return None
         h, y = self._verified(chain, foreseen, s_end)
         m = len(h)
-        self._adapt(segment, m, foreseen)
+        self._adapt(segment, m)
         if m == 0:
             return None
         point, sums, last = self._point, self._sums, chain.following[m - 1]
@@ -129,7 +127,7 @@ class Replay:
         longest = min(2 * segment.reach, LONGEST)
         place = self._chains.find(segment)
         holding = 0 if place is None else place[0].holding(place[1], longest)
-        if place is not None and holding:
+        if place is not None and holding >= WORTH_WHILE:
             chain, begin = place
             if begin == 0:
                 return chain, holding
@@ -139,20 +137,20 @@ class Replay:
         segments: list[Segment] = []
         following: list[Following] = []
         now, step = segment, segment.last
-        while step is not None and len(following) < max(longest, SHORTEST):
+        while step is not None and len(following) < max(longest, WORTH_WHILE):
             segments.append(now)
             following.append(step)
             now = step.segment
             step = now.last
-        if len(following) < SHORTEST:
+        if len(following) < WORTH_WHILE:
             return None, 0
         self._chains.keep(chain := Chain(segments, following))
         return chain, len(following)
 
-    def _adapt(self, segment: Segment, passed: int, foreseen: int) -> None:
+    def _adapt(self, segment: Segment, passed: int) -> None:
         """Adapt the length of the next replay from here, and how long to wait for any other."""
         segment.reach, pace = passed, self._segments
-        if passed < min(foreseen, WORTH_WHILE):
+        if passed < WORTH_WHILE:
             self._wait = pace.pause = min(2 * pace.pause + 2, LONGEST_PAUSE)
         else:
             pace.pause //= 4
@@ -182,7 +180,7 @@ class Replay:
         holds = (h >= 0.0) & (point.s + h.cumsum() < s_end)
         holds[foreseen:] = False
         m = 0 if singular else leading(holds)
-        if m == 0 or (m < WORTH_WHILE and not chain.is_complete):
+        if m < WORTH_WHILE:
             return h[:0], y
         if not chain.is_complete:
             chain.complete(self._sums)
