@@ -50,7 +50,7 @@ class BalanceCheck:
 
     def error(self, y: Array, load: Array, of_rates: bool = False) -> float:
         """Return the largest of the sums, see :meth:`errors`."""
-        return float(np.abs(self.errors(y, load, of_rates)).max())
+        return max(map(abs, self.errors(y, load, of_rates).ravel().tolist()))
 
     def errors(self, y: Array, load: Array, of_rates: bool = False) -> Array:
         """Return the sums.

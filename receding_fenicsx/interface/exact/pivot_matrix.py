@@ -104,8 +104,14 @@ class PivotMatrix:
         )
 
     def exchange(self, out: int, into: int) -> bool:
-        """Exchange the output labelled ``out`` with the input ``into``; False if singular."""
+        """Exchange the output labelled ``out`` with the input ``into``.
+
+        Returns:
+            False where that is singular, or the column of the input is left out.
+        """
         i, j, k = self.row_of[out], self.column_of[into], self._pending
+        if j < 0:
+            return False
         if k == MAX_PENDING:
             self._apply_pending()
             k = 0
@@ -132,8 +138,10 @@ class PivotMatrix:
         return True
 
     def exchange_many(self, outputs: Indices, inputs: Indices) -> bool:
-        """Exchange several outputs with as many inputs in place; False if that is singular."""
+        """Exchange several outputs with as many inputs in place; False as for :meth:`exchange`."""
         i, j, e = self.row_of[outputs], self.column_of[inputs], len(outputs)
+        if np.any(j < 0):
+            return False
         self._apply_pending()
         T, G = self.T, self.G
         R, C = T[i], T[:, j]

@@ -247,10 +247,11 @@ class Segments:
         if len(self._tiny_friction):
             self._margins_from_pressure(state, q, direction, forces)
         # what falls and is not a displacement is bounded: an output A, B or gap of its state
-        falling = (forces[n:] < threshold).nonzero()[0]
-        falling += n
-        wrong = (SLIP_SIGN[state] * forces[:n] < threshold).nonzero()[0]
-        return Segment(q, falling, -1.0 / q[falling], wrong)
+        forces[:n] *= SLIP_SIGN[state]
+        below = (forces < threshold).nonzero()[0]
+        k = below.searchsorted(n)
+        falling = below[k:]
+        return Segment(q, falling, -1.0 / q[falling], below[:k])
 
     def _rates(self, state: States, direction: Array) -> Array:
         """Return the rates in the given states, refined where they do not balance.

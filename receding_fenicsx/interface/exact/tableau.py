@@ -214,10 +214,7 @@ class Tableau:
             changing = self._different(state, self.state)
         outputs, inputs = exchanges(self.frictional, changing, self.state, state)
         matrix = self.matrix
-        if any(matrix.column_of[label] < 0 for label in inputs):
-            self._left_out = self._left_out[:0]
-            done = False
-        elif matrix.age > MAX_AGE * len(matrix.T):
+        if matrix.age > MAX_AGE * len(matrix.T):
             done = False
         elif len(outputs) > ONE_BY_ONE:
             done = matrix.exchange_many(np.array(outputs), np.array(inputs))
@@ -229,6 +226,8 @@ class Tableau:
                 self._copies.append((self.state, matrix.copy()))
         else:
             # exchanges one by one may pass singular states on the way to regular ones
+            if np.isin(inputs, self._left_out).any():
+                self._left_out = self._left_out[:0]
             self.build(state)
 
     def rates(self, direction: Array) -> Array:

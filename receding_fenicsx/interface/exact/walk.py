@@ -199,8 +199,9 @@ class Walk:
             following = self._consistent(label)
             made = changed_nodes(before, point.state)
         # what sits on another limit by chance is not to be repeated, what ceases to slip is
-        certain = states.by_rates and only_stick(made, i) and not self._needs_both(label, before)
-        if alone or certain:
+        if alone or (
+            states.by_rates and only_stick(made, i) and not self._needs_both(label, before)
+        ):
             segment.next[label] = segment.last = Following(label, point.state, following, made)
         self.round_off.count_event()
         return following, True
@@ -210,7 +211,7 @@ class Walk:
         kind, i = divmod(label, len(before))
         if before[i] != STICK or not self.segments.frictional[i]:
             return False
-        return self.point.state[i] not in (STICK, FORWARD if kind == A else BACKWARD)
+        return int(self.point.state[i]) not in (STICK, FORWARD if kind == A else BACKWARD)
 
     def _consistent(self, hit: int | None = None) -> Segment:
         """Bring the states to consistent ones; return their rates."""

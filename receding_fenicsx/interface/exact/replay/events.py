@@ -143,6 +143,7 @@ class Replay:
             now = step.segment
             step = now.last
         if len(following) < WORTH_WHILE:
+            self._wait = len(following)
             return None, 0
         self._chains.keep(chain := Chain(segments, following))
         return chain, len(following)
