@@ -8,7 +8,7 @@ from typing import NamedTuple
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.instants import Event, Instant
 from receding_fenicsx.interface.measures.steady import SteadyWatch
-from receding_fenicsx.interface.system import ContactSystem, typical_stiffness
+from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 from receding_fenicsx.scene.model import SolverOptions
 
@@ -76,7 +76,7 @@ def steady_watch(
 ) -> SteadyWatch:
     """Return the watch for the steady state after some finished cycles."""
     tolerance = solver.steady_tolerance or STEADY_TOLERANCE
-    watch = SteadyWatch(tolerance, typical_stiffness(system))
+    watch = SteadyWatch(tolerance, system.typical_stiffness)
     for number in range(len(cycles)):
         add_to_watch(watch, cycles, number)
     return watch

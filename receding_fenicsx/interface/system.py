@@ -10,6 +10,7 @@ compression), and
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -119,6 +120,11 @@ class ContactSystem:
         """Number N of contact nodes in the model."""
         return len(self.x)
 
+    @cached_property
+    def typical_stiffness(self) -> float:
+        """Median of the diagonal of K."""
+        return float(np.median(np.diagonal(self.K)))
+
     @property
     def edges(self) -> NDArray[np.int64]:
         """(N,) number of the contact edge of each node."""
@@ -216,8 +222,3 @@ def reactions(system: ContactSystem, load: Array, u: Array) -> Array:
         [1.0, 3.0]
     """
     return load @ system.r_star + system.K @ u
-
-
-def typical_stiffness(system: ContactSystem) -> float:
-    """Return the median of the diagonal of K."""
-    return float(np.median(np.diagonal(system.K)))

@@ -35,7 +35,7 @@ from receding_fenicsx.interface.measures.steady import (
     SHAKEDOWN,
     SteadyWatch,
 )
-from receding_fenicsx.interface.system import ContactState, typical_stiffness
+from receding_fenicsx.interface.system import ContactState
 
 Progress = Callable[[int, int, str], None]
 """Called as progress(cycle, cycles, message) after every cycle."""
@@ -271,7 +271,7 @@ class LimitSearch:
             gain[np.abs(gain) <= NO_GAIN * np.abs(end.state.u).max()] = 0.0
             seen = [(r + k * (end.state.r - r), v + k * gain) for k in (1.0, 2.0)]
         watch = SteadyWatch(
-            problem.solver.steady_tolerance or LIMIT_TOLERANCE, typical_stiffness(problem.system)
+            problem.solver.steady_tolerance or LIMIT_TOLERANCE, problem.system.typical_stiffness
         )
         watch.start(r, v)
         D, first = float(cycle.dissipation.sum()), float(cycles[1].dissipation.sum())

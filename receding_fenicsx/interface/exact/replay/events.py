@@ -42,8 +42,8 @@ WORTH_WHILE, LONGEST = 48, 1024
 """Events replayed at once: to pass fewer one by one takes less time, and where fewer have held
 further replays are put off; up to twice as many as passed last from the same segment."""
 
-LONGEST_PAUSE = 256
-"""Events after which a replay is tried again at most."""
+SHORTEST_PAUSE, LONGEST_PAUSE = 8, 256
+"""Events after which a replay is tried again at least and at most."""
 
 PASSED_BY_ROUND_OFF = 8.0
 """Round-offs of the force scale by which a falling quantity may pass its limit at an event."""
@@ -134,19 +134,18 @@ class Replay:
             if not chain.is_complete:
                 chain.complete(self._sums)
             return chain.part(begin), holding
-        segments: list[Segment] = []
-        following: list[Following] = []
-        now, step = segment, segment.last
-        while step is not None and len(following) < max(longest, WORTH_WHILE):
-            segments.append(now)
-            following.append(step)
-            now = step.segment
-            step = now.last
-        if len(following) < WORTH_WHILE:
-            self._wait = len(following)
+        longest = max(longest, WORTH_WHILE)
+        steps: list[Following] = []
+        step = segment.last
+        while step is not None and len(steps) < longest:
+            steps.append(step)
+            step = step.segment.last
+        if len(steps) < WORTH_WHILE:
+            self._wait = max(len(steps), SHORTEST_PAUSE)
             return None, 0
-        self._chains.keep(chain := Chain(segments, following))
-        return chain, len(following)
+        segments = [segment, *(step.segment for step in steps[:-1])]
+        self._chains.keep(chain := Chain(segments, steps))
+        return chain, len(steps)
 
     def _adapt(self, segment: Segment, passed: int) -> None:
         """Adapt the length of the next replay from here, and how long to wait for any other."""
