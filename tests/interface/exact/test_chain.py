@@ -47,7 +47,6 @@ def test_a_replayed_path_is_that_from_event_to_event(
 ) -> None:
     system, passed = block_system(40, 10), []
     plain = play(EventPath(system, check_all=True), samples)
-    monkeypatch.setattr(chain, "WORTH_WHILE", 2)
     monkeypatch.setattr(chain, "WORTH_WHILE", 1)
     verified = chain.Replay._verified
 
@@ -76,7 +75,6 @@ def test_wrong_foresight_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> N
     with monkeypatch.context() as patch:
         patch.setattr(chain, "WORTH_WHILE", 10**6)
         plain = play(EventPath(system))
-    monkeypatch.setattr(chain, "WORTH_WHILE", 2)
     monkeypatch.setattr(chain, "WORTH_WHILE", 1)
     follow, wrong = chain.Replay.follow, [0]
 
