@@ -120,10 +120,8 @@ def turns(change: Change) -> bool:
 def extent(judge: Certificate, state: States, events: list[Event]) -> Extent | None:
     """Return what the nodes do on a leg, its start left out.
 
-    None where it takes single instants to tell.
-
-    These are legs on which several nodes open, close or turn at once, one node changes twice at
-    once, or slips both ways.
+    None where it takes single instants to tell: several nodes open, close or turn at once, or one
+    node changes twice at once or slips both ways.
 
     Args:
         judge: certificate of the contact.
