@@ -43,7 +43,8 @@ WORTH_WHILE, LONGEST = 48, 1024
 further replays are put off; up to twice as many as passed last from the same segment."""
 
 SHORTEST_PAUSE, LONGEST_PAUSE = 8, 256
-"""Events after which a replay is tried again at least and at most."""
+"""Events after which a replay is tried again: at least, where the known chain is too short, and at
+most."""
 
 PASSED_BY_ROUND_OFF = 8.0
 """Round-offs of the force scale by which a falling quantity may pass its limit at an event."""
