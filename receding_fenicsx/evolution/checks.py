@@ -53,7 +53,7 @@ def energy_error(
     largest = max(energy_scale, abs(D) + abs(stored))
     F, u = leg.force_scale, float(np.abs(leg.end.u).max())
     # the largest entry of a stiffness matrix is on its diagonal
-    K, k = float(np.diagonal(system.K).max()), system.typical_stiffness or np.inf
+    K, k = float(system.diagonal.max()), system.typical_stiffness or np.inf
     least = LEAST_ENERGY * (F + K * u) * (F / k + u)
     scale = max(abs(D) + abs(stored), SMALLEST_LEG_ENERGY * largest, least)
     return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest

@@ -52,7 +52,7 @@ def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
 
 def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float) -> bool:
     """Return whether displacements are so large that round-off of K may balance the loads."""
-    stiffness = float(np.diagonal(system.K).max(initial=0.0))
+    stiffness = float(system.diagonal.max(initial=0.0))
     room = stiffness * float(np.abs(system.g0).max(initial=0.0))
     moved = stiffness * float(np.abs(u).max(initial=0.0))
     return moved > TOO_FAR * max(force_scale, room)
@@ -124,7 +124,7 @@ def local_stiffness(system: ContactSystem) -> tuple[Array, Array]:
 
     A freedom without stiffness of its own, which would hide its displacements, gets the largest.
     """
-    diagonal = np.diagonal(system.K)
+    diagonal = system.diagonal
     largest = float(diagonal.max(initial=0.0)) or 1.0
     stiffness = np.where(diagonal > NO_STIFFNESS * largest, diagonal, largest)
     return stiffness[: system.n], stiffness[system.n :]

@@ -121,9 +121,14 @@ class ContactSystem:
         return len(self.x)
 
     @cached_property
+    def diagonal(self) -> Array:
+        """Diagonal of K, stored in one piece."""
+        return np.diagonal(self.K).copy()
+
+    @cached_property
     def typical_stiffness(self) -> float:
         """Median of the diagonal of K."""
-        return float(np.median(np.diagonal(self.K)))
+        return float(np.median(self.diagonal))
 
     @property
     def edges(self) -> NDArray[np.int64]:

@@ -25,8 +25,8 @@ from receding_fenicsx.interface.residual import law_residual, reachable
 EVENT_RESIDUAL = 1e-11
 """Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
 
-STOPS_AT_ONCE = 512
-"""Stops after which they are added up."""
+STOPS_AT_ONCE = 128
+"""Stops after which they are added up: enough to spare calls, few enough to stay in the cache."""
 
 
 class Watch(NamedTuple):
@@ -91,21 +91,26 @@ class Sums:
         self.work = np.zeros(len(self.system.r_star))
         self.start = point.y[: 2 * n] - np.concatenate([np.zeros(n), self.system.g0])
         self.watched = np.zeros(0, dtype=np.intp)
+        self._y = np.empty((STOPS_AT_ONCE + 1, 4 * n))
         self.restart(point.s, point.y, point.state)
 
     @property
     def state(self) -> States:
         """(N,) states on the way to the last stop."""
-        return self._stops[-1][2]
+        return self._states[-1]
 
     def restart(self, s: float, y: Array, state: States) -> None:
         """Continue from a corrected point, with quantities y (4N,) and states."""
-        self._stops = [(s, y.copy(), state)]
+        self._y[0] = y
+        self._places, self._states = [s], [state]
 
     def add_stop(self, s: float, y: Array, state: States) -> None:
         """Record a stop: its place, the quantities y (4N,), the states on the way there."""
-        self._stops.append((s, y.copy(), state))
-        if len(self._stops) > STOPS_AT_ONCE:
+        places = self._places
+        self._y[len(places)] = y
+        places.append(s)
+        self._states.append(state)
+        if len(places) == len(self._y):
             self.add_up()
 
     def stacked(self, segments: list[Segment]) -> Array:
@@ -162,11 +167,10 @@ class Sums:
         Args:
             at_end: the last stop is the leg's end, which is checked once its round-off is removed.
         """
-        if len(self._stops) == 1:  # nothing new
+        if len(self._places) == 1:  # nothing new
             return
-        s = np.array([stop[0] for stop in self._stops])[:, None]
-        y = np.concatenate([stop[1] for stop in self._stops]).reshape(-1, 4 * self.system.n)
-        u, load, slip = self._integrate(s, y)
+        y = self._y[: len(self._places)]
+        u, load, slip = self._integrate(np.array(self._places)[:, None], y)
         if self.watch is not None:
             reported = self.watch.reached(u[1:], load[1:], self.force_scale)
             if len(reported):
@@ -174,9 +178,8 @@ class Sums:
         if at_end:
             y, u, load, slip = y[:-1], u[:-1], load[:-1], slip[:-1]
         if len(slip) and (self.check_all or self._suspected_error(y, load) > EVENT_RESIDUAL):
-            states = np.array([stop[2] for stop in self._stops[1 : len(u)]])
-            self._check(u[1:], load[1:], slip, states)
-        self._stops = self._stops[-1:]
+            self._check(u[1:], load[1:], slip, np.array(self._states[1 : len(u)]))
+        self.restart(self._places[-1], self._y[len(self._places) - 1], self._states[-1])
 
     def _integrate(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
         """Add dissipation and work between stops; return displacements, loads and slips there."""

@@ -45,12 +45,15 @@ class BalanceCheck:
         on_B[~frictional] = 0.0
         on_r = np.vstack([on_Q, on_P])
         on_u = system.K @ on_r
-        self._on_y, self._on_load = np.vstack([on_u, -on_A, -on_B]), system.r_star @ on_r
+        self._on_y = np.asfortranarray(np.vstack([on_u, -on_A, -on_B]))
+        self._on_load = system.r_star @ on_r
         self._of_gaps = system.g0 @ on_u[n:]
 
     def error(self, y: Array, load: Array, of_rates: bool = False) -> float:
         """Return the largest of the sums, see :meth:`errors`."""
-        return max(map(abs, self.errors(y, load, of_rates).ravel().tolist()))
+        errors = self.errors(y, load, of_rates)
+        # of a few numbers Python finds the largest sooner
+        return max(map(abs, errors.tolist())) if y.ndim == 1 else float(np.abs(errors).max())
 
     def errors(self, y: Array, load: Array, of_rates: bool = False) -> Array:
         """Return the sums.

@@ -252,10 +252,9 @@ class EventPath:
     def _remember(self, direction: Array, leg: Leg) -> None:
         """Remember which nodes changed state on a leg in this direction."""
         changed = self.changed.setdefault(direction.tobytes(), np.zeros(self.system.n, dtype=bool))
-        if leg.events:
-            _, nodes, old, new = (np.array(part) for part in zip(*leg.events, strict=True))
-            changed[nodes] = True
-            self._opened[nodes[(old == SEPARATION) | (new == SEPARATION)]] = True
+        changed[[i for _, i, _, _ in leg.events]] = True
+        opened = [i for _, i, old, new in leg.events if SEPARATION in (old, new)]
+        self._opened[opened] = True
 
     def _walk_reduced(self, problem: LegProblem) -> Leg | None:
         """Follow a leg without the nodes that have kept their states on every such leg before.

@@ -117,11 +117,10 @@ class PivotMatrix:
             k = 0
         U, V = self._U, self._V
         R, C = V[k], U[:, k]
-        R[:] = self.T[i]
-        C[:] = self.T[:, j]
-        if k:
-            R += U[i, :k].dot(V[:k])
-            C += U[:, :k].dot(V[:k, j])
+        U[i, :k].dot(V[:k], out=R)
+        U[:, :k].dot(V[:k, j], out=C)
+        R += self.T[i]
+        C += self.T[:, j]
         D = R[j]
         if -SINGULAR_PIVOT <= D <= SINGULAR_PIVOT:
             return False
@@ -138,23 +137,28 @@ class PivotMatrix:
         return True
 
     def exchange_many(self, outputs: Indices, inputs: Indices) -> bool:
-        """Exchange several outputs with as many inputs in place; False as for :meth:`exchange`."""
+        """Exchange several outputs with as many inputs in place; False as for :meth:`exchange`.
+
+        With the pivot block D where their rows R and columns C meet, the blocks become D^-1, -D^-1
+        R (the other columns), C D^-1 (the other rows) and T - C D^-1 R (the rest).
+        """
         i, j, e = self.row_of[outputs], self.column_of[inputs], len(outputs)
         if np.any(j < 0):
             return False
         self._apply_pending()
         T, G = self.T, self.G
-        R, C = T[i], T[:, j]
+        R, C = T[i], T.take(j, axis=1)
         lu, piv, _ = dgetrf(R[:, j])
-        if np.abs(lu.diagonal()).min() <= SINGULAR_PIVOT:
+        size = np.abs(lu.diagonal())
+        if size.min() <= SINGULAR_PIVOT * max(1.0, size.max()):
             return False
         inverse = dgetrs(lu, piv, np.eye(e))[0]
-        R, C, loads = inverse @ R, C @ inverse, inverse @ G[i]
+        R, loads = inverse @ R, inverse @ G[i]
         # T is row-major: its transpose is what BLAS sees as a column-major matrix
-        dgemm(-1.0, T[i].T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)
-        T[i], T[:, j] = -R, C
+        dgemm(-1.0, R.T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)
+        T[i], T[:, j] = -R, C @ inverse
         T[np.ix_(i, j)] = inverse
-        G -= C @ G[i]
+        G -= C @ loads
         G[i] = -loads
         self.row_label[i], self.column_label[j] = inputs, outputs
         self.row_of[outputs] = self.column_of[inputs] = -1
@@ -179,47 +183,3 @@ class PivotMatrix:
             V_t, U = self._V[:k].T, self._U[:, :k]
             dgemm(1.0, V_t, U, beta=1.0, c=self.T.T, trans_b=1, overwrite_c=1)
             self._pending = 0
-
-
-def block_pivot(data: PivotData, outputs: Indices, inputs: Indices) -> PivotData:
-    """Exchange several outputs with as many inputs by one block elimination.
-
-    With the pivot block D = T[outputs, inputs] the blocks become D^-1 (pivot block), -D^-1 R (its
-    other columns), C D^-1 (its other rows) and T - C D^-1 R (the rest).
-
-    Args:
-        data: the matrix before.
-        outputs: (e,) labels of the outputs to become inputs.
-        inputs: (e,) labels of the inputs to become outputs.
-
-    Raises:
-        SingularExchange: the pivot block is singular.
-    """
-    T, G = data.T, data.G
-    rows, columns = _places(data.row_label, outputs), _places(data.column_label, inputs)
-    lu, piv, _ = dgetrf(T[np.ix_(rows, columns)])
-    size = np.abs(np.diagonal(lu))
-    if size.min() <= SINGULAR_PIVOT * max(1.0, size.max()):
-        raise SingularExchange
-    other = np.setdiff1d(np.arange(len(T)), rows)
-    kept = np.setdiff1d(np.arange(len(T)), columns)
-    inverse = dgetrs(lu, piv, np.eye(len(rows)))[0]
-    right = inverse @ T[np.ix_(rows, kept)]
-    right_G = inverse @ G[rows]
-    new, new_G = np.empty_like(T), np.empty_like(G)
-    coupling = T[np.ix_(other, columns)]
-    new[np.ix_(rows, columns)] = inverse
-    new[np.ix_(rows, kept)] = -right
-    new[np.ix_(other, columns)] = coupling @ inverse
-    new[np.ix_(other, kept)] = T[np.ix_(other, kept)] - coupling @ right
-    new_G[rows] = -right_G
-    new_G[other] = G[other] - coupling @ right_G
-    row_label, column_label = data.row_label.copy(), data.column_label.copy()
-    row_label[rows], column_label[columns] = data.column_label[columns], data.row_label[rows]
-    return PivotData(new, new_G, row_label, column_label)
-
-
-def _places(labels: Indices, wanted: Indices) -> Indices:
-    """Return where the wanted labels stand among all."""
-    order = np.argsort(labels)
-    return order[np.searchsorted(labels, wanted, sorter=order)]

@@ -51,6 +51,7 @@ class Reduction:
         frozen: (N,) states of the frozen nodes, 0 at active ones.
         back: (2N, 2n + n_loads + 1) displacements of all nodes from [u_S; lambda; 1].
         watched: (k, 2n + n_loads + 1) quantities, as forces, that have to stay positive.
+        watched_size: absolute values of ``watched``.
         watched_node: (k,) the node of each.
         swing: (n_loads, n_loads) work of the loads by the frozen free nodes: d work =
             lambda . swing . d lambda.
@@ -63,6 +64,7 @@ class Reduction:
     frozen: NDArray[np.int8]
     back: Array
     watched: Array
+    watched_size: Array
     watched_node: Indices
     swing: Array
 
@@ -152,14 +154,22 @@ class Reduction:
     def leaving(self, u: Array, load: Array, force_scale: float) -> Indices:
         """Return the frozen nodes that reach a limit at one of several instants.
 
+        With every u and load factor in its range m - h to m + h a quantity W u is at least
+        W m - |W| h. Only those are followed from instant to instant for which that is too low.
+
         Args:
             u: (k, 2n) displacements of the active nodes.
             load: (k, n_loads + 1) load factors, the last of them 1.
             force_scale: largest nodal force of the history so far.
         """
-        instants = np.hstack([u, load])
-        reached = (self.watched @ instants.T <= LIMIT_TOLERANCE * force_scale).any(axis=1)
-        return np.unique(self.watched_node[reached]) if reached.any() else self.watched_node[:0]
+        limit, m = LIMIT_TOLERANCE * force_scale, u.shape[1]
+        low = np.concatenate([u.min(axis=0), load.min(axis=0)])
+        high = np.concatenate([u.max(axis=0), load.max(axis=0)])
+        least = self.watched @ (0.5 * (high + low)) - self.watched_size @ (0.5 * (high - low))
+        near = (least <= limit).nonzero()[0]
+        rows = self.watched[near]
+        values = u @ rows[:, :m].T + load @ rows[:, m:].T
+        return np.unique(self.watched_node[near[(values <= limit).any(axis=0)]])
 
 
 def widen(changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -234,7 +244,10 @@ def reduce(
     watched, watched_node = _watch(full, start, ~active, reaction, back)
     states = np.where(active, 0, start.state).astype(np.int8)
     segments = Segments(reduced, None if opening is None else opening[nodes])
-    return Reduction(system, nodes, fixed, segments, states, back, watched, watched_node, swing)
+    size = np.abs(watched)
+    return Reduction(
+        system, nodes, fixed, segments, states, back, watched, size, watched_node, swing
+    )
 
 
 def _watch(

@@ -24,7 +24,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.pivot_matrix import PivotData, PivotMatrix, block_pivot
+from receding_fenicsx.interface.exact.pivot_matrix import (
+    PivotData,
+    PivotMatrix,
+    SingularExchange,
+)
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, limit_distances
 from receding_fenicsx.interface.system import ContactSystem
 
@@ -135,9 +139,9 @@ class Tableau:
         self._left_out = W * n + np.flatnonzero(stays)
         self._all_stuck = self._with_all_stuck(system.r_star[:carried].T)
         self._copies: deque[tuple[NDArray[np.int8], PivotData]] = deque(maxlen=STORED_COPIES)
-        self.rebuilds = 1
-        self.state = state.copy()
-        self.matrix = PivotMatrix(self._made(state).without(self._left_out), 5 * n)
+        self.rebuilds = 0
+        self.matrix = PivotMatrix(self._all_stuck.without(self._left_out), 5 * n)
+        self.build(state)
 
     def _with_all_stuck(self, r_star: Array) -> PivotData:
         """Return the map with all nodes stuck, whose matrix is the stiffness itself."""
@@ -164,17 +168,6 @@ class Tableau:
         Raises:
             SingularExchange: the body has a motion without stiffness in these states.
         """
-        data = self._made(state).without(self._left_out)
-        if data.T.shape == self.matrix.T.shape:
-            self.matrix.restore(data)
-        else:
-            self.matrix = PivotMatrix(data, 5 * len(state))
-        self.state = state.copy()
-        self._copies.clear()
-        self.rebuilds += 1
-
-    def _made(self, state: NDArray[np.int8]) -> PivotData:
-        """Return the map for ``state``, made from that with all nodes stuck."""
         n = len(state)
         stuck = np.full(n, STICK, dtype=np.int8)
         outputs, inputs = exchanges(self.frictional, self._different(stuck, state), stuck, state)
@@ -182,9 +175,17 @@ class Tableau:
         Z = np.flatnonzero(self.free_v)
         outputs += (REACTION * n + Z).tolist()
         inputs += (V * n + Z).tolist()
-        if not outputs:
-            return self._all_stuck
-        return block_pivot(self._all_stuck, np.array(outputs), np.array(inputs))
+        if np.isin(inputs, self._left_out).any():
+            self._left_out = self._left_out[:0]
+            self.matrix = PivotMatrix(self._all_stuck, 5 * n)
+        elif self.rebuilds:
+            self.matrix.restore(self._all_stuck.without(self._left_out))
+        if outputs and not self.matrix.exchange_many(np.array(outputs), np.array(inputs)):
+            raise SingularExchange
+        self.matrix.age = 0
+        self.state = state.copy()
+        self._copies.clear()
+        self.rebuilds += 1
 
     def _different(self, one: NDArray[np.int8], other: NDArray[np.int8]) -> NDArray[np.intp]:
         """Return the nodes that are in different states, those without any limit left out."""
@@ -226,8 +227,6 @@ class Tableau:
                 self._copies.append((self.state, matrix.copy()))
         else:
             # exchanges one by one may pass singular states on the way to regular ones
-            if np.isin(inputs, self._left_out).any():
-                self._left_out = self._left_out[:0]
             self.build(state)
 
     def rates(self, direction: Array) -> Array:

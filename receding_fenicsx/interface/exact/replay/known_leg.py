@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dtrtrs
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.legs import Change
 from receding_fenicsx.interface.exact.reduction import Reduction
 from receding_fenicsx.interface.exact.replay.chain import Chain
 from receding_fenicsx.interface.exact.replay.events import floors, passed_by_round_off
@@ -75,13 +74,17 @@ class Played(NamedTuple):
 def events_of(walk: Walk) -> list[Following]:
     """Return what came of the events of a walk; nothing where it is no chain of known segments."""
     segment, begun = walk.first
-    made = [event[1:] for event in walk.course.events[begun:]]
-    following, changes = list[Following](), list[Change]()
-    while len(changes) < len(made) and segment.last is not None:
-        following.append(segment.last)
-        changes += segment.last.changes
-        segment = segment.last.segment
-    return following if segment is walk.last and changes == made else []
+    following, left = list[Following](), len(walk.course.events) - begun
+    step = segment.last
+    while left > 0 and step is not None:
+        following.append(step)
+        left -= len(step.changes)
+        segment = step.segment
+        step = segment.last
+    if segment is not walk.last:
+        return []
+    changes = [change for step in following for change in step.changes]
+    return following if changes == [event[1:] for event in walk.course.events[begun:]] else []
 
 
 def known_leg(walk: Walk, following: list[Following], leg: Leg) -> KnownLeg:
