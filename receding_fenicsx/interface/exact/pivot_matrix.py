@@ -25,6 +25,9 @@ Indices = NDArray[np.intp]
 MAX_PENDING = 32
 """Rank-one updates of T that are collected before they are applied."""
 
+MANY = 0.3
+"""Exchanges at once, over the smaller size of T, above which the blocks of T are made apart."""
+
 SINGULAR_PIVOT = 1e-11
 """Pivot, over a typical stiffness or compliance, up to which an exchange is singular."""
 
@@ -153,12 +156,19 @@ class PivotMatrix:
         if size.min() <= SINGULAR_PIVOT * max(1.0, size.max()):
             return False
         inverse = dgetrs(lu, piv, np.eye(e))[0]
-        R, loads = inverse @ R, inverse @ G[i]
-        # T is row-major: its transpose is what BLAS sees as a column-major matrix
-        dgemm(-1.0, R.T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)
-        T[i], T[:, j] = -R, C @ inverse
-        T[np.ix_(i, j)] = inverse
+        loads = inverse @ G[i]
         G -= C @ loads
+        if e <= MANY * min(T.shape):
+            R = inverse @ R
+            # T is row-major: its transpose is what BLAS sees as a column-major matrix
+            dgemm(-1.0, R.T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)
+            T[i], T[:, j] = -R, C @ inverse
+        else:
+            other, kept = np.delete(np.arange(len(T)), i), np.delete(np.arange(T.shape[1]), j)
+            R, C = inverse @ R.take(kept, axis=1), C.take(other, axis=0)
+            T[np.ix_(other, kept)] -= C @ R
+            T[np.ix_(i, kept)], T[np.ix_(other, j)] = -R, C @ inverse
+        T[np.ix_(i, j)] = inverse
         G[i] = -loads
         self.row_label[i], self.column_label[j] = inputs, outputs
         self.row_of[outputs] = self.column_of[inputs] = -1

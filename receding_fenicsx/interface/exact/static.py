@@ -69,7 +69,9 @@ def states_by_newton(
 ) -> ContactState | None:
     """Solve with whole sets of states, each read from the law's natural map at the last answer.
 
-    This is Newton's method for the natural map; it has no proof of convergence with friction.
+    This is Newton's method for the natural map; it has no proof of convergence with friction. It
+    ends where a set returns, or where sets oscillate: two times running fewer than half as many
+    nodes have changed after two steps as after one.
     Only for a start without gaps, where first contact is where the node is.
 
     Args:
@@ -87,18 +89,29 @@ def states_by_newton(
     state = np.where(loose & ~frictionless, first, STICK).astype(np.int8)
     state[loose & frictionless] = FORWARD
     seen: set[bytes] = set()
+    last, before, oscillates = state, state, False
     while len(seen) < MAX_STATE_SETS and state.tobytes() not in seen:
+        comes_back = len(seen) > 1 and 2 * differing(state, before) < differing(state, last)
+        if comes_back and oscillates:
+            return None
+        oscillates = comes_back
         seen.add(state.tobytes())
         u = solve_directly(system, load, start.u, start.v, state)
         if u is None:
             return None
         r = reactions(system, load, u)
         trial = r[:n] - k_t * (u[:n] - start.v), r[n:] - k_n * (system.g0 + u[n:])
-        last, state = state, natural_states(system.friction, r[n:], trial, loose, can_open)
+        before, last = last, state
+        state = natural_states(system.friction, r[n:], trial, loose, can_open)
         if np.array_equal(state, last):
             state[frictionless & (state != SEPARATION)] = STICK
             return _accepted(system, start, load, ContactState(u, r, state))
     return None
+
+
+def differing(one: States, other: States) -> int:
+    """Return how many nodes have different states."""
+    return int(np.count_nonzero(one != other))
 
 
 def _accepted(

@@ -45,8 +45,9 @@ def solve_directly(
     if motions.shape[1]:
         K = K + float(np.abs(np.diagonal(K)).max()) * motions @ motions.T
     f = system.friction.at_slip(state)[free_t]
-    matrix = K.take(free, axis=0).take(free, axis=1)
-    matrix[: len(f)] += f[:, None] * K.take(n + free_t, axis=0).take(free, axis=1)
+    rows = K.take(free, axis=0)
+    rows[: len(f)] += f[:, None] * K.take(n + free_t, axis=0)
+    matrix = rows.take(free, axis=1)
     r = reactions(system, load, u)
     rhs = r[free]
     rhs[: len(f)] += f * r[n + free_t]

@@ -20,6 +20,7 @@ from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import Tableau
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.residual import round_off
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
@@ -483,7 +484,10 @@ def test_a_free_body_that_touches_nowhere_is_refused() -> None:
 def test_round_off_does_not_build_up_on_nearly_incompressible_bodies(poisson: float) -> None:
     system = block_system(64, 32, f=0.1, poisson=poisson)
     record = evolve(system, cyclic(3))
-    assert record.residual_max <= 1e-10
+    end = record.at(cycle=3, load="maximum")
+    u, force = np.concatenate([end.v[-system.n :], end.w[-system.n :]]), np.abs(end.P).max()
+    # of some hundred round-offs of |K| |u| the largest are a few tens times as large as one
+    assert record.residual_max <= 32.0 * round_off(system, u, force)
     assert record.energy_error_max <= 1e-10
 
 
