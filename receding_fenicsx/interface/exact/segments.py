@@ -165,8 +165,12 @@ class Segments:
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
         self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
 
-    def tableau(self, state: States) -> Tableau:
+    def tableau(self, state: States, renew: bool = False) -> Tableau:
         """Return the tableau, brought to the given states.
+
+        Args:
+            state: (N,) states.
+            renew: make it from scratch, without the round-off that has gathered in it.
 
         Raises:
             SingularExchange: a motion of the body is left without stiffness.
@@ -174,6 +178,8 @@ class Segments:
         try:
             if self._tableau is None:
                 self._tableau = Tableau(self.system, state, self._opening, self._carried)
+            elif renew:
+                self._tableau.build(state)
             else:
                 self._tableau.move_to(state)
         except SingularExchange:
@@ -259,9 +265,10 @@ class Segments:
         The round-off of a tableau stays in it: where refining has taken as long as a new one would,
         it is renewed.
         """
-        tableau, n = self.tableau(state), self.system.n
-        if self.refinements > REFINEMENTS_BEFORE_REBUILD * 2 * n:
-            tableau.build(state)
+        n = self.system.n
+        renew = self.refinements > REFINEMENTS_BEFORE_REBUILD * 2 * n
+        tableau = self.tableau(state, renew)
+        if renew:
             self.refinements = 0
         q = tableau.rates(direction)
         imbalance = self.balance.error(q, direction, of_rates=True)

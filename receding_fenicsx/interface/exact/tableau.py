@@ -166,7 +166,8 @@ class Tableau:
         """Make the tableau for ``state`` from scratch, by one block pivot.
 
         Raises:
-            SingularExchange: the body has a motion without stiffness in these states.
+            SingularExchange: the body has a motion without stiffness in these states; the tableau
+                is of no use then.
         """
         n = len(state)
         stuck = np.full(n, STICK, dtype=np.int8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -14,7 +15,11 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact import static
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
-from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_PIVOT, SingularExchange
+from receding_fenicsx.interface.exact.pivot_matrix import (
+    SINGULAR_PIVOT,
+    PivotMatrix,
+    SingularExchange,
+)
 from receding_fenicsx.interface.exact.round_off import RoundOff
 from receding_fenicsx.interface.exact.segments import (
     MAX_REFINEMENTS,
@@ -237,3 +242,38 @@ def test_a_guessed_static_answer_is_taken_only_where_it_satisfies_the_law(
     # the wrong one is not believed, another method finds the right one
     assert np.array_equal(found.state, expected.state)
     assert np.abs(found.r - expected.r).max() < 1e-11 * np.abs(expected.r).max()
+
+
+def test_a_renewal_that_fails_leaves_no_half_made_tableau(monkeypatch: pytest.MonkeyPatch) -> None:
+    segments = Segments(BLOCK)
+    state = np.full(BLOCK.n, STICK, dtype=np.int8)
+    state[1:], state[-20:] = FORWARD, OPEN
+    expected = Segments(BLOCK).at(state, UP).q
+    segments.tableau(state)
+    segments.refinements = 2 * BLOCK.n
+    with monkeypatch.context() as singular:
+        singular.setattr(PivotMatrix, "exchange_many", lambda *_: False)
+        with pytest.raises(SingularExchange):
+            segments.at(state, UP)
+    segments.refinements = 0
+    assert segments.at(state, UP).q == pytest.approx(expected, rel=1e-12, abs=1e-12)
+
+
+def test_newtons_method_ends_where_sets_of_states_oscillate(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    tried: list[np.ndarray] = []
+    solve = static.solve_directly
+
+    def noted(*args: Any) -> np.ndarray | None:
+        tried.append(args[-1].copy())
+        return solve(*args)
+
+    monkeypatch.setattr(static, "solve_directly", noted)
+    rest = ContactState(np.zeros(2 * BLOCK.n), np.zeros(2 * BLOCK.n), np.ones(BLOCK.n, np.int8))
+    assert static.states_by_newton(BLOCK, rest, UP) is not None
+    tried.clear()
+    assert static.states_by_newton(BLOCK, rest, UP, FORWARD) is None
+    a, b, c = tried[-3:]
+    assert 2 * np.count_nonzero(a != c) < np.count_nonzero(b != c)
+    assert len({one.tobytes() for one in tried}) == len(tried) < static.MAX_STATE_SETS
