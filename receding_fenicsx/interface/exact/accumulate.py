@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.exact.balance import RANDOM_SUMS
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.segments import Segment, Segments, States
 from receding_fenicsx.interface.law import FORWARD
@@ -113,30 +114,31 @@ class Sums:
         if len(places) == len(self._y):
             self.add_up()
 
-    def stacked(self, segments: list[Segment]) -> Array:
-        """Return the rates (k, 4N + watched) of y and of the watched quantities."""
-        rows = np.array([segment.q for segment in segments])
-        if self.watch is None:
-            return rows
-        new = [k for k, segment in enumerate(segments) if segment.watched is None]
-        if new:
-            on_u, on_load = np.hsplit(self.watch.rows, [2 * self.system.n])
-            a, b = self.problem.ends
-            made = rows[new, : 2 * self.system.n] @ on_u.T + on_load @ (b - a)
-            for k, watched in zip(new, made, strict=True):
-                segments[k].watched = watched
-        return np.hstack([rows, [segment.watched for segment in segments]])
+    def rates(self, segments: list[Segment], q: Array) -> tuple[Array, Rates]:
+        """Return the rates of the quantities, and of the integrals, along segments.
 
-    def rates(self, rows: Array) -> Rates:
-        """Return the rates of the integrals along segments with rates (k, 4N + any) of y."""
+        Args:
+            segments: k segments; what is watched and the imbalance are computed once and kept.
+            q: (k, 4N) their rates of y.
+
+        Returns:
+            (k, 4N + watched) rates of y and of the watched quantities, and those of the integrals.
+        """
         n, (a, b) = self.system.n, self.problem.ends
+        new = [k for k, segment in enumerate(segments) if segment.checked is None]
+        if new:
+            fresh = q[new]
+            made = self.segments.balance.errors(fresh, b - a, of_rates=True)
+            if self.watch is not None:
+                on_u, on_load = np.hsplit(self.watch.rows, [2 * n])
+                made = np.hstack([fresh[:, : 2 * n] @ on_u.T + on_load @ (b - a), made])
+            for k, checked in zip(new, made, strict=True):
+                segments[k].checked = checked
+        table = np.hstack([q, np.array([segment.checked for segment in segments], dtype=float)])
+        rows, imbalance = table[:, :-RANDOM_SUMS], table[:, -RANDOM_SUMS:]
         y = rows[:, : 4 * n]
-        return Rates(
-            slip=rows[:, :n],
-            resisting=self._resisting(y),
-            stroke=y[:, : 2 * n] @ self.system.r_star.T,
-            imbalance=self.segments.balance.errors(y, b - a, of_rates=True),
-        )
+        stroke = y[:, : 2 * n] @ self.system.r_star.T
+        return rows, Rates(rows[:, :n], self._resisting(y), stroke, imbalance)
 
     def add_segments(self, h: Array, s: Array, y: Array, rates: Rates) -> None:
         """Add segments at whose ends nothing is suspected, nor any watched quantity near its limit.

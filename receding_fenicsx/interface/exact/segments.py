@@ -90,7 +90,7 @@ class Segment:
         next: what came of the events met here by their labels, of the start of a leg by -1.
         last: what came of the event met last.
         reach: events passed by the last replay from here.
-        watched: (k,) rates of the watched quantities, where they were asked for.
+        checked: rates of the watched quantities and of the imbalance, where they were asked for.
     """
 
     q: Array
@@ -100,7 +100,7 @@ class Segment:
     next: dict[int, Following] = field(default_factory=dict)
     last: Following | None = None
     reach: int = 8
-    watched: Array | None = None
+    checked: Array | None = None
 
 
 class Segments:

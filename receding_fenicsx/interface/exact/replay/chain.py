@@ -49,15 +49,15 @@ class Chain:
         """Make what the verification of its events needs."""
         k, n, following = len(self.labels), sums.system.n, self.following
         self.is_complete = True
-        self.rows = sums.stacked(self.segments)
+        self.rows, self.rates = sums.rates(self.segments, self.rows)
         ends = self.rows[:, n:] < 0.0
         ends[:-1] &= ~ends[1:]
         ends[np.arange(k), self.labels - n] = False
-        at, low = ends.nonzero()
+        # much faster than of the table
+        at, low = np.divmod(ends.ravel().nonzero()[0], ends.shape[1])
         self.low = low + n
         self.fall = self.rows[:, self.low]
         self.fall *= np.arange(k)[:, None] <= at
-        self.rates = sums.rates(self.rows)
         changes = [change for step in following for change in step.changes]
         self.changes = tuple(zip(*changes, strict=True))
         self.event_of = np.repeat(np.arange(k), [len(step.changes) for step in following])

@@ -223,7 +223,8 @@ class Replay:
             if np.any(below[k] < self._lowest[columns]):
                 return int(k)
             # what falls too slowly to count as falling may pass by as much as counts as on a limit
-            if np.isin(passed, chain.segments[k].falling).any():
+            falling = chain.segments[k].falling
+            if (falling.take(falling.searchsorted(passed), mode="clip") == passed).any():
                 return int(k)
         return m
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dtrtrs
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.exact.accumulate import Rates
 from receding_fenicsx.interface.exact.reduction import Reduction
 from receding_fenicsx.interface.exact.replay.chain import Chain
 from receding_fenicsx.interface.exact.replay.events import floors, passed_by_round_off
@@ -92,7 +93,8 @@ def known_leg(walk: Walk, following: list[Following], leg: Leg) -> KnownLeg:
     first, turned = walk.first
     chain = Chain([first, *(step.segment for step in following[:-1])], following)
     chain.complete(walk.sums)
-    rates = walk.sums.rates(walk.sums.stacked([*chain.segments, walk.last]))
+    _, last = walk.sums.rates([walk.last], walk.last.q[None])
+    rates = Rates(*map(np.vstack, zip(chain.rates, last, strict=True)))
     slipping = np.flatnonzero((rates.slip != 0.0).any(axis=0) & walk.segments.frictional)
     a, b = walk.problem.ends
     return KnownLeg(
@@ -112,6 +114,14 @@ def known_leg(walk: Walk, following: list[Following], leg: Leg) -> KnownLeg:
     )
 
 
+def lengths(one: KnownLeg, y: Array) -> Array | None:
+    """Return the lengths (k + 1,) of a leg's segments from quantities y (4n,), if positive."""
+    h, singular = dtrtrs(one.chain.triangle, -y[one.chain.labels], lower=1)
+    rest = 1.0 - h.sum()
+    holds = not singular and h.min() >= 0.0 and rest >= END_TOLERANCE
+    return np.append(h, rest) if holds else None
+
+
 def play(
     segments: Segments, course: list[KnownLeg], y: Array, force_scale: float
 ) -> list[tuple[Array, Array, Array, Array]]:
@@ -123,18 +133,16 @@ def play(
     n, passed = segments.system.n, passed_by_round_off(segments, force_scale)
     rows = []
     for one in course:
-        labels = one.chain.labels
-        h, singular = dtrtrs(one.chain.triangle, -y[labels], lower=1)
-        rest = 1.0 - h.sum()
-        if singular or not (h.min() >= 0.0 and rest >= END_TOLERANCE):
+        h, labels = lengths(one, y), one.chain.labels
+        if h is None:
             break
-        at = y + h @ one.chain.rows[:, : 4 * n]
+        at = y + h[:-1] @ one.chain.rows[:, : 4 * n]
         # what has reached its limit and stays there is exactly zero
         at[labels[at[labels] <= passed[labels]]] = 0.0
         at[labels[-1]] = 0.0
-        end = at + rest * one.last.q
+        end = at + h[-1] * one.last.q
         np.maximum(end[2 * n :], 0.0, out=end[2 * n :])
-        rows.append((y, np.append(h, rest), at, end))
+        rows.append((y, h, at, end))
         y = end
     return rows
 

@@ -35,6 +35,7 @@ from receding_fenicsx.interface.exact.replay.known_leg import (
     events_of,
     keeps_law,
     known_leg,
+    lengths,
     play,
 )
 from receding_fenicsx.interface.exact.round_off import negligible_imbalance
@@ -132,7 +133,9 @@ class Rounds:
         meet = all(np.array_equal(at, known[k % len(known)].start) for k, at in enumerate(starts))
         if not meet or not self.reduction.fits(start):
             return
-        y = _balanced(segments, small, known[0].ends[0], force_scale)
+        y, first = segments.values(small), known[0]
+        if lengths(first, y) is not None:
+            y = _balanced(segments, small, y, first.ends[0], force_scale)
         rows = play(segments, self._count * known, y, force_scale)
         legs = [
             self._verified(one, Played(*map(np.array, zip(*mine, strict=True))), force_scale)
@@ -190,9 +193,11 @@ class Rounds:
         return legs
 
 
-def _balanced(segments: Segments, state: ContactState, load: Array, force_scale: float) -> Array:
-    """Return the quantities (4n,) of a state, from which round-off is removed if there is much."""
-    y, n = segments.values(state), segments.system.n
+def _balanced(
+    segments: Segments, state: ContactState, y: Array, load: Array, force_scale: float
+) -> Array:
+    """Return quantities y (4n,) of a state, round-off removed from them if there is much."""
+    n = segments.system.n
     if segments.balance.error(y, load) <= LARGE_AT_START * negligible_imbalance(n) * force_scale:
         return y
     with suppress(SingularExchange):
