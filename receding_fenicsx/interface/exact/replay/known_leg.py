@@ -115,7 +115,7 @@ def known_leg(walk: Walk, following: list[Following], leg: Leg) -> KnownLeg:
 
 
 def lengths(one: KnownLeg, y: Array) -> Array | None:
-    """Return the lengths (k + 1,) of a leg's segments from quantities y (4n,), if positive."""
+    """Return the lengths (k + 1,) of a leg's segments from quantities y (4n,); None if negative."""
     h, singular = dtrtrs(one.chain.triangle, -y[one.chain.labels], lower=1)
     rest = 1.0 - h.sum()
     holds = not singular and h.min() >= 0.0 and rest >= END_TOLERANCE
