@@ -43,7 +43,8 @@ class ConsistentStates:
     """Finds consistent states at the present point of a path.
 
     Attributes:
-        by_rates: the last ones were found by their rates alone.
+        by_rates: the last ones were found by their rates alone, and not chosen.
+        rounds: rounds of changes this took.
     """
 
     def __init__(
@@ -66,36 +67,38 @@ class ConsistentStates:
         a, b = point.problem.ends
         self.direction = b - a
         self.on_limit = segments.limit * point.problem.force_scale
-        self.by_rates = False
+        self.by_rates, self.rounds = False, 0
 
-    def find(self, hit: int | None = None) -> Segment:
+    def find(self, hit: int | None = None, rates: Array | None = None) -> Segment:
         """Change states until no node on a limit is driven across it; return the rates.
 
         Args:
             hit: label of the quantity that has just reached its limit.
+            rates: (4N,) rates on the way there: a node that has closed is taken to slip on.
 
         Raises:
             SolveError: there are no such states.
         """
         before, chooser = self.point.state, self.point.problem.chooser
-        segment = self._find(before, hit)
+        self.by_rates = chooser is None
+        segment = self._find(before, hit, rates)
         return segment if chooser is None else chooser.choose(self, before, segment)
 
-    def _find(self, before: States, hit: int | None) -> Segment:
+    def _find(self, before: States, hit: int | None, rates: Array | None) -> Segment:
         segments, point = self.segments, self.point
         point.state = state = before.copy()
-        seen = {state.tobytes()}
+        seen = {before.tobytes()}
         rounds = 0
         if hit is not None:
-            self.change([hit])
-            seen.add(state.tobytes())
+            self.change([hit], rates)
         try:
             while True:
                 segment = segments.at(state, self.direction)
                 violating = self.violations(segment)
                 if len(violating) == 0:
-                    self.by_rates = True
+                    self.rounds = rounds
                     return segment
+                seen.add(state.tobytes())
                 rounds += 1
                 if rounds > SIMULTANEOUS_ROUNDS:
                     badness = np.abs(segment.q[violating]) * segments.weight[violating]
@@ -103,8 +106,9 @@ class ConsistentStates:
                 self.change(violating.tolist())
                 if state.tobytes() in seen or rounds > len(state):
                     return self._decide(before)
-                seen.add(state.tobytes())
         except SingularExchange:
+            if rates is not None:  # it may be the slip of the node that has closed
+                return self._find(before, hit, None)
             state[:] = before
             return self._decide(before)
 
@@ -116,8 +120,14 @@ class ConsistentStates:
             return on_limit
         return np.concatenate([segment.reversed_nodes, on_limit])
 
-    def change(self, labels: list[int]) -> None:
-        """Change the present states of the nodes whose labelled quantities are violated."""
+    def change(self, labels: list[int], rates: Array | None = None) -> None:
+        """Change the present states of the nodes whose labelled quantities are violated.
+
+        Args:
+            labels: the quantities.
+            rates: (4N,) rates on the way there, in whose direction a node that closes slips on;
+                without them it is taken to stick.
+        """
         state, y, on_limit = self.point.state, self.point.y, self.on_limit
         n = len(state)
         kinds_of: dict[int, int] = {}
@@ -130,7 +140,8 @@ class ConsistentStates:
             if not frictional[i]:
                 new = SEPARATION if old == STICK else STICK
             elif old == SEPARATION:
-                new = STICK
+                slip = 0.0 if rates is None else rates[i]
+                new = STICK if slip == 0.0 else FORWARD if slip > 0.0 else BACKWARD
             elif old >= FORWARD:
                 new = STICK if kinds & 1 << V else SEPARATION
             elif kinds == 1 << A:

@@ -15,7 +15,6 @@ from receding_fenicsx.interface.exact.legs import (
     changed_nodes,
     only_stick,
 )
-from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.replay.events import START_OF_LEG, Replay
 from receding_fenicsx.interface.exact.round_off import RoundOff, displacement_uncertainty
 from receding_fenicsx.interface.exact.segments import Following, Segment, Segments, States
@@ -173,10 +172,6 @@ class Walk:
         """Pass an event; return the rates after it, and whether all on limits were looked at."""
         point, states = self.point, self.states
         point.y[label] = 0.0
-        if self.problem.chooser is not None:
-            following = self._consistent(label)
-            self.round_off.count_event()
-            return following, True
         known = segment.last = segment.next.get(label)
         if known is not None:
             point.state = known.state
@@ -184,20 +179,13 @@ class Walk:
             self.round_off.count_event()
             return known.segment, False
         before, i = point.state, label % len(point.state)
-        point.state = before.copy()
-        states.change([label])
-        try:
-            following = self.segments.at(point.state, states.direction)
-            alone = len(states.violations(following)) == 0
-        except SingularExchange:
-            alone = False
+        following = states.find(label, segment.q)
+        alone = states.by_rates and states.rounds == 0
         if alone:
             made = [(i, int(before[i]), int(point.state[i]))]
-            self.course.add_events(point.s, made)
         else:
-            point.state = before
-            following = self._consistent(label)
             made = changed_nodes(before, point.state)
+        self.course.add_events(point.s, made)
         # what sits on another limit by chance is not to be repeated, what ceases to slip is
         if alone or (
             states.by_rates and only_stick(made, i) and not self._needs_both(label, before)
@@ -213,10 +201,10 @@ class Walk:
             return False
         return int(self.point.state[i]) not in (STICK, FORWARD if kind == A else BACKWARD)
 
-    def _consistent(self, hit: int | None = None) -> Segment:
+    def _consistent(self) -> Segment:
         """Bring the states to consistent ones; return their rates."""
         point, states, before = self.point, self.states, self.point.state
-        afresh = hit is None and self.problem.chooser is None
+        afresh = self.problem.chooser is None
         first = self.segments.known(before, states.direction) if afresh else None
         if first is not None and len(first.reversed_nodes):
             turned = first.next.get(START_OF_LEG)
@@ -224,7 +212,7 @@ class Walk:
                 point.state = turned.state
                 self.course.add_events(point.s, turned.changes)
                 return turned.segment
-        segment = states.find(hit)
+        segment = states.find()
         made = changed_nodes(before, point.state)
         self.course.add_events(point.s, made)
         if first is not None and states.by_rates and only_stick(made):
