@@ -107,9 +107,12 @@ class InstantsOfLegs:
         while k < last:
             begin, before, s = k, now, events[k][0]
             while k < last and events[k][0] == s:
-                _, i, old, new = events[k]
-                now = now.put(1 << i, new)
                 k += 1
+            _, i, old, new = events[begin]
+            if k == begin + 1:
+                now = before.put(1 << i, new)
+            else:
+                now = before.after(event[1:] for event in events[begin:k])
             key = before, now
             if k == begin + 1 and SEPARATION not in (old, new):
                 # one node begins to slip, or stops: the larger set of slipping nodes counts

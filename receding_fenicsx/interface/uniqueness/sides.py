@@ -6,11 +6,13 @@ whether one set contains another are single operations, for thousands of sets of
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.interface.exact.legs import Change
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 
 States = NDArray[np.int8]
@@ -58,11 +60,17 @@ class Sides(NamedTuple):
 
     def put(self, nodes: int, side: int) -> Sides:
         """Return the sides after nodes have taken a state."""
-        forward, backward, open_ = (bits & ~nodes for bits in self)
-        if side == FORWARD:
-            forward |= nodes
-        elif side == BACKWARD:
-            backward |= nodes
-        elif side == SEPARATION:
-            open_ |= nodes
-        return Sides(forward, backward, open_)
+        others = ~nodes
+        return Sides(
+            self.forward & others | (nodes if side == FORWARD else 0),
+            self.backward & others | (nodes if side == BACKWARD else 0),
+            self.open & others | (nodes if side == SEPARATION else 0),
+        )
+
+    def after(self, changes: Iterable[Change]) -> Sides:
+        """Return the sides after several changes of state, of which the last of a node counts."""
+        sides = self
+        new_states = {i: new for i, _, new in changes}
+        for side in (STICK, FORWARD, BACKWARD, SEPARATION):
+            sides = sides.put(sum(1 << i for i, new in new_states.items() if new == side), side)
+        return sides

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from operator import gt
+from operator import gt, itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,9 +204,8 @@ class UniquenessWatch:
         """Judge the rates along a leg, or a part of it, given as for ``InstantsOfLegs.new``."""
         way, (start, events, touching) = direction.tobytes(), path
         if not self._jumps and not touching:
-            places, *changed = zip(*events, strict=True) if events else ((),)
-            later = tuple(map(gt, places, (0.0, *places)))
-            leg = start.tobytes(), later, tuple(changed)
+            places, *changed = (list(map(itemgetter(k), events)) for k in range(4))
+            leg = start.tobytes(), list(map(gt, places, [0.0, *places])), changed
             if self._last.get(way) == leg:
                 return
             self._last[way] = leg

@@ -72,8 +72,8 @@ class Played(NamedTuple):
     end: Array
 
 
-def events_of(walk: Walk) -> list[Following]:
-    """Return what came of the events of a walk; nothing where it is no chain of known segments."""
+def followings(walk: Walk) -> list[Following]:
+    """Return what came last of the events met from the start of a walk on, as many as it had."""
     segment, begun = walk.first
     following, left = list[Following](), len(walk.course.events) - begun
     step = segment.last
@@ -82,10 +82,13 @@ def events_of(walk: Walk) -> list[Following]:
         left -= len(step.changes)
         segment = step.segment
         step = segment.last
-    if segment is not walk.last:
-        return []
+    return following if segment is walk.last else []
+
+
+def are_of(walk: Walk, following: list[Following]) -> bool:
+    """Return whether these came of the events of a walk."""
     changes = [change for step in following for change in step.changes]
-    return following if changes == [event[1:] for event in walk.course.events[begun:]] else []
+    return changes == [event[1:] for event in walk.course.events[walk.first[1] :]]
 
 
 def known_leg(walk: Walk, following: list[Following], leg: Leg) -> KnownLeg:

@@ -30,9 +30,10 @@ from receding_fenicsx.interface.exact.replay.chain import leading
 from receding_fenicsx.interface.exact.replay.known_leg import (
     KnownLeg,
     Played,
+    are_of,
     displacements,
     dissipated,
-    events_of,
+    followings,
     keeps_law,
     known_leg,
     lengths,
@@ -116,9 +117,10 @@ class Rounds:
             self._course.clear()
         self._course.append(way)
         self._end = leg.end
-        following, last = events_of(walk), self._events.get(way, [])
+        following, last = followings(walk), self._events.get(way, [])
         self._events[way] = following
         same = bool(following) and len(last) == len(following) and all(map(is_, last, following))
+        same = same and are_of(walk, following)
         known = self._known.get(way)
         if not same:
             self._known.pop(way, None)
