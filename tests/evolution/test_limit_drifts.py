@@ -9,8 +9,10 @@ from small import cyclic, table
 
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit import search
-from receding_fenicsx.evolution.limit.drifts import Drifts, clearance, cycles_to_come
+from receding_fenicsx.evolution.limit.drifts import Drifts
+from receding_fenicsx.evolution.limit.foresight import cycles_to_come
 from receding_fenicsx.evolution.limit.frozen import Budget
+from receding_fenicsx.evolution.limit.passing import clearance
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.normal_form import frictional_form

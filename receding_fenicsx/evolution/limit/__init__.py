@@ -23,11 +23,11 @@ open, and forget what was before, or stick for good. The limit, from top to bott
    the nodes have still to forget of the cycle's start follows likewise (`Frozen.to_forget`).
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
    those that violate one drift. Newton's method goes on from the cycle at hand.
-7. **Overshoot** (`drifts.clearance`): slip does not go back. The drifts of all cycles to come are
+7. **Overshoot** (`passing.clearance`): slip does not go back. The drifts of all cycles to come are
    followed to first order, with what free nodes remember; the same moved events tell what a slip
    changes in its own cycle and in later ones. A limit beyond which some node would slip on the way
    is refused, and searched for again later. One that is nearly passed, or would be if the drifts
-   were foreseen wrongly (`drifts.is_robust`), is kept, and judged again after each cycle. Refused
+   were foreseen wrongly (`passing.is_robust`), is kept, and judged again after each cycle. Refused
    is also one in which a free node has come to rest: where it rests depends on cycles that were
    not played.
 8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,

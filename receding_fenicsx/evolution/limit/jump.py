@@ -11,15 +11,9 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
-from receding_fenicsx.evolution.limit.drifts import (
-    CLEAR,
-    DOUBT,
-    clearance,
-    error_of,
-    is_as_foreseen,
-    is_robust,
-)
+from receding_fenicsx.evolution.limit.foresight import error_of, is_as_foreseen
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
+from receding_fenicsx.evolution.limit.passing import CLEAR, DOUBT, clearance, is_robust
 from receding_fenicsx.evolution.limit.search import Candidate, find_limit
 from receding_fenicsx.evolution.limit.uniqueness import NOT_EXAMINED, YES, is_unique
 from receding_fenicsx.evolution.limit.walking import find_walk, may_walk, walking_motions
