@@ -8,7 +8,8 @@ either way. Whether a set of states is right is seen from its rates:
    states leave free drifts out of the way of its ground.
 3. A free body that balances on its contact is moved to the middle of its play, and 2 is repeated.
 4. Nodes count as on a limit up to the round-off of their reactions, and 2 is repeated.
-5. Otherwise an error says which continuation is missing.
+5. Nodes that seem to slip on without resistance stick, if that violates no limit.
+6. Otherwise an error says which continuation is missing.
 """
 
 from __future__ import annotations
@@ -173,19 +174,25 @@ class ConsistentStates:
 
     def _decide(self, before: States) -> Segment:
         """Decide the nodes on limits by linear complementarity."""
-        point, self.by_rates = self.point, False
+        segments, point, self.by_rates = self.segments, self.point, False
         if point.s >= self.equilibrium_ends - LIMIT_APPROACH:
             raise self.error(before)
         segment, exhausted = self._pivoted(before)
         if segment is None and self._balance(before):
             point.state[:] = before
             with suppress(SingularExchange):  # the loads turn the body on
-                segment = self.segments.at(point.state, self.direction)
+                segment = segments.at(point.state, self.direction)
             if segment is not None and len(self.violations(segment)):
                 segment, exhausted = self._pivoted(before)
         if segment is None and self._widen_limits():
             point.state[:] = before
             segment, exhausted = self._pivoted(before)
+        if segment is None:
+            # where round-off alone says that a node slips on without resistance, it may rest
+            point.state[:] = np.where(before == SEPARATION, before, STICK)
+            with suppress(SingularExchange):
+                resting = segments.at(point.state, self.direction)
+                segment = None if len(self.violations(resting)) else resting
         if segment is None:
             raise self.error(before, exhausted=exhausted)
         return segment
