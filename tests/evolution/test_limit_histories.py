@@ -97,16 +97,17 @@ def test_the_limit_of_two_bodies_is_that_of_plain_cycles(tmp_path: Path) -> None
 
 @pytest.mark.parametrize(
     ("made", "seed"),
-    [(under_four_loads, seed) for seed in (12, 38, 338, 428, 738, 4239, 91729)]
+    [(under_four_loads, seed) for seed in (12, 38, 338, 428, 738, 4239, 91729, 702941)]
     + [(tall_under_four_loads, seed) for seed in (20985, 101054)],
 )
 def test_limits_under_several_loads_are_those_of_plain_cycles(
     made: Callable[[int], tuple[ContactSystem, list[list[float]]]], seed: int
 ) -> None:
     # with seed 38 a node slips both ways in the first cycles, and comes to rest: where is not known
-    # before they are played; from 338 on nodes pass the limit that is found first; in the last two
+    # before they are played; from 338 on nodes pass the limit that is found first; on the tall ones
     # after twenty cycles: in one only drifts foreseen a little otherwise tell, in the other the
-    # margin that the node is left with at first hides it
+    # margin that the node is left with at first hides it; with 702941 a node that opens and slips
+    # in the first cycles rests in the limit found first, but for 2e-13 of round-off, elsewhere
     block, loop = made(seed)
     path = [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]]
     solver = rf.SolverOptions(steady_tolerance=1e-11)

@@ -12,7 +12,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.limit.drifts import Drifts, drifts_of
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
-from receding_fenicsx.evolution.limit.newton import Solution, approach
+from receding_fenicsx.evolution.limit.newton import REPEATS, Solution, approach
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.reduction import widen
@@ -160,10 +160,14 @@ def _sorted_again(frozen: Frozen, solution: Solution, nodes: Sorted) -> Sorted |
 
 
 def _at_rest(frozen: Frozen, solution: Solution, nodes: Sorted) -> NDArray[np.bool_]:
-    """Return (N,) free nodes that stay where they are in the cycle, and never open."""
-    v = np.array([stop.u[: frozen.system.n] for stop in solution.cycle.stops])
-    give = SLIP_ROUND_OFF * frozen.force / local_stiffness(frozen.system)[0]
-    still: NDArray[np.bool_] = np.ptp(v, axis=0) <= give
+    """Return (N,) free nodes that never open, and do not slip both ways in the cycle.
+
+    What they slip is what the cycle lacks of repeating itself.
+    """
+    u = np.array([stop.u for stop in solution.cycle.stops])
+    slip = np.diff(u[:, : frozen.system.n], axis=0)
+    forward, backward = np.maximum(slip, 0.0).sum(axis=0), np.maximum(-slip, 0.0).sum(axis=0)
+    still: NDArray[np.bool_] = np.minimum(forward, backward) <= REPEATS * np.abs(u).max()
     return nodes.rubbing & ~nodes.frozen & ~solution.cycle.opens & still
 
 
