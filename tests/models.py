@@ -172,3 +172,18 @@ def under_four_loads(seed: int) -> tuple[ContactSystem, list[list[float]]]:
     count = int(rng.integers(2, 5))
     corners = [[rng.uniform(0.6, 1.4), *rng.uniform(-0.5, 0.5, size=3)] for _ in range(count)]
     return loaded, [*corners, corners[0]]
+
+
+def gapped_under_four_loads(seed: int) -> tuple[ContactSystem, list[list[float]]]:
+    """Return the same with initial gaps at most nodes."""
+    block, loop = under_four_loads(seed)
+    rng, n = np.random.default_rng([seed, 77]), block.n
+    depth = 2 * np.abs(block.r_star[0][n:]).max() / np.median(np.diag(block.K)[n:])
+    return replace(block, g0=np.where(rng.random(n) < 0.4, 0.0, depth * rng.random(n))), loop
+
+
+def directed_under_four_loads(seed: int) -> tuple[ContactSystem, list[list[float]]]:
+    """Return a tall one with other friction backward than forward."""
+    block, loop = tall_under_four_loads(seed)
+    ratio = np.random.default_rng([seed, 77]).uniform(0.3, 1.7, size=block.n)
+    return replace(block, f_backward=block.f * ratio), loop

@@ -5,7 +5,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from models import pushed_block, tall_under_four_loads, under_four_loads
+from models import (
+    directed_under_four_loads,
+    gapped_under_four_loads,
+    pushed_block,
+    tall_under_four_loads,
+    under_four_loads,
+)
 from small import table
 
 import receding_fenicsx as rf
@@ -98,7 +104,8 @@ def test_the_limit_of_two_bodies_is_that_of_plain_cycles(tmp_path: Path) -> None
 @pytest.mark.parametrize(
     ("made", "seed"),
     [(under_four_loads, seed) for seed in (12, 38, 338, 428, 738, 4239, 91729, 702941)]
-    + [(tall_under_four_loads, seed) for seed in (20985, 101054)],
+    + [(tall_under_four_loads, seed) for seed in (20985, 101054)]
+    + [(gapped_under_four_loads, 800766), (directed_under_four_loads, 800817)],
 )
 def test_limits_under_several_loads_are_those_of_plain_cycles(
     made: Callable[[int], tuple[ContactSystem, list[list[float]]]], seed: int
@@ -107,7 +114,9 @@ def test_limits_under_several_loads_are_those_of_plain_cycles(
     # before they are played; from 338 on nodes pass the limit that is found first; on the tall ones
     # after twenty cycles: in one only drifts foreseen a little otherwise tell, in the other the
     # margin that the node is left with at first hides it; with 702941 a node that opens and slips
-    # in the first cycles rests in the limit found first, but for 2e-13 of round-off, elsewhere
+    # in the first cycles rests in the limit found first, but for 2e-13 of round-off, elsewhere.
+    # With gaps the nodes at one end drift slower than foreseen, and others pass by 1e-6; with other
+    # friction backward a node passes by 1e-6 once only what others forget is left
     block, loop = made(seed)
     path = [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]]
     solver = rf.SolverOptions(steady_tolerance=1e-11)

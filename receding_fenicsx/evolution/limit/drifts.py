@@ -41,6 +41,7 @@ class Drifts:
         towards: (k,) numbers of the drifts that the nodes make, or are nearer to.
         stiffness: (k,) local stiffnesses of the nodes.
         others: further frozen nodes that might slip while these drift.
+        pace: part, or (2k,) parts, of the slips foreseen for a cycle that are made in it.
     """
 
     limit: Array
@@ -50,6 +51,7 @@ class Drifts:
     towards: Ints
     stiffness: Array
     others: Ints
+    pace: Array | float = 1.0
 
     def lacking(self, factor: Array) -> Drifts:
         """Return the same while (2k,) times as much of the limits is lacking."""

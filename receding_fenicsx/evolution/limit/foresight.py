@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import count
 
 import numpy as np
@@ -40,7 +41,7 @@ def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
     y, left = drifts.begun.copy(), margins[-1].copy()
     for cycle in count():
         lasting = margins[min(cycle, len(margins) - 1)] - margins[-1]
-        s = slips.of(left + lasting + remembered @ past[:, slipping].ravel())
+        s = drifts.pace * slips.of(left + lasting + remembered @ past[:, slipping].ravel())
         if np.any(s[~slipping]):
             slipping = slipping | (s > 0.0)
             remembered = memory[:, :, slipping].reshape(len(M), -1)
@@ -62,6 +63,14 @@ def error_of(before: Drifts, now: Drifts) -> float:
     """Return how far drifts were foreseen wrongly a cycle before, over what they still lack."""
     error, lacking = (float(of.max()) for of in errors_of(before, now))
     return error / lacking if lacking > 0.0 else 0.0
+
+
+def slowed(before: Drifts, now: Drifts) -> Drifts:
+    """Return drifts of which as small a part is made in each cycle as was made in the last."""
+    foreseen, _ = next(cycles_to_come(before))
+    slips, made = foreseen - before.begun, now.begun - before.begun
+    pace = np.divide(made, slips, out=np.ones_like(slips), where=slips > 0.0)
+    return replace(now, pace=np.clip(pace, 0.0, 1.0))
 
 
 def is_as_foreseen(before: Drifts, now: Drifts, force: float) -> bool:

@@ -86,22 +86,23 @@ def clearance(
     stiffness, clear = np.abs(np.diagonal(M)), 1.0
     allowed = OVERSHOT * force + part * limit.max() * stiffness
     waves = np.cos(np.pi * np.outer(_places(drifts), WAVES))
-    before, shape = _left(limit, drifts.begun), np.zeros_like(limit)
+    before, shape = _left(limit, drifts.begun), np.zeros(2 * len(limit))
     for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), cycles)):
         left = _left(limit, y)
         if cycle % LOOKED_AT == 0:
             lack = np.maximum(before, 0.0)[:, None]
-            unsure = np.abs(M @ (waves * lack) - waves * (M @ lack)).max(axis=1)
-            unsure += np.abs(margins[min(cycle, len(margins) - 1)] - margins[-1])
+            lasting = margins[min(cycle, len(margins) - 1)] - margins[-1]
+            unsure = np.abs(M @ (waves * lack) - waves * (M @ lack)).max(axis=1) + np.abs(lasting)
             passed = stiffness * left + allowed
             distance = passed + np.maximum(m, 0.0)
             if np.any(passed < 0.0):
                 return -1.0
             if not part:
                 clear = min(clear, float((distance / np.maximum(unsure, allowed)).min()))
-            largest = float((stiffness * left).max())
-            last, shape = shape, stiffness * left / max(largest, OVERSHOT * force)
-            # drifts of one shape that only become smaller stay as clear as they are
+            both = np.append(stiffness * left, lasting)
+            largest = float(np.abs(both).max())
+            last, shape = shape, both / max(largest, OVERSHOT * force)
+            # drifts and memories of one shape that only become smaller stay as clear as they are
             settled = largest * np.abs(shape - last).max() <= SAME_SHAPE * OVERSHOT * force
             if clear < least or settled or np.all(unsure <= allowed):
                 return clear
