@@ -27,8 +27,7 @@ open, and forget what was before, or stick for good. The limit, from top to bott
    followed to first order, with what free nodes remember; the same moved events tell what a slip
    changes in its own cycle and in later ones. A limit beyond which some node would slip on the way
    is refused, and searched for again later. One that is nearly passed, or would be if the drifts
-   were foreseen wrongly (`passing.is_robust`) or went on more slowly (`foresight.slowed`), is kept,
-   and judged again after each cycle. Refused
+   were foreseen wrongly (`passing.is_robust`), is kept, and judged again after each cycle. Refused
    is also one in which a free node has come to rest: where it rests depends on cycles that were
    not played.
 8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,

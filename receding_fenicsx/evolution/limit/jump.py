@@ -11,7 +11,7 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
-from receding_fenicsx.evolution.limit.foresight import error_of, is_as_foreseen, slowed
+from receding_fenicsx.evolution.limit.foresight import error_of, is_as_foreseen
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
 from receding_fenicsx.evolution.limit.passing import CLEAR, DOUBT, clearance, is_robust
 from receding_fenicsx.evolution.limit.search import Candidate, find_limit
@@ -185,8 +185,7 @@ class LimitSearch:
         clear = clearance(found.drifts, force, allowed)
         safe = allowed or (
             is_as_foreseen(found.before, found.drifts, force)
-            and clearance(slowed(found.before, found.drifts), force, least=0.0) >= 0.0
-            and is_robust(found.drifts, force, doubt)
+            and is_robust(found.before, found.drifts, force, doubt)
         )
         if clear >= CLEAR and safe:
             return found

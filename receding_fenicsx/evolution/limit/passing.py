@@ -8,7 +8,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.limit.drifts import OVERSHOT, Drifts
-from receding_fenicsx.evolution.limit.foresight import cycles_to_come
+from receding_fenicsx.evolution.limit.foresight import cycles_to_come, slowed
 
 MAX_DRIFTING = 20_000
 """Cycles of drifts, to first order, after which a limit counts as passed: it is not shown."""
@@ -35,13 +35,16 @@ SOON = 32
 """Cycles in which they are followed then: where nodes do pass their limits, they do so early."""
 
 
-def is_robust(drifts: Drifts, force: float, doubt: float = DOUBT) -> bool:
+def is_robust(before: Drifts, drifts: Drifts, force: float, doubt: float = DOUBT) -> bool:
     """Return whether no node passes the limit soon though drifts are foreseen wrongly.
 
-    The first order is not exact while the drifts are large. So what the nodes lack is taken larger
-    at one end of the contact and smaller at the other, by the factor ``doubt``, and the reverse; by
-    less where nodes would slip at once that are known to rest.
+    The first order is not exact while the drifts are large. So the nodes are taken to slip on as
+    much less than foreseen as they did in the last cycle, since ``before``. And what they lack is
+    taken larger at one end of the contact and smaller at the other, by the factor ``doubt``, and
+    the reverse; by less where nodes would slip at once that are known to rest.
     """
+    if clearance(slowed(before, drifts), force, least=0.0, cycles=SOON) < 0.0:
+        return False
     rest, none = drifts.limit <= 0.0, -OVERSHOT * force
     seen = np.minimum(drifts.margins[0], 0.0)[rest] + none
     wave = np.cos(np.pi * _places(drifts))
