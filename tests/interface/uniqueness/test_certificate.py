@@ -28,6 +28,17 @@ def one(state: int) -> np.ndarray:
     return np.array([state], dtype=np.int8)
 
 
+def test_simultaneous_changes_lead_to_the_states_after_the_last_of_each_node() -> None:
+    rng = np.random.default_rng(0)
+    for _ in range(50):
+        before = rng.integers(STICK, BACKWARD + 1, 20).astype(np.int8)
+        state, changes = before.copy(), []
+        for i, new in zip(rng.integers(20, size=30).tolist(), rng.integers(1, 5, 30), strict=True):
+            changes.append((i, int(state[i]), int(new)))
+            state[i] = new
+        assert Sides.of(before).after(changes) == Sides.of(state)
+
+
 def test_margin_of_one_node_is_its_stiffness_over_friction_times_coupling() -> None:
     # backward slip: K_tt - f K_nt = 2 - .5 * .8 phi; forward slip only stiffens
     system = small_system([[2.0, 0.8], [0.8, 1.0]], {"a": [0.0, 1.0]}, 0.5)
