@@ -31,6 +31,10 @@ from receding_fenicsx.interface.law import BACKWARD, FORWARD
 from receding_fenicsx.interface.uniqueness.definite import SINGULAR, Certificate, cholesky
 from receding_fenicsx.interface.uniqueness.sides import Sides, States, mask_of
 
+TURNING_WEIGHT = 10.0
+"""Weight of the rows w_i over c^2, from which on the slip of a node that may open is turned round
+in most cases: there |a| |b| is about c (K_nn / alpha K_tt)^(1/2)."""
+
 
 @dataclass(frozen=True)
 class Pattern:
@@ -158,8 +162,10 @@ def _matrix(
     matrix = K[:size]
     matrix[:m] += c[:, None] * K[size:]
     if size > m:
+        largest = np.abs(c).max(initial=0.0)
         # keeps (1 + alpha) K_tn + C K_nn, the coupling, small against alpha K_nn
-        matrix[m:] *= np.hypot(1.0, np.abs(c).max(initial=0.0) / judge.coupling)
+        balanced = np.hypot(1.0, largest / judge.coupling)
+        matrix[m:] *= max(balanced, TURNING_WEIGHT * largest**2)
     return matrix, K[size:]
 
 
