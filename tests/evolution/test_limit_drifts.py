@@ -80,7 +80,6 @@ def test_a_slip_beyond_the_limit_is_told(coupling: float, passed: bool) -> None:
         responses=np.array([np.diag([1.0, 2.0, 1.0, 1.0]), both]),
         towards=np.arange(2),
         stiffness=np.ones(2),
-        others=np.zeros(0, dtype=int),
     )
     clear = clearance(drifts, force=1.0)
     assert clear == -1.0 if passed else clear > 0.1

@@ -40,7 +40,6 @@ class Drifts:
             come; the last ones in all later cycles.
         towards: (k,) numbers of the drifts that the nodes make, or are nearer to.
         stiffness: (k,) local stiffnesses of the nodes.
-        others: further frozen nodes that might slip while these drift.
         pace: part, or (2k,) parts, of the slips foreseen for a cycle that are made in it.
     """
 
@@ -50,7 +49,6 @@ class Drifts:
     responses: Array
     towards: Ints
     stiffness: Array
-    others: Ints
     pace: Array | float = 1.0
 
     def lacking(self, factor: Array) -> Drifts:
@@ -66,18 +64,40 @@ class Drifts:
         return M
 
 
+def at_risk(frozen: Frozen, solution: Solution, moved: MovedCycle) -> Ints:
+    """Return frozen nodes without drift whose margins may vanish while others drift.
+
+    While the others lack any parts of their drifts x, a margin is at least
+    m* - sum over j of |dm/dx_j x_j|.
+    """
+    still = np.flatnonzero(~np.isin(frozen.nodes, frozen.shifted))
+    rest, m = frozen.nodes[still], solution.margins.of(still)
+    risk = np.zeros(len(rest), dtype=bool)
+    for sign, margin, at in ((1.0, m.A, m.at_A), (-1.0, m.B, m.at_B)):
+        rows = margin_rows(frozen, solution.cycle, rest, np.full(len(rest), sign), at)
+        risk |= margin < np.abs(rows.moved(moved, frozen.shifted) * solution.shifts).sum(axis=1)
+    return rest[risk]
+
+
 def drifts_of(
-    frozen: Frozen, solution: Solution, *states: ContactState
-) -> tuple[Drifts, ...] | None:
-    """Return the drifts from states at the ends of cycles to a limit; None where none drifts."""
+    frozen: Frozen, solution: Solution, moved: MovedCycle, *states: ContactState
+) -> tuple[Drifts, ...]:
+    """Return the drifts from states at the ends of cycles to a limit, of at least one node.
+
+    Args:
+        frozen: the contact.
+        solution: the limit.
+        moved: derivatives of its cycle in the shifts.
+        states: at the ends of cycles.
+
+    Raises:
+        NoLimit: the cycles remember a slip for too long.
+    """
     nodes, cycle, x = frozen.shifted, solution.cycle, solution.shifts
     m = solution.margins.of(np.searchsorted(frozen.nodes, nodes))
     k = len(nodes)
-    if not k:
-        return None
     signs = np.repeat([1.0, -1.0], k)
     rows = margin_rows(frozen, cycle, np.tile(nodes, 2), signs, np.append(m.at_A, m.at_B))
-    moved = frozen.periodic_change(cycle)
     M = rows.moved(moved, nodes)
     far = np.array([now.u - cycle.start.u for now in states]).T
     begun = far[nodes].T.copy()
@@ -90,7 +110,6 @@ def drifts_of(
         "responses": np.concatenate([responses, np.hstack([M, -M])[None]]),
         "towards": np.arange(k) + np.where(forward, 0, k),
         "stiffness": local_stiffness(frozen.system)[0][nodes],
-        "others": _at_risk(frozen, solution, moved),
     }
     return tuple(
         Drifts(
@@ -142,18 +161,3 @@ def _followed(
         raise NoLimit("the cycle with frozen nodes forgets a slip too slowly")
     every = np.array(followed)
     return every[:, :, k:], every[:, :, :k]
-
-
-def _at_risk(frozen: Frozen, solution: Solution, moved: MovedCycle) -> Ints:
-    """Return frozen nodes without drift whose margins may vanish while others drift.
-
-    While the others lack any parts of their drifts x, a margin is at least
-    m* - sum over j of |dm/dx_j x_j|.
-    """
-    still = np.flatnonzero(~np.isin(frozen.nodes, frozen.shifted))
-    rest, m = frozen.nodes[still], solution.margins.of(still)
-    risk = np.zeros(len(rest), dtype=bool)
-    for sign, margin, at in ((1.0, m.A, m.at_A), (-1.0, m.B, m.at_B)):
-        rows = margin_rows(frozen, solution.cycle, rest, np.full(len(rest), sign), at)
-        risk |= margin < np.abs(rows.moved(moved, frozen.shifted) * solution.shifts).sum(axis=1)
-    return rest[risk]

@@ -72,7 +72,10 @@ def smallest_margins(frozen: Frozen, cycle: FrozenCycle, nodes: Ints) -> Margins
     rows = np.concatenate([nodes, n + nodes])
     load = np.array([stop.load for stop in cycle.stops])
     u = np.array([stop.u for stop in cycle.stops])
-    r = load @ frozen.segments.system.r_star[:, rows] + u @ system.K[rows].T
+    # most nodes neither slip nor open: their displacements are those at the first stop
+    moving = np.flatnonzero(np.any(u != u[0], axis=0))
+    r = load @ frozen.segments.system.r_star[:, rows] + system.K[rows] @ u[0]
+    r += (u[:, moving] - u[0, moving]) @ system.K[np.ix_(rows, moving)].T
     A, B = system.friction[nodes].margins(r[:, : len(nodes)], r[:, len(nodes) :])
     return Margins(A.min(axis=0), B.min(axis=0), A.argmin(axis=0), B.argmin(axis=0))
 

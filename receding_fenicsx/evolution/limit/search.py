@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.limit.drifts import Drifts, drifts_of
+from receding_fenicsx.evolution.limit.drifts import Drifts, at_risk, drifts_of
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
 from receding_fenicsx.evolution.limit.newton import REPEATS, Solution, approach
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
@@ -70,8 +70,8 @@ class Candidate:
         at_rest = np.setdiff1d(frozen.nodes, frozen.shifted)
         if np.any(np.abs(now.v - solution.cycle.start.v)[at_rest] > give[at_rest]):
             return None
-        found = drifts_of(frozen, solution, now)
-        return replace(self, drifts=None if found is None else found[0], before=self.drifts)
+        moved = frozen.periodic_change(solution.cycle)
+        return replace(self, drifts=drifts_of(frozen, solution, moved, now)[0], before=self.drifts)
 
 
 def find_limit(
@@ -121,13 +121,16 @@ def find_limit(
             near, shift = _unfrozen(frozen, solution), np.zeros(model.n)
             shift[shifted] = solution.shifts
             if again is None:
-                before, drifts = drifts_of(frozen, solution, start, nodes.end) or (None, None)
-                others = () if drifts is None else drifts.others
+                moved = frozen.periodic_change(solution.cycle) if len(shifted) else None
+                others = () if moved is None else at_risk(frozen, solution, moved)
                 rest = _at_rest(frozen, solution, nodes)
                 if not len(others) and not np.any(rest):
                     _check_places(frozen, solution, nodes, shift)
-                    found = frozen, solution
-                    return Candidate(near, steps, solution.residual, drifts, before, found)
+                    candidate = Candidate(near, steps, solution.residual, found=(frozen, solution))
+                    if moved is None:
+                        return candidate
+                    before, drifts = drifts_of(frozen, solution, moved, start, nodes.end)
+                    return replace(candidate, drifts=drifts, before=before)
                 again = nodes.with_drifting(others, rest)
                 shift[rest] = (near.v - start.v)[rest]
             few = np.count_nonzero(again.frozen != nodes.frozen) < FEW
