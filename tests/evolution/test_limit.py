@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from receding_fenicsx.evolution.limit.uniqueness import is_p_matrix
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.storage.hdf5 import read_record, write_record
@@ -177,6 +180,45 @@ def test_a_node_that_only_reaches_its_limit_at_the_end_begins_the_cycle_in_slip(
     record = play(p)
     assert record.limit is not None and record.limit.jumped
     assert replay(p.system, p.history, record).found == []
+
+
+def test_nodes_on_their_limit_at_the_end_may_stick_or_slip_there(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    # drifting nodes come to their limits at the end of the first leg: round-off tells their states
+    checked, are_states_of = [], jump.are_states_of
+
+    def checks(*args: Any) -> bool:
+        checked.append(are_states_of(*args))
+        return checked[-1]
+
+    monkeypatch.setattr(jump, "are_states_of", checks)
+    system = block_system(40, 20, f=0.795, poisson=0.458)
+    record, plain = (
+        evolve(system, cyclic(60, 0.831), until="limit"),
+        evolve(system, cyclic(300, 0.831)),
+    )
+    assert record.limit is not None and record.limit.jumped
+    assert checked == [True]
+    v, w = record.turning_points.v[-1], plain.turning_points.v[-1]
+    assert np.abs(v - w).max() < 1e-8 * np.abs(w).max()
+
+
+@pytest.mark.parametrize(
+    ("Q", "P", "w", "old", "new", "same"),
+    [
+        (-0.5, 1.0, 0.0, FORWARD, STICK, True),
+        (0.5, 1.0, 0.0, STICK, BACKWARD, True),
+        (-0.5 + 1e-9, 1.0, 0.0, STICK, FORWARD, False),
+        (0.5, 1.0, 0.0, BACKWARD, FORWARD, False),
+        (0.0, 0.0, 0.0, SEPARATION, STICK, False),
+        (0.0, 0.0, 1.0, SEPARATION, SEPARATION, True),
+    ],
+)
+def test_states_of_one_node(Q: float, P: float, w: float, old: int, new: int, same: bool) -> None:
+    model = small_system([[1.0, 0.0], [0.0, 1.0]], {"p0": [0.0, 1.0]}, 0.5)
+    end = ContactState(np.array([0.0, w]), np.array([Q, P]), np.array([old], dtype=np.int8))
+    assert jump.are_states_of(model, np.array([new], dtype=np.int8), end, 1.0) == same
 
 
 def test_a_node_that_would_slip_back_has_no_limit_by_the_search(
