@@ -22,28 +22,26 @@ LOOKED_AT = 4
 CLEAR = 0.02
 """:func:`clearance` below which a node may pass its limit: the first order is not exact."""
 
-DOUBT = 2.0
-"""Factor by which what is foreseen after two or three cycles may be wrong."""
+DOUBT = 8.0
+"""Factor by which what is foreseen after two or three cycles may be wrong far ahead: drifts that
+decay alike at the limit, but not at first, have come to differ tenfold after fifty cycles."""
 
-PARTS_OF_DOUBT = (1.0, 0.75, 0.5, 0.25)
+PARTS_OF_DOUBT = (1.0, 0.75, 0.5, 0.33, 0.25, 0.17, 0.08)
 """Parts of the doubt, as exponents, of which the largest that agrees with what is seen is taken."""
 
 WAVES = (1.0, 2.0)
 """Half waves along the contact of the errors of what nodes lack."""
 
-SOON = 32
-"""Cycles in which they are followed then: where nodes do pass their limits, they do so early."""
-
 
 def is_robust(before: Drifts, drifts: Drifts, force: float, doubt: float = DOUBT) -> bool:
-    """Return whether no node passes the limit soon though drifts are foreseen wrongly.
+    """Return whether no node passes the limit though drifts are foreseen wrongly.
 
     The first order is not exact while the drifts are large. So the nodes are taken to slip on as
     much less than foreseen as they did in the last cycle, since ``before``. And what they lack is
     taken larger at one end of the contact and smaller at the other, by the factor ``doubt``, and
     the reverse; by less where nodes would slip at once that are known to rest.
     """
-    if clearance(slowed(before, drifts), force, least=0.0, cycles=SOON) < 0.0:
+    if clearance(slowed(before, drifts), force, least=0.0) < 0.0:
         return False
     rest, none = drifts.limit <= 0.0, -OVERSHOT * force
     seen = np.minimum(drifts.margins[0], 0.0)[rest] + none
@@ -53,18 +51,12 @@ def is_robust(before: Drifts, drifts: Drifts, force: float, doubt: float = DOUBT
             wrong = drifts.lacking(doubt ** (part * exponents))
             if np.all(wrong.margins[0][rest] >= seen):
                 break
-        if clearance(wrong, force, least=0.0, cycles=SOON) < 0.0:
+        if clearance(wrong, force, least=0.0) < 0.0:
             return False
     return True
 
 
-def clearance(
-    drifts: Drifts,
-    force: float,
-    part: float = 0.0,
-    least: float = CLEAR,
-    cycles: int = MAX_DRIFTING,
-) -> float:
+def clearance(drifts: Drifts, force: float, part: float = 0.0, least: float = CLEAR) -> float:
     """Return how clear of passing the limit the nodes stay on the way to it; -1 where one does.
 
     Slip does not go back: where a node passes its limit while others still drift, their slips may
@@ -78,7 +70,6 @@ def clearance(
         force: largest nodal force of the history.
         part: part of the largest drift by which nodes may pass it; then all else is clear.
         least: clearance that is enough.
-        cycles: cycles that are followed.
 
     Raises:
         NoLimit: the slips of a cycle were not found.
@@ -90,7 +81,7 @@ def clearance(
     allowed = OVERSHOT * force + part * limit.max() * stiffness
     waves = np.cos(np.pi * np.outer(_places(drifts), WAVES))
     before, shape = _left(limit, drifts.begun), np.zeros(2 * len(limit))
-    for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), cycles)):
+    for cycle, (y, m) in enumerate(islice(cycles_to_come(drifts), MAX_DRIFTING)):
         left = _left(limit, y)
         if cycle % LOOKED_AT == 0:
             lack = np.maximum(before, 0.0)[:, None]
@@ -110,7 +101,7 @@ def clearance(
             if clear < least or settled or np.all(unsure <= allowed):
                 return clear
         before = left
-    return clear if cycles < MAX_DRIFTING else -1.0
+    return -1.0
 
 
 def _places(drifts: Drifts) -> Array:
