@@ -1,5 +1,6 @@
 """Drifts to a limit, cycle by cycle: against cycles that are played, and nodes that pass it."""
 
+from dataclasses import replace
 from itertools import islice
 
 import numpy as np
@@ -12,7 +13,7 @@ from receding_fenicsx.evolution.limit import search
 from receding_fenicsx.evolution.limit.drifts import Drifts
 from receding_fenicsx.evolution.limit.foresight import cycles_to_come
 from receding_fenicsx.evolution.limit.frozen import Budget
-from receding_fenicsx.evolution.limit.passing import clearance
+from receding_fenicsx.evolution.limit.passing import clearance, is_robust
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.normal_form import frictional_form
@@ -84,3 +85,18 @@ def test_a_slip_beyond_the_limit_is_told(coupling: float, passed: bool) -> None:
     clear = clearance(drifts, force=1.0)
     assert clear == -1.0 if passed else clear > 0.1
     assert clearance(drifts, force=1.0, part=0.9) == 1.0
+
+
+def test_drifts_that_are_not_decided_are_not_robust() -> None:
+    # a slip does not change the margin of its own cycle: no slip brings -1 to zero
+    lasting = np.array([[1.0, -1.0], [-1.0, 1.0]])
+    before = Drifts(
+        limit=np.array([1.0, 0.0]),
+        begun=np.zeros(2),
+        margins=np.array([[1.0, 9.0]]),
+        responses=np.array([np.zeros((2, 2)), lasting]),
+        towards=np.zeros(1, dtype=int),
+        stiffness=np.ones(1),
+    )
+    now = replace(before, margins=np.array([[-1.0, 9.0]]))
+    assert not is_robust(before, now, force=1.0)

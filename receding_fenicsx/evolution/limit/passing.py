@@ -9,6 +9,7 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.limit.drifts import OVERSHOT, Drifts
 from receding_fenicsx.evolution.limit.foresight import cycles_to_come, slowed
+from receding_fenicsx.evolution.limit.frozen import NoLimit
 
 MAX_DRIFTING = 20_000
 """Cycles of drifts, to first order, after which a limit counts as passed: it is not shown."""
@@ -41,7 +42,7 @@ def is_robust(before: Drifts, drifts: Drifts, force: float, doubt: float = DOUBT
     taken larger at one end of the contact and smaller at the other, by the factor ``doubt``, and
     the reverse; by less where nodes would slip at once that are known to rest.
     """
-    if clearance(slowed(before, drifts), force, least=0.0) < 0.0:
+    if _is_passed(slowed(before, drifts), force):
         return False
     rest, none = drifts.limit <= 0.0, -OVERSHOT * force
     seen = np.minimum(drifts.margins[0], 0.0)[rest] + none
@@ -51,9 +52,17 @@ def is_robust(before: Drifts, drifts: Drifts, force: float, doubt: float = DOUBT
             wrong = drifts.lacking(doubt ** (part * exponents))
             if np.all(wrong.margins[0][rest] >= seen):
                 break
-        if clearance(wrong, force, least=0.0) < 0.0:
+        if _is_passed(wrong, force):
             return False
     return True
+
+
+def _is_passed(drifts: Drifts, force: float) -> bool:
+    """Return whether a node passes the limit, or which ones slip on the way is not decided."""
+    try:
+        return clearance(drifts, force, least=0.0) < 0.0
+    except NoLimit:
+        return True
 
 
 def clearance(drifts: Drifts, force: float, part: float = 0.0, least: float = CLEAR) -> float:
