@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
@@ -185,21 +184,13 @@ def test_a_node_that_only_reaches_its_limit_at_the_end_begins_the_cycle_in_slip(
 def test_nodes_on_their_limit_at_the_end_may_stick_or_slip_there(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    # drifting nodes come to their limits at the end of the first leg: round-off tells their states
-    checked, are_states_of = [], jump.are_states_of
-
-    def checks(*args: Any) -> bool:
-        checked.append(are_states_of(*args))
-        return checked[-1]
-
-    monkeypatch.setattr(jump, "are_states_of", checks)
+    # drifting nodes come to their limits at the end of the cycle: round-off tells their states, and
+    # with this friction the first cycle played from the limit does not end in those of its start
+    monkeypatch.setattr(jump, "MAX_CHECKS", 1)
     system = block_system(40, 20, f=0.795, poisson=0.458)
-    record, plain = (
-        evolve(system, cyclic(60, 0.831), until="limit"),
-        evolve(system, cyclic(300, 0.831)),
-    )
-    assert record.limit is not None and record.limit.jumped
-    assert checked == [True]
+    record = evolve(system, cyclic(60, 0.831), until="limit")
+    plain = evolve(system, cyclic(300, 0.831))
+    assert record.limit is not None and record.limit.jumped and record.limit.cycle == 3
     v, w = record.turning_points.v[-1], plain.turning_points.v[-1]
     assert np.abs(v - w).max() < 1e-8 * np.abs(w).max()
 

@@ -44,7 +44,7 @@ MAX_CYCLES = 40
 """Cycles after which a search is given up; those that succeed mostly play a dozen."""
 
 MAX_CHECKS = 3
-"""Cycles played from the one that was found until one ends in the states in which it begins."""
+"""Cycles played from the one that was found until the states at start and end are the same."""
 
 MAX_STEPPED = 10
 """The same of load steps, whose forces must repeat themselves too."""
@@ -212,11 +212,13 @@ class LimitSearch:
             cycle = trial.trace_cycle(number, problem.output.cycles is None)
             end = trial.position.state
             change = np.abs(end.r - state.r).max() if in_steps else 0.0
-            force = trial.position.totals.force_scale
-            if change <= bound and are_states_of(trial.model, state.state, end, force):
+            if change <= bound and np.array_equal(state.state, end.state):
                 return begin, cycle
-            # a node that slips at the end may begin the next cycle so
+            # a node that just reaches its limit at the end begins the next cycle in slip
             state = end
+        force = trial.position.totals.force_scale
+        if change <= bound and are_states_of(trial.model, begin.state.state, end, force):
+            return begin, cycle
         raise NoLimit("the cycle that was found does not end as it begins")
 
     def _candidate(self, trial: RunState, budget: Budget) -> Candidate:
