@@ -13,6 +13,7 @@ from receding_fenicsx.evolution.limit.newton import approach, margin_rows, small
 from receding_fenicsx.evolution.limit.sorting import sort_nodes
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.law import STICK
 from receding_fenicsx.interface.normal_form import frictional_form
 
 pytestmark = pytest.mark.one_rank
@@ -72,3 +73,33 @@ def test_the_derivatives_of_the_margins_are_those_of_differences(minimum: float)
         compared += int(same.sum())
         assert np.abs((then.A - now.A) / small - J[:, i])[same].max() < 1e-6 * np.abs(J).max()
     assert compared > 0.8 * len(nodes) * len(range(0, len(nodes), 3))
+
+
+@pytest.mark.parametrize("freed", [True, False])
+def test_rates_of_known_states_serve_with_other_frozen_nodes(freed: bool) -> None:
+    frozen, _, cycle = frozen_contact(0.05)
+    rubbing = np.flatnonzero(frozen.segments.frictional)
+    # one frozen node is freed, or two nodes that rub are frozen, too
+    held = frozen.nodes[1:] if freed else np.union1d(frozen.nodes, rubbing[:2])
+    others = (held, held[:0], frozen.loop, frozen.force, Budget(1))
+    fresh, taken = Frozen(frozen.system, *others), Frozen(frozen.system, *others, before=frozen)
+    differ = np.flatnonzero(fresh.segments.frictional != frozen.segments.frictional)
+    states = [stop.state for stop in cycle.stops if np.all(stop.state[differ] == STICK)]
+    assert len(states) > 10 and len(differ) == (1 if freed else 2)
+    for direction in np.diff(frozen.loop, axis=0):
+        known = [
+            state for state in states if frozen.segments.known(state, way_of(frozen, direction))
+        ]
+        assert known
+        for state in known:
+            q, p = (one.segments.at(state, direction).q for one in (taken, fresh))
+            assert np.abs((q - p) * fresh.segments.weight).max() < 1e-11 * np.abs(p).max()
+    assert taken.segments.trials == fresh.segments.trials
+    # no tableau was needed
+    assert taken.segments._tableau is None
+    assert fresh.segments._tableau is not None
+
+
+def way_of(frozen: Frozen, direction: Array) -> Array:
+    """Return the changes of all load factors along a leg, those of the shifts included."""
+    return np.append(direction, np.zeros(len(frozen.shifted)))

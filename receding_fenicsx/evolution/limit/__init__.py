@@ -22,7 +22,8 @@ open, and forget what was before, or stick for good. The limit, from top to bott
    smallest at an event moves with it, by its own rate times $\delta s$ (`newton.margin_rows`). What
    the nodes have still to forget of the cycle's start follows likewise (`Frozen.to_forget`).
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
-   those that violate one drift. Newton's method goes on from the cycle at hand.
+   those that violate one drift. Newton's method goes on from the cycle at hand, with the rates of
+   the sets of states that are known (`frozen_segments.FrozenSegments`).
 7. **Overshoot** (`passing.clearance`): slip does not go back. The drifts of all cycles to come are
    followed to first order, with what free nodes remember; the same moved events tell what a slip
    changes in its own cycle and in later ones. A limit beyond which some node would slip on the way

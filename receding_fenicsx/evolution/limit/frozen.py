@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import InitVar, dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.limit.frozen_cycle import FrozenCycle, MovedCycle, Stop, TracedWalk
+from receding_fenicsx.evolution.limit.frozen_segments import FrozenSegments
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segments
@@ -70,6 +71,7 @@ class Frozen:
         force: largest nodal force of the history.
         budget: counts the cycles.
         opening: (N,) nodes expected to open; None for all.
+        before: contact with other frozen nodes, whose rates serve where they are known.
     """
 
     system: ContactSystem
@@ -79,16 +81,17 @@ class Frozen:
     force: float
     budget: Budget
     opening: NDArray[np.bool_] | None = None
+    before: InitVar[Frozen | None] = None
     segments: Segments = field(init=False)
 
-    def __post_init__(self) -> None:
+    def __post_init__(self, before: Frozen | None) -> None:
         """Hold the frozen nodes and add the loads of the shifts."""
         system = self.system
         held = system.held.copy()
         held[self.nodes] = True
         rigid = neutral_motions(system.rigid, held)
         largest = np.abs(rigid).max(axis=0, initial=0.0)
-        self.segments = Segments(
+        self.segments = FrozenSegments(
             replace(
                 system,
                 held=held,
@@ -100,6 +103,7 @@ class Frozen:
             ),
             self.opening,
             len(system.load_names),
+            None if before is None else before.segments,
         )
 
     def shift(self, state: ContactState, old: Array, new: Array) -> ContactState:

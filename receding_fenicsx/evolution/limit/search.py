@@ -101,10 +101,11 @@ def find_limit(
     try:
         budget.take()
         nodes = sort_nodes(model, solver, start, loop, force)
-        shift, near, creeping = np.zeros(model.n), None, False
+        shift, near, creeping, frozen = np.zeros(model.n), None, False, None
         for _ in range(MAX_SORTS):
             held, shifted = np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting)
-            frozen = Frozen(model, held, shifted, loop, force, budget, widen(nodes.opens))
+            opens = widen(nodes.opens)
+            frozen = Frozen(model, held, shifted, loop, force, budget, opens, frozen)
             if near is not None:
                 u = near.u.copy()
                 u[shifted] -= shift[shifted]

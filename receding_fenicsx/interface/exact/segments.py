@@ -271,12 +271,7 @@ class Segments:
         if renew:
             self.refinements = 0
         q = tableau.rates(direction)
-        imbalance = self.balance.error(q, direction, of_rates=True)
-        all_ = q * self.weight
-        accepted = UNREFINABLE_ROUND_OFFS * EPSILON * sqrt(all_.dot(all_))
-        if imbalance > accepted:
-            forces = all_[2 * n :]
-            accepted = max(accepted, RATE_IMBALANCE * sqrt(forces.dot(forces)))
+        imbalance, accepted = self.balance.error(q, direction, of_rates=True), self._accepted(q)
         for _ in range(MAX_REFINEMENTS):
             if imbalance <= accepted:
                 break
@@ -287,6 +282,18 @@ class Segments:
                 break
             q, imbalance = better, left
         return q
+
+    def _accepted(self, q: Array) -> float:
+        """Return the imbalance that rates (4N,) may have."""
+        all_ = q * self.weight
+        forces = all_[2 * self.system.n :]
+        unrefinable = UNREFINABLE_ROUND_OFFS * EPSILON * sqrt(all_.dot(all_))
+        return max(unrefinable, RATE_IMBALANCE * sqrt(forces.dot(forces)))
+
+    @property
+    def is_loose(self) -> bool:
+        """Whether some states have left a rigid motion free, whose rates are not unique."""
+        return self._last_pinned is not None
 
     def _margins_from_pressure(
         self, state: States, q: Array, direction: Array, forces: Array
