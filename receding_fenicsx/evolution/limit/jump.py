@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
+from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle, Samples
 from receding_fenicsx.evolution.instants import Instant, instant
 from receding_fenicsx.evolution.limit.foresight import error_of, is_as_foreseen
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
@@ -24,13 +24,14 @@ from receding_fenicsx.evolution.record_data import Limit, Steady
 from receding_fenicsx.evolution.run_state import Position, RunState
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.law import SEPARATION
+from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.measures.steady import (
     CYCLIC_SLIP,
     RATCHETTING,
     SHAKEDOWN,
     SteadyWatch,
 )
+from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
@@ -214,12 +215,49 @@ class LimitSearch:
             change = np.abs(end.r - state.r).max() if in_steps else 0.0
             if change <= bound and np.array_equal(state.state, end.state):
                 return begin, cycle
+            same = change <= bound and are_states_of(
+                trial.model, state.state, end, trial.position.totals.force_scale
+            )
+            sticking = self._sticking(cycle, state.state) if same and not in_steps else None
+            if sticking is not None:
+                return begin, sticking
             # a node that just reaches its limit at the end begins the next cycle in slip
             state = end
-        force = trial.position.totals.force_scale
-        if change <= bound and are_states_of(trial.model, begin.state.state, end, force):
+        if same:
             return begin, cycle
         raise NoLimit("the cycle that was found does not end as it begins")
+
+    def _sticking(self, cycle: FinishedCycle, states: NDArray[np.int8]) -> FinishedCycle | None:
+        """Return a cycle whose nodes stick at its end if they do so at its start.
+
+        Their last event, the slip that begins as they come to their limits at the end, is left out.
+        None where other nodes are in other states, too.
+
+        Args:
+            cycle: the cycle, whose end may as well be in the states of its start.
+            states: (N,) these states.
+        """
+        end, samples = cycle.corners[-1], cycle.samples
+        differ = np.flatnonzero(states != end.state.state)
+        state = replace(end.state, state=states)
+        if samples is not None:
+            last = {event.node: k for k, event in enumerate(samples.events)}
+            left_out = [last[i] for i in differ.tolist() if i in last]
+            if any(samples.events[k].old != STICK for k in left_out):
+                return None
+            events = [event for k, event in enumerate(samples.events) if k not in left_out]
+            instants = [*samples.instants[:-1], samples.instants[-1]._replace(state=state)]
+            samples = Samples(instants, events)
+        if np.any(states[differ] != STICK):
+            return None
+        images = np.bincount(mirror_of(self.problem.system).index)
+        events_left = cycle.totals.events - int(images[differ].sum())
+        return replace(
+            cycle,
+            corners=[*cycle.corners[:-1], end._replace(state=state)],
+            samples=samples,
+            totals=cycle.totals._replace(events=events_left),
+        )
 
     def _candidate(self, trial: RunState, budget: Budget) -> Candidate:
         """Return a state whose cycle should repeat itself, first one of a body that walks."""
