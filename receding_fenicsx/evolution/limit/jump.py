@@ -228,10 +228,10 @@ class LimitSearch:
         raise NoLimit("the cycle that was found does not end as it begins")
 
     def _sticking(self, cycle: FinishedCycle, states: NDArray[np.int8]) -> FinishedCycle | None:
-        """Return a cycle whose nodes stick at its end if they do so at its start.
+        """Return a cycle at whose end those nodes stick that do so at its start.
 
-        Their last event, the slip that begins as they come to their limits at the end, is left out.
-        None where other nodes are in other states, too.
+        The last event of each, the slip that begins as it comes to its limit at the end, is left
+        out. None where a node differs otherwise.
 
         Args:
             cycle: the cycle, whose end may as well be in the states of its start.
@@ -239,17 +239,18 @@ class LimitSearch:
         """
         end, samples = cycle.corners[-1], cycle.samples
         differ = np.flatnonzero(states != end.state.state)
+        if np.any(states[differ] != STICK):
+            return None
         state = replace(end.state, state=states)
         if samples is not None:
             last = {event.node: k for k, event in enumerate(samples.events)}
-            left_out = [last[i] for i in differ.tolist() if i in last]
+            left_out = {last[i] for i in differ.tolist()}
             if any(samples.events[k].old != STICK for k in left_out):
                 return None
             events = [event for k, event in enumerate(samples.events) if k not in left_out]
-            instants = [*samples.instants[:-1], samples.instants[-1]._replace(state=state)]
-            samples = Samples(instants, events)
-        if np.any(states[differ] != STICK):
-            return None
+            samples = Samples(
+                [*samples.instants[:-1], samples.instants[-1]._replace(state=state)], events
+            )
         images = np.bincount(mirror_of(self.problem.system).index)
         events_left = cycle.totals.events - int(images[differ].sum())
         return replace(

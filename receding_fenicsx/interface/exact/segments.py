@@ -271,7 +271,8 @@ class Segments:
         if renew:
             self.refinements = 0
         q = tableau.rates(direction)
-        imbalance, accepted = self.balance.error(q, direction, of_rates=True), self._accepted(q)
+        imbalance = self.balance.error(q, direction, of_rates=True)
+        accepted = self._accepted(q, imbalance)
         for _ in range(MAX_REFINEMENTS):
             if imbalance <= accepted:
                 break
@@ -283,11 +284,13 @@ class Segments:
             q, imbalance = better, left
         return q
 
-    def _accepted(self, q: Array) -> float:
-        """Return the imbalance that rates (4N,) may have."""
+    def _accepted(self, q: Array, imbalance: float) -> float:
+        """Return the imbalance that rates (4N,) may have; any smaller bound that theirs meets."""
         all_ = q * self.weight
-        forces = all_[2 * self.system.n :]
         unrefinable = UNREFINABLE_ROUND_OFFS * EPSILON * sqrt(all_.dot(all_))
+        if imbalance <= unrefinable:
+            return unrefinable
+        forces = all_[2 * self.system.n :]
         return max(unrefinable, RATE_IMBALANCE * sqrt(forces.dot(forces)))
 
     @property
