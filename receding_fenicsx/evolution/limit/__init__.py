@@ -33,7 +33,8 @@ open, and forget what was before, or stick for good. The limit, from top to bott
    not played.
 8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,
    with the residuals and energies of any other. It is accepted only if it repeats itself as a
-   steady cycle does (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`).
+   steady cycle does (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`). Where
+   round-off alone tells whether nodes stick or slip at its end, they stick (`ends`).
 9. **Walk** (`walking.find_walk`): where most nodes slipped along one rigid motion in the last
    cycle, a state is searched for first whose cycle repeats itself but for such a motion. Every
    node slips then, and none is frozen.

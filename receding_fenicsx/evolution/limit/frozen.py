@@ -13,7 +13,6 @@ from receding_fenicsx.evolution.limit.frozen_cycle import FrozenCycle, MovedCycl
 from receding_fenicsx.evolution.limit.frozen_segments import FrozenSegments
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.legs import LegProblem
-from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.unloading import carries_nothing
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.residual import residual_at_rest
@@ -82,7 +81,7 @@ class Frozen:
     budget: Budget
     opening: NDArray[np.bool_] | None = None
     before: InitVar[Frozen | None] = None
-    segments: Segments = field(init=False)
+    segments: FrozenSegments = field(init=False)
 
     def __post_init__(self, before: Frozen | None) -> None:
         """Hold the frozen nodes and add the loads of the shifts."""

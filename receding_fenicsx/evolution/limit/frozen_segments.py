@@ -25,7 +25,7 @@ class FrozenSegments(Segments):
         system: ContactSystem,
         opening: NDArray[np.bool_] | None,
         carried: int,
-        other: Segments | None,
+        other: FrozenSegments | None,
     ) -> None:
         """Start with nothing remembered.
 
@@ -36,10 +36,9 @@ class FrozenSegments(Segments):
             other: segments of the same body with other frozen nodes.
         """
         super().__init__(system, opening, carried)
-        self._others = other
-        if isinstance(other, FrozenSegments):
-            other._others = None  # two sortings back is too far
+        self._other = other
         if other is not None:
+            other._other = None  # rates of two sortings before would only take memory
             self._changed = np.flatnonzero(other.frictional != self.frictional)
             both = np.append(self._changed, system.n + self._changed)
             self._K, self._r_star = system.K[both], system.r_star[:, both]
@@ -54,7 +53,7 @@ class FrozenSegments(Segments):
 
     def _taken_over(self, state: States, direction: Array) -> Array | None:
         """Return the rates that the others know, None if they do not."""
-        other, carried = self._others, self._carried
+        other, carried = self._other, self._carried
         if other is None or other.is_loose or direction[carried:].any():
             return None
         way = np.zeros(len(other.system.r_star))

@@ -7,11 +7,11 @@ from contextlib import suppress
 from dataclasses import replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle, Samples
+from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
 from receding_fenicsx.evolution.instants import Instant, instant
+from receding_fenicsx.evolution.limit.ends import may_stick, sticking_at_end
 from receding_fenicsx.evolution.limit.foresight import error_of, is_as_foreseen
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
 from receding_fenicsx.evolution.limit.passing import CLEAR, DOUBT, clearance, is_robust
@@ -22,18 +22,15 @@ from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Limit, Steady
 from receding_fenicsx.evolution.run_state import Position, RunState
-from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.law import SEPARATION, STICK
+from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.measures.steady import (
     CYCLIC_SLIP,
     RATCHETTING,
     SHAKEDOWN,
     SteadyWatch,
 )
-from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.residual import residual_at_rest
-from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.system import ContactState
 
 Progress = Callable[[int, int, str], None]
 """Called as progress(cycle, cycles, message) after every cycle."""
@@ -215,50 +212,14 @@ class LimitSearch:
             change = np.abs(end.r - state.r).max() if in_steps else 0.0
             if change <= bound and np.array_equal(state.state, end.state):
                 return begin, cycle
-            same = change <= bound and are_states_of(
-                trial.model, state.state, end, trial.position.totals.force_scale
-            )
-            sticking = self._sticking(cycle, state.state) if same and not in_steps else None
-            if sticking is not None:
-                return begin, sticking
+            force = trial.position.totals.force_scale
+            if not in_steps and may_stick(trial.model, state.state, end, force):
+                sticking = sticking_at_end(problem.system, cycle, state.state)
+                if sticking is not None:
+                    return begin, sticking
             # a node that just reaches its limit at the end begins the next cycle in slip
             state = end
-        if same:
-            return begin, cycle
         raise NoLimit("the cycle that was found does not end as it begins")
-
-    def _sticking(self, cycle: FinishedCycle, states: NDArray[np.int8]) -> FinishedCycle | None:
-        """Return a cycle at whose end those nodes stick that do so at its start.
-
-        The last event of each, the slip that begins as it comes to its limit at the end, is left
-        out. None where a node differs otherwise.
-
-        Args:
-            cycle: the cycle, whose end may as well be in the states of its start.
-            states: (N,) these states.
-        """
-        end, samples = cycle.corners[-1], cycle.samples
-        differ = np.flatnonzero(states != end.state.state)
-        if np.any(states[differ] != STICK):
-            return None
-        state = replace(end.state, state=states)
-        if samples is not None:
-            last = {event.node: k for k, event in enumerate(samples.events)}
-            left_out = {last[i] for i in differ.tolist()}
-            if any(samples.events[k].old != STICK for k in left_out):
-                return None
-            events = [event for k, event in enumerate(samples.events) if k not in left_out]
-            samples = Samples(
-                [*samples.instants[:-1], samples.instants[-1]._replace(state=state)], events
-            )
-        images = np.bincount(mirror_of(self.problem.system).index)
-        events_left = cycle.totals.events - int(images[differ].sum())
-        return replace(
-            cycle,
-            corners=[*cycle.corners[:-1], end._replace(state=state)],
-            samples=samples,
-            totals=cycle.totals._replace(events=events_left),
-        )
 
     def _candidate(self, trial: RunState, budget: Budget) -> Candidate:
         """Return a state whose cycle should repeat itself, first one of a body that walks."""
@@ -317,24 +278,3 @@ class LimitSearch:
         for again in seen:
             watch.add(*again, cycle.slip_range, D, first, cycle.totals.force_scale)
         return watch
-
-
-def are_states_of(
-    model: ContactSystem, states: NDArray[np.int8], end: ContactState, force: float
-) -> bool:
-    """Return whether a state may as well be in other states.
-
-    Where drifting nodes have just come to their limits of friction at the end of a cycle, round-off
-    decides whether they stick or slip there.
-
-    Args:
-        model: the condensed body in 2N form.
-        states: (N,) the other states.
-        end: the state.
-        force: largest nodal force of the history so far.
-    """
-    differ = states != end.state
-    if np.any(differ & ((states == SEPARATION) | (end.state == SEPARATION))):
-        return False
-    other = replace(end, state=states)
-    return not differ.any() or residual_at_rest(model, other, force) <= EVENT_RESIDUAL

@@ -285,7 +285,7 @@ class Segments:
         return q
 
     def _accepted(self, q: Array, imbalance: float) -> float:
-        """Return the imbalance that rates (4N,) may have; any smaller bound that theirs meets."""
+        """Return the imbalance that rates (4N,) may have, a part of it where theirs is less."""
         all_ = q * self.weight
         unrefinable = UNREFINABLE_ROUND_OFFS * EPSILON * sqrt(all_.dot(all_))
         if imbalance <= unrefinable:
