@@ -11,7 +11,7 @@ from small import cyclic, table
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit import search
 from receding_fenicsx.evolution.limit.drifts import Drifts
-from receding_fenicsx.evolution.limit.foresight import cycles_to_come
+from receding_fenicsx.evolution.limit.foresight import Slips, cycles_to_come
 from receding_fenicsx.evolution.limit.frozen import Budget
 from receding_fenicsx.evolution.limit.passing import clearance, is_robust
 from receding_fenicsx.evolution.replay import turning_point
@@ -100,3 +100,17 @@ def test_drifts_that_are_not_decided_are_not_robust() -> None:
     )
     now = replace(before, margins=np.array([[-1.0, 9.0]]))
     assert not is_robust(before, now, force=1.0)
+
+
+@pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])
+def test_slips_are_those_of_the_complementarity_problem(size: float) -> None:
+    # positive definite, so that the slips are unique; the margins wander, few or all change sides
+    rng = np.random.default_rng(16)
+    half = rng.normal(size=(40, 40))
+    R = size * (half @ half.T + np.triu(half, 1) - np.triu(half, 1).T + np.eye(40))
+    slips, m = Slips(R, np.arange(40) < 20), rng.normal(size=40)
+    for step in range(200):
+        m += rng.normal(size=40) * (1.0 if step % 20 == 0 else 0.02)
+        s = slips.of(m)
+        assert np.abs(np.minimum(R @ s + m, size * s)).max() < 1e-9
+    assert len(slips.among) > 20

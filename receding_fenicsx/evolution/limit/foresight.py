@@ -8,11 +8,11 @@ from itertools import count
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.lapack import dgetrf, dgetrs
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.limit.drifts import OVERSHOT, Drifts
 from receding_fenicsx.evolution.limit.frozen import NoLimit
+from receding_fenicsx.interface.exact.pivot_matrix import PivotData, PivotMatrix
 from receding_fenicsx.interface.lcp import lemke
 
 SURPRISE = 2.0
@@ -20,6 +20,12 @@ SURPRISE = 2.0
 
 MAX_GUESSES = 50
 """Guesses which nodes slip in a cycle."""
+
+FEW = 16
+"""Nodes that begin or cease to slip up to which the response of the others is made use of."""
+
+MAX_AGE = 500
+"""Exchanges after which responses are made anew, to remove round-off."""
 
 
 def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
@@ -35,18 +41,18 @@ def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
         NoLimit: the slips of a cycle were not found.
     """
     margins, M = drifts.margins, drifts.responses[-1]
-    slips, memory = Slips(drifts.responses[0]), (drifts.responses[1:-1] - M).transpose(1, 0, 2)
-    past, slipping = np.zeros(memory.shape[1:]), np.zeros(len(M), dtype=bool)
-    remembered = memory[:, :, slipping].reshape(len(M), -1)
-    y, left = drifts.begun.copy(), margins[-1].copy()
+    slips, memory = Slips(drifts.responses[0], drifts.limit > 0.0), drifts.responses[1:-1] - M
+    past, y, left = np.zeros(memory.shape[::2]), drifts.begun.copy(), margins[-1].copy()
+    among, remembered = np.zeros(0, dtype=np.intp), np.zeros((len(M), 0))
     for cycle in count():
-        lasting = margins[min(cycle, len(margins) - 1)] - margins[-1]
-        s = drifts.pace * slips.of(left + lasting + remembered @ past[:, slipping].ravel())
-        if np.any(s[~slipping]):
-            slipping = slipping | (s > 0.0)
-            remembered = memory[:, :, slipping].reshape(len(M), -1)
+        fading = margins[min(cycle, len(margins) - 1)] - margins[-1]
+        s = drifts.pace * slips.of(left + fading + remembered @ past[:, among].ravel())
+        if among is not slips.among:
+            among = slips.among
+            remembered = memory[:, :, among].transpose(1, 0, 2).reshape(len(M), -1)
+            lasting = M[:, among]
         y += s
-        left += M @ s
+        left += lasting @ s[among]
         past = np.vstack([s, past])[: len(past)]
         yield y, left
 
@@ -80,20 +86,40 @@ def is_as_foreseen(before: Drifts, now: Drifts, force: float) -> bool:
 
 
 class Slips:
-    """Slips of a cycle: s >= 0 and m + R s >= 0 with s . (m + R s) = 0."""
+    """Slips of a cycle: s >= 0 and m + R s >= 0 with s . (m + R s) = 0.
 
-    def __init__(self, R: Array) -> None:
-        """Take the response of the margins to slips in the same cycle."""
-        self.R = R
-        self.active: NDArray[np.bool_] = np.zeros(len(R), dtype=bool)
-        self._choose(self.active)
+    Attributes:
+        among: (j,) numbers of those that are expected to slip, or have slipped.
+    """
 
-    def _choose(self, active: NDArray[np.bool_]) -> None:
-        """Factor the response of the nodes that slip."""
-        self.active, self._chosen = active, np.flatnonzero(active)
-        self._columns = self.R[:, self._chosen]
-        if len(self._chosen):
-            self._factor = dgetrf(self._columns[self._chosen])
+    def __init__(self, R: Array, expected: NDArray[np.bool_]) -> None:
+        """Take the response of the margins to slips in the same cycle, and which are expected."""
+        self._unit, self._R = float(np.abs(np.diagonal(R)).max(initial=0.0)) or 1.0, R
+        self._active = np.zeros(len(R), dtype=bool)
+        self._begin(expected)
+
+    def _begin(self, among: NDArray[np.bool_]) -> None:
+        """Make the map from slips to margins among some, none of which slips yet."""
+        self.among, k = np.flatnonzero(among), len(among)
+        self._columns = self._R.take(self.among, axis=1)
+        T, no_loads = self._columns[self.among] / self._unit, np.zeros((len(self.among), 1))
+        self._map = PivotMatrix(PivotData(T, no_loads, self.among, k + self.among), 2 * k)
+
+    def _choose(self, wanted: NDArray[np.bool_]) -> bool:
+        """Make the margins of those that slip the inputs; return whether that is regular."""
+        k, changed = len(wanted), np.flatnonzero(wanted != self._active)
+        known = np.isin(np.flatnonzero(wanted), self.among).all()
+        before, self._active = self._active, wanted
+        if known and len(changed) <= FEW and self._map.age < MAX_AGE:
+            slipped = k * before[changed]
+            outputs, inputs = (changed + slipped).tolist(), (changed + k - slipped).tolist()
+            if all(map(self._map.exchange, outputs, inputs)):
+                return True
+        may = wanted.copy()
+        may[self.among] = True
+        self._begin(may)
+        outputs = np.flatnonzero(wanted)
+        return self._map.exchange_many(outputs, k + outputs)
 
     def of(self, m: Array) -> Array:
         """Return the slips (k,) for the margins m without them.
@@ -102,19 +128,16 @@ class Slips:
             NoLimit: none were found.
         """
         for _ in range(MAX_GUESSES):
-            s, left = np.zeros_like(m), m
-            if len(self._chosen):
-                lu, pivots, singular = self._factor
-                if singular:
-                    break
-                slips = -dgetrs(lu, pivots, m[self._chosen])[0]
-                s[self._chosen] = slips
-                left = m + self._columns @ slips
-            wanted = np.where(self.active, s > 0.0, left < 0.0)
-            if np.array_equal(wanted, self.active):
+            slipping, s = np.flatnonzero(self._active), np.zeros_like(m)
+            made = self._map.response(slipping, -m[slipping] / self._unit)
+            s[self.among] = np.where(self._active[self.among], made, 0.0)
+            left = m + self._columns @ s[self.among]
+            wanted = np.where(self._active, s > 0.0, left < 0.0)
+            if np.array_equal(wanted, self._active):
                 return s
-            self._choose(wanted)
-        found = lemke.solve(self.R, m, [np.ones(len(m))])
+            if not self._choose(wanted):
+                break
+        found = lemke.solve(self._R, m, [np.ones(len(m))])
         if found is None:
             raise NoLimit("which nodes slip on the way to the limit is not decided")
         return found
