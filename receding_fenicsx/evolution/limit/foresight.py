@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import replace
 from itertools import count
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,31 +58,46 @@ def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
         yield y, left
 
 
-def errors_of(before: Drifts, now: Drifts) -> tuple[Array, Array]:
+class Expected(NamedTuple):
+    """Drifts (2k,) that a cycle was expected to lead to.
+
+    Attributes:
+        begun: those at its start.
+        after: those foreseen for its end.
+    """
+
+    begun: Array
+    after: Array
+
+
+def expected(before: Drifts) -> Expected:
+    """Return the drifts expected a cycle later; NoLimit where its slips are not found."""
+    return Expected(before.begun, next(cycles_to_come(before))[0])
+
+
+def errors_of(expected: Expected, now: Drifts) -> tuple[Array, Array]:
     """Return how far drifts (k,) were foreseen wrongly a cycle before, and what they still lack."""
-    foreseen, _ = next(cycles_to_come(before))
     k = len(now.stiffness)
-    then, made, limit = (y[:k] - y[k:] for y in (foreseen, now.begun, now.limit))
+    then, made, limit = (y[:k] - y[k:] for y in (expected.after, now.begun, now.limit))
     return np.abs(made - then), np.abs(limit - made)
 
 
-def error_of(before: Drifts, now: Drifts) -> float:
+def error_of(expected: Expected, now: Drifts) -> float:
     """Return how far drifts were foreseen wrongly a cycle before, over what they still lack."""
-    error, lacking = (float(of.max()) for of in errors_of(before, now))
+    error, lacking = (float(of.max()) for of in errors_of(expected, now))
     return error / lacking if lacking > 0.0 else 0.0
 
 
-def slowed(before: Drifts, now: Drifts) -> Drifts:
+def slowed(expected: Expected, now: Drifts) -> Drifts:
     """Return drifts of which as small a part is made in each cycle as was made in the last."""
-    foreseen, _ = next(cycles_to_come(before))
-    slips, made = foreseen - before.begun, now.begun - before.begun
+    slips, made = expected.after - expected.begun, now.begun - expected.begun
     pace = np.divide(made, slips, out=np.ones_like(slips), where=slips > 0.0)
     return replace(now, pace=np.clip(pace, 0.0, 1.0))
 
 
-def is_as_foreseen(before: Drifts, now: Drifts, force: float) -> bool:
+def is_as_foreseen(expected: Expected, now: Drifts, force: float) -> bool:
     """Return whether no node has slipped otherwise than foreseen by far more than it lacks now."""
-    error, lacking = errors_of(before, now)
+    error, lacking = errors_of(expected, now)
     return bool(np.all(now.stiffness * (error - SURPRISE * lacking) <= OVERSHOT * force))
 
 

@@ -171,8 +171,8 @@ class LimitSearch:
         found = None if waiting is None else waiting.seen_from(trial.position.state)
         self._judged = number - 1
         if waiting is not None and found is not None:
-            assert waiting.drifts is not None and found.drifts is not None
-            doubt = min(DOUBT, 1.0 + ERRORS * error_of(waiting.drifts, found.drifts))
+            assert found.expected is not None and found.drifts is not None
+            doubt = min(DOUBT, 1.0 + ERRORS * error_of(found.expected, found.drifts))
         else:
             if not self.is_due(len(trial.cycles)):
                 raise NoLimit("nodes slip that were to stick in the limit that was found")
@@ -182,11 +182,11 @@ class LimitSearch:
             return found
         allowed = self.problem.solver.overshoot
         force = trial.position.totals.force_scale
-        assert found.before is not None
+        assert found.expected is not None
         clear = clearance(found.drifts, force, allowed)
         safe = allowed or (
-            is_as_foreseen(found.before, found.drifts, force)
-            and is_robust(found.before, found.drifts, force, doubt)
+            is_as_foreseen(found.expected, found.drifts, force)
+            and is_robust(found.expected, found.drifts, force, doubt)
         )
         if clear >= CLEAR and safe:
             return found

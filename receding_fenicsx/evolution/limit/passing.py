@@ -8,7 +8,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.limit.drifts import OVERSHOT, Drifts
-from receding_fenicsx.evolution.limit.foresight import cycles_to_come, slowed
+from receding_fenicsx.evolution.limit.foresight import Expected, cycles_to_come, slowed
 from receding_fenicsx.evolution.limit.frozen import NoLimit
 
 MAX_DRIFTING = 20_000
@@ -34,15 +34,15 @@ WAVES = (1.0, 2.0)
 """Half waves along the contact of the errors of what nodes lack."""
 
 
-def is_robust(before: Drifts, drifts: Drifts, force: float, doubt: float = DOUBT) -> bool:
+def is_robust(expected: Expected, drifts: Drifts, force: float, doubt: float = DOUBT) -> bool:
     """Return whether no node passes the limit though drifts are foreseen wrongly.
 
     The first order is not exact while the drifts are large. So the nodes are taken to slip on as
-    much less than foreseen as they did in the last cycle, since ``before``. And what they lack is
-    taken larger at one end of the contact and smaller at the other, by the factor ``doubt``, and
-    the reverse; by less where nodes would slip at once that are known to rest.
+    much less than ``expected`` as they did in the last cycle. And what they lack is taken larger at
+    one end of the contact and smaller at the other, by the factor ``doubt``, and the reverse; by
+    less where nodes would slip at once that are known to rest.
     """
-    if _is_passed(slowed(before, drifts), force):
+    if _is_passed(slowed(expected, drifts), force):
         return False
     rest, none = drifts.limit <= 0.0, -OVERSHOT * force
     seen = np.minimum(drifts.margins[0], 0.0)[rest] + none

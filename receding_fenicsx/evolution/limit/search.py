@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.limit.drifts import Drifts, at_risk, drifts_of
+from receding_fenicsx.evolution.limit.foresight import Expected, expected
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
 from receding_fenicsx.evolution.limit.newton import REPEATS, Solution, approach
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
@@ -48,7 +49,7 @@ class Candidate:
         residual: natural map of drifts and margins, over the largest nodal force; of a body that
             walks, change of the forces.
         drifts: drifts of the nodes, None where none drifts.
-        before: the same from the end of the cycle before.
+        expected: what they were expected to be a cycle before.
         found: contact and cycle with frozen nodes; None for a body that walks.
     """
 
@@ -56,7 +57,7 @@ class Candidate:
     steps: int
     residual: float
     drifts: Drifts | None = None
-    before: Drifts | None = None
+    expected: Expected | None = None
     found: tuple[Frozen, Solution] | None = None
 
     def seen_from(self, now: ContactState) -> Candidate | None:
@@ -64,14 +65,15 @@ class Candidate:
 
         None where nodes have moved that stick on the way to this limit.
         """
-        assert self.found is not None
+        assert self.found is not None and self.drifts is not None
         frozen, solution = self.found
         give = SLIP_ROUND_OFF * frozen.force / local_stiffness(frozen.system)[0]
         at_rest = np.setdiff1d(frozen.nodes, frozen.shifted)
         if np.any(np.abs(now.v - solution.cycle.start.v)[at_rest] > give[at_rest]):
             return None
         moved = frozen.periodic_change(solution.cycle)
-        return replace(self, drifts=drifts_of(frozen, solution, moved, now)[0], before=self.drifts)
+        drifts = drifts_of(frozen, solution, moved, now)[0]
+        return replace(self, drifts=drifts, expected=expected(self.drifts))
 
 
 def find_limit(
@@ -131,7 +133,7 @@ def find_limit(
                     if moved is None:
                         return candidate
                     before, drifts = drifts_of(frozen, solution, moved, start, nodes.end)
-                    return replace(candidate, drifts=drifts, before=before)
+                    return replace(candidate, drifts=drifts, expected=expected(before))
                 again = nodes.with_drifting(others, rest)
                 shift[rest] = (near.v - start.v)[rest]
             few = np.count_nonzero(again.frozen != nodes.frozen) < FEW
