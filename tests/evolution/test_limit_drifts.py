@@ -114,3 +114,17 @@ def test_slips_are_those_of_the_complementarity_problem(size: float) -> None:
         s = slips.of(m)
         assert np.abs(np.minimum(R @ s + m, size * s)).max() < 1e-9
     assert len(slips.among) > 20
+
+
+def test_all_slips_may_cease_at_once() -> None:
+    slips = Slips(np.eye(20), np.ones(20, dtype=bool))
+    for m in (-1.0, 2.0, -3.0):
+        assert np.array_equal(slips.of(np.full(20, m)), np.full(20, max(-m, 0.0)))
+
+
+def test_slips_are_found_after_some_that_nothing_resists() -> None:
+    # together two nodes slip as far as one of them: only their sum is determined
+    slips = Slips(np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [0.0, 0.0, 1.0]]), np.ones(3) > 0.0)
+    assert abs(slips.of(np.array([-1.0, -1.0, -5.0]))[:2].sum() - 1.0) < 1e-12
+    assert np.allclose(slips.of(np.array([-2.0, 3.0, -5.0])), [2.0, 0.0, 5.0], atol=1e-12)
+    assert np.allclose(slips.of(np.array([4.0, -2.0, 1.0])), [0.0, 2.0, 0.0], atol=1e-12)

@@ -122,7 +122,10 @@ class Slips:
         self._map = PivotMatrix(PivotData(T, no_loads, self.among, k + self.among), 2 * k)
 
     def _choose(self, wanted: NDArray[np.bool_]) -> bool:
-        """Make the margins of those that slip the inputs; return whether that is regular."""
+        """Make the margins of those that slip the inputs; return whether that is regular.
+
+        None slips where it is not.
+        """
         k, changed = len(wanted), np.flatnonzero(wanted != self._active)
         known = np.isin(np.flatnonzero(wanted), self.among).all()
         before, self._active = self._active, wanted
@@ -134,8 +137,11 @@ class Slips:
         may = wanted.copy()
         may[self.among] = True
         self._begin(may)
-        outputs = np.flatnonzero(wanted)
-        return self._map.exchange_many(outputs, k + outputs)
+        slipping = np.flatnonzero(wanted)
+        if not len(slipping) or self._map.exchange_many(slipping, k + slipping):
+            return True
+        self._active = np.zeros(k, dtype=bool)
+        return False
 
     def of(self, m: Array) -> Array:
         """Return the slips (k,) for the margins m without them.
