@@ -11,7 +11,7 @@ from small import cyclic, table
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.limit import search
 from receding_fenicsx.evolution.limit.drifts import Drifts
-from receding_fenicsx.evolution.limit.foresight import Slips, cycles_to_come, expected
+from receding_fenicsx.evolution.limit.foresight import Slips, cycles_to_come, expect
 from receding_fenicsx.evolution.limit.frozen import Budget
 from receding_fenicsx.evolution.limit.passing import clearance, is_robust
 from receding_fenicsx.evolution.replay import turning_point
@@ -99,7 +99,7 @@ def test_drifts_that_are_not_decided_are_not_robust() -> None:
         stiffness=np.ones(1),
     )
     now = replace(before, margins=np.array([[-1.0, 9.0]]))
-    assert not is_robust(expected(before), now, force=1.0)
+    assert not is_robust(expect(before), now, force=1.0)
 
 
 @pytest.mark.parametrize("size", [1e-12, 1.0, 1e12])

@@ -70,7 +70,7 @@ class Expected(NamedTuple):
     after: Array
 
 
-def expected(before: Drifts) -> Expected:
+def expect(before: Drifts) -> Expected:
     """Return the drifts expected a cycle later; NoLimit where its slips are not found."""
     return Expected(before.begun, next(cycles_to_come(before))[0])
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.limit.drifts import Drifts, at_risk, drifts_of
-from receding_fenicsx.evolution.limit.foresight import Expected, expected
+from receding_fenicsx.evolution.limit.foresight import Expected, expect
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
 from receding_fenicsx.evolution.limit.newton import REPEATS, Solution, approach
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
@@ -73,7 +73,7 @@ class Candidate:
             return None
         moved = frozen.periodic_change(solution.cycle)
         drifts = drifts_of(frozen, solution, moved, now)[0]
-        return replace(self, drifts=drifts, expected=expected(self.drifts))
+        return replace(self, drifts=drifts, expected=expect(self.drifts))
 
 
 def find_limit(
@@ -133,7 +133,7 @@ def find_limit(
                     if moved is None:
                         return candidate
                     before, drifts = drifts_of(frozen, solution, moved, start, nodes.end)
-                    return replace(candidate, drifts=drifts, expected=expected(before))
+                    return replace(candidate, drifts=drifts, expected=expect(before))
                 again = nodes.with_drifting(others, rest)
                 shift[rest] = (near.v - start.v)[rest]
             few = np.count_nonzero(again.frozen != nodes.frozen) < FEW
