@@ -128,3 +128,10 @@ def test_slips_are_found_after_some_that_nothing_resists() -> None:
     assert abs(slips.of(np.array([-1.0, -1.0, -5.0]))[:2].sum() - 1.0) < 1e-12
     assert np.allclose(slips.of(np.array([-2.0, 3.0, -5.0])), [2.0, 0.0, 5.0], atol=1e-12)
     assert np.allclose(slips.of(np.array([4.0, -2.0, 1.0])), [0.0, 2.0, 0.0], atol=1e-12)
+
+
+def test_slips_do_not_keep_the_round_off_of_many_exchanges() -> None:
+    slips, m = Slips(np.eye(20), np.ones(20, dtype=bool)), np.linspace(-1.0, 1.0, 20)
+    slips.of(m)
+    slips._map.T *= 1.0 + 1e-9
+    assert np.array_equal(slips.of(m), np.maximum(-m, 0.0))

@@ -25,8 +25,9 @@ MAX_GUESSES = 50
 FEW = 16
 """Nodes that begin or cease to slip up to which the response of the others is made use of."""
 
-MAX_AGE = 500
-"""Exchanges after which responses are made anew, to remove round-off."""
+ROUND_OFF = 1e-11
+"""Margin left where nodes slip, over the largest without slips, above which their response is made
+anew."""
 
 
 def cycles_to_come(drifts: Drifts) -> Iterator[tuple[Array, Array]]:
@@ -124,12 +125,12 @@ class Slips:
     def _choose(self, wanted: NDArray[np.bool_]) -> bool:
         """Make the margins of those that slip the inputs; return whether that is regular.
 
-        None slips where it is not.
+        None slips where it is not. The map is made anew where many change, or none.
         """
         k, changed = len(wanted), np.flatnonzero(wanted != self._active)
         known = np.isin(np.flatnonzero(wanted), self.among).all()
         before, self._active = self._active, wanted
-        if known and len(changed) <= FEW and self._map.age < MAX_AGE:
+        if known and 0 < len(changed) <= FEW:
             slipped = k * before[changed]
             outputs, inputs = (changed + slipped).tolist(), (changed + k - slipped).tolist()
             if all(map(self._map.exchange, outputs, inputs)):
@@ -155,7 +156,8 @@ class Slips:
             s[self.among] = np.where(self._active[self.among], made, 0.0)
             left = m + self._columns @ s[self.among]
             wanted = np.where(self._active, s > 0.0, left < 0.0)
-            if np.array_equal(wanted, self._active):
+            off = np.abs(left[slipping]).max(initial=0.0)
+            if np.array_equal(wanted, self._active) and off <= ROUND_OFF * np.abs(m).max():
                 return s
             if not self._choose(wanted):
                 break
