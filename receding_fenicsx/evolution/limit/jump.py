@@ -184,11 +184,11 @@ class LimitSearch:
         force = trial.position.totals.force_scale
         assert found.expected is not None
         clear = clearance(found.drifts, force, allowed)
-        safe = allowed or (
-            is_as_foreseen(found.expected, found.drifts, force)
+        if clear >= CLEAR and (
+            allowed
+            or is_as_foreseen(found.expected, found.drifts, force)
             and is_robust(found.expected, found.drifts, force, doubt)
-        )
-        if clear >= CLEAR and safe:
+        ):
             return found
         self._waiting = found if clear >= 0.0 else None
         raise NoLimit(TOO_NEAR)

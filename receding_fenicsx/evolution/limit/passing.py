@@ -37,12 +37,14 @@ WAVES = (1.0, 2.0)
 def is_robust(expected: Expected, drifts: Drifts, force: float, doubt: float = DOUBT) -> bool:
     """Return whether no node passes the limit though drifts are foreseen wrongly.
 
-    The first order is not exact while the drifts are large. So the nodes are taken to slip on as
-    much less than ``expected`` as they did in the last cycle. And what they lack is taken larger at
-    one end of the contact and smaller at the other, by the factor ``doubt``, and the reverse; by
-    less where nodes would slip at once that are known to rest.
+    That none does as foreseen is for :func:`clearance` to tell. The first order is not exact while
+    the drifts are large. So the nodes are taken to slip on as much less than ``expected`` as they
+    did in the last cycle. And what they lack is taken larger at one end of the contact and smaller
+    at the other, by the factor ``doubt``, and the reverse; by less where nodes would slip at once
+    that are known to rest.
     """
-    if _is_passed(slowed(expected, drifts), force):
+    late = slowed(expected, drifts)
+    if np.any(late.pace < 1.0) and _is_passed(late, force):
         return False
     rest, none = drifts.limit <= 0.0, -OVERSHOT * force
     seen = np.minimum(drifts.margins[0], 0.0)[rest] + none
