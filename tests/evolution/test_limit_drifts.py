@@ -87,6 +87,29 @@ def test_a_slip_beyond_the_limit_is_told(coupling: float, passed: bool) -> None:
     assert clearance(drifts, force=1.0, part=0.9) == 1.0
 
 
+def test_a_node_that_lags_lets_another_slip_beyond_the_limit() -> None:
+    # m = q + M y; in each cycle a node slips by a quarter of what it lacks of a zero margin alone.
+    # On pace both come to their limits from below; if node 2 slips half as fast, node 1 passes
+    M, q, none = np.array([[1.0, 0.05], [0.05, 1.0]]), -np.array([1.0, 0.9]), np.zeros(2)
+    both = np.block([[M, -M], [-M, M]])
+    before = Drifts(
+        limit=np.append(np.linalg.solve(M, -q), none),
+        begun=np.zeros(4),
+        margins=np.append(q, none + 9.0)[None],
+        responses=np.array([4.0 * np.eye(4), both]),
+        towards=np.arange(2),
+        stiffness=np.ones(2),
+    )
+
+    def after(*made: float) -> Drifts:
+        begun = np.append(made, none)
+        return replace(before, begun=begun, margins=before.margins + both @ begun)
+
+    for now, robust in ((after(0.25, 0.225), True), (after(0.25, 0.1125), False)):
+        assert clearance(now, force=1.0) == 1.0
+        assert is_robust(expect(before), now, force=1.0, doubt=1.0) == robust
+
+
 def test_drifts_that_are_not_decided_are_not_robust() -> None:
     # a slip does not change the margin of its own cycle: no slip brings -1 to zero
     lasting = np.array([[1.0, -1.0], [-1.0, 1.0]])

@@ -183,12 +183,9 @@ class LimitSearch:
         allowed = self.problem.solver.overshoot
         force = trial.position.totals.force_scale
         assert found.expected is not None
+        told = found.expected, found.drifts, force
         clear = clearance(found.drifts, force, allowed)
-        if clear >= CLEAR and (
-            allowed
-            or is_as_foreseen(found.expected, found.drifts, force)
-            and is_robust(found.expected, found.drifts, force, doubt)
-        ):
+        if clear >= CLEAR and (allowed or (is_as_foreseen(*told) and is_robust(*told, doubt))):
             return found
         self._waiting = found if clear >= 0.0 else None
         raise NoLimit(TOO_NEAR)
