@@ -16,7 +16,11 @@ from receding_fenicsx.evolution.prepare import system_for, with_profiles
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
-from receding_fenicsx.output.report.starts import check_starts, limit_with_starts
+from receding_fenicsx.output.report.starts import (
+    check_landings,
+    check_starts,
+    limit_with_starts,
+)
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
 from receding_fenicsx.output.storage.run_folder import SEARCH, SYSTEM, shared_folder
@@ -133,6 +137,7 @@ def _found(
 
     def solve(meshed: Scene) -> Solved:
         system, extra = _system(meshed, comm, timer, folder, options.system_file)
+        mpi.on_root(comm, lambda: check_landings(mpi.given(system), meshed, options.starts))
         record, failure = _evolved(meshed, comm, timer, folder, system)
         if meshed.history.kind == "harmonic" or meshed.bolts:
             # with the number of corners and the shortenings that were found

@@ -71,6 +71,7 @@ def test_a_run_reports_the_limits_from_many_starts(
         (["--starts=1"], "give at least 2"),
         (["--starts=-3"], "give at least 2"),
         (["--starts=5", "--set", 'history.until="steady"'], 'needs [history] until = "limit"'),
+        (["--starts=3", "--set", 'contact.initial_gap="0.01*x**2"'], "has an initial gap"),
         (["--set", 'history.kind="monotonic"'], "needs cycles"),
         (["--set", "history.cycles=4"], "raise cycles"),
         (["--set", "solver.steady_tolerance=1e-15"], "below the round-off"),
@@ -86,7 +87,7 @@ def test_bad_input_of_limits_ends_with_one_line_and_code_2(
     assert cli.main(["run", str(scene), "--out", str(out), *arguments]) == 2
     error = capsys.readouterr().err
     assert COMM.rank > 0 or (words in error and error.count("\n") == 1)
-    assert not out.exists()
+    assert not out.exists() and not out.with_name("out.part").exists()
 
 
 def spread_of(coupling: float) -> dict[str, Any]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass
+from contextlib import suppress
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -143,6 +144,22 @@ def steady_states(
         np.array([len(record.cycles.dissipation) for record in records]),
         errors,
     )
+
+
+def check_first_leg(system: ContactSystem, scene: Scene, starts: int) -> None:
+    """Play the first leg from the initial slips of so many starts.
+
+    Raises:
+        InputError: a node with an initial gap lands on it: where its slip begins is not defined.
+    """
+    problem = problem_of_scene(system, tightened(system, scene))
+    system, history = problem.system, problem.history
+    if not np.any(system.g0 > 0.0):
+        return
+    leg = replace(ended_by(history, None), path=history.path[:2], loop=history.loop[:0], cycles=0)
+    for slip in initial_slips(system, history, starts, None).values():
+        with suppress(SolveError):  # of a start that fails the reason is told with the others
+            evolve(system, leg, problem.solver, OutputOptions(1, ()), initial_slip=slip)
 
 
 def initial_slips(

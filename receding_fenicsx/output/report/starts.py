@@ -8,7 +8,12 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.limit.starts import FAILED, SteadyStates, steady_states
+from receding_fenicsx.evolution.limit.starts import (
+    FAILED,
+    SteadyStates,
+    check_first_leg,
+    steady_states,
+)
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.report.limit import limit_summary
@@ -29,6 +34,18 @@ def check_starts(scene: Scene, starts: int) -> None:
         raise InputError('--starts: needs [history] until = "limit"; set it, or leave out --starts')
 
 
+def check_landings(system: ContactSystem, scene: Scene, starts: int) -> None:
+    """Raise InputError where a run cannot be played from so many initial slips; 0 asks for none.
+
+    Asked before the run, which may take long.
+    """
+    try:
+        if starts:
+            check_first_leg(system, scene, starts)
+    except InputError as error:
+        raise InputError(f"--starts: every start but rest is an initial slip; {error}") from error
+
+
 def limit_with_starts(
     system: ContactSystem, scene: Scene, record: Record, starts: int
 ) -> dict[str, Any]:
@@ -41,10 +58,7 @@ def limit_with_starts(
         starts: number of initial slips: rest, extreme ones, then random ones
             (:func:`~receding_fenicsx.evolution.limit.starts.steady_states`).
     """
-    try:
-        states = steady_states(system, scene, starts)
-    except InputError as error:
-        raise InputError(f"--starts: {error}") from error
+    states = steady_states(system, scene, starts)
     limit: Mapping[str, Any] = limit_summary(record)["limit"]
     return {"limit": {**limit, "starts": starts_summary(states)}}
 
