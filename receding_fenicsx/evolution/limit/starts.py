@@ -157,7 +157,8 @@ def check_first_leg(system: ContactSystem, scene: Scene, starts: int) -> None:
     if not np.any(system.g0 > 0.0):
         return
     leg = replace(ended_by(history, None), path=history.path[:2], loop=history.loop[:0], cycles=0)
-    for slip in initial_slips(system, history, starts, None).values():
+    _, *slips = initial_slips(system, history, starts, None).values()  # rest may land
+    for slip in slips:
         with suppress(SolveError):  # of a start that fails the reason is told with the others
             evolve(system, leg, problem.solver, OutputOptions(1, ()), initial_slip=slip)
 
