@@ -137,7 +137,9 @@ def _found(
 
     def solve(meshed: Scene) -> Solved:
         system, extra = _system(meshed, comm, timer, folder, options.system_file)
-        mpi.on_root(comm, lambda: check_landings(mpi.given(system), meshed, options.starts))
+        if options.starts:
+            with timer("starts"):
+                mpi.on_root(comm, lambda: check_landings(mpi.given(system), meshed, options.starts))
         record, failure = _evolved(meshed, comm, timer, folder, system)
         if meshed.history.kind == "harmonic" or meshed.bolts:
             # with the number of corners and the shortenings that were found

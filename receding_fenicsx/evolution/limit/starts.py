@@ -14,7 +14,7 @@ from receding_fenicsx.arrays import Array, described
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.histories.tightening import tightened
-from receding_fenicsx.evolution.problem import problem_of_scene
+from receding_fenicsx.evolution.problem import Problem, problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import NOT_REACHED
@@ -146,16 +146,13 @@ def steady_states(
     )
 
 
-def check_first_leg(system: ContactSystem, scene: Scene, starts: int) -> None:
-    """Play the first leg from the initial slips of so many starts.
+def check_first_leg(problem: Problem, starts: int) -> None:
+    """Play the first leg of a problem from the initial slips of so many starts.
 
     Raises:
         InputError: a node with an initial gap lands on it: where its slip begins is not defined.
     """
-    problem = problem_of_scene(system, tightened(system, scene))
     system, history = problem.system, problem.history
-    if not np.any(system.g0 > 0.0):
-        return
     leg = replace(ended_by(history, None), path=history.path[:2], loop=history.loop[:0], cycles=0)
     _, *slips = initial_slips(system, history, starts, None).values()  # rest may land
     for slip in slips:

@@ -8,12 +8,15 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.histories.tightening import tightened
 from receding_fenicsx.evolution.limit.starts import (
     FAILED,
     SteadyStates,
     check_first_leg,
     steady_states,
 )
+from receding_fenicsx.evolution.prepare import system_for
+from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.report.limit import limit_summary
@@ -35,13 +38,15 @@ def check_starts(scene: Scene, starts: int) -> None:
 
 
 def check_landings(system: ContactSystem, scene: Scene, starts: int) -> None:
-    """Raise InputError where a run cannot be played from so many initial slips; 0 asks for none.
+    """Raise InputError where a run cannot be played from so many initial slips.
 
     Asked before the run, which may take long.
     """
+    if not np.any(system_for(scene, system).g0 > 0.0):
+        return
+    problem = problem_of_scene(system, tightened(system, scene))
     try:
-        if starts:
-            check_first_leg(system, scene, starts)
+        check_first_leg(problem, starts)
     except InputError as error:
         raise InputError(f"--starts: every start but rest is an initial slip; {error}") from error
 
