@@ -63,5 +63,6 @@ class BalanceCheck:
             load: (n_loads,) or (k, n_loads) load factors.
             of_rates: y and load are rates.
         """
-        errors: Array = y.dot(self._on_y) + load.dot(self._on_load)
+        errors: Array = y.dot(self._on_y)
+        errors += load.dot(self._on_load)
         return errors if of_rates else errors - self._of_gaps

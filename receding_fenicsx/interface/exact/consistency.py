@@ -68,6 +68,7 @@ class ConsistentStates:
         a, b = point.problem.ends
         self.direction = b - a
         self.on_limit = segments.limit * point.problem.force_scale
+        self._highest_limit = float(self.on_limit.max())
         self.by_rates, self.rounds = False, 0
 
     def find(self, hit: int | None = None, rates: Array | None = None) -> Segment:
@@ -116,10 +117,11 @@ class ConsistentStates:
     def violations(self, segment: Segment) -> NDArray[np.intp]:
         """Return labels of quantities on their limit that are driven across it."""
         fall = segment.falling
-        on_limit = fall[self.point.y[fall] <= self.on_limit[fall]]
-        if not len(segment.reversed_nodes):
-            return on_limit
-        return np.concatenate([segment.reversed_nodes, on_limit])
+        y = self.point.y[fall]
+        # mostly none is near its limit, whatever that is
+        if not len(y) or y[y.argmin()] > self._highest_limit:
+            return segment.reversed_nodes
+        return np.concatenate([segment.reversed_nodes, fall[y <= self.on_limit[fall]]])
 
     def change(self, labels: list[int], rates: Array | None = None) -> None:
         """Change the present states of the nodes whose labelled quantities are violated.
@@ -213,6 +215,7 @@ class ConsistentStates:
         wide = np.concatenate([np.zeros(n), gap, A, Q + friction.backward * P])
         more = (point.y > self.on_limit) & (point.y <= wide)
         self.on_limit = np.maximum(self.on_limit, wide)
+        self._highest_limit = float(self.on_limit.max())
         return bool(np.any(more[n:]))
 
     def _pivoted(self, before: States) -> tuple[Segment | None, bool]:

@@ -161,7 +161,8 @@ class Course:
 
     def add_events(self, s: float, made: list[Change]) -> None:
         """Note changes of state at s."""
-        self.events += [(s, *change) for change in made]
+        for i, old, new in made:
+            self.events.append((s, i, old, new))
 
     def sample(self, point: PathPoint, q: Array, s_to: float) -> None:
         """Store the states asked for up to ``s_to``, where quantities change at rates q (4N,)."""

@@ -22,6 +22,7 @@ from collections import deque
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.linalg.blas import dscal
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.pivot_matrix import (
@@ -130,6 +131,7 @@ class Tableau:
         self.smooth = normal & ~self.frictional
         self.free_v = loose & ~self.frictional
         self._limited = self.frictional | self.smooth
+        self._some_unlimited = not self._limited.all()
         # pivots are compared with 1: displacements are multiplied by a typical stiffness, a power
         # of two, so that the unit of the stiffness changes no digit
         diagonal = np.abs(np.diagonal(system.K))
@@ -190,7 +192,10 @@ class Tableau:
 
     def _different(self, one: NDArray[np.int8], other: NDArray[np.int8]) -> NDArray[np.intp]:
         """Return the nodes that are in different states, those without any limit left out."""
-        return ((one != other) & self._limited).nonzero()[0]
+        different = one != other
+        if self._some_unlimited:
+            different &= self._limited
+        return different.nonzero()[0]
 
     def _restore_nearest(self, state: NDArray[np.int8], changes: int) -> None:
         """Continue from a stored copy if fewer than ``changes`` nodes differ there."""
@@ -244,7 +249,7 @@ class Tableau:
             return self.following(direction @ self.system.r_star)
         rates = np.zeros(4 * n)
         rates[self.matrix.row_label] = self.matrix.G.dot(direction[:carried])
-        rates[: 2 * n] *= 1.0 / self._unit  # a power of two
+        dscal(1.0 / self._unit, rates, n=2 * n)  # a power of two
         return rates
 
     def refined(self, rates: Array, direction: Array) -> Array:

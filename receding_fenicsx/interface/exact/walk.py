@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.linalg.blas import daxpy
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
@@ -91,7 +92,6 @@ class Walk:
         self._unloading = not np.any(problem.ends[1])
         self._trials_before = segments.trials
         self._progress_at, self._events_here = problem.s_start, 0
-        self._step = np.zeros_like(y)
 
     def run(self, s_end: float) -> None:
         """Follow the path from event to event up to ``s_end``.
@@ -164,7 +164,7 @@ class Walk:
     def _advance(self, segment: Segment, ds: float) -> None:
         """Move on by ds."""
         point, y = self.point, self.point.y
-        y += np.multiply(segment.q, ds, out=self._step)
+        daxpy(segment.q, y, a=ds)
         point.s += ds
         self.sums.add_stop(point.s, y, point.state)
 
