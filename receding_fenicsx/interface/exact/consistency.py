@@ -118,7 +118,7 @@ class ConsistentStates:
         """Return labels of quantities on their limit that are driven across it."""
         fall = segment.falling
         y = self.point.y[fall]
-        # mostly none is near its limit, whatever that is
+        # mostly none is near even the largest of the limits
         if not len(y) or y[y.argmin()] > self._highest_limit:
             return segment.reversed_nodes
         return np.concatenate([segment.reversed_nodes, fall[y <= self.on_limit[fall]]])

@@ -123,7 +123,7 @@ class PivotMatrix:
         R, C, T = V[k], U[:, k], self.T
         U[i, :k].dot(V[:k], out=R)
         U[:, :k].dot(V[:k, j], out=C)
-        # on vectors this short BLAS takes less time than the operators of numpy
+        # in place, as both are contiguous; BLAS takes less time for so few numbers than numpy does
         daxpy(T[i], R)
         daxpy(self._flat, C, n=len(T), offx=j, incx=T.shape[1])
         D = R.item(j)

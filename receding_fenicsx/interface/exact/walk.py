@@ -164,7 +164,7 @@ class Walk:
     def _advance(self, segment: Segment, ds: float) -> None:
         """Move on by ds."""
         point, y = self.point, self.point.y
-        daxpy(segment.q, y, a=ds)
+        daxpy(segment.q, y, a=ds)  # in place, as y is contiguous
         point.s += ds
         self.sums.add_stop(point.s, y, point.state)
 
