@@ -140,6 +140,11 @@ def test_jumps_that_are_hardly_told_from_round_off_are_no_objection() -> None:
     assert accepted >= 2
 
 
+def test_a_first_loading_whose_pivots_end_in_a_singular_block_is_solved() -> None:
+    """Solving for z again gave 1e17, whose round-off excused all."""
+    assert judge(problem(1050272)).verdict == ACCEPTED
+
+
 @pytest.mark.parametrize("number", [464364, 621228])
 def test_nodes_that_slip_and_stick_at_one_place_are_no_objection(number: int) -> None:
     assert judge(problem(number)) == Outcome(ACCEPTED, "with jumps")

@@ -159,3 +159,4 @@ def test_large_unknowns_excuse_no_violation() -> None:
     assert is_solution(M, np.array([1e-9, 0.0]), z)
     assert not is_solution(M, np.array([-1e-3, 0.0]), z)
     assert not is_solution(M, np.array([1e-3, 0.0]), z)
+    assert not is_solution(M, np.array([-0.2, 0.0]), 1e10 * z)
