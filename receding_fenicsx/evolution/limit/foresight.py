@@ -119,8 +119,8 @@ class Slips:
         """Make the map from slips to margins among some, none of which slips yet."""
         self.among, k = np.flatnonzero(among), len(among)
         self._columns = self._R.take(self.among, axis=1)
-        T, no_loads = self._columns[self.among] / self._unit, np.zeros((len(self.among), 1))
-        self._map = PivotMatrix(PivotData(T, no_loads, self.among, k + self.among), 2 * k)
+        T = self._columns[self.among] / self._unit
+        self._map = PivotMatrix(PivotData(T, self.among, k + self.among), 2 * k)
 
     def _choose(self, wanted: NDArray[np.bool_]) -> bool:
         """Make the margins of those that slip the inputs; return whether that is regular.

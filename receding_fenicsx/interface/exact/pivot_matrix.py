@@ -1,12 +1,13 @@
 """Linear map whose inputs and outputs can be exchanged (principal pivoting).
 
-The map is outputs = T inputs + G loads. To exchange output i with input j, solve row i for input j
-and insert the result into the other rows: with the column C = T[:, j], the row R = T[i, :] and the
-pivot D = T[i, j], the new matrix is
+The map is outputs = T [inputs, loads]: the last columns of T, those of the loads, are never
+exchanged. To exchange output i with input j, solve row i for input j and insert the result into the
+other rows: with the column C = T[:, j], the row R = T[i, :] and the pivot D = T[i, j], the new
+matrix is
 
-    T - (C + e_i) (R - e_j) / D,      G - (C + e_i) G[i, :] / D,
+    T - (C + e_i) (R - e_j) / D,
 
-a rank-one update. Updates of T are collected and applied by one matrix product.
+a rank-one update. Updates are collected and applied by one matrix product.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import daxpy, dgemm, dger, dscal
+from scipy.linalg.blas import daxpy, dgemm, dscal
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from receding_fenicsx.arrays import Array
@@ -41,15 +42,14 @@ class PivotData:
     """Matrices and labels of a :class:`PivotMatrix`.
 
     Attributes:
-        T: (m, k) outputs from inputs; those that stay inputs may be left out.
-        G: (m, n_loads) outputs from unit loads.
+        T: (m, k + n_loads) outputs from inputs and unit loads; those that stay inputs may be left
+            out.
         row_label: (m,) label of each output.
         column_label: (k,) label of each input.
         age: exchanges since the matrix was made from scratch.
     """
 
     T: Array
-    G: Array
     row_label: Indices
     column_label: Indices
     age: int = 0
@@ -59,16 +59,16 @@ class PivotData:
         if not len(inputs):
             return self
         kept = ~np.isin(self.column_label, inputs)
-        T = np.ascontiguousarray(self.T[:, kept])
+        loads = np.ones(self.T.shape[1] - len(kept), dtype=bool)
+        T = np.ascontiguousarray(self.T[:, np.append(kept, loads)])
         return replace(self, T=T, column_label=self.column_label[kept])
 
 
 class PivotMatrix:
-    """Outputs = T inputs + G loads, with rank-one updates of T pending.
+    """Outputs = T [inputs, loads], with rank-one updates of T pending.
 
     Attributes:
-        T: (m, k) outputs from inputs, without the pending updates.
-        G: (m, n_loads) outputs from unit loads.
+        T: (m, k + n_loads) outputs from inputs and unit loads, without the pending updates.
         row_label: (m,) label of each output.
         row_of, column_of: row or column of each label, -1 where the label has none.
         age: exchanges since the matrix was made from scratch.
@@ -88,7 +88,6 @@ class PivotMatrix:
     def restore(self, data: PivotData) -> None:
         """Replace everything by a copy of ``data``."""
         np.copyto(self.T, data.T)
-        self.G = data.G.copy(order="F")
         self.row_label, self.column_label = data.row_label.copy(), data.column_label.copy()
         self.age = data.age
         self._pending = 0
@@ -101,7 +100,6 @@ class PivotMatrix:
         self._apply_pending()
         return PivotData(
             self.T.copy(),
-            self.G.copy(order="F"),
             self.row_label.copy(),
             self.column_label.copy(),
             self.age,
@@ -132,14 +130,17 @@ class PivotMatrix:
         C[i] = C.item(i) + 1.0
         R[j] = D - 1.0
         dscal(-1.0 / D, C)
-        G = self.G
-        dger(1.0, C, G[i], a=G, overwrite_a=1)
         self._pending = k + 1
         self.row_label[i], self.column_label[j] = into, out
         self.row_of[into], self.row_of[out] = i, -1
         self.column_of[out], self.column_of[into] = j, -1
         self.age += 1
         return True
+
+    @property
+    def last_column(self) -> Array:
+        """(m,) change of the outputs by the last exchange, for a unit of what was exchanged."""
+        return self._U[:, self._pending - 1]
 
     def exchange_many(self, outputs: Indices, inputs: Indices) -> bool:
         """Exchange several outputs with as many inputs in place; False as for :meth:`exchange`.
@@ -151,15 +152,13 @@ class PivotMatrix:
         if np.any(j < 0):
             return False
         self._apply_pending()
-        T, G = self.T, self.G
+        T = self.T
         R, C = T[i], T.take(j, axis=1)
         lu, piv, _ = dgetrf(R[:, j])
         size = np.abs(lu.diagonal())
         if size.min() <= SINGULAR_PIVOT * max(1.0, size.max()):
             return False
         inverse = dgetrs(lu, piv, np.eye(e))[0]
-        loads = inverse @ G[i]
-        G -= C @ loads
         if e <= MANY * min(T.shape):
             R = inverse @ R
             # T is row-major: its transpose is what BLAS sees as a column-major matrix
@@ -171,12 +170,19 @@ class PivotMatrix:
             T[np.ix_(other, kept)] -= C @ R
             T[np.ix_(i, kept)], T[np.ix_(other, j)] = -R, C @ inverse
         T[np.ix_(i, j)] = inverse
-        G[i] = -loads
         self.row_label[i], self.column_label[j] = inputs, outputs
         self.row_of[outputs] = self.column_of[inputs] = -1
         self.row_of[inputs], self.column_of[outputs] = i, j
         self.age += e
         return True
+
+    def of_loads(self, loads: Array) -> Array:
+        """Return the outputs (m,) from loads (n_loads,)."""
+        k, pending = len(self.column_label), self._pending
+        out: Array = self.T[:, k:].dot(loads)
+        if pending:
+            out += self._U[:, :pending].dot(self._V[:pending, k:].dot(loads))
+        return out
 
     def response(self, inputs: Indices, change: Array) -> Array:
         """Return the change (m,) of the outputs when the labelled inputs change, or several."""

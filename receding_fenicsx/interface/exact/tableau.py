@@ -99,7 +99,8 @@ class Tableau:
 
     Attributes:
         state: (N,) present states.
-        matrix: the map, displacements multiplied by a typical stiffness.
+        matrix: the map, displacements multiplied by ``unit``, a typical stiffness.
+        n_carried: number of loads whose rates are at hand.
         rebuilds: times that the tableau was made from scratch.
     """
 
@@ -136,9 +137,10 @@ class Tableau:
         # of two, so that the unit of the stiffness changes no digit
         diagonal = np.abs(np.diagonal(system.K))
         typical = np.median(diagonal[diagonal > 0.0]) if np.any(diagonal) else 1.0
-        self._unit = 2.0 ** int(np.frexp(typical)[1])
+        self.unit = 2.0 ** int(np.frexp(typical)[1])
         stays = np.zeros(n, dtype=bool) if opening is None else ~opening & (state != SEPARATION)
         self._left_out = W * n + np.flatnonzero(stays)
+        self.n_carried = len(system.r_star[:carried])
         self._all_stuck = self._with_all_stuck(system.r_star[:carried].T)
         self._copies: deque[tuple[NDArray[np.int8], PivotData]] = deque(maxlen=STORED_COPIES)
         self.rebuilds = 0
@@ -156,10 +158,9 @@ class Tableau:
             return np.vstack([*margins, of_u[n + S], of_u[Z]])
 
         of_u = system.K.take(dofs, axis=1)
-        of_u *= 1.0 / self._unit  # a power of two
+        of_u *= 1.0 / self.unit  # a power of two
         return PivotData(
-            T=forces(of_u),
-            G=forces(r_star),
+            T=np.hstack([forces(of_u), forces(r_star)]),
             row_label=np.concatenate([A * n + F, B * n + F, A * n + S, REACTION * n + Z]),
             column_label=np.concatenate([V * n + F, W * n + F, W * n + S, V * n + Z]),
         )
@@ -221,7 +222,7 @@ class Tableau:
             changing = self._different(state, self.state)
         outputs, inputs = exchanges(self.frictional, changing, self.state, state)
         matrix = self.matrix
-        if matrix.age > MAX_AGE * len(matrix.T):
+        if self.is_old:
             done = False
         elif len(outputs) > ONE_BY_ONE:
             done = matrix.exchange_many(np.array(outputs), np.array(inputs))
@@ -235,6 +236,11 @@ class Tableau:
             # exchanges one by one may pass singular states on the way to regular ones
             self.build(state)
 
+    @property
+    def is_old(self) -> bool:
+        """Whether it is to be made from scratch at the next move."""
+        return self.matrix.age > MAX_AGE * len(self.matrix.T)
+
     def rates(self, direction: Array) -> Array:
         """Return the rates of v, gap, A and B along a leg.
 
@@ -244,12 +250,12 @@ class Tableau:
         Returns:
             (4N,) rates by label; zero for the inputs.
         """
-        n, carried = len(self.state), self.matrix.G.shape[1]
+        n, carried = len(self.state), self.n_carried
         if len(direction) > carried and direction[carried:].any():
             return self.following(direction @ self.system.r_star)
         rates = np.zeros(4 * n)
-        rates[self.matrix.row_label] = self.matrix.G.dot(direction[:carried])
-        dscal(1.0 / self._unit, rates, n=2 * n)  # a power of two
+        rates[self.matrix.row_label] = self.matrix.of_loads(direction[:carried])
+        dscal(1.0 / self.unit, rates, n=2 * n)  # a power of two
         return rates
 
     def refined(self, rates: Array, direction: Array) -> Array:
@@ -287,7 +293,7 @@ class Tableau:
         """
         out = np.zeros((5 * self.system.n, *change.shape[1:]))
         out[self.matrix.row_label] = self.matrix.response(labels, change)
-        out[: 2 * self.system.n] /= self._unit
+        out[: 2 * self.system.n] /= self.unit
         out[labels] = change
         return out
 

@@ -138,7 +138,8 @@ def test_a_bad_tableau_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
 
     def spoilt(self: PivotMatrix, out: int, into: int) -> bool:
         done = exchange(self, out, into)
-        self.G *= 1.0 + 1e-9 * rng.standard_normal(self.G.shape)
+        of_loads = self.T[:, len(self.column_label) :]
+        of_loads *= 1.0 + 1e-9 * rng.standard_normal(of_loads.shape)
         return done
 
     builds = []
