@@ -39,8 +39,10 @@ are no load steps. The method, from top to bottom:
    (`Walk._event`), and 4 is checked. The leg ends at $s = 1$.
    Events that have followed one another before are foreseen and passed many at once
    (`replay.events`): their places from one triangular system, the lowest value of each quantity
-   from one product. They are accepted as far as no quantity has passed its limit. Cycles whose legs
-   keep their events are foreseen whole, and verified together (`replay.rounds`).
+   from one product. They are accepted as far as no quantity has passed its limit. Events in new
+   sets of states are found one after the other in the rows of the tableau, and verified together
+   (`ahead`). Cycles whose legs keep their events are foreseen whole, and verified together
+   (`replay.rounds`).
 6. **Integrals** (`accumulate`: `Sums`). Between two events $a$ and $b$ forces and displacements are
    linear, so that the dissipation and the work of the loads are exactly
    $$D = -\sum_i \tfrac12 (Q_i^a + Q_i^b)(v_i^b - v_i^a), \qquad

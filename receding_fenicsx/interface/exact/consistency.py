@@ -139,19 +139,8 @@ class ConsistentStates:
             kinds_of[i] = kinds_of.get(i, 0) | 1 << kind
         frictional = self.segments.frictional
         for i, kinds in kinds_of.items():
-            old = int(state[i])
-            if not frictional[i]:
-                new = SEPARATION if old == STICK else STICK
-            elif old == SEPARATION:
-                slip = 0.0 if rates is None else rates[i]
-                new = STICK if slip == 0.0 else FORWARD if slip > 0.0 else BACKWARD
-            elif old >= FORWARD:
-                new = STICK if kinds & 1 << V else SEPARATION
-            elif kinds == 1 << A:
-                new = FORWARD
-            else:
-                new = BACKWARD if kinds == 1 << B else SEPARATION
-            state[i] = new
+            slip = 0.0 if rates is None else rates[i]
+            state[i] = new = state_after(int(state[i]), kinds, bool(frictional[i]), slip)
             # what the new states fix, and what is within round-off of its limit, is exactly zero
             a, b = A * n + i, B * n + i
             if new == SEPARATION or y[a] <= on_limit[a]:
@@ -274,6 +263,26 @@ class ConsistentStates:
         y[n : 2 * n][~open_] = 0.0
         self.sums.restart(point.s, y, before)
         return True
+
+
+def state_after(old: int, kinds: int, frictional: bool, slip: float) -> int:
+    """Return the state of a node some of whose quantities are violated.
+
+    Args:
+        old: its state.
+        kinds: 1 << kind of each of the quantities, added up.
+        frictional: it has the full contact law.
+        slip: rate of v with which it closes, 0 where it is taken to stick.
+    """
+    if not frictional:
+        return SEPARATION if old == STICK else STICK
+    if old == SEPARATION:
+        return STICK if slip == 0.0 else FORWARD if slip > 0.0 else BACKWARD
+    if old >= FORWARD:
+        return STICK if kinds & 1 << V else SEPARATION
+    if kinds == 1 << A:
+        return FORWARD
+    return BACKWARD if kinds == 1 << B else SEPARATION
 
 
 def undecided_nodes(segments: Segments, y: Array, state: States, limit: Array) -> Undecided:

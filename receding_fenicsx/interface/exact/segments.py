@@ -119,6 +119,8 @@ class Segments:
         trials: sets of states whose rates were computed.
         refinements: refinements of rates since the tableau was made.
         pause: events to pass one by one after a replay that was not worth while.
+        pause_ahead, until_ahead: new sets of states to be looked at by themselves after such a
+            search for events ahead, and before the next one.
         chains: stacked chains of segments, see :mod:`.replay.chain`.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
@@ -159,7 +161,7 @@ class Segments:
         self.lifts_freely = has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
-        self.pause = 0
+        self.pause = self.pause_ahead = self.until_ahead = 0
         self.chains: Any = None
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
@@ -229,16 +231,28 @@ class Segments:
             return known
         self.trials += 1
         made = self._make(state, direction)
-        self._known[key] = made
+        self.keep(state, direction, made)
+        return made
+
+    def keep(self, state: States, direction: Array, made: Segment) -> None:
+        """Remember the rates in the given states; forget the oldest ones where memory is full."""
+        self._known[state.tobytes(), direction.tobytes()] = made
         if len(self._known) * 2 * made.q.nbytes > CACHE_BYTES:
             oldest = self._known.popitem(last=False)[1]
             oldest.next.clear()
             oldest.last = None
-        return made
 
     def known(self, state: States, direction: Array) -> Segment | None:
         """Return the same if they are remembered."""
         return self._known.get((state.tobytes(), direction.tobytes()))
+
+    def tableau_for(self, state: States, direction: Array) -> Tableau | None:
+        """Return the tableau if it stands at the given states and has such rates at hand."""
+        tableau = self._tableau
+        if tableau is None or self.is_loose or len(self._tiny_friction) or self._is_worn:
+            return None
+        at_hand = np.array_equal(tableau.state, state) and not tableau.is_old
+        return tableau if at_hand and not direction[tableau.n_carried :].any() else None
 
     def _make(self, state: States, direction: Array) -> Segment:
         q = self._rates(state, direction)
@@ -265,8 +279,7 @@ class Segments:
         The round-off of a tableau stays in it: where refining has taken as long as a new one would,
         it is renewed.
         """
-        n = self.system.n
-        renew = self.refinements > REFINEMENTS_BEFORE_REBUILD * 2 * n
+        renew = self._is_worn
         tableau = self.tableau(state, renew)
         if renew:
             self.refinements = 0
@@ -292,6 +305,11 @@ class Segments:
             return unrefinable
         forces = all_[2 * self.system.n :]
         return max(unrefinable, RATE_IMBALANCE * sqrt(forces.dot(forces)))
+
+    @property
+    def _is_worn(self) -> bool:
+        """Whether refining has taken as long as a new tableau would."""
+        return self.refinements > REFINEMENTS_BEFORE_REBUILD * 2 * self.system.n
 
     @property
     def is_loose(self) -> bool:

@@ -8,6 +8,7 @@ from scipy.linalg.blas import daxpy
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Watch
+from receding_fenicsx.interface.exact.ahead import Ahead
 from receding_fenicsx.interface.exact.consistency import ConsistentStates
 from receding_fenicsx.interface.exact.legs import (
     Course,
@@ -52,6 +53,7 @@ class Walk:
         round_off: imbalance of displacements and forces.
         course: samples, events and stops so far.
         replay: passes known events many at once.
+        ahead: passes events in new sets of states many at once.
         first: rates at the start, and the number of changes of state there.
         last: rates at the end.
     """
@@ -88,6 +90,7 @@ class Walk:
         self.round_off = RoundOff(segments, self.point, self.sums)
         self.course = Course(problem)
         self.replay = Replay(segments, self.point, self.sums, self.round_off)
+        self.ahead = Ahead(segments, self.states, self.sums, self.round_off)
         self._accept_round_off = accept_round_off
         self._unloading = not np.any(problem.ends[1])
         self._trials_before = segments.trials
@@ -108,6 +111,8 @@ class Walk:
         while True:
             at = point.s
             following = self.replay.follow(segment, replayed_to, self.course)
+            if following is None and looked_at and segment.last is None:
+                following = self.ahead.follow(segment, replayed_to, self.course)
             if following is not None:
                 segment, looked_at = following, False
                 if point.s - at <= SIMULTANEOUS:
