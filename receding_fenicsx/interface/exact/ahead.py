@@ -42,13 +42,13 @@ from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN
 LONGEST = 128
 """Events verified together at most."""
 
-KNOWN_IN_A_ROW = 8
-"""Sets of states met before, one after the other, at which the search ends: what is known is passed
-in less time by what is known of it. Shorter rows are not worth the way back of the tableau."""
+WORTH_WHILE, PER_KNOWN = 5, 0.6
+"""New sets of states from which the search takes less time than to look at each by itself; so many
+more for each known one among them."""
 
-WORTH_WHILE = 6
-"""New sets from which the search takes less time than to look at each by itself; a third of the
-known ones among them is to be added."""
+MOST_KNOWN = 8
+"""Known sets at which the search ends, twice the new ones between them taken off: what is known is
+passed in less time by what is known of it, but a few are not worth the way back of the tableau."""
 
 LONGEST_PAUSE = 64
 """New sets looked at by themselves after searches that were not worth while, at most."""
@@ -77,7 +77,7 @@ class Found:
         h: k lengths up to each event from the one before.
         labels: k quantities that reach their limits.
         changes: changes of state at each event.
-        known: sets of states that were known before.
+        known: rates in the set of states after each event where they were known before, else None.
         rates: (LONGEST + 1, m) rates of the rows in each set.
         rows: (LONGEST + 1, m) labels of the rows.
         states: (LONGEST + 1, N) states.
@@ -89,7 +89,7 @@ class Found:
     h: list[float] = field(default_factory=list)
     labels: list[int] = field(default_factory=list)
     changes: list[list[Change]] = field(default_factory=list)
-    known: int = 0
+    known: list[Segment | None] = field(default_factory=list)
 
     def rates_by_label(self, n_labels: int) -> Array:
         """Return the rates in all sets, (k + 1, n_labels)."""
@@ -226,10 +226,10 @@ class Ahead:
         if tableau is None or not len(tableau.matrix.row_label):  # a body that is held all over
             return None
         found = self._search(tableau, s_end)
-        known_before = segments.trials
+        before = segments.trials
         passed = self._accept(tableau, segment, found, course) if found.h else None
-        new = segments.trials - known_before
-        if new >= WORTH_WHILE + found.known / 3:
+        new = segments.trials - before
+        if new >= WORTH_WHILE + PER_KNOWN * (len(found.known) - new):
             segments.pause_ahead = 0
         else:
             segments.pause_ahead = min(2 * segments.pause_ahead + 4, LONGEST_PAUSE)
@@ -246,7 +246,7 @@ class Ahead:
             np.empty((LONGEST + 1, m), dtype=np.intp),
             np.empty((LONGEST + 1, n), dtype=np.int8),
         )
-        left, made, in_a_row = s_end - point.s, list[Change](), 0
+        left, made, many_known = s_end - point.s, list[Change](), 0
         h, label = 0.0, -1
         while True:
             k, inverse = rows.first()
@@ -265,15 +265,12 @@ class Ahead:
                 found.h.append(h)
                 found.labels.append(label)
                 found.changes.append(sorted(made))
+                found.known.append(segments.known(rows.state, direction))
+                many_known = max(many_known - 2, 0) if found.known[-1] is None else many_known + 1
                 e += 1
             found.rates[e], found.rows[e] = rows.rate, rows.matrix.row_label
             found.states[e] = rows.state
-            if made and segments.known(found.states[e], direction) is not None:
-                found.known += 1
-                in_a_row += 1
-            else:
-                in_a_row = 0
-            if e == LONGEST or in_a_row == KNOWN_IN_A_ROW or inverse * left <= 1.0:
+            if e == LONGEST or many_known == MOST_KNOWN or inverse * left <= 1.0:
                 break
             h, label = -rows.value.item(k) / rows.rate.item(k), rows.matrix.row_label.item(k)
             if h < SHORTEST or h > left - SHORTEST:
@@ -325,7 +322,7 @@ class Ahead:
             if point.problem.samples:
                 course.stops.append((place, point.displacements(y[k + 1])))
             course.add_events(place, step.changes)
-            sums.add_stop(place, y[k + 1], found.states[k])
+        sums.add_stops(places, y[1 : m + 1], list(found.states[:m]))
         point.s, point.y[:], point.state = places[-1], y[m], steps[-1].state
         # what has reached its limit and stays there is exactly zero
         reached = labels[:m]
@@ -383,7 +380,7 @@ class Ahead:
         begin = flat.searchsorted(width * np.arange(m + 2)).tolist()
         for k, (label, changes) in enumerate(zip(found.labels[:m], found.changes, strict=False)):
             state, step = found.states[k + 1], segment.next.get(label)
-            following = segments.known(state, direction)
+            following = found.known[k]
             if step is not None and step.segment is not following:
                 break
             if following is None:
