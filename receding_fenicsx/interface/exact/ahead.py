@@ -31,6 +31,7 @@ from receding_fenicsx.interface.exact.segments import (
     EPSILON,
     RATE_IMBALANCE,
     RATE_TOLERANCE,
+    SHORTEST_REACH,
     UNREFINABLE_ROUND_OFFS,
     Following,
     Segment,
@@ -42,15 +43,15 @@ from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN
 LONGEST = 128
 """Events verified together at most."""
 
-WORTH_WHILE, PER_KNOWN = 5, 0.6
+WORTH_WHILE, PER_KNOWN, PER_LOST = 5, 0.6, 1.5
 """New sets of states from which the search takes less time than to look at each by itself; so many
-more for each known one among them."""
+more for each known one among them, and for each event found that is not accepted."""
 
 MOST_KNOWN = 8
 """Known sets at which the search ends, twice the new ones between them taken off: what is known is
 passed in less time by what is known of it, but a few are not worth the way back of the tableau."""
 
-LONGEST_PAUSE = 64
+LONGEST_PAUSE = 256
 """New sets looked at by themselves after searches that were not worth while, at most."""
 
 MOST_CHANGES = 5
@@ -78,9 +79,9 @@ class Found:
         labels: k quantities that reach their limits.
         changes: changes of state at each event.
         known: rates in the set of states after each event where they were known before, else None.
-        rates: (LONGEST + 1, m) rates of the rows in each set.
-        rows: (LONGEST + 1, m) labels of the rows.
-        states: (LONGEST + 1, N) states.
+        rates: (k + 1 or more, m) rates of the rows in each set.
+        rows: (k + 1 or more, m) labels of the rows.
+        states: (k + 1 or more, N) states.
     """
 
     rates: Array
@@ -225,26 +226,30 @@ class Ahead:
         tableau = segments.tableau_for(point.state, self._states.direction)
         if tableau is None or not len(tableau.matrix.row_label):  # a body that is held all over
             return None
+        self._round_off.remove_if_grown()
         found = self._search(tableau, s_end)
         before = segments.trials
-        passed = self._accept(tableau, segment, found, course) if found.h else None
-        new = segments.trials - before
-        if new >= WORTH_WHILE + PER_KNOWN * (len(found.known) - new):
+        steps = self._accept(tableau, segment, found, course) if found.h else []
+        new, m = segments.trials - before, len(steps)
+        lost = len(found.h) - m
+        if new >= WORTH_WHILE + PER_KNOWN * (m - new) + PER_LOST * lost:
             segments.pause_ahead = 0
         else:
             segments.pause_ahead = min(2 * segments.pause_ahead + 4, LONGEST_PAUSE)
         segments.until_ahead = segments.pause_ahead
-        return passed
+        reach = 2 * m if lost else 2 * segments.reach_ahead
+        segments.reach_ahead = min(max(reach, SHORTEST_REACH), LONGEST)
+        return steps[-1].segment if steps else None
 
     def _search(self, tableau: Tableau, s_end: float) -> Found:
         """Find the next events; leave the tableau at the states behind the last one."""
         point, direction, segments = self._point, self._states.direction, self._segments
         rows = Rows(tableau, direction, point.y, self._sums.force_scale)
-        m, n = len(rows.rate), len(point.state)
+        m, n, most = len(rows.rate), len(point.state), segments.reach_ahead
         found = Found(
-            np.empty((LONGEST + 1, m)),
-            np.empty((LONGEST + 1, m), dtype=np.intp),
-            np.empty((LONGEST + 1, n), dtype=np.int8),
+            np.empty((most + 1, m)),
+            np.empty((most + 1, m), dtype=np.intp),
+            np.empty((most + 1, n), dtype=np.int8),
         )
         left, made, many_known = s_end - point.s, list[Change](), 0
         h, label = 0.0, -1
@@ -270,7 +275,7 @@ class Ahead:
                 e += 1
             found.rates[e], found.rows[e] = rows.rate, rows.matrix.row_label
             found.states[e] = rows.state
-            if e == LONGEST or many_known == MOST_KNOWN or inverse * left <= 1.0:
+            if e == most or many_known == MOST_KNOWN or inverse * left <= 1.0:
                 break
             h, label = -rows.value.item(k) / rows.rate.item(k), rows.matrix.row_label.item(k)
             if h < SHORTEST or h > left - SHORTEST:
@@ -286,8 +291,8 @@ class Ahead:
 
     def _accept(
         self, tableau: Tableau, segment: Segment, found: Found, course: Course
-    ) -> Segment | None:
-        """Verify events; move on to the last one that holds."""
+    ) -> list[Following]:
+        """Verify events; move on to the last one that holds; return what came of them."""
         segments, point, sums = self._segments, self._point, self._sums
         n, e, s = len(point.state), len(found.h), point.s
         h, labels, event = np.array(found.h), np.array(found.labels), np.arange(e)
@@ -303,17 +308,14 @@ class Ahead:
         y[event + 1, labels] = 0.0
         errors = segments.balance.errors(q, self._states.direction, of_rates=True)
         below, holds = self._are_consistent(q, y, found.states, errors)
-        m = leading(
-            holds[1:]
-            & below[event, labels]
-            & (at_event <= passed[labels])
-            & (y[1:, n:] >= -passed[n:]).all(axis=1)
-            & self._round_off.balanced(h, errors)
-        )
+        holds = holds[1:] & below[event, labels] & (at_event <= passed[labels])
+        holds &= (y[1:, n:] >= -passed[n:]).all(axis=1)
+        balanced = leading(self._round_off.balanced(h, errors))
+        m = min(leading(holds), balanced)
         steps = self._remembered(segment, found, m, q, below)
         m = len(steps)
         if m == 0:
-            return None
+            return steps
         places = (point.s + h[:m].cumsum()).tolist()
         for k, (place, step) in enumerate(zip(places, steps, strict=True)):
             if course.sample_at and course.sample_at[0] <= place:
@@ -328,7 +330,9 @@ class Ahead:
         reached = labels[:m]
         point.y[reached[point.y[reached] <= passed[reached]]] = 0.0
         self._round_off.note_balanced()
-        return steps[-1].segment
+        if m == balanced < e:
+            self._round_off.clear()
+        return steps
 
     def _are_consistent(
         self, q: Array, y: Array, states: NDArray[np.int8], errors: Array
@@ -379,7 +383,7 @@ class Ahead:
         time, falling = -1.0 / q.ravel()[flat], flat % width
         begin = flat.searchsorted(width * np.arange(m + 2)).tolist()
         for k, (label, changes) in enumerate(zip(found.labels[:m], found.changes, strict=False)):
-            state, step = found.states[k + 1], segment.next.get(label)
+            state, step = found.states[k + 1].copy(), segment.next.get(label)
             following = found.known[k]
             if step is not None and step.segment is not following:
                 break

@@ -109,11 +109,14 @@ class RoundOff:
         interval = self._interval // 2 if grown else 2 * self._interval
         self._interval = min(max(interval, 1), MEASURING_INTERVAL)
         if grown:
-            point = self._point
-            # the correction must not count as slip
-            self._sums.add_up()
-            self.remove()
-            self._sums.restart(point.s, point.y, point.state)
+            self.clear()
+
+    def clear(self) -> None:
+        """Remove the imbalance on the way; the correction does not count as slip."""
+        point, self._events = self._point, 0
+        self._sums.add_up()
+        self.remove()
+        self._sums.restart(point.s, point.y, point.state)
 
     def remove(self, steps: int = 1) -> ContactState:
         """Correct the displacements by iterative refinement; return the state."""

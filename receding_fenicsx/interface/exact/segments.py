@@ -65,6 +65,9 @@ because f is, and only a node without pressure may count as on both limits at on
 TINY_FRICTION = 1e-3
 """Friction below which the rates A + B of slipping nodes are computed from P itself."""
 
+SHORTEST_REACH = 8
+"""Events searched for ahead at once, at least: twice as many as were accepted last."""
+
 CACHE_BYTES = 2**28
 """Memory for the rates of sets of states that have been met before."""
 
@@ -119,8 +122,9 @@ class Segments:
         trials: sets of states whose rates were computed.
         refinements: refinements of rates since the tableau was made.
         pause: events to pass one by one after a replay that was not worth while.
-        pause_ahead, until_ahead: new sets of states to be looked at by themselves after such a
-            search for events ahead, and before the next one.
+        reach_ahead: events to search for ahead at once.
+        pause_ahead, until_ahead: new sets of states to be looked at by themselves after a search
+            ahead that was not worth while, and before the next one.
         chains: stacked chains of segments, see :mod:`.replay.chain`.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
@@ -162,6 +166,7 @@ class Segments:
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
         self.pause = self.pause_ahead = self.until_ahead = 0
+        self.reach_ahead = SHORTEST_REACH
         self.chains: Any = None
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None

@@ -17,6 +17,7 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact import ahead
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.segments import Following
+from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 CYCLES = [[0.0], [1.0], *[[1.0 / 3.0], [1.0]] * 4]
@@ -27,7 +28,8 @@ RandomCase = Callable[[int], tuple[ContactSystem, list[list[float]]]]
 def play(path: EventPath, loads: list[list[float]]) -> list[Leg]:
     """Follow legs from rest."""
     n = path.system.n
-    now, scale, legs = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, np.int8)), 0.0, []
+    states = np.where(path.system.g0 > 0.0, SEPARATION, STICK).astype(np.int8)
+    now, scale, legs = ContactState(np.zeros(2 * n), np.zeros(2 * n), states), 0.0, []
     for a, b in pairwise(np.asarray(loads)):
         legs.append(path.trace_leg(now, (a, b), scale))
         now, scale = legs[-1].end, legs[-1].force_scale
