@@ -114,19 +114,6 @@ class Sums:
         if len(places) == len(self._y):
             self.add_up()
 
-    def add_stops(self, s: list[float], y: Array, states: list[States]) -> None:
-        """Record k stops: places, quantities (k, 4N), states on the way to each."""
-        done = 0
-        while done < len(s):
-            at = len(self._places)
-            part = slice(done, done + len(self._y) - at)
-            self._places += s[part]
-            self._states += states[part]
-            self._y[at : len(self._places)] = y[part]
-            done = part.stop
-            if len(self._places) == len(self._y):
-                self.add_up()
-
     def rates(self, segments: list[Segment], q: Array) -> tuple[Array, Rates]:
         """Return the rates of the quantities, and of the integrals, along segments.
 

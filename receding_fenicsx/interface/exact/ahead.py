@@ -23,7 +23,7 @@ from scipy.linalg.blas import daxpy
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.accumulate import Sums
 from receding_fenicsx.interface.exact.consistency import ConsistentStates, state_after
-from receding_fenicsx.interface.exact.legs import Change, Course, PathPoint
+from receding_fenicsx.interface.exact.legs import SIMULTANEOUS, Change, Course, PathPoint
 from receding_fenicsx.interface.exact.replay.chain import leading
 from receding_fenicsx.interface.exact.replay.events import passed_by_round_off
 from receding_fenicsx.interface.exact.round_off import RoundOff
@@ -56,9 +56,6 @@ LONGEST_PAUSE = 256
 
 MOST_CHANGES = 5
 """Changes of state at one event up to which it is passed here."""
-
-SHORTEST = 1e-9
-"""Part of the leg that two events, or the last one and the end, have to be apart."""
 
 ZERO = 1e-30
 """What counts as zero, over the largest nodal force: a value below it would divide by zero."""
@@ -278,7 +275,7 @@ class Ahead:
             if e == most or many_known == MOST_KNOWN or inverse * left <= 1.0:
                 break
             h, label = -rows.value.item(k) / rows.rate.item(k), rows.matrix.row_label.item(k)
-            if h < SHORTEST or h > left - SHORTEST:
+            if h < SIMULTANEOUS or h > left - SIMULTANEOUS:
                 break
             left -= h
             rows.move(h)
@@ -324,7 +321,7 @@ class Ahead:
             if point.problem.samples:
                 course.stops.append((place, point.displacements(y[k + 1])))
             course.add_events(place, step.changes)
-        sums.add_stops(places, y[1 : m + 1], list(found.states[:m]))
+            sums.add_stop(place, y[k + 1], found.states[k])
         point.s, point.y[:], point.state = places[-1], y[m], steps[-1].state
         # what has reached its limit and stays there is exactly zero
         reached = labels[:m]

@@ -12,6 +12,9 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import FORWARD, STICK
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
 
+SIMULTANEOUS = 1e-9
+"""Part of the leg within which events count as simultaneous: all nodes on limits are looked at."""
+
 Event = tuple[float, int, int, int]
 """Place s on the leg, node, old state, new state."""
 

@@ -11,6 +11,7 @@ from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Wa
 from receding_fenicsx.interface.exact.ahead import Ahead
 from receding_fenicsx.interface.exact.consistency import ConsistentStates
 from receding_fenicsx.interface.exact.legs import (
+    SIMULTANEOUS,
     Course,
     LegProblem,
     PathPoint,
@@ -31,9 +32,6 @@ from receding_fenicsx.interface.exact.unloading import (
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
 from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.system import ContactState, Leg
-
-SIMULTANEOUS = 1e-9
-"""Part of the leg within which events count as simultaneous: all nodes on limits are looked at."""
 
 END_TOLERANCE = 1e-13
 """Part of the leg before its end in which events are left to the next leg: round-off decides there

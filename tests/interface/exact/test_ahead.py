@@ -1,10 +1,10 @@
 """Events in new sets of states passed many at once: the path is that from event to event."""
 
 from collections.abc import Callable
-from itertools import pairwise
 
 import numpy as np
 import pytest
+from legs import assert_same, play
 from models import (
     block_system,
     directed_under_four_loads,
@@ -17,38 +17,11 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact import ahead
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.segments import Following
-from receding_fenicsx.interface.law import SEPARATION, STICK
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactSystem
 
 CYCLES = [[0.0], [1.0], *[[1.0 / 3.0], [1.0]] * 4]
 
 RandomCase = Callable[[int], tuple[ContactSystem, list[list[float]]]]
-
-
-def play(path: EventPath, loads: list[list[float]]) -> list[Leg]:
-    """Follow legs from rest."""
-    n = path.system.n
-    states = np.where(path.system.g0 > 0.0, SEPARATION, STICK).astype(np.int8)
-    now, scale, legs = ContactState(np.zeros(2 * n), np.zeros(2 * n), states), 0.0, []
-    for a, b in pairwise(np.asarray(loads)):
-        legs.append(path.trace_leg(now, (a, b), scale))
-        now, scale = legs[-1].end, legs[-1].force_scale
-    return legs
-
-
-def assert_same(legs: list[Leg], others: list[Leg]) -> None:
-    """Assert that two paths have the same events, and the same forces to round-off."""
-    force = others[-1].force_scale
-    for leg, other in zip(legs, others, strict=True):
-        assert [event[1:] for event in leg.events] == [event[1:] for event in other.events]
-        assert [event[0] for event in leg.events] == pytest.approx(
-            [event[0] for event in other.events], abs=1e-9
-        )
-        assert np.array_equal(leg.end.state, other.end.state)
-        assert np.abs(leg.end.r - other.end.r).max() <= 1e-11 * force
-        assert leg.dissipation == pytest.approx(other.dissipation, abs=1e-11 * force)
-        assert leg.work == pytest.approx(other.work, rel=1e-10, abs=1e-12 * force)
-        assert leg.residual < 1e-11
 
 
 @pytest.fixture

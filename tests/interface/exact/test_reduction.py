@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from law import random_system
+from legs import play
 from models import block_system
 
 from receding_fenicsx.interface.exact import path as exact_path
@@ -14,16 +15,6 @@ from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.reduction import reduce, widen
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
-
-
-def play(path: EventPath, loads: list[list[float]]) -> list[Leg]:
-    """Follow a polyline of load factors from rest."""
-    n = path.system.n
-    now, scale, legs = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, np.int8)), 0.0, []
-    for a, b in pairwise(np.array(load) for load in loads):
-        legs.append(path.trace_leg(now, (a, b), scale, samples=3))
-        now, scale = legs[-1].end, legs[-1].force_scale
-    return legs
 
 
 def whole(system: ContactSystem) -> EventPath:
@@ -63,15 +54,15 @@ CYCLES = [[0.0], [1.0], *[[0.6], [1.0]] * 6]
 def test_leaving_nodes_out_changes_no_answer(half: bool) -> None:
     system = block_system(64, 16, half=half)
     path = EventPath(system)
-    legs = play(path, CYCLES)
+    legs = play(path, CYCLES, 3)
     assert path.reduction is not None and len(path.reduction.nodes) < 0.8 * system.n
-    assert_equal(legs, play(whole(system), CYCLES))
+    assert_equal(legs, play(whole(system), CYCLES, 3))
 
 
 def test_the_energy_of_a_path_with_nodes_left_out_is_whole() -> None:
     system = block_system(64, 16)
     path = EventPath(system)
-    legs = play(path, CYCLES)
+    legs = play(path, CYCLES, 3)
     assert path.reduction is not None
     for before, leg in pairwise(legs):
         stored = 0.5 * (leg.end.u - before.end.u) @ system.K @ (leg.end.u + before.end.u)
@@ -81,11 +72,11 @@ def test_the_energy_of_a_path_with_nodes_left_out_is_whole() -> None:
 def test_a_frozen_node_that_reaches_a_limit_is_noticed() -> None:
     system = block_system(64, 16)
     path = EventPath(system)
-    play(path, CYCLES[:4])
+    play(path, CYCLES[:4], 3)
     # forget what changed: far too few nodes are taken for active now
     for changed in path.changed.values():
         changed[:] = False
-    start = play(whole(system), CYCLES[:4])[-1]
+    start = play(whole(system), CYCLES[:4], 3)[-1]
     leg = path.trace_leg(start.end, (np.array([1.0]), np.array([0.6])), start.force_scale, 3)
     expected = whole(system).trace_leg(
         start.end, (np.array([1.0]), np.array([0.6])), start.force_scale, 3
@@ -96,7 +87,7 @@ def test_a_frozen_node_that_reaches_a_limit_is_noticed() -> None:
 def test_without_the_watch_the_answer_would_be_wrong(monkeypatch: pytest.MonkeyPatch) -> None:
     system = block_system(64, 16)
     path = EventPath(system)
-    start = play(path, CYCLES[:4])[-1]
+    start = play(path, CYCLES[:4], 3)[-1]
     for changed in path.changed.values():
         changed[:] = False
     blind = np.zeros(0, dtype=np.intp)
@@ -165,7 +156,7 @@ def test_random_systems_with_two_loads_lose_nothing(monkeypatch: pytest.MonkeyPa
         if seed % 3 == 0:
             system = replace(system, f=np.where(np.arange(14) % 5 == 0, 0.0, system.f))
         path = EventPath(system)
-        assert_equal(play(path, loads), play(whole(system), loads), states=False)
+        assert_equal(play(path, loads, 3), play(whole(system), loads, 3), states=False)
         reduced += path.reduction is not None
     assert reduced >= 5
 

@@ -1,0 +1,39 @@
+"""Exact paths played leg by leg, and compared."""
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.law import SEPARATION, STICK
+from receding_fenicsx.interface.system import ContactState, Leg
+
+
+def play(path: EventPath, loads: Sequence[Sequence[float]], samples: int = 0) -> list[Leg]:
+    """Follow a polyline of load factors from rest."""
+    n = path.system.n
+    states = np.where(path.system.g0 > 0.0, SEPARATION, STICK).astype(np.int8)
+    now, scale, legs = ContactState(np.zeros(2 * n), np.zeros(2 * n), states), 0.0, []
+    for a, b in pairwise(np.array(load) for load in loads):
+        legs.append(path.trace_leg(now, (a, b), scale, samples))
+        now, scale = legs[-1].end, legs[-1].force_scale
+    return legs
+
+
+def assert_same(legs: list[Leg], others: list[Leg]) -> None:
+    """Assert that two paths have the same events, and the same forces to round-off."""
+    force = others[-1].force_scale
+    for leg, other in zip(legs, others, strict=True):
+        assert [event[1:] for event in leg.events] == [event[1:] for event in other.events]
+        places = [event[0] for event in other.events]
+        assert [event[0] for event in leg.events] == pytest.approx(places, abs=1e-9)
+        pairs = [(leg.end, other.end)]
+        pairs += [(a, b) for (_, a), (_, b) in zip(leg.samples, other.samples, strict=True)]
+        for a, b in pairs:
+            assert np.array_equal(a.state, b.state)
+            assert np.abs(a.r - b.r).max() <= 1e-11 * force
+        assert leg.dissipation == pytest.approx(other.dissipation, abs=1e-11 * force)
+        assert leg.work == pytest.approx(other.work, rel=1e-10, abs=1e-12 * force)
+        assert leg.residual < 1e-11
