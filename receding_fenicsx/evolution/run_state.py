@@ -65,7 +65,7 @@ class RunState:
         in_steps = problem.solver.method != "events"
         self.uniqueness = UniquenessWatch(self.model, found, in_steps)
         self.corners: list[Instant] = []
-        self._images = np.bincount(mirror_of(problem.system).index)
+        self._images = np.bincount(mirror_of(problem.system).index).tolist()
 
     def restart(self) -> None:
         """Restart from the end of the last finished cycle with a new solver."""
@@ -214,7 +214,7 @@ class RunState:
             residual=max(before.residual, leg.residual),
             energy_error=max(before.energy_error, error),
             sweeps=before.sweeps + leg.sweeps,
-            events=before.events + int(self._images[[event[1] for event in leg.events]].sum()),
+            events=before.events + sum(self._images[event[1]] for event in leg.events),
             jumps=before.jumps + len(leg.jumps),
             released=before.released + sum(energy for _, energy in leg.jumps),
         )

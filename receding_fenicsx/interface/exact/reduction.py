@@ -46,10 +46,12 @@ class Reduction:
     Attributes:
         full: the whole contact, 2N form.
         nodes: the active nodes.
-        constant: degrees of freedom of frozen nodes whose displacement is constant.
+        active: (2n,) degrees of freedom of the active nodes.
+        constant, place: degrees of freedom of frozen nodes that keep their place, and the place.
+        loose, moved: degrees of freedom of frozen nodes that move, and their displacements from
+            [u_S; lambda; 1].
         segments: rates of the system of the active nodes, whose last load is a constant 1.
         frozen: (N,) states of the frozen nodes, 0 at active ones.
-        back: (2N, 2n + n_loads + 1) displacements of all nodes from [u_S; lambda; 1].
         watched: (k, 2n + n_loads + 1) quantities, as forces, that have to stay positive.
         watched_size: absolute values of ``watched``.
         watched_node: (k,) the node of each.
@@ -59,10 +61,13 @@ class Reduction:
 
     full: ContactSystem
     nodes: Indices
+    active: Indices
     constant: Indices
+    place: Array
+    loose: Indices
+    moved: Array
     segments: Segments
     frozen: NDArray[np.int8]
-    back: Array
     watched: Array
     watched_size: Array
     watched_node: Indices
@@ -70,25 +75,33 @@ class Reduction:
 
     def shrink(self, state: ContactState) -> ContactState:
         """Return a state of all nodes for the active ones."""
-        both = np.concatenate([self.nodes, self.full.n + self.nodes])
-        return ContactState(state.u[both], state.r[both], state.state[self.nodes].copy())
+        active = self.active
+        return ContactState(state.u[active], state.r[active], state.state[self.nodes])
 
     def expand(self, state: ContactState, load: Array) -> ContactState:
         """Return a state of the active nodes for all, with reactions evaluated afresh."""
-        u = self.displacements(state.u, load)
+        u = self.displacements(np.concatenate([state.u, load, [1.0]]))
         states = self.frozen.copy()
         states[self.nodes] = state.state
         return ContactState(u, reactions(self.full, load, u), states)
 
-    def displacements(self, u: Array, load: Array) -> Array:
-        """Return the displacements (2N,) of all nodes from those of the active nodes."""
-        return self.back @ np.concatenate([u, load, [1.0]])
+    def displacements(self, given: Array) -> Array:
+        """Return the displacements (2N,) of all nodes, or (k, 2N) at k instants.
+
+        Args:
+            given: (2n + n_loads + 1,) or (k, 2n + n_loads + 1) values of [u_S; lambda; 1].
+        """
+        u = np.empty((*given.shape[:-1], 2 * self.full.n))
+        u[..., self.active] = given[..., : len(self.active)]
+        u[..., self.constant] = self.place
+        u[..., self.loose] = given @ self.moved.T
+        return u
 
     def fits(self, start: ContactState) -> bool:
         """Return whether the frozen nodes are in the states and at the places they are to keep."""
         away = self.frozen != 0
         kept = np.array_equal(start.state[away], self.frozen[away])
-        return kept and np.array_equal(start.u[self.constant], self.back[self.constant, -1])
+        return kept and np.array_equal(start.u[self.constant], self.place)
 
     def follow(self, problem: LegProblem, check_all: bool) -> Walk:
         """Follow a leg with the active nodes, and watch the others.
@@ -148,7 +161,7 @@ class Reduction:
             return []
         places = [s for s, _ in stops]
         loads = np.array([[*problem.load(s), 1.0] for s in places])
-        u = np.hstack([np.array([u for _, u in stops]), loads]) @ self.back.T
+        u = self.displacements(np.hstack([np.array([u for _, u in stops]), loads]))
         return list(zip(places, u, strict=True))
 
     def leaving(self, u: Array, load: Array, force_scale: float) -> Indices:
@@ -169,7 +182,8 @@ class Reduction:
         near = (least <= limit).nonzero()[0]
         rows = self.watched[near]
         values = u @ rows[:, :m].T + load @ rows[:, m:].T
-        return np.unique(self.watched_node[near[(values <= limit).any(axis=0)]])
+        reached = near[(values <= limit).any(axis=0)]
+        return np.unique(self.watched_node[reached]) if len(reached) else reached
 
 
 def widen(changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
@@ -218,10 +232,6 @@ def reduce(
     except np.linalg.LinAlgError:
         return None
     moved = -sla.cho_solve((factor, True), held[loose]) if len(loose) else held[loose]
-    back = np.zeros((2 * n, held.shape[1]))
-    back[S, np.arange(len(S))] = 1.0
-    back[fixed, -1] = start.u[fixed]
-    back[loose] = moved
     reaction = held + K[:, loose] @ moved
     m, loads, K_red = len(S), len(system.load_names), reaction[S, : len(S)]
     reduced = replace(
@@ -241,17 +251,32 @@ def reduce(
         load_sign=np.zeros(0),
     )
     swing = r_star[:, loose] @ moved[:, m : m + loads]
-    watched, watched_node = _watch(full, start, ~active, reaction, back)
+    watched, watched_node = _watch(full, start, ~active, reaction, (loose, moved))
     states = np.where(active, 0, start.state).astype(np.int8)
     segments = Segments(reduced, None if opening is None else opening[nodes])
-    size = np.abs(watched)
     return Reduction(
-        system, nodes, fixed, segments, states, back, watched, size, watched_node, swing
+        full=system,
+        nodes=nodes,
+        active=S,
+        constant=fixed,
+        place=start.u[fixed],
+        loose=loose,
+        moved=moved,
+        segments=segments,
+        frozen=states,
+        watched=watched,
+        watched_size=np.abs(watched),
+        watched_node=watched_node,
+        swing=swing,
     )
 
 
 def _watch(
-    full: Segments, start: ContactState, frozen: NDArray[np.bool_], reaction: Array, back: Array
+    full: Segments,
+    start: ContactState,
+    frozen: NDArray[np.bool_],
+    reaction: Array,
+    motion: tuple[Indices, Array],
 ) -> tuple[Array, Indices]:
     """Return what has to stay positive at the frozen nodes, as forces, and the node of each."""
     system, n = full.system, full.system.n
@@ -260,7 +285,8 @@ def _watch(
     smooth = np.flatnonzero(frozen & ~open_ & full.smooth)
     gaps = np.flatnonzero(frozen & open_ & (full.frictional | full.smooth))
     margins = system.friction[stuck, None].margins(reaction[stuck], reaction[n + stuck])
-    gap = back[n + gaps]
+    loose, moved = motion
+    gap = moved[loose.searchsorted(n + gaps)]
     gap[:, -1] += system.g0[gaps]
     rows = [*margins, reaction[n + smooth], gap]
     labels = np.concatenate([2 * n + stuck, 3 * n + stuck, 2 * n + smooth, n + gaps])

@@ -17,6 +17,8 @@ from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 
 States = NDArray[np.int8]
 
+_SIDES = np.array([[FORWARD], [BACKWARD], [SEPARATION]], dtype=np.int8)
+
 
 def bits_of(chosen: NDArray[np.bool_]) -> int:
     """Return the integer of a set of nodes, given as a mask."""
@@ -45,7 +47,8 @@ class Sides(NamedTuple):
     @classmethod
     def of(cls, state: States) -> Sides:
         """Return the sides of (N,) states."""
-        return cls(*(bits_of(state == side) for side in (FORWARD, BACKWARD, SEPARATION)))
+        packed = np.packbits(state == _SIDES, axis=1, bitorder="little")
+        return cls(*(int.from_bytes(row.tobytes(), "little") for row in packed))
 
     def states(self, n: int) -> States:
         """Return the (N,) states."""

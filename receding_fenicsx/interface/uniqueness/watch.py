@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from operator import gt, itemgetter
+from operator import gt
 
 import numpy as np
 from numpy.typing import NDArray
@@ -204,7 +204,7 @@ class UniquenessWatch:
         """Judge the rates along a leg, or a part of it, given as for ``InstantsOfLegs.new``."""
         way, (start, events, touching) = direction.tobytes(), path
         if not self._jumps and not touching:
-            places, *changed = (list(map(itemgetter(k), events)) for k in range(4))
+            places, *changed = zip(*events, strict=True) if events else [()]
             leg = start.tobytes(), list(map(gt, places, [0.0, *places])), changed
             if self._last.get(way) == leg:
                 return
