@@ -6,6 +6,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from receding_fenicsx.interface.exact.legs import SIMULTANEOUS, Event
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactState, Leg
@@ -22,13 +23,27 @@ def play(path: EventPath, loads: Sequence[Sequence[float]], samples: int = 0) ->
     return legs
 
 
+def merged(events: list[Event]) -> list[Event]:
+    """Return changes of state, successive ones of one node at one place as one.
+
+    A stuck node whose forces vanish opens through slip in a direction that round-off decides.
+    """
+    kept: list[Event] = []
+    for s, i, old, new in events:
+        if kept and kept[-1][1] == i and s - kept[-1][0] <= SIMULTANEOUS:
+            s, _, old, _ = kept.pop()
+        kept.append((s, i, old, new))
+    return kept
+
+
 def assert_same(legs: list[Leg], others: list[Leg]) -> None:
     """Assert that two paths have the same events, and the same forces to round-off."""
     force = others[-1].force_scale
     for leg, other in zip(legs, others, strict=True):
-        assert [event[1:] for event in leg.events] == [event[1:] for event in other.events]
-        places = [event[0] for event in other.events]
-        assert [event[0] for event in leg.events] == pytest.approx(places, abs=1e-9)
+        events, expected = merged(leg.events), merged(other.events)
+        assert [event[1:] for event in events] == [event[1:] for event in expected]
+        places = [event[0] for event in expected]
+        assert [event[0] for event in events] == pytest.approx(places, abs=1e-9)
         pairs = [(leg.end, other.end)]
         pairs += [(a, b) for (_, a), (_, b) in zip(leg.samples, other.samples, strict=True)]
         for a, b in pairs:

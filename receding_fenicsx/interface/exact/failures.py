@@ -13,6 +13,9 @@ from receding_fenicsx.interface.law import SEPARATION
 LISTED_NODES = 12
 """Nodes that a message names at most."""
 
+LOAD_ROUND_OFF = 1e-12
+"""Load factor over the largest of its leg, up to which a message calls it zero."""
+
 
 def explain(
     segments: Segments,
@@ -33,7 +36,9 @@ def explain(
         exhausted: all sets of their states were tried.
     """
     s = point.problem.place(point.s)
-    factors = ", ".join(f"{value:.9g}" for value in point.load)
+    load = point.load
+    load[np.abs(load) <= LOAD_ROUND_OFF * np.abs(point.problem.ends).max()] = 0.0
+    factors = ", ".join(f"{value:.9g}" for value in load)
     where = f"at load factors [{factors}] (s = {s:.9g} of the leg)"
     contact = states != SEPARATION
     A, B = (point.y - segments.limit * force_scale).reshape(4, -1)[2:]

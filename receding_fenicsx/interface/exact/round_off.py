@@ -27,6 +27,9 @@ NODAL_IMBALANCE = 1e-13
 """Error of a nodal force, over the force scale, up to which an imbalance is never removed: summed
 over 2N of them with random signs sqrt(2N) times as much."""
 
+LARGE_AT_ENDS = 0.25
+"""Part of the negligible imbalance from which it is removed at the end of a leg."""
+
 FEWEST_SUMMED = 100
 """Forces for whose sum the tolerance allows at least."""
 
@@ -62,9 +65,9 @@ class RoundOff:
         """Return the error between forces and displacements."""
         return self._segments.balance.error(self._point.y, self._point.load)
 
-    def is_balanced(self) -> bool:
-        """Return whether the imbalance is below its tolerance."""
-        return not self.imbalance() > self._tolerance()
+    def is_small(self) -> bool:
+        """Return whether the imbalance need not be removed at the end of a leg."""
+        return not self.imbalance() > LARGE_AT_ENDS * self._tolerance()
 
     def _tolerance(self) -> float:
         """Return the imbalance that does not matter."""

@@ -254,7 +254,7 @@ class Segments:
     def tableau_for(self, state: States, direction: Array) -> Tableau | None:
         """Return the tableau if it stands at the given states and has such rates at hand."""
         tableau = self._tableau
-        if tableau is None or self.is_loose or len(self._tiny_friction) or self._is_worn:
+        if tableau is None or self.is_special or self._is_worn:
             return None
         at_hand = np.array_equal(tableau.state, state) and not tableau.is_old
         return tableau if at_hand and not direction[tableau.n_carried :].any() else None
@@ -302,6 +302,11 @@ class Segments:
             q, imbalance = better, left
         return q
 
+    def balances(self, q: Array, direction: Array) -> bool:
+        """Return whether rates (4N,) balance as well as can be had."""
+        imbalance = self.balance.error(q, direction, of_rates=True)
+        return imbalance <= self._accepted(q, imbalance)
+
     def _accepted(self, q: Array, imbalance: float) -> float:
         """Return the imbalance that rates (4N,) may have, a part of it where theirs is less."""
         all_ = q * self.weight
@@ -320,6 +325,11 @@ class Segments:
     def is_loose(self) -> bool:
         """Whether some states have left a rigid motion free, whose rates are not unique."""
         return self._last_pinned is not None
+
+    @property
+    def is_special(self) -> bool:
+        """Whether rates may not be those of the tableau as they are: motions free, low friction."""
+        return self.is_loose or bool(len(self._tiny_friction))
 
     def _margins_from_pressure(
         self, state: States, q: Array, direction: Array, forces: Array

@@ -12,6 +12,7 @@ from receding_fenicsx.interface.exact.ahead import Ahead
 from receding_fenicsx.interface.exact.consistency import ConsistentStates
 from receding_fenicsx.interface.exact.legs import (
     SIMULTANEOUS,
+    Change,
     Course,
     LegProblem,
     PathPoint,
@@ -21,6 +22,7 @@ from receding_fenicsx.interface.exact.legs import (
 from receding_fenicsx.interface.exact.replay.events import START_OF_LEG, Replay
 from receding_fenicsx.interface.exact.round_off import RoundOff, displacement_uncertainty
 from receding_fenicsx.interface.exact.segments import Following, Segment, Segments, States
+from receding_fenicsx.interface.exact.swaps import overtaking
 from receding_fenicsx.interface.exact.tableau import A
 from receding_fenicsx.interface.exact.unloading import (
     UNLOADING_EVENTS,
@@ -92,6 +94,7 @@ class Walk:
         self._accept_round_off = accept_round_off
         self._unloading = not np.any(problem.ends[1])
         self._trials_before = segments.trials
+        self._made: list[Change] = []
         self._progress_at, self._events_here = problem.s_start, 0
 
     def run(self, s_end: float) -> None:
@@ -140,6 +143,11 @@ class Walk:
                 self._check_progress()
             segment, looked_at = self._event(int(segment.falling[k]), segment)
 
+    @property
+    def is_known(self) -> bool:
+        """Whether no new set of states has been met on the way."""
+        return self.segments.trials == self._trials_before
+
     def _unloaded(self, segment: Segment, first: float, s_end: float) -> Array | None:
         """Return the (4N,) quantities at the end of unloading.
 
@@ -175,20 +183,25 @@ class Walk:
         """Pass an event; return the rates after it, and whether all on limits were looked at."""
         point, states = self.point, self.states
         point.y[label] = 0.0
-        known = segment.last = segment.next.get(label)
+        known = segment.next.get(label)
+        if known is None and not self.sums.check_all:
+            known = overtaking(self.segments, segment, point.state, label, states.direction)
+        expected, segment.last = segment.last, known
         if known is not None:
-            point.state = known.state
+            point.state, self._made = known.state, known.changes
             self.course.add_events(point.s, known.changes)
             self.round_off.count_event()
             return known.segment, False
         before, i = point.state, label % len(point.state)
-        following = states.find(label, segment.q)
+        others = None if self.sums.check_all else self._others(expected)
+        following = states.find(label, segment.q, others)
         alone = states.by_rates and states.rounds == 0
         if alone:
             made = [(i, int(before[i]), int(point.state[i]))]
         else:
             made = changed_nodes(before, point.state)
         self.course.add_events(point.s, made)
+        self._made = made
         # what sits on another limit by chance is not to be repeated, what ceases to slip is
         if alone or (
             states.by_rates and only_stick(made, i) and not self._needs_both(label, before)
@@ -196,6 +209,11 @@ class Walk:
             segment.next[label] = segment.last = Following(label, point.state, following, made)
         self.round_off.count_event()
         return following, True
+
+    def _others(self, expected: Following | None) -> list[Change]:
+        """Return the changes of state that are expected, and those that undo the last ones."""
+        undone = [(i, new, old) for i, old, new in self._made]
+        return [*expected.changes, *undone] if expected else undone
 
     def _needs_both(self, label: int, before: States) -> bool:
         """Return whether a node that stuck before has changed as only one on both limits can."""
@@ -278,7 +296,7 @@ class Walk:
 
     def _refined_end(self) -> ContactState:
         """Return the state at the present point, round-off removed where it matters."""
-        if self.segments.trials > self._trials_before or not self.round_off.is_balanced():
+        if not self.round_off.is_small():
             end = self.round_off.remove()
         else:
             end = self.point.contact_state()

@@ -24,6 +24,7 @@ def test_a_replayed_path_is_that_from_event_to_event(
     system, passed = block_system(40, 10), []
     plain = play(EventPath(system, check_all=True), LOADS, samples)
     monkeypatch.setattr(chain, "WORTH_WHILE", 1)
+    monkeypatch.setattr(chain, "FEWEST", 1)
     verified = chain.Replay._verified
 
     def counting(self: chain.Replay, *args: object) -> tuple[Array, Array]:
@@ -52,6 +53,7 @@ def test_wrong_foresight_changes_no_answer(monkeypatch: pytest.MonkeyPatch) -> N
         patch.setattr(chain, "WORTH_WHILE", 10**6)
         plain = play(EventPath(system), LOADS, 3)
     monkeypatch.setattr(chain, "WORTH_WHILE", 1)
+    monkeypatch.setattr(chain, "FEWEST", 1)
     follow, wrong = chain.Replay.follow, [0]
 
     def misled(

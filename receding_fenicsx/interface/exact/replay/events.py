@@ -38,9 +38,12 @@ from receding_fenicsx.interface.exact.segments import (
 START_OF_LEG = -1
 """Label under which a segment remembers what came of the start of a leg."""
 
-WORTH_WHILE, LONGEST = 48, 1024
-"""Events replayed at once: to pass fewer one by one takes less time, and where fewer have held
-further replays are put off; up to twice as many as passed last from the same segment."""
+WORTH_WHILE, LONGEST = 24, 1024
+"""Events replayed at once: a chain of fewer is not made, and where fewer have held further replays
+are put off; up to twice as many as passed last from the same segment."""
+
+FEWEST = 12
+"""Events to be passed together at least, once a chain is made: one by one takes less time."""
 
 SHORTEST_PAUSE, LONGEST_PAUSE = 8, 256
 """Events after which a replay is tried again: at least, where the known chain is too short, and at
@@ -181,7 +184,7 @@ class Replay:
         holds = (h >= 0.0) & (point.s + h.cumsum() < s_end)
         holds[foreseen:] = False
         m = 0 if singular else leading(holds)
-        if m < WORTH_WHILE:
+        if m < FEWEST:
             return h[:0], y
         if not chain.is_complete:
             chain.complete(self._sums)

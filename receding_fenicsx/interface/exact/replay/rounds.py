@@ -39,7 +39,7 @@ from receding_fenicsx.interface.exact.replay.known_leg import (
     lengths,
     play,
 )
-from receding_fenicsx.interface.exact.round_off import negligible_imbalance
+from receding_fenicsx.interface.exact.round_off import LARGE_AT_ENDS, negligible_imbalance
 from receding_fenicsx.interface.exact.segments import (
     Following,
     Segments,
@@ -51,9 +51,6 @@ from receding_fenicsx.interface.system import ContactState, Leg, reactions
 
 FEWEST, MOST = 2, 16
 """Cycles foreseen at once; twice as many after those before have all held."""
-
-LARGE_AT_START = 0.25
-"""Part of the negligible imbalance from which it is removed before cycles are foreseen."""
 
 LONGEST_CYCLE = 64
 """Legs of a cycle at most."""
@@ -117,7 +114,7 @@ class Rounds:
             self._course.clear()
         self._course.append(way)
         self._end = leg.end
-        following, last = followings(walk), self._events.get(way, [])
+        following, last = followings(walk) if walk.is_known else [], self._events.get(way, [])
         self._events[way] = following
         same = bool(following) and len(last) == len(following) and all(map(is_, last, following))
         same = same and are_of(walk, following)
@@ -162,7 +159,7 @@ class Rounds:
         holds = keeps_law(reduction, one, played, force_scale)
         # the ends, with all nodes and reactions evaluated afresh
         u = np.hstack([displacements(segments.system.g0, played.end), np.tile(b, (len(holds), 1))])
-        u = u @ reduction.back.T
+        u = reduction.displacements(u)
         r = u @ system.K + b[:-1] @ system.r_star
         state = reduction.frozen.copy()
         state[reduction.nodes] = one.end
@@ -200,7 +197,7 @@ def _balanced(
 ) -> Array:
     """Return quantities y (4n,) of a state, round-off removed from them if there is much."""
     n = segments.system.n
-    if segments.balance.error(y, load) <= LARGE_AT_START * negligible_imbalance(n) * force_scale:
+    if segments.balance.error(y, load) <= LARGE_AT_ENDS * negligible_imbalance(n) * force_scale:
         return y
     with suppress(SingularExchange):
         u = state.u + segments.tableau(state.state).correction(state.r)[: 2 * n]
