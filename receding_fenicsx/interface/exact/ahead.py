@@ -379,15 +379,15 @@ class Ahead:
         flat = below[: m + 1].ravel().nonzero()[0]
         time, falling = -1.0 / q.ravel()[flat], flat % width
         begin = flat.searchsorted(width * np.arange(m + 2)).tolist()
+        # the rates of all are kept in one piece
+        q, states = q[1 : m + 1].copy(), found.states[1 : m + 1].copy()
         for k, (label, changes) in enumerate(zip(found.labels[:m], found.changes, strict=False)):
-            state, step = found.states[k + 1].copy(), segment.next.get(label)
-            following = found.known[k]
+            state, step, following = states[k], segment.next.get(label), found.known[k]
             if step is not None and step.segment is not following:
                 break
             if following is None:
                 part = slice(begin[k + 1], begin[k + 2])
-                own = q[k + 1].copy(), falling[part].copy(), time[part].copy()  # not all of them
-                following = Segment(*own, falling[:0].copy())
+                following = Segment(q[k], falling[part], time[part], falling[:0])
                 segments.trials += 1
                 segments.keep(state, direction, following)
             elif len(following.reversed_nodes):
