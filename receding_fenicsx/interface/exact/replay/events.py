@@ -40,7 +40,7 @@ START_OF_LEG = -1
 
 WORTH_WHILE, LONGEST = 24, 1024
 """Events replayed at once: a chain of fewer is not made, and where fewer have held further replays
-are put off; up to twice as many as passed last from the same segment."""
+are put off; up to twice as many as held last, from the same segment or on the same leg."""
 
 FEWEST = 12
 """Events to be passed together at least, once a chain is made: one by one takes less time."""
@@ -77,7 +77,7 @@ class Replay:
         self._chains: Chains = segments.chains
         self._sums, self._round_off = sums, round_off
         n, scale = segments.system.n, point.problem.force_scale
-        self.active, self._wait = not sums.check_all, 0
+        self.active, self._wait, self._held = not sums.check_all, 0, 0
         n_watched = 0 if sums.watch is None else len(sums.watch.rows)
         self._passed = passed_by_round_off(segments, scale)
         self._floor = floors(segments, scale, n_watched)
@@ -128,7 +128,7 @@ class Replay:
 
         None if it is too short. One that no longer holds to its end is used some times more.
         """
-        longest = min(2 * segment.reach, LONGEST)
+        longest = min(2 * max(segment.reach, self._held), LONGEST)
         place = self._chains.find(segment)
         holding = 0 if place is None else place[0].holding(place[1], longest)
         if place is not None and holding >= WORTH_WHILE:
@@ -153,7 +153,7 @@ class Replay:
 
     def _adapt(self, segment: Segment, passed: int) -> None:
         """Adapt the length of the next replay from here, and how long to wait for any other."""
-        segment.reach, pace = passed, self._segments
+        segment.reach, self._held, pace = passed, passed, self._segments
         if passed < WORTH_WHILE:
             self._wait = pace.pause = min(2 * pace.pause + 2, LONGEST_PAUSE)
         else:
