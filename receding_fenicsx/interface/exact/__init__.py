@@ -27,7 +27,8 @@ are no load steps. The method, from top to bottom:
    column $C$, the row $R$ and the pivot $D$ where they meet,
    $$T \leftarrow T - (C + e_i)(R - e_j) / D .$$
    `balance.BalanceCheck` measures whether the rates satisfy the equation above; if not, they are
-   refined. Rates of known states are stored.
+   refined. Rates of known states are stored; where events come in another order, those in a new
+   set of states follow from three neighbouring ones (`swaps`).
 4. **Consistent states** (`consistency`: `ConsistentStates.find`). At the start of a leg and after
    an event, nodes on a limit may go either way. Nodes whose rates violate a condition change state,
    all at first, then the worst one; if a set of states returns, the linear complementarity problem
@@ -49,8 +50,8 @@ are no load steps. The method, from top to bottom:
      W = \sum_k \tfrac12 (\lambda_k^a + \lambda_k^b)\, r^*_k \cdot (u^b - u^a) .$$
    The residual of the contact law is checked at every event.
 7. **Round-off** (`round_off`: `RoundOff`). The imbalance of $y$ is measured every few events and
-   removed by one step of iterative refinement where it has grown. `Walk.finish` evaluates the
-   reactions afresh and checks the residual.
+   removed by one step of iterative refinement where it has grown, or is not small at the end of a
+   leg. `Walk.finish` evaluates the reactions afresh and checks the residual.
 8. **Nodes that keep their state** (`reduction`: `reduce`). Deep in a stick or separation zone nodes
    keep their states through whole cycles. They are eliminated, and watched at every event.
 9. **No continuation** (`failures`, `jumps`). Where no states are consistent, `failures.explain`

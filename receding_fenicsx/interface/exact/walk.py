@@ -261,7 +261,7 @@ class Walk:
     def finish(self, at_rest: bool = False) -> Leg:
         """Return the leg, its reactions evaluated afresh and its residual checked.
 
-        Round-off is removed after a leg with new sets of states, and where it has grown.
+        Round-off is removed where it is not small.
 
         Args:
             at_rest: the leg ends at complete unloading, just beyond the present point.
