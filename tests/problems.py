@@ -27,8 +27,9 @@ SAME = 1e-6
 """Part of a leg within which the place of a refusal is that where a branch ends."""
 SUSPECT = 0.03
 """Energy lost in a load step, over force times motion, above which it may have jumped."""
-NEARER = 1e-12
-"""Distance from a limit, over the largest force, that counts as being on it beside a jump."""
+NEARER = 1e-12, 1e-13
+"""Distances from a limit, over the largest force, that count as being on it beside a jump: in a
+limit of infinitely many cycles the force that a jump releases may vanish."""
 APART = 0.5
 """Distance from every continuous way, over the step's motion, above which a step has jumped."""
 
@@ -375,7 +376,7 @@ def _needless_jumps(p: Problem, run: Replay) -> list[str]:
         way = p.system, here, leg.ends[1], jump.u, jump.state, leg.force
         try:
             # a node may be as little pressed as to seem free where it jumps by as little
-            ends = [end for close in (NEAR, NEARER) for end in follow(*way, close)]
+            ends = [end for close in (NEAR, *NEARER) for end in follow(*way, close)]
         except TooMany:
             continue
         if not any(end.s <= SAME / rest for end in ends):
