@@ -145,7 +145,7 @@ class Walk:
 
     @property
     def is_known(self) -> bool:
-        """Whether no new set of states has been met on the way."""
+        """Whether no rates were made by the tableau on the way."""
         return self.segments.trials == self._trials_before
 
     def _unloaded(self, segment: Segment, first: float, s_end: float) -> Array | None:

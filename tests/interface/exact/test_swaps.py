@@ -1,6 +1,7 @@
 """Rates in new sets of states from those of their neighbours."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Following, Segment, Segments
 from receding_fenicsx.interface.exact.swaps import beside, changed, overtaking
 from receding_fenicsx.interface.exact.tableau import EXCHANGES
-from receding_fenicsx.interface.law import SEPARATION
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactSystem
 
 RandomCase = Callable[[int], tuple[ContactSystem, list[list[float]]]]
@@ -79,6 +80,37 @@ def test_the_fourth_rates_are_those_of_the_tableau(case: RandomCase, seed: int) 
             assert np.abs((found.q - expected.q) * segments.weight).max() < 1e-9 * largest
             compared += 1
     assert compared > 10
+
+
+def test_rates_of_a_body_that_nothing_holds_are_left_to_the_tableau() -> None:
+    """One node sticks, all others slip or are open; once it slips, too, the block slides freely."""
+    rng, way = np.random.default_rng(0), np.array([1.0, 0.5])
+    block = block_system(8, 2, half=False)
+    n = block.n
+    push = np.concatenate([-0.3 * block.weight, np.zeros(n)])
+    system = replace(
+        block,
+        r_star=np.vstack([block.r_star, push]),
+        load_names=("press", "push"),
+        load_compliance=np.zeros((0, 0)),
+    )
+    singular = 0
+    for _ in range(40):
+        i, j = (int(k) for k in rng.choice(n, 2, False))
+        state = rng.integers(2, 5, n).astype(np.int8)
+        state[i], state[j] = STICK, rng.integers(FORWARD, BACKWARD + 1)
+        a, b = (j, int(state[j]), STICK), (i, STICK, int(rng.integers(FORWARD, BACKWARD + 1)))
+        segments, with_a = Segments(system), changed(state, a)
+        try:
+            for known in (state, with_a, changed(with_a, b)):
+                segments.at(known, way)
+        except SingularExchange:
+            continue
+        with pytest.raises(SingularExchange):
+            Segments(system).at(changed(state, b), way)
+        assert not beside(segments, state, b, a, way)
+        singular += 1
+    assert singular > 5
 
 
 def test_events_in_another_order_need_no_tableau(overtaken: list[Following]) -> None:
