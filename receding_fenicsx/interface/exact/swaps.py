@@ -45,7 +45,7 @@ def overtaking(
         What comes of it; None where that takes the tableau, or more than one change of state.
     """
     steps, i = _overtaken(segment, label), label % len(state)
-    if not steps:
+    if len(steps) < 2:
         return None
     *chain, last = steps
     b = next((change for change in last.changes if change[0] == i), None)
