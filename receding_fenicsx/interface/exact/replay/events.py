@@ -40,7 +40,7 @@ START_OF_LEG = -1
 
 WORTH_WHILE, LONGEST = 24, 1024
 """Events replayed at once: a chain of fewer is not made, and where fewer have held further replays
-are put off; up to twice as many as held last, from the same segment or on the same leg."""
+are put off; up to as many as held last on the leg, or twice as many as from the same segment."""
 
 FEWEST = 12
 """Events to be passed together at least, once a chain is made: one by one takes less time."""
@@ -128,7 +128,7 @@ class Replay:
 
         None if it is too short. One that no longer holds to its end is used some times more.
         """
-        longest = min(2 * max(segment.reach, self._held), LONGEST)
+        longest = min(max(2 * segment.reach, self._held), LONGEST)
         place = self._chains.find(segment)
         holding = 0 if place is None else place[0].holding(place[1], longest)
         if place is not None and holding >= WORTH_WHILE:
