@@ -45,10 +45,8 @@ class FrozenSegments(Segments):
 
     def _rates(self, state: States, direction: Array) -> Array:
         q = self._taken_over(state, direction)
-        if q is not None:
-            imbalance = self.balance.error(q, direction, of_rates=True)
-            if imbalance <= self._accepted(q, imbalance):
-                return q
+        if q is not None and self.balances(q, direction):
+            return q
         return super()._rates(state, direction)
 
     def _taken_over(self, state: States, direction: Array) -> Array | None:
