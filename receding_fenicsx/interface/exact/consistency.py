@@ -140,7 +140,9 @@ class ConsistentStates:
         state, i = self.point.state, label % len(last)
         made = i, last.item(i), state.item(i)
         if self.segments.known(state, self.direction) is None:
-            any(beside(self.segments, last, made, other, self.direction) for other in others)
+            for other in others:
+                if beside(self.segments, last, made, other, self.direction):
+                    break
         return [(i, made[2], made[1]), *others]
 
     def violations(self, segment: Segment) -> NDArray[np.intp]:

@@ -53,9 +53,9 @@ def overtaking(
         return None
     after = changed(chain[-1].state, b)
     later = segments.known(after, direction)
+    if later is None or len(later.reversed_nodes):
+        return None
     for k, step in reversed(list(enumerate(chain))):
-        if later is None or len(later.reversed_nodes):
-            return None
         at, now = (chain[k - 1].state, chain[k - 1].segment) if k else (state, segment)
         with_b, (a,) = changed(at, b), step.changes
         found = segments.known(with_b, direction)
@@ -66,8 +66,6 @@ def overtaking(
         next_ = Following(step.label, after, later, step.changes)
         found.last = found.next.setdefault(step.label, next_)
         after, later = with_b, found
-    if later is None:
-        return None
     segment.next[label] = following = Following(label, after, later, [b])
     return following
 
@@ -139,7 +137,7 @@ def _fourth(
     into, out = a[1], b[0]
     q0, q1, q2 = (segment.q for segment in known)
     moved, fallen = q1.item(into), q0.item(out)
-    if moved == 0.0:
+    if moved == 0.0:  # where it is round-off, what follows does not balance
         return None
     ratio = q2.item(into) / moved
     change = ratio * (q1.item(out) - fallen)
