@@ -15,7 +15,7 @@ from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.residual import residual_at_rest
+from receding_fenicsx.interface.residual import local_stiffness, residual_at_rest
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 
@@ -37,20 +37,25 @@ def may_stick(
 
 
 def sticking_at_end(
-    system: ContactSystem, cycle: FinishedCycle, states: NDArray[np.int8]
+    model: ContactSystem, cycle: FinishedCycle, states: NDArray[np.int8]
 ) -> FinishedCycle | None:
     """Return a cycle that ends in states in which some nodes stick that slip at its end.
 
     The last event of each, the slip that begins as it comes to its limit at the end, is left out.
-    None where that is no slip from stick.
+    None where that is no slip from stick, or where one has slipped on its last leg, or before it
+    and has only come to rest.
 
     Args:
-        system: the condensed body.
+        model: the condensed body in 2N form.
         cycle: the cycle.
         states: (N,) the states, see :func:`may_stick`.
     """
-    end, samples = cycle.corners[-1], cycle.samples
+    (before, end), samples = cycle.corners[-2:], cycle.samples
     sticking = np.flatnonzero(states != end.state.state)
+    slip = local_stiffness(model)[0] * np.abs(end.v - before.v)
+    begins = (before.state.state == STICK) & (slip <= EVENT_RESIDUAL * cycle.totals.force_scale)
+    if not begins[sticking].all():
+        return None
     state = replace(end.state, state=states)
     if samples is not None:
         last = {event.node: k for k, event in enumerate(samples.events)}
@@ -60,7 +65,7 @@ def sticking_at_end(
         events = [event for k, event in enumerate(samples.events) if k not in left_out]
         instants = [*samples.instants[:-1], samples.instants[-1]._replace(state=state)]
         samples = Samples(instants, events)
-    images = np.bincount(mirror_of(system).index)
+    images = np.bincount(mirror_of(model).index)
     return replace(
         cycle,
         corners=[*cycle.corners[:-1], end._replace(state=state)],

@@ -211,7 +211,7 @@ class LimitSearch:
                 return begin, cycle
             force = trial.position.totals.force_scale
             if not in_steps and may_stick(trial.model, state.state, end, force):
-                sticking = sticking_at_end(problem.system, cycle, state.state)
+                sticking = sticking_at_end(trial.model, cycle, state.state)
                 if sticking is not None:
                     return begin, sticking
             # a node that just reaches its limit at the end begins the next cycle in slip
