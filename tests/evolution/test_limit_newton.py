@@ -13,8 +13,10 @@ from receding_fenicsx.evolution.limit.newton import approach, margin_rows, small
 from receding_fenicsx.evolution.limit.sorting import sort_nodes
 from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.law import STICK
+from receding_fenicsx.interface.law import FORWARD, STICK
 from receding_fenicsx.interface.normal_form import frictional_form
+from receding_fenicsx.interface.residual import residual_at_rest
+from receding_fenicsx.interface.system import ContactState, reactions
 
 pytestmark = pytest.mark.one_rank
 
@@ -50,6 +52,25 @@ def test_what_a_cycle_has_still_to_forget_is_that_of_cycles_played() -> None:
     assert len(moved.stops) == len(last.stops)
     for one, other in zip(moved.stops, last.stops, strict=True):
         assert np.abs(one.u - other.u).max() < 1e-5 * size
+
+
+def test_a_node_that_sticks_beyond_its_limit_slips_back_to_it() -> None:
+    frozen, x, cycle = frozen_contact(1 / 3)
+    system, start, load = frozen.segments.system, cycle.start, np.append(frozen.loop[0], x)
+    assert frozen.allowed(start) is start
+    i, u, states = (
+        int(np.flatnonzero(start.state == FORWARD)[0]),
+        start.u.copy(),
+        start.state.copy(),
+    )
+    u[i] -= 1e-6 * frozen.force / system.diagonal[i]
+    states[i] = STICK
+    beyond = ContactState(u, reactions(system, load, u), states)
+    assert residual_at_rest(system, beyond, frozen.force) > 1e-9
+    back = frozen.allowed(beyond)
+    assert back is not None and back.state[i] == FORWARD and back.v[i] > beyond.v[i]
+    assert residual_at_rest(system, back, frozen.force) < 1e-13
+    assert np.abs(back.r - reactions(system, load, back.u)).max() < 1e-13 * frozen.force
 
 
 @pytest.mark.parametrize("minimum", [0.05, 1 / 3])

@@ -13,8 +13,9 @@ from receding_fenicsx.evolution.limit.frozen_cycle import FrozenCycle, MovedCycl
 from receding_fenicsx.evolution.limit.frozen_segments import FrozenSegments
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.legs import LegProblem
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.unloading import carries_nothing
-from receding_fenicsx.interface.law import SEPARATION
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.rigid_motions import neutral_motions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
@@ -210,8 +211,28 @@ class Frozen:
         """Return a state at the start of a cycle displaced by (2N,) where the law allows that."""
         system, u = self.segments.system, state.u + by
         there = ContactState(u, reactions(system, np.append(self.loop[0], shifts), u), state.state)
-        return there if self.allows(there) else state
+        allowed = self.allowed(there)
+        return state if allowed is None else allowed
 
-    def allows(self, state: ContactState) -> bool:
+    def allowed(self, state: ContactState) -> ContactState | None:
+        """Return a state at the start of a cycle, moved on where nodes stick beyond their limits.
+
+        They slip back to their limits. None where the law does not allow what comes of it.
+        """
+        if self._is_allowed(state):
+            return state
+        segments, n, states = self.segments, self.system.n, state.state.copy()
+        A, B = segments.margins(state)[2 * n :].reshape(2, n)
+        stuck = segments.frictional & (state.state == STICK)
+        states[stuck & (A < 0.0)] = FORWARD
+        states[stuck & (B < 0.0)] = BACKWARD
+        try:
+            change = segments.tableau(states).correction(state.r)[: 2 * n]
+        except SingularExchange:
+            return None
+        slipped = ContactState(state.u + change, state.r + self.system.K @ change, states)
+        return slipped if self._is_allowed(slipped) else None
+
+    def _is_allowed(self, state: ContactState) -> bool:
         """Return whether the law allows a state at the start of a cycle."""
         return residual_at_rest(self.segments.system, state, self.force) <= EVENT_RESIDUAL

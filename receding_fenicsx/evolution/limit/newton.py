@@ -158,9 +158,8 @@ def approach(
     moving = np.searchsorted(frozen.nodes, frozen.shifted)
     k = local_stiffness(frozen.system)[0][frozen.shifted]
     x, steps, unsettled, met = guess, 0, 0, False
-    if near is not None and frozen.allows(near):
-        state = near
-    else:
+    state = None if near is None else frozen.allowed(near)
+    if state is None:
         state = frozen.shift(start, np.zeros_like(x), x)
     while steps <= MAX_STEPS and unsettled <= MAX_UNSETTLED:
         cycle = frozen.cycle(state, x)
