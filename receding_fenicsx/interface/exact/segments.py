@@ -19,7 +19,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.balance import BalanceCheck
 from receding_fenicsx.interface.exact.legs import Change
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.tableau import A, B, Tableau
+from receding_fenicsx.interface.exact.tableau import ONE_BY_ONE, A, B, Tableau
 from receding_fenicsx.interface.law import (
     BACKWARD,
     FORWARD,
@@ -250,6 +250,11 @@ class Segments:
     def known(self, state: States, direction: Array) -> Segment | None:
         """Return the same if they are remembered."""
         return self._known.get((state.tobytes(), direction.tobytes()))
+
+    def is_near(self, state: States) -> bool:
+        """Return whether the tableau is brought to the given states by a few exchanges."""
+        tableau = self._tableau
+        return tableau is not None and np.count_nonzero(tableau.state != state) <= ONE_BY_ONE
 
     def tableau_for(self, state: States, direction: Array) -> Tableau | None:
         """Return the tableau if it stands at the given states and has such rates at hand."""

@@ -261,7 +261,7 @@ class Walk:
     def finish(self, at_rest: bool = False) -> Leg:
         """Return the leg, its reactions evaluated afresh and its residual checked.
 
-        Round-off is removed after a leg on which the tableau has worked, and where it is not small.
+        Round-off is removed where the tableau is near, and where it is not small.
 
         Args:
             at_rest: the leg ends at complete unloading, just beyond the present point.
@@ -296,7 +296,7 @@ class Walk:
 
     def _refined_end(self) -> ContactState:
         """Return the state at the present point, round-off removed where it matters."""
-        if not self.is_known or not self.round_off.is_small():
+        if self.segments.is_near(self.point.state) or not self.round_off.is_small():
             end = self.round_off.remove()
         else:
             end = self.point.contact_state()
