@@ -72,8 +72,12 @@ class Sides(NamedTuple):
 
     def after(self, changes: Iterable[Change]) -> Sides:
         """Return the sides after several changes of state, of which the last of a node counts."""
-        sides = self
-        new_states = {i: new for i, _, new in changes}
-        for side in (STICK, FORWARD, BACKWARD, SEPARATION):
-            sides = sides.put(sum(1 << i for i, new in new_states.items() if new == side), side)
-        return sides
+        changed = [0] * (1 + max(STICK, FORWARD, BACKWARD, SEPARATION))
+        for i, new in {i: new for i, _, new in changes}.items():
+            changed[new] |= 1 << i
+        others = ~sum(changed)
+        return Sides(
+            self.forward & others | changed[FORWARD],
+            self.backward & others | changed[BACKWARD],
+            self.open & others | changed[SEPARATION],
+        )

@@ -104,8 +104,8 @@ class UniquenessWatch:
         self.found, self.in_steps = found, in_steps
         self.certificate = Certificate(system)
         self._instants = InstantsOfLegs()
-        self._whole_legs = WholeLegs(self.certificate, LARGE_MARGIN)
         self._patterns: list[Pattern] = []
+        self._whole_legs = WholeLegs(self.certificate, LARGE_MARGIN, self._patterns)
         # of no smaller margin than the one that is found
         self._larger: list[Pattern] = []
         self.indefinite: set[Sides] = set()
@@ -205,14 +205,15 @@ class UniquenessWatch:
         way, (start, events, touching) = direction.tobytes(), path
         if not self._jumps and not touching:
             places, *changed = zip(*events, strict=True) if events else [()]
-            leg = start.tobytes(), list(map(gt, places, [0.0, *places])), changed
+            later = list(map(gt, places, [0.0, *places]))
+            leg = start.tobytes(), later, changed
             if self._last.get(way) == leg:
                 return
             self._last[way] = leg
             if not self.in_steps:
-                at_start = [event for event in events if event[0] <= 0.0]
-                if self._whole_legs.hold(way, start, events, len(at_start)):
-                    events = at_start
+                first = later.index(True) if True in later else len(later)
+                if self._whole_legs.hold(way, start, events, first):
+                    events = events[:first]
         instants = self._instants.new(way, start, events, touching, self._is_finite)
         few = [instant for instant in instants if len(instant.touching) <= MOST_TOUCHING]
         sets = {id(i): list(i.sets(self.certificate)) for i in few}

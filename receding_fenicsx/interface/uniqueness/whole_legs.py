@@ -154,14 +154,15 @@ def extent(judge: Certificate, state: States, events: list[Event]) -> Extent | N
 class WholeLegs:
     """Certifies whole legs; remembers one pattern for each direction of the loads."""
 
-    def __init__(self, judge: Certificate, margin: float) -> None:
+    def __init__(self, judge: Certificate, margin: float, patterns: list[Pattern]) -> None:
         """Begin with nothing known.
 
         Args:
             judge: certificate of the contact.
             margin: factor on friction with which a leg is to be definite.
+            patterns: those of this margin, to which those of legs are added.
         """
-        self._judge, self._margin = judge, margin
+        self._judge, self._margin, self._patterns = judge, margin, patterns
         self._known: dict[bytes, Known | None] = {}
 
     def hold(self, way: bytes, start: States, events: list[Event], first: int) -> bool:
@@ -190,6 +191,7 @@ class WholeLegs:
         for nodes in (known.extent.united(leg), leg) if known else (leg,):
             pattern = self._certified(nodes)
             if pattern is not None:
+                self._patterns.insert(0, pattern)
                 self._known[way] = Known(nodes, pattern, set())
                 return True
         self._known[way] = None
