@@ -11,6 +11,7 @@ are exact. Stops are collected and added up many at once, to save time.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -57,6 +58,12 @@ class Rates(NamedTuple):
     resisting: Array
     stroke: Array
     imbalance: Array
+
+
+def sum_rows(rows: Array) -> None:
+    """Add to each row all rows before it, in less time than ``cumsum`` takes."""
+    for before, row in pairwise(rows):
+        np.add(row, before, out=row)
 
 
 class Sums:
@@ -114,31 +121,43 @@ class Sums:
         if len(places) == len(self._y):
             self.add_up()
 
-    def rates(self, segments: list[Segment], q: Array) -> tuple[Array, Rates]:
-        """Return the rates of the quantities, and of the integrals, along segments.
+    def add_stops(self, s: list[float], y: Array, states: NDArray[np.int8]) -> None:
+        """Record m stops: their places, the quantities (m, 4N), the states (m, N) on the ways."""
+        while s:
+            begin = len(self._places)
+            k = min(len(s), len(self._y) - begin)
+            self._y[begin : begin + k] = y[:k]
+            self._places += s[:k]
+            self._states += list(states[:k])
+            if len(self._places) == len(self._y):
+                self.add_up()
+            s, y, states = s[k:], y[k:], states[k:]
 
-        Args:
-            segments: k segments; what is watched and the imbalance are computed once and kept.
-            q: (k, 4N) their rates of y.
+    def rates(self, segments: list[Segment]) -> tuple[Array, Rates]:
+        """Return the rates of the quantities, and of the integrals, along k segments.
+
+        What is watched and the imbalance are computed once and kept.
 
         Returns:
             (k, 4N + watched) rates of y and of the watched quantities, and those of the integrals.
         """
         n, (a, b) = self.system.n, self.problem.ends
-        new = [k for k, segment in enumerate(segments) if segment.checked is None]
+        new = [segment for segment in segments if segment.checked is None]
         if new:
-            fresh = q[new]
-            made = self.segments.balance.errors(fresh, b - a, of_rates=True)
+            q = np.array([segment.q for segment in new])
+            made = self.segments.balance.errors(q, b - a, of_rates=True)
             if self.watch is not None:
                 on_u, on_load = np.hsplit(self.watch.rows, [2 * n])
-                made = np.hstack([fresh[:, : 2 * n] @ on_u.T + on_load @ (b - a), made])
-            for k, checked in zip(new, made, strict=True):
-                segments[k].checked = checked
-        table = np.hstack([q, np.array([segment.checked for segment in segments], dtype=float)])
+                made = np.hstack([q[:, : 2 * n] @ on_u.T + on_load @ (b - a), made])
+            for segment, row in zip(new, made, strict=True):
+                segment.checked = row
+        checked = np.array([segment.checked for segment in segments], dtype=float)
+        table = np.empty((len(segments), 4 * n + checked.shape[1]))
+        y, table[:, 4 * n :] = table[:, : 4 * n], checked
+        np.stack([segment.q for segment in segments], out=y)
         rows, imbalance = table[:, :-RANDOM_SUMS], table[:, -RANDOM_SUMS:]
-        y = rows[:, : 4 * n]
         stroke = y[:, : 2 * n] @ self.system.r_star.T
-        return rows, Rates(rows[:, :n], self._resisting(y), stroke, imbalance)
+        return rows, Rates(y[:, :n], self._resisting(y), stroke, imbalance)
 
     def add_segments(self, h: Array, s: Array, y: Array, rates: Rates) -> None:
         """Add segments at whose ends nothing is suspected, nor any watched quantity near its limit.
@@ -153,10 +172,10 @@ class Sums:
         """
         self.add_up()
         m, (a, b) = len(h), self.problem.ends
-        grown = h[:, None] * rates.resisting[:m]
-        middle = grown.cumsum(axis=0)
-        grown *= 0.5
-        middle -= grown
+        middle = h[:, None] * rates.resisting[:m]
+        half = 0.5 * middle
+        sum_rows(middle)
+        middle -= half
         middle += self._resisting(y)
         middle *= rates.slip[:m]
         self.dissipation += h @ middle

@@ -21,7 +21,7 @@ from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.accumulate import Sums
+from receding_fenicsx.interface.exact.accumulate import Sums, sum_rows
 from receding_fenicsx.interface.exact.consistency import ConsistentStates, state_after
 from receding_fenicsx.interface.exact.legs import SIMULTANEOUS, Change, Course, PathPoint
 from receding_fenicsx.interface.exact.replay.chain import leading
@@ -299,7 +299,7 @@ class Ahead:
         y = np.empty_like(q)
         y[0] = point.y
         np.multiply(h[:, None], q[:-1], out=y[1:])
-        np.add.accumulate(y, axis=0, out=y)
+        sum_rows(y)
         passed = passed_by_round_off(segments, sums.force_scale)
         at_event = np.abs(y[event + 1, labels])
         y[event + 1, labels] = 0.0
@@ -321,7 +321,7 @@ class Ahead:
             if point.problem.samples:
                 course.stops.append((place, point.displacements(y[k + 1])))
             course.add_events(place, step.changes)
-            sums.add_stop(place, y[k + 1], found.states[k])
+        sums.add_stops(places, y[1 : m + 1], found.states[:m])
         point.s, point.y[:], point.state = places[-1], y[m], steps[-1].state
         # what has reached its limit and stays there is exactly zero
         reached = labels[:m]

@@ -38,18 +38,17 @@ class Chain:
     """
 
     def __init__(self, segments: list[Segment], following: list[Following]) -> None:
-        """Stack the rates."""
+        """Stack the rates of the quantities that reach their limits."""
         self.segments, self.following, self.missed = segments, following, 0
         self.labels = np.array([step.label for step in following])
-        self.rows = np.array([segment.q for segment in segments])
-        self.triangle = self.rows[:, self.labels].T
+        self.triangle = np.array([segment.q[self.labels] for segment in segments]).T
         self.is_complete = False
 
     def complete(self, sums: Sums) -> None:
         """Make what the verification of its events needs."""
         k, n, following = len(self.labels), sums.system.n, self.following
         self.is_complete = True
-        self.rows, self.rates = sums.rates(self.segments, self.rows)
+        self.rows, self.rates = sums.rates(self.segments)
         ends = self.rows[:, n:] < 0.0
         ends[:-1] &= ~ends[1:]
         ends[np.arange(k), self.labels - n] = False
@@ -57,7 +56,7 @@ class Chain:
         at, low = np.divmod(ends.ravel().nonzero()[0], ends.shape[1])
         self.low = low + n
         self.fall = self.rows[:, self.low]
-        self.fall *= np.arange(k)[:, None] <= at
+        np.copyto(self.fall, 0.0, where=np.arange(k)[:, None] > at)
         changes = [change for step in following for change in step.changes]
         self.changes = tuple(zip(*changes, strict=True))
         self.event_of = np.repeat(np.arange(k), [len(step.changes) for step in following])
@@ -77,7 +76,7 @@ class Chain:
         return held if 2 * held >= k and self.missed < MISSED else 0
 
     def part(self, begin: int) -> Chain:
-        """Return the part of a complete chain behind its first events."""
+        """Return the part behind its first events."""
         one = copy(self)
         one.segments, one.following = self.segments[begin:], self.following[begin:]
         one.labels, one.rows = self.labels[begin:], self.rows[begin:]

@@ -133,11 +133,7 @@ class Replay:
         holding = 0 if place is None else place[0].holding(place[1], longest)
         if place is not None and holding >= WORTH_WHILE:
             chain, begin = place
-            if begin == 0:
-                return chain, holding
-            if not chain.is_complete:
-                chain.complete(self._sums)
-            return chain.part(begin), holding
+            return (chain.part(begin) if begin else chain), holding
         longest = max(longest, WORTH_WHILE)
         steps: list[Following] = []
         step = segment.last
@@ -148,8 +144,7 @@ class Replay:
             self._wait = max(len(steps), SHORTEST_PAUSE)
             return None, 0
         segments = [segment, *(step.segment for step in steps[:-1])]
-        self._chains.keep(chain := Chain(segments, steps))
-        return chain, len(steps)
+        return Chain(segments, steps), len(steps)
 
     def _adapt(self, segment: Segment, passed: int) -> None:
         """Adapt the length of the next replay from here, and how long to wait for any other."""
@@ -188,6 +183,7 @@ class Replay:
             return h[:0], y
         if not chain.is_complete:
             chain.complete(self._sums)
+            self._chains.keep(chain)
         rows = chain.rows
         if self._sums.watch is not None:
             now = np.concatenate([point.displacements(y), point.load])

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dtrtrs
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.accumulate import Rates
+from receding_fenicsx.interface.exact.accumulate import Rates, sum_rows
 from receding_fenicsx.interface.exact.reduction import Reduction
 from receding_fenicsx.interface.exact.replay.chain import Chain
 from receding_fenicsx.interface.exact.replay.events import floors, passed_by_round_off
@@ -96,7 +96,7 @@ def known_leg(walk: Walk, following: list[Following], leg: Leg) -> KnownLeg:
     first, turned = walk.first
     chain = Chain([first, *(step.segment for step in following[:-1])], following)
     chain.complete(walk.sums)
-    _, last = walk.sums.rates([walk.last], walk.last.q[None])
+    _, last = walk.sums.rates([walk.last])
     rates = Rates(*map(np.vstack, zip(chain.rates, last, strict=True)))
     slipping = np.flatnonzero((rates.slip != 0.0).any(axis=0) & walk.segments.frictional)
     a, b = walk.problem.ends
@@ -189,9 +189,10 @@ def dissipated(one: KnownLeg, h: Array, y: Array, shares: list[Array]) -> Array:
     """Return the dissipation of the slipping nodes along segments of lengths h from y (4n,)."""
     n, at = len(y) // 4, one.slipping
     start = y[3 * n + at] * shares[1][at] - y[2 * n + at] * shares[0][at]
-    grown = h[:, None] * one.resisting
-    middle = grown.cumsum(axis=0)
-    middle -= 0.5 * grown
+    middle = h[:, None] * one.resisting
+    half = 0.5 * middle
+    sum_rows(middle)
+    middle -= half
     middle += start
     middle *= one.slip
     dissipation: Array = h @ middle
