@@ -18,6 +18,7 @@ from problems import (
     Outcome,
     Problem,
     judge,
+    limited,
     oblique,
     play,
     problem,
@@ -143,6 +144,16 @@ def test_jumps_that_are_hardly_told_from_round_off_are_no_objection() -> None:
 def test_a_first_loading_whose_pivots_end_in_a_singular_block_is_solved() -> None:
     """Solving for z again gave 1e17, whose round-off excused all."""
     assert judge(problem(1050272)).verdict == ACCEPTED
+
+
+def test_an_event_at_the_place_of_a_jump_is_told_once() -> None:
+    """In cycle 5 a node begins to slip just where the contact jumps, and sticks behind."""
+    assert judge(limited(problem(1110647))) == Outcome(ACCEPTED, "with jumps")
+
+
+def test_an_unloaded_free_body_does_not_float_off_in_load_steps() -> None:
+    """Sweeps left it lifted by a third of what it had moved by on the step."""
+    assert judge(problem(1120300)).verdict == ACCEPTED
 
 
 @pytest.mark.parametrize("number", [464364, 621228])

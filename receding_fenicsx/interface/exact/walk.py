@@ -250,12 +250,19 @@ class Walk:
             raise self.states.error(point.state, np.zeros(0, dtype=np.intp))
 
     def stop_here(self) -> Leg:
-        """Return the leg up to the place where the path ends.
+        """Return the leg up to the place where the path ends, in the states on the way there.
 
         Raises:
             SolveError: the residual is above its tolerance.
         """
-        self.point.state = self.sums.state.copy()
+        events, last = self.course.events, self.sums.state
+        state = self.problem.start.state.copy()
+        for _, i, _, new in events:
+            state[i] = new
+        while events and not np.array_equal(state, last):
+            _, i, old, _ = events.pop()
+            state[i] = old
+        self.point.state = last.copy()
         return self.finish()
 
     def finish(self, at_rest: bool = False) -> Leg:

@@ -79,10 +79,12 @@ class StepTrials:
         path = self.continuation.follow(leg.rest(s, scale), s_to, leg.limit)
         is_smallest = s_to - s <= 1.5 * SMALLEST_PART
         if path.error is None:
-            near = None if step is None else self._nearest(leg, load, path.end, step)
+            # where nothing presses a free body sweeps may leave it anywhere off its plane
+            allowed = SMALL_STEP_ERROR if path.at_rest else STEP_ERROR
+            near = None if step is None else self._nearest(leg, load, path.end, step, allowed)
             if near is not None:
                 return Trial(near, s_to)
-            if is_smallest or step is None:
+            if is_smallest or step is None or path.at_rest:
                 return Trial(path.finish(), s_to)
             return Trial(None, 0.5 * (s + s_to))
         unloaded = s == 0.0 and not np.any(leg.problem.ends[0])
@@ -118,9 +120,9 @@ class StepTrials:
         return step
 
     def _nearest(
-        self, leg: LegInSteps, load: Array, exact: ContactState, step: Step
+        self, leg: LegInSteps, load: Array, exact: ContactState, step: Step, allowed: float
     ) -> Step | None:
-        """Return the step that ends nearest to the exact path, None where none is near.
+        """Return the step that ends nearest to the exact path, None where the error is too large.
 
         Where sweeps from the start of the step have not ended there, those from its end may.
         """
@@ -134,4 +136,4 @@ class StepTrials:
             return step
         with suppress(NotConverged):
             step = min(step, self._solve(leg, load, exact), key=error)
-        return step if error(step) <= STEP_ERROR else None
+        return step if error(step) <= allowed else None
