@@ -17,6 +17,7 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import (
 )
 from receding_fenicsx.interface.load_steps.continuation import LIMIT_TOLERANCE, Continuation
 from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
+from receding_fenicsx.interface.residual import is_carried_by_round_off
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 SMALLEST_PART = 1e-9
@@ -117,6 +118,8 @@ class StepTrials:
             options = replace(options, stalled_sweeps=options.max_sweeps)
         step = solve_step(self.system, leg.end, load, options, scale, guess)
         leg.leg.sweeps += step.sweeps
+        if is_carried_by_round_off(self.system, step.end.u, step.force_scale):
+            raise Stalled("the sweeps have moved the body off, and only round-off balances the loads")
         return step
 
     def _nearest(
