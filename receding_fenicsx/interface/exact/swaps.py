@@ -13,6 +13,8 @@ are used where they balance; if not, they are left to the tableau.
 
 from __future__ import annotations
 
+from scipy.linalg.blas import daxpy
+
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.legs import Change
 from receding_fenicsx.interface.exact.segments import Following, Segment, Segments, States
@@ -148,8 +150,8 @@ def _fourth(
     y = fallen / rest
     x = -ratio * y
     q = (1.0 - x - y) * q0
-    q += x * q1
-    q += y * q2
+    daxpy(q1, q, a=x)  # in place, as q is contiguous
+    daxpy(q2, q, a=y)
     q[into] = q[out] = 0.0
     if not segments.balances(q, direction):
         return None

@@ -132,7 +132,8 @@ class Walk:
                     self.last = segment
                     return
             ds = s_end - point.s if last else max(first, 0.0)
-            self.course.sample(point, segment.q, point.s + ds)
+            if self.course.sample_at:
+                self.course.sample(point, segment.q, point.s + ds)
             self._advance(segment, ds)
             if last:
                 point.s, self.last = s_end, segment

@@ -119,7 +119,7 @@ class StepTrials:
         step = solve_step(self.system, leg.end, load, options, scale, guess)
         leg.leg.sweeps += step.sweeps
         if is_carried_by_round_off(self.system, step.end.u, step.force_scale):
-            raise Stalled("the sweeps have moved the body off, and only round-off balances the loads")
+            raise Stalled("the sweeps moved the body off; only round-off balances the loads")
         return step
 
     def _nearest(
