@@ -256,7 +256,8 @@ def test_only_a_slip_that_begins_at_the_end_is_left_out(
         now = ContactState(np.array([v, 0.0]), np.array([-0.5, 1.0]), states)
         return instant(model, (2, leg, 1.0), np.ones(1), now)
 
-    corners = [at(0, 0.1, before), at(1, 0.1 + slip, FORWARD)]
+    corners = [at(0, 0.1, before)._replace(load=np.zeros(1)), at(1, 0.1 + slip, FORWARD)]
+    corners.append(corners[-1]._replace(leg=2))  # on which nothing moves
     event = Event(2, 1, 1.0 - 1e-14, np.ones(1), 0, STICK, FORWARD)
     cycle = FinishedCycle(
         corners, np.zeros(1), np.zeros(1), 0.0, Totals(force_scale=1.0, events=5),

@@ -50,7 +50,9 @@ def sticking_at_end(
         cycle: the cycle.
         states: (N,) the states, see :func:`may_stick`.
     """
-    (before, end), samples = cycle.corners[-2:], cycle.samples
+    *corners, end = cycle.corners
+    samples, moving = cycle.samples, [c for c in corners if not np.array_equal(c.load, end.load)]
+    before = (moving or corners)[-1]
     sticking = np.flatnonzero(states != end.state.state)
     slip = local_stiffness(model)[0] * np.abs(end.v - before.v)
     begins = (before.state.state == STICK) & (slip <= EVENT_RESIDUAL * cycle.totals.force_scale)

@@ -15,7 +15,7 @@ from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.unloading import carries_nothing
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
 from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.rigid_motions import neutral_motions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
@@ -217,18 +217,21 @@ class Frozen:
     def allowed(self, state: ContactState) -> ContactState | None:
         """Return a state at the start of a cycle, moved on where nodes stick beyond their limits.
 
-        They slip back to their limits. None where the law does not allow what comes of it.
+        They slip back to their limits. None where the law does not allow what comes of it, or one
+        of them would slip the other way.
         """
         if self._is_allowed(state):
             return state
         segments, n, states = self.segments, self.system.n, state.state.copy()
-        A, B = segments.margins(state)[2 * n :].reshape(2, n)
+        passed = segments.margins(state) < -segments.limit * self.force
         stuck = segments.frictional & (state.state == STICK)
-        states[stuck & (A < 0.0)] = FORWARD
-        states[stuck & (B < 0.0)] = BACKWARD
+        states[stuck & passed[2 * n : 3 * n]] = FORWARD
+        states[stuck & passed[3 * n :]] = BACKWARD
         try:
             change = segments.tableau(states).correction(state.r)[: 2 * n]
         except SingularExchange:
+            return None
+        if np.any((SLIP_SIGN[states] * change[:n])[states != state.state] < 0.0):
             return None
         slipped = ContactState(state.u + change, state.r + self.system.K @ change, states)
         return slipped if self._is_allowed(slipped) else None

@@ -119,7 +119,7 @@ class RoundOff:
         point, self._events = self._point, 0
         self._sums.add_up()
         self.remove()
-        self._sums.restart(point.s, point.y, point.state)
+        self._sums.restart(point.s, point.y, self._sums.state)
 
     def remove(self, steps: int = 1) -> ContactState:
         """Correct the displacements by iterative refinement; return the state."""

@@ -85,8 +85,11 @@ class StepTrials:
             near = None if step is None else self._nearest(leg, load, path.end, step, allowed)
             if near is not None:
                 return Trial(near, s_to)
-            if is_smallest or step is None or path.at_rest:
+            if is_smallest or step is None:
                 return Trial(path.finish(), s_to)
+            if path.at_rest:
+                with suppress(SolveError):
+                    return Trial(path.finish(), s_to)
             return Trial(None, 0.5 * (s + s_to))
         unloaded = s == 0.0 and not np.any(leg.problem.ends[0])
         if step is not None and unloaded and isinstance(path.error, NoEquilibrium):
