@@ -50,8 +50,9 @@ are no load steps. The method, from top to bottom:
      W = \sum_k \tfrac12 (\lambda_k^a + \lambda_k^b)\, r^*_k \cdot (u^b - u^a) .$$
    The residual of the contact law is checked at every event.
 7. **Round-off** (`round_off`: `RoundOff`). The imbalance of $y$ is measured every few events and
-   removed by one step of iterative refinement where it has grown, and at ends of legs.
-   `Walk.finish` evaluates the reactions afresh and checks the residual.
+   removed by one step of iterative refinement where it has grown, and at ends of legs where
+   the tableau is near or it is not small. `Walk.finish` evaluates the reactions afresh and checks
+   the residual.
 8. **Nodes that keep their state** (`reduction`: `reduce`). Deep in a stick or separation zone nodes
    keep their states through whole cycles. They are eliminated, and watched at every event.
 9. **No continuation** (`failures`, `jumps`). Where no states are consistent, `failures.explain`

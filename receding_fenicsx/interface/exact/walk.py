@@ -260,7 +260,7 @@ class Walk:
         state = self.problem.start.state.copy()
         for _, i, _, new in events:
             state[i] = new
-        while events and not np.array_equal(state, last):
+        while not np.array_equal(state, last):
             _, i, old, _ = events.pop()
             state[i] = old
         self.point.state = last.copy()
