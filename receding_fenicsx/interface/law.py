@@ -111,7 +111,8 @@ class Friction:
 
     def clip(self, Q: Array, P: Array) -> Array:
         """Return the tangential reaction nearest to Q within the limits at the pressure P."""
-        return np.clip(Q, *self.limits(P))
+        low, high = self.limits(P)
+        return np.minimum(np.maximum(Q, low), high)
 
     def at_slip(self, state: NDArray[np.integer]) -> Array:
         """Return the signed coefficient c of slipping nodes, Q = -c P; 0 in other states."""

@@ -147,14 +147,14 @@ class Sums:
             q = np.array([segment.q for segment in new])
             made = self.segments.balance.errors(q, b - a, of_rates=True)
             if self.watch is not None:
-                on_u, on_load = np.hsplit(self.watch.rows, [2 * n])
+                on_u, on_load = self.watch.rows[:, : 2 * n], self.watch.rows[:, 2 * n :]
                 made = np.hstack([q[:, : 2 * n] @ on_u.T + on_load @ (b - a), made])
             for segment, row in zip(new, made, strict=True):
                 segment.checked = row
         checked = np.array([segment.checked for segment in segments], dtype=float)
         table = np.empty((len(segments), 4 * n + checked.shape[1]))
         y, table[:, 4 * n :] = table[:, : 4 * n], checked
-        np.stack([segment.q for segment in segments], out=y)
+        y[:] = np.array([segment.q for segment in segments])
         rows, imbalance = table[:, :-RANDOM_SUMS], table[:, -RANDOM_SUMS:]
         stroke = y[:, : 2 * n] @ self.system.r_star.T
         return rows, Rates(y[:, :n], self._resisting(y), stroke, imbalance)
@@ -211,7 +211,8 @@ class Sums:
         slip = u[1:, :n] - u[:-1, :n]
         resisting = self._resisting(y)
         self.dissipation += 0.5 * np.einsum("ij,ij->j", resisting[1:] + resisting[:-1], slip)
-        stroke = np.diff(u @ self.system.r_star.T, axis=0)
+        stroke = u @ self.system.r_star.T
+        stroke = stroke[1:] - stroke[:-1]
         self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
         return u, load, slip
 

@@ -380,14 +380,14 @@ class Ahead:
         time, falling = -1.0 / q.ravel()[flat], flat % width
         begin = flat.searchsorted(width * np.arange(m + 2)).tolist()
         # the rates of all are kept in one piece
-        q, states = q[1 : m + 1].copy(), found.states[1 : m + 1].copy()
+        q, states, nothing = q[1 : m + 1].copy(), found.states[1 : m + 1].copy(), falling[:0]
         for k, (label, changes) in enumerate(zip(found.labels[:m], found.changes, strict=False)):
             state, step, following = states[k], segment.next.get(label), found.known[k]
             if step is not None and step.segment is not following:
                 break
             if following is None:
                 part = slice(begin[k + 1], begin[k + 2])
-                following = Segment(q[k], falling[part], time[part], falling[:0])
+                following = Segment(q[k], falling[part], time[part], nothing)
                 segments.trials += 1
                 segments.keep(state, direction, following)
             elif len(following.reversed_nodes):

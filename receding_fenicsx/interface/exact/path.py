@@ -253,7 +253,7 @@ class EventPath:
         """Remember which nodes changed state on a leg in this direction."""
         changed = self.changed.setdefault(direction.tobytes(), np.zeros(self.system.n, dtype=bool))
         changed[[i for _, i, _, _ in leg.events]] = True
-        opened = [i for _, i, old, new in leg.events if SEPARATION in (old, new)]
+        opened = [i for _, i, old, new in leg.events if old == SEPARATION or new == SEPARATION]
         self._opened[opened] = True
 
     def _walk_reduced(self, problem: LegProblem) -> Leg | None:

@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy, dgemm, dscal
-from scipy.linalg.lapack import dgetrf, dgetrs
+from scipy.linalg.lapack import dgetrf, dgetri
 
 from receding_fenicsx.arrays import Array
 
@@ -158,18 +158,20 @@ class PivotMatrix:
         size = np.abs(lu.diagonal())
         if size.min() <= SINGULAR_PIVOT * max(1.0, size.max()):
             return False
-        inverse = dgetrs(lu, piv, np.eye(e))[0]
+        inverse = dgetri(lu, piv)[0]
         if e <= MANY * min(T.shape):
             R = inverse @ R
             # T is row-major: its transpose is what BLAS sees as a column-major matrix
             dgemm(-1.0, R.T, C, beta=1.0, c=T.T, trans_b=1, overwrite_c=1)
             T[i], T[:, j] = -R, C @ inverse
+            T[np.ix_(i, j)] = inverse
         else:
             other, kept = np.delete(np.arange(len(T)), i), np.delete(np.arange(T.shape[1]), j)
-            R, C = inverse @ R.take(kept, axis=1), C.take(other, axis=0)
-            T[np.ix_(other, kept)] -= C @ R
-            T[np.ix_(i, kept)], T[np.ix_(other, j)] = -R, C @ inverse
-        T[np.ix_(i, j)] = inverse
+            # whole rows are moved in less time than single entries
+            rest, C, change = T[other], C.take(other, axis=0), inverse @ R.take(kept, axis=1)
+            R[:, kept], R[:, j] = -change, inverse
+            rest[:, kept], rest[:, j] = rest.take(kept, axis=1) - C @ change, C @ inverse
+            T[i], T[other] = R, rest
         self.row_label[i], self.column_label[j] = inputs, outputs
         self.row_of[outputs] = self.column_of[inputs] = -1
         self.row_of[inputs], self.column_of[outputs] = i, j

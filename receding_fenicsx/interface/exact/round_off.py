@@ -91,10 +91,10 @@ class RoundOff:
             rates: (m or more, sums) of the imbalance along each.
         """
         point = self._point
-        errors = (h[:, None] * rates[: len(h)]).cumsum(axis=0)
-        errors += self._segments.balance.errors(point.y, point.load)
+        errors = (h * rates[: len(h)].T).cumsum(axis=1)  # along rows, which takes less time
+        errors += self._segments.balance.errors(point.y, point.load)[:, None]
         accepted = min(self._accepted(), EVENT_RESIDUAL * self._sums.force_scale)
-        holds: NDArray[np.bool_] = np.abs(errors).max(axis=1, initial=0.0) <= accepted
+        holds: NDArray[np.bool_] = np.abs(errors).max(axis=0, initial=0.0) <= accepted
         return holds
 
     def note_balanced(self) -> None:

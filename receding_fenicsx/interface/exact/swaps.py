@@ -153,10 +153,9 @@ def _fourth(
     daxpy(q1, q, a=x)  # in place, as q is contiguous
     daxpy(q2, q, a=y)
     q[into] = q[out] = 0.0
-    if not segments.balances(q, direction):
-        return None
-    found = segments.segment(with_b, q, direction)
-    segments.keep(with_b, direction, found)
+    found = segments.balanced(with_b, q, direction)
+    if found is not None:
+        segments.keep(with_b, direction, found)
     return found
 
 
