@@ -17,7 +17,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import daxpy, dgemm, dscal
-from scipy.linalg.lapack import dgetrf, dgetri
+from scipy.linalg.lapack import dgetrf, dgetrs
 
 from receding_fenicsx.arrays import Array
 
@@ -158,7 +158,7 @@ class PivotMatrix:
         size = np.abs(lu.diagonal())
         if size.min() <= SINGULAR_PIVOT * max(1.0, size.max()):
             return False
-        inverse = dgetri(lu, piv)[0]
+        inverse = dgetrs(lu, piv, np.eye(e))[0]
         if e <= MANY * min(T.shape):
             R = inverse @ R
             # T is row-major: its transpose is what BLAS sees as a column-major matrix
