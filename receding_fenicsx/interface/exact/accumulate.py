@@ -100,17 +100,28 @@ class Sums:
         self.start = point.y[: 2 * n] - np.concatenate([np.zeros(n), self.system.g0])
         self.watched = np.zeros(0, dtype=np.intp)
         self._y = np.empty((STOPS_AT_ONCE + 1, 4 * n))
-        self.restart(point.s, point.y, point.state)
+        self._begin(point.s, point.y, point.state)
 
     @property
     def state(self) -> States:
         """(N,) states on the way to the last stop."""
         return self._states[-1]
 
-    def restart(self, s: float, y: Array, state: States) -> None:
-        """Continue from a corrected point, with quantities y (4N,) and states."""
+    def _begin(self, s: float, y: Array, state: States) -> None:
+        """Start with one stop."""
         self._y[0] = y
-        self._places, self._states = [s], [state]
+        self._places, self._states, self._breaks = [s], [state], list[int]()
+
+    def restart(self, s: float, y: Array, state: States) -> None:
+        """Continue from another point, with quantities y (4N,) and states.
+
+        What lies between the last stop and there is not added up.
+        """
+        if len(self._places) == 1:
+            self._begin(s, y, state)
+        else:
+            self._breaks.append(len(self._places) - 1)
+            self.add_stop(s, y, state)
 
     def add_stop(self, s: float, y: Array, state: States) -> None:
         """Record a stop: its place, the quantities y (4N,), the states on the way there."""
@@ -170,7 +181,6 @@ class Sums:
             y: (4N,) quantities at the last stop.
             rates: of m segments or more.
         """
-        self.add_up()
         m, (a, b) = len(h), self.problem.ends
         middle = h[:, None] * rates.resisting[:m]
         half = 0.5 * middle
@@ -200,7 +210,7 @@ class Sums:
             y, u, load, slip = y[:-1], u[:-1], load[:-1], slip[:-1]
         if len(slip) and (self.check_all or self._suspected_error(y, load) > EVENT_RESIDUAL):
             self._check(u[1:], load[1:], slip, np.array(self._states[1 : len(u)]))
-        self.restart(self._places[-1], self._y[len(self._places) - 1], self._states[-1])
+        self._begin(self._places[-1], self._y[len(self._places) - 1], self._states[-1])
 
     def _integrate(self, s: Array, y: Array) -> tuple[Array, Array, Array]:
         """Add dissipation and work between stops; return displacements, loads and slips there."""
@@ -209,10 +219,12 @@ class Sums:
         if self.gaps:
             u = u - np.concatenate([np.zeros(n), self.system.g0])
         slip = u[1:, :n] - u[:-1, :n]
+        slip[self._breaks] = 0.0
         resisting = self._resisting(y)
         self.dissipation += 0.5 * np.einsum("ij,ij->j", resisting[1:] + resisting[:-1], slip)
         stroke = u @ self.system.r_star.T
         stroke = stroke[1:] - stroke[:-1]
+        stroke[self._breaks] = 0.0
         self.work += (0.5 * (load[1:] + load[:-1]) * stroke).sum(axis=0)
         return u, load, slip
 

@@ -289,7 +289,6 @@ class ConsistentStates:
         turn = middle(motions, y[n : 2 * n], open_)
         if turn is None:
             return False
-        self.sums.add_up()
         y[: 2 * n] += turn
         y[n : 2 * n][~open_] = 0.0
         self.sums.restart(point.s, y, before)

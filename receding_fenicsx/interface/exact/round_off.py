@@ -117,7 +117,6 @@ class RoundOff:
     def clear(self) -> None:
         """Remove the imbalance on the way; the correction does not count as slip."""
         point, self._events = self._point, 0
-        self._sums.add_up()
         self.remove()
         self._sums.restart(point.s, point.y, self._sums.state)
 

@@ -113,6 +113,7 @@ class UniquenessWatch:
         self._solved: set[bytes] = set()
         self._jumps: list[float] = []
         self._last: dict[bytes, tuple[object, ...]] = {}
+        self._begun: dict[bytes, tuple[object, ...]] = {}
         self._doubtful: list[tuple[bytes, Instant]] = []
         self._left = COUNTED
 
@@ -123,6 +124,7 @@ class UniquenessWatch:
         self._doubtful, self._left = [], COUNTED
         self._solved.clear()
         self._last.clear()
+        self._begun.clear()
 
     def add(
         self,
@@ -212,8 +214,12 @@ class UniquenessWatch:
             self._last[way] = leg
             if not self.in_steps:
                 first = later.index(True) if True in later else len(later)
-                if self._whole_legs.hold(way, start, events, first):
+                if self._whole_legs.hold(way, start, events, first, all(later[first:])):
                     events = events[:first]
+                    begun = leg[0], [part[:first] for part in changed]
+                    if self._begun.get(way) == begun:
+                        return
+                    self._begun[way] = begun
         instants = self._instants.new(way, start, events, touching, self._is_finite)
         few = [instant for instant in instants if len(instant.touching) <= MOST_TOUCHING]
         sets = {id(i): list(i.sets(self.certificate)) for i in few}

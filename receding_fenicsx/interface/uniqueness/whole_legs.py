@@ -76,17 +76,19 @@ class Known(NamedTuple):
     pattern: Pattern
     changes: set[Change]
 
-    def holds(self, judge: Certificate, state: States, events: list[Event]) -> bool:
+    def holds(self, judge: Certificate, state: States, events: list[Event], apart: bool) -> bool:
         """Return whether the pattern holds a leg, where that is seen from single changes.
 
         Args:
             judge: certificate of the contact.
             state: (N,) states after the start of the leg.
             events: its changes of state after the start, in order.
+            apart: no two of them are at one place.
         """
-        together = {event[1:] for a, b in pairwise(events) if a[0] == b[0] for event in (a, b)}
-        if any(map(turns, together)) or len({i for i, _, _ in together}) < len(together):
-            return False
+        if not apart:
+            together = {event[1:] for a, b in pairwise(events) if a[0] == b[0] for event in (a, b)}
+            if any(map(turns, together)) or len({i for i, _, _ in together}) < len(together):
+                return False
         forward, backward, open_ = Sides.of(state).of_nodes(judge.rubbing)
         at_start = Extent(forward, backward, 0, open_, open_)
         if not at_start.within(self.pattern):
@@ -165,7 +167,7 @@ class WholeLegs:
         self._judge, self._margin, self._patterns = judge, margin, patterns
         self._known: dict[bytes, Known | None] = {}
 
-    def hold(self, way: bytes, start: States, events: list[Event], first: int) -> bool:
+    def hold(self, way: bytes, start: States, events: list[Event], first: int, apart: bool) -> bool:
         """Return whether all sets of states of a leg, but for its start, are definite.
 
         Args:
@@ -173,6 +175,7 @@ class WholeLegs:
             start: (N,) states at its start.
             events: its changes of state, in order.
             first: the first of them after the start.
+            apart: no two from there on are at one place.
         """
         known, judge = self._known.get(way), self._judge
         if way in self._known and known is None:
@@ -180,7 +183,7 @@ class WholeLegs:
         state, at_start, events = start.copy(), events[:first], events[first:]
         for _, i, _, new in at_start:
             state[i] = new
-        if known and known.holds(judge, state, events):
+        if known and known.holds(judge, state, events, apart):
             return True
         leg = extent(judge, state, events)
         if leg is None:
