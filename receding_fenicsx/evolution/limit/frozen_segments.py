@@ -45,7 +45,7 @@ class FrozenSegments(Segments):
 
     def _rates(self, state: States, direction: Array) -> Array:
         q = self._taken_over(state, direction)
-        if q is not None and self.balances(q, direction):
+        if q is not None and self.balances(q, direction, q * self.weight):
             return q
         return super()._rates(state, direction)
 

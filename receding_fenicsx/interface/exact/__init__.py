@@ -27,8 +27,8 @@ are no load steps. The method, from top to bottom:
    column $C$, the row $R$ and the pivot $D$ where they meet,
    $$T \leftarrow T - (C + e_i)(R - e_j) / D .$$
    `balance.BalanceCheck` measures whether the rates satisfy the equation above; if not, they are
-   refined. Rates of known states are stored; where events come in another order, those in a new
-   set of states follow from three neighbouring ones (`swaps`).
+   refined. Rates of known states are stored, and turn round with the loads; where events come in
+   another order, those in a new set of states follow from three neighbouring ones (`swaps`).
 4. **Consistent states** (`consistency`: `ConsistentStates.find`). At the start of a leg and after
    an event, nodes on a limit may go either way. Nodes whose rates violate a condition change state,
    all at first, then the worst one; if a set of states returns, the linear complementarity problem

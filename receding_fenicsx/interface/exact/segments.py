@@ -279,7 +279,7 @@ class Segments:
     def balanced(self, state: States, q: Array, direction: Array) -> Segment | None:
         """Return the same, None where the rates do not balance as well as can be had."""
         forces = q * self.weight
-        balances = self._balances(q, direction, forces)
+        balances = self.balances(q, direction, forces)
         return self._segment(state, q, direction, forces) if balances else None
 
     def _segment(self, state: States, q: Array, direction: Array, forces: Array) -> Segment:
@@ -318,11 +318,8 @@ class Segments:
             q, imbalance = better, left
         return q
 
-    def balances(self, q: Array, direction: Array) -> bool:
-        """Return whether rates (4N,) balance as well as can be had."""
-        return self._balances(q, direction, q * self.weight)
-
-    def _balances(self, q: Array, direction: Array, forces: Array) -> bool:
+    def balances(self, q: Array, direction: Array, forces: Array) -> bool:
+        """Return whether rates (4N,), given as forces too, balance as well as can be had."""
         imbalance = self.balance.error(q, direction, of_rates=True)
         return imbalance <= self._accepted(forces, imbalance)
 
