@@ -178,12 +178,17 @@ def _look_for_hidden_jump(
     """Note a change of u that may be a jump: more than its own round-off, less than that so far."""
     (s, u), body = before, run.body
     load = leg.load(s)
-    rows = here.row_errors(LAW * leg.force + body.round_off(load, u))
-    own = here.reach(rows) + LAW * leg.force / body.k
-    if np.any(np.abs(change) > DOUBTS * own):
+    if np.any(np.abs(change) > DOUBTS * _own_round_off(run, leg, here, load, u)):
         energy = 0.5 * float(change @ body.K @ (2.0 * u + change))
         totals.hidden += 1
         totals.unsure += abs(energy + float(load @ body.r_star @ change))
+
+
+def _own_round_off(run: Replay, leg: Leg, here: States, load: Array, u: Array) -> Array:
+    """Return the round-off (2N,) of displacements u that are solved for in some states."""
+    rows = here.row_errors(LAW * leg.force + run.body.round_off(load, u))
+    own: Array = here.reach(rows) + LAW * leg.force / run.body.k
+    return own
 
 
 def _rolls(
@@ -391,7 +396,7 @@ def _jump(
     totals.work += work
     # it is solved for just beyond its place
     totals.unsure += JUMP_STEP * abs(float((leg.ends[1] - leg.ends[0]) @ body.r_star @ change))
-    if not np.any(body.k * np.abs(change) > LAW * leg.force):
+    if not np.any(np.abs(change) > _own_round_off(run, leg, here, load, u)):
         # a node may reach its limit and stick where another one lands
         totals.hidden += 1
         return after

@@ -7,7 +7,8 @@ either way. Whether a set of states is right is seen from its rates:
 2. When a set of states returns, linear complementarity decides the nodes on limits; a body that the
    states leave free drifts out of the way of its ground.
 3. A free body that balances on its contact is moved to the middle of its play, and 2 is repeated.
-4. Nodes count as on a limit up to the round-off of their reactions, and 2 is repeated.
+4. Nodes count as on a limit up to the round-off of their reactions, then up to the residual that is
+   accepted, and 2 is repeated.
 5. Nodes that seem to slip on without resistance stick, if that violates no limit.
 6. Otherwise an error says which continuation is missing.
 """
@@ -21,13 +22,19 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.exact.accumulate import Sums
+from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
 from receding_fenicsx.interface.exact.drift import drifting
 from receding_fenicsx.interface.exact.failures import explain
 from receding_fenicsx.interface.exact.legs import Change, PathPoint
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import middle
-from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States
+from receding_fenicsx.interface.exact.segments import (
+    EPSILON,
+    LIMIT_TOLERANCE,
+    Segment,
+    Segments,
+    States,
+)
 from receding_fenicsx.interface.exact.swaps import beside
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
@@ -206,9 +213,10 @@ class ConsistentStates:
                 segment = segments.at(point.state, self.direction)
             if segment is not None and len(self.violations(segment)):
                 segment, exhausted = self._pivoted(before)
-        if segment is None and self._widen_limits():
-            point.state[:] = before
-            segment, exhausted = self._pivoted(before)
+        for wider in (self._by_round_off, self._by_residual):
+            if segment is None and self._widen_limits(wider()):
+                point.state[:] = before
+                segment, exhausted = self._pivoted(before)
         if segment is None:
             # where round-off alone says that a node slips on without resistance, it may rest
             point.state[:] = np.where(before == SEPARATION, before, STICK)
@@ -219,24 +227,37 @@ class ConsistentStates:
             raise self.error(before, exhausted=exhausted)
         return segment
 
-    def _widen_limits(self) -> bool:
-        """Count nodes as on a limit up to the round-off of their reactions, eps |K| |u|.
-
-        Where a nearly singular body is displaced far it exceeds ``LIMIT_TOLERANCE``.
+    def _widen_limits(self, wide: Array) -> bool:
+        """Count nodes as on a limit up to other distances (4N,), where these are larger.
 
         Returns:
             Whether more limits are reached now.
         """
-        system, point, segments = self.segments.system, self.point, self.segments
-        n, u = system.n, point.contact_state().u
-        Q, P = ROUND_OFFS * EPSILON * (np.abs(system.K) @ np.abs(u)).reshape(2, n)
-        friction, gap = segments.friction, P / segments.weight[n : 2 * n]
-        A = np.where(segments.frictional, Q + friction.forward * P, P)
-        wide = np.concatenate([np.zeros(n), gap, A, Q + friction.backward * P])
-        more = (point.y > self.on_limit) & (point.y <= wide)
+        y, n = self.point.y, self.segments.system.n
+        more = (y > self.on_limit) & (y <= wide)
         self.on_limit = np.maximum(self.on_limit, wide)
         self._highest_limit = float(self.on_limit.max())
         return bool(np.any(more[n:]))
+
+    def _by_round_off(self) -> Array:
+        """Return distances (4N,) from limits that are round-off of the reactions, eps |K| |u|.
+
+        Where a nearly singular body is displaced far they exceed ``LIMIT_TOLERANCE``.
+        """
+        system, segments = self.segments.system, self.segments
+        n, u = system.n, self.point.contact_state().u
+        Q, P = ROUND_OFFS * EPSILON * (np.abs(system.K) @ np.abs(u)).reshape(2, n)
+        friction, gap = segments.friction, P / segments.weight[n : 2 * n]
+        A = np.where(segments.frictional, Q + friction.forward * P, P)
+        return np.concatenate([np.zeros(n), gap, A, Q + friction.backward * P])
+
+    def _by_residual(self) -> Array:
+        """Return distances (4N,) from limits that are no more than the residual that is accepted.
+
+        A body that wedges itself may hold round-off of the loads by a force at a small arm.
+        """
+        scale = EVENT_RESIDUAL / LIMIT_TOLERANCE * self.point.problem.force_scale
+        return self.segments.limit * scale
 
     def _pivoted(self, before: States) -> tuple[Segment | None, bool]:
         """Solve the linear complementarity problem of the rates of nodes on limits.

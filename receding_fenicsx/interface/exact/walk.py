@@ -304,13 +304,15 @@ class Walk:
 
     def _refined_end(self) -> ContactState:
         """Return the state at the present point, round-off removed where it matters."""
-        if self.segments.is_near(self.point.state) or not self.round_off.is_small():
+        loaded = np.any(self.point.load)
+        if loaded and (self.segments.is_near(self.point.state) or not self.round_off.is_small()):
+            return self.round_off.remove()
+        end = self.point.contact_state()
+        if self._exceeds(self._residual(end), end):
             end = self.round_off.remove()
-        else:
-            end = self.point.contact_state()
-            if self._exceeds(self._residual(end), end):
-                end = self.round_off.remove()
-        if np.any(self.point.load) or self._exceeds(self._residual(end), end):
+            if loaded or self._exceeds(self._residual(end), end):
+                return end
+        if loaded:
             return end
         # unloaded: round-off of larger displacements before must not remain as slip
         return self.round_off.remove(UNLOADING_REFINEMENTS)
