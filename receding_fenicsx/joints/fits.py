@@ -42,7 +42,7 @@ class JointFit:
 
     Attributes:
         parameters: by name; arrays over the elements for Jenkins.
-        dissipation_error: (n,) relative errors of D.
+        dissipation_error: (n,) relative errors of D, in the order of the curve.
         stiffness_error: (n,) relative errors of the secant stiffness F(x)/x.
     """
 
@@ -90,7 +90,7 @@ def fit_iwan(amplitude: Array, dissipation: Array, stiffness: Array, slip_force:
         return {"F_S": slip_force, "K_T": float(K_T), "chi": float(p[1]), "beta": float(beta)}
 
     chi = np.clip(np.polyfit(np.log(x), np.log(D), 1)[0] - 3.0, -0.9, 0.9)
-    starts = [[np.log(1.001 * F[0] / x[0]), chi, beta] for beta in (0.0, -4.0, 4.0)]
+    starts = [[np.log(1.001 * np.max(F / x)), chi, beta] for beta in (0.0, -4.0, 4.0)]
     most = np.array([LARGEST_LOG, CHI, LARGEST_LOG])
     p = _least(lambda p: _errors(iwan(x, **named(p)), F, D), starts, (-most, most))
     errors = np.split(_errors(iwan(x, **named(p)), F, D), 2)
@@ -118,12 +118,12 @@ def fit_jenkins(amplitude: Array, dissipation: Array, stiffness: Array, count: i
 
     # the first element slips at every amplitude, as D is positive
     starts = [
-        np.log(np.geomspace(low * x[0], high * x[-1], count + 1)[:count])
+        np.log(np.geomspace(low * x.min(), high * x.max(), count + 1)[:count])
         for low in (0.5, 0.7, 0.95)
         for high in (0.3, 0.5, 0.7, 0.9)
     ]
     # one that slips later is a spring, of one that slips far earlier only the force is seen
-    limits = np.log(EARLIEST_SLIP * x[0]), np.log(x[-1])
+    limits = np.log(EARLIEST_SLIP * x.min()), np.log(x.max())
     p = np.sort(_least(lambda p: _errors(model(p)[1:], F, D), starts, limits))
     k, *found = model(p)
     errors = np.split(_errors(found, F, D), 2)
@@ -131,14 +131,13 @@ def fit_jenkins(amplitude: Array, dissipation: Array, stiffness: Array, count: i
 
 
 def _curve(amplitude: Array, dissipation: Array, stiffness: Array) -> tuple[Array, Array, Array]:
-    """Return amplitudes of displacement, of force, and dissipation, sorted."""
+    """Return amplitudes of displacement, of force, and dissipation."""
     F, D, k = (np.asarray(part, dtype=float) for part in (amplitude, dissipation, stiffness))
     if F.ndim != 1 or not F.shape == D.shape == k.shape or len(F) < LEAST_AMPLITUDES:
         raise InputError(f"fit: needs three arrays of one length, at least {LEAST_AMPLITUDES}")
     if not all(np.all(np.isfinite(part) & (part > 0.0)) for part in (F, D, k)):
         raise InputError("fit: amplitudes, dissipation and stiffness have to be positive")
-    order = np.argsort(F / k)
-    return (F / k)[order], F[order], D[order]
+    return F / k, F, D
 
 
 def _errors(model: Sequence[Array], F: Array, D: Array) -> Array:

@@ -94,6 +94,21 @@ def test_more_elements_fit_a_power_law_better() -> None:
     assert worst[0] > 1.5 * worst[1] > 6 * worst[2]
 
 
+@pytest.mark.parametrize("model", ["jenkins", "iwan"])
+def test_errors_of_a_fit_are_those_of_its_model_point_by_point(model: str) -> None:
+    x = np.geomspace(0.1, 1.0, 9)
+    F, D = iwan(x, 2.0, 4.0, -0.3, 1.0)
+    # no model meets this curve, and its points come in no order
+    F, D = F * (1.0 + 0.02 * np.sin(7 * x)), D * (1.0 + 0.1 * np.cos(5 * x))
+    mixed = np.random.default_rng(3).permutation(len(x))
+    x, F, D = x[mixed], F[mixed], D[mixed]
+    fit = rf.fit_jenkins(F, D, F / x, 2) if model == "jenkins" else rf.fit_iwan(F, D, F / x, 2.5)
+    force, loop = (jenkins if model == "jenkins" else iwan)(x, **fit.parameters)
+    assert fit.stiffness_error == pytest.approx(force / F - 1.0, abs=1e-12)
+    assert fit.dissipation_error == pytest.approx(loop / D - 1.0, abs=1e-12)
+    assert np.abs(fit.stiffness_error).max() > 1e-3 < np.abs(fit.dissipation_error).max()
+
+
 def test_curves_that_cannot_be_fitted_are_refused() -> None:
     x = np.linspace(0.5, 1.0, 6)
     with pytest.raises(rf.InputError, match="have to be positive"):
