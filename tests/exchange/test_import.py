@@ -222,6 +222,30 @@ def test_supports_hold_and_interior_nodes_can_be_fixed(tmp_path: Path) -> None:
     assert np.allclose(np.abs(system.rigid[:, 0]), np.repeat([0.0, 1.0], system.n))
 
 
+def test_the_order_of_nodes_and_of_lines_of_force_is_free(tmp_path: Path) -> None:
+    block = Block()
+    path = specification(tmp_path, write_market(tmp_path, block), block)
+    text = path.read_text()
+    named = text[text.index("nodes = [") : text.index("normal")]
+    n, rng = len(block.contact), np.random.default_rng(1)
+    weights = rng.uniform(0.5, 1.5, n)
+    systems = []
+    for order in (np.arange(n), rng.permutation(n)):
+        nodes = (
+            f"nodes = {(block.contact[order] + 1).tolist()}\nweights = {weights[order].tolist()}"
+        )
+        path.write_text(text.replace(named, nodes + "\n"))
+        systems.append(rf.import_system(path))
+        # the same forces in more lines: those on one freedom add up
+        for name, f in block.forces.items():
+            at = [(freedom, 0.5 * v) for freedom, v in zip(block.freedoms, f.tolist(), strict=True)]
+            lines = [f"{node},{k},{v!r}" for (node, k), v in [*at[::-1], *at] if v]
+            (tmp_path / f"{name}.txt").write_text("*CLOAD\n" + "\n".join(lines))
+    assert np.array_equal(systems[0].weight, weights)  # node 1 is the leftmost
+    for name, value in vars(systems[0]).items():
+        assert np.array_equal(value, getattr(systems[1], name)), name
+
+
 def turned(path: Path, old: str, new: str) -> None:
     text = path.read_text()
     assert old in text

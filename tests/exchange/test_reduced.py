@@ -122,11 +122,16 @@ def test_frequencies_of_the_stuck_block_come_from_above_with_more_modes() -> Non
 
 
 def test_of_a_stack_the_contacts_are_relative_displacements() -> None:
-    scene = rf.from_toml(STACK)
+    two = "friction = {forward = 0.2, backward = 0.1}\ninitial_gap = 1e-3"
+    scene = rf.from_toml(STACK.replace("friction = 0.2", two))
     model = rf.reduced_model(scene)
     whole = replace(scene, solver=replace(scene.solver, symmetry="none"))
     system = rf.condense(whole, whole=True)
     assert system is not None
+    below = system.edge == 1
+    assert np.array_equal(model.f, np.where(below, 0.2, 0.4))
+    assert np.array_equal(model.f_backward, np.where(below, 0.1, 0.4))
+    assert np.array_equal(model.g0, np.where(below, 1e-3, 0.0))
     # any u of the contacts with the rest free of forces: the least energy under C q = u
     n, m = model.C.shape
     bordered = np.block([[model.K, model.C.T], [model.C, np.zeros((n, n))]])

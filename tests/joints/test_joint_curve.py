@@ -124,7 +124,7 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     curve = rf.JointCurve(drive, a, D, 0.1 * D, k, masing, a, kinds, backbone, nothing)
     left, right = joint_figure(curve).axes
     lines = {line.get_label(): line for line in left.lines}
-    points = left.containers[0].lines[0].get_ydata()
+    points = left.lines[0].get_ydata()
     # a mass-normalised mode: omega^2 = alpha/q and zeta = D / (2 pi omega^2 q^2)
     q, omega = a / k, np.sqrt(k)
     damping = 2.0 * np.pi * omega**2 * q**2
