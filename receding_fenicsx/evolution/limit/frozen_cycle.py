@@ -49,7 +49,7 @@ class TracedWalk(Walk):
         """Start at the beginning of a leg."""
         super().__init__(segments, problem)
         self.trace: list[Stop] = []
-        self.replay.active = self.ahead.active = False
+        self.replay.active = False
 
     def _advance(self, segment: Segment, ds: float) -> None:
         super()._advance(segment, ds)

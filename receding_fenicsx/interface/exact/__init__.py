@@ -27,8 +27,7 @@ are no load steps. The method, from top to bottom:
    column $C$, the row $R$ and the pivot $D$ where they meet,
    $$T \leftarrow T - (C + e_i)(R - e_j) / D .$$
    `balance.BalanceCheck` measures whether the rates satisfy the equation above; if not, they are
-   refined. Rates of known states are stored, and turn round with the loads; where events come in
-   another order, those in a new set of states follow from three neighbouring ones (`swaps`).
+   refined. Rates of known states are stored, and turn round with the loads.
 4. **Consistent states** (`consistency`: `ConsistentStates.find`). At the start of a leg and after
    an event, nodes on a limit may go either way. Nodes whose rates violate a condition change state,
    all at first, then the worst one; if a set of states returns, the linear complementarity problem
@@ -40,10 +39,8 @@ are no load steps. The method, from top to bottom:
    (`Walk._event`), and 4 is checked. The leg ends at $s = 1$.
    Events that have followed one another before are foreseen and passed many at once
    (`replay.events`): their places from one triangular system, the lowest value of each quantity
-   from one product. They are accepted as far as no quantity has passed its limit. Events in new
-   sets of states are found one after the other in the rows of the tableau, and verified together
-   (`ahead`). Cycles whose legs keep their events are foreseen whole, and verified together
-   (`replay.rounds`).
+   from one product. They are accepted as far as no quantity has passed its limit. Cycles whose
+   legs keep their events are foreseen whole, and verified together (`replay.rounds`).
 6. **Integrals** (`accumulate`: `Sums`). Between two events $a$ and $b$ forces and displacements are
    linear, so that the dissipation and the work of the loads are exactly
    $$D = -\sum_i \tfrac12 (Q_i^a + Q_i^b)(v_i^b - v_i^a), \qquad

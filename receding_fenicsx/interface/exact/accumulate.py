@@ -132,18 +132,6 @@ class Sums:
         if len(places) == len(self._y):
             self.add_up()
 
-    def add_stops(self, s: list[float], y: Array, states: NDArray[np.int8]) -> None:
-        """Record m stops: their places, the quantities (m, 4N), the states (m, N) on the ways."""
-        while s:
-            begin = len(self._places)
-            k = min(len(s), len(self._y) - begin)
-            self._y[begin : begin + k] = y[:k]
-            self._places += s[:k]
-            self._states += list(states[:k])
-            if len(self._places) == len(self._y):
-                self.add_up()
-            s, y, states = s[k:], y[k:], states[k:]
-
     def rates(self, segments: list[Segment]) -> tuple[Array, Rates]:
         """Return the rates of the quantities, and of the integrals, along k segments.
 

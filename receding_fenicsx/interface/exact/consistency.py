@@ -25,7 +25,7 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
 from receding_fenicsx.interface.exact.drift import drifting
 from receding_fenicsx.interface.exact.failures import explain
-from receding_fenicsx.interface.exact.legs import Change, PathPoint
+from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import middle
 from receding_fenicsx.interface.exact.segments import (
@@ -35,7 +35,6 @@ from receding_fenicsx.interface.exact.segments import (
     Segments,
     States,
 )
-from receding_fenicsx.interface.exact.swaps import beside
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import Undecided, is_exhaustible, solve_states
@@ -83,34 +82,28 @@ class ConsistentStates:
         self,
         hit: int | None = None,
         rates: Array | None = None,
-        others: list[Change] | None = None,
     ) -> Segment:
         """Change states until no node on a limit is driven across it; return the rates.
 
         Args:
             hit: label of the quantity that has just reached its limit.
             rates: (4N,) rates on the way there: a node that has closed is taken to slip on.
-            others: changes of state that lead to sets of states whose rates may help; None to make
-                all rates by the tableau.
 
         Raises:
             SolveError: there are no such states.
         """
         before, chooser = self.point.state, self.point.problem.chooser
         self.by_rates = chooser is None
-        segment = self._find(before, hit, rates, others)
+        segment = self._find(before, hit, rates)
         return segment if chooser is None else chooser.choose(self, before, segment)
 
-    def _find(
-        self, before: States, hit: int | None, rates: Array | None, others: list[Change] | None
-    ) -> Segment:
+    def _find(self, before: States, hit: int | None, rates: Array | None) -> Segment:
         segments, point = self.segments, self.point
         point.state = state = before.copy()
         seen = {before.tobytes()}
         rounds = 0
         if hit is not None:
             self.change([hit], rates)
-            others = self._beside(before, hit, others)
         try:
             while True:
                 segment = segments.at(state, self.direction)
@@ -123,34 +116,14 @@ class ConsistentStates:
                 if rounds > SIMULTANEOUS_ROUNDS:
                     badness = np.abs(segment.q[violating]) * segments.weight[violating]
                     violating = violating[[int(np.argmax(badness))]]
-                last = state.copy()
                 self.change(violating.tolist())
-                others = (
-                    self._beside(last, violating.item(), others) if len(violating) == 1 else None
-                )
                 if state.tobytes() in seen or rounds > len(state):
                     return self._decide(before)
         except SingularExchange:
             if rates is not None:  # it may be the slip of the node that has closed
-                return self._find(before, hit, None, others)
+                return self._find(before, hit, None)
             state[:] = before
             return self._decide(before)
-
-    def _beside(self, last: States, label: int, others: list[Change] | None) -> list[Change] | None:
-        """Make the rates known from others, if they can be, after a quantity's node has changed.
-
-        Returns:
-            The other changes to be tried next.
-        """
-        if others is None:
-            return None
-        state, i = self.point.state, label % len(last)
-        made = i, last.item(i), state.item(i)
-        if self.segments.known(state, self.direction) is None:
-            for other in others:
-                if beside(self.segments, last, made, other, self.direction):
-                    break
-        return [(i, made[2], made[1]), *others]
 
     def violations(self, segment: Segment) -> NDArray[np.intp]:
         """Return labels of quantities on their limit that are driven across it."""

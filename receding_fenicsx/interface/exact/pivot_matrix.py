@@ -137,11 +137,6 @@ class PivotMatrix:
         self.age += 1
         return True
 
-    @property
-    def last_column(self) -> Array:
-        """(m,) change of the outputs by the last exchange, for a unit of what was exchanged."""
-        return self._U[:, self._pending - 1]
-
     def exchange_many(self, outputs: Indices, inputs: Indices) -> bool:
         """Exchange several outputs with as many inputs in place; False as for :meth:`exchange`.
 

@@ -254,7 +254,6 @@ def reduce(
     watched, watched_node = _watch(full, start, ~active, reaction, (loose, moved))
     states = np.where(active, 0, start.state).astype(np.int8)
     segments = Segments(reduced, None if opening is None else opening[nodes])
-    segments.reach_ahead = full.reach_ahead
     return Reduction(
         full=system,
         nodes=nodes,

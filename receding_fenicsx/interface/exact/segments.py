@@ -65,9 +65,6 @@ because f is, and only a node without pressure may count as on both limits at on
 TINY_FRICTION = 1e-3
 """Friction below which the rates A + B of slipping nodes are computed from P itself."""
 
-SHORTEST_REACH = 8
-"""Events searched for ahead at once, at least: twice as many as were accepted last."""
-
 CACHE_BYTES = 2**28
 """Memory for the rates of sets of states that have been met before."""
 
@@ -122,9 +119,6 @@ class Segments:
         trials: sets of states whose rates were computed.
         refinements: refinements of rates since the tableau was made.
         pause: events to pass one by one after a replay that was not worth while.
-        reach_ahead: events to search for ahead at once.
-        pause_ahead, until_ahead: new sets of states to be looked at by themselves after a search
-            ahead that was not worth while, and before the next one.
         chains: stacked chains of segments, see :mod:`.replay.chain`.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
@@ -165,8 +159,7 @@ class Segments:
         self.lifts_freely = has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
-        self.pause = self.pause_ahead = self.until_ahead = 0
-        self.reach_ahead = SHORTEST_REACH
+        self.pause = 0
         self.chains: Any = None
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
@@ -235,17 +228,12 @@ class Segments:
         if known is not None:
             return known
         self.trials += 1
-        made = self._make(state, direction)
-        self.keep(state, direction, made)
-        return made
-
-    def keep(self, state: States, direction: Array, made: Segment) -> None:
-        """Remember the rates in the given states; forget the oldest ones where memory is full."""
-        self._known[state.tobytes(), direction.tobytes()] = made
-        if len(self._known) * 2 * made.q.nbytes > CACHE_BYTES:
+        made = self._known[key] = self._make(state, direction)
+        if len(self._known) * 2 * made.q.nbytes > CACHE_BYTES:  # forget the oldest ones
             oldest = self._known.popitem(last=False)[1]
             oldest.next.clear()
             oldest.last = None
+        return made
 
     def known(self, state: States, direction: Array) -> Segment | None:
         """Return the same if they are remembered."""
@@ -255,14 +243,6 @@ class Segments:
         """Return whether the tableau is brought to the given states by a few exchanges."""
         tableau = self._tableau
         return tableau is not None and np.count_nonzero(tableau.state != state) <= ONE_BY_ONE
-
-    def tableau_for(self, state: States, direction: Array) -> Tableau | None:
-        """Return the tableau if it stands at the given states and has such rates at hand."""
-        tableau = self._tableau
-        if tableau is None or self.is_special or self._is_worn:
-            return None
-        at_hand = np.array_equal(tableau.state, state) and not tableau.is_old
-        return tableau if at_hand and not direction[tableau.n_carried :].any() else None
 
     def _make(self, state: States, direction: Array) -> Segment:
         back = None if self.is_special else self.known(state, 0.0 - direction)
@@ -274,16 +254,7 @@ class Segments:
 
     def segment(self, state: States, q: Array, direction: Array) -> Segment:
         """Return the segment with rates (4N,) along a leg; those of low friction are corrected."""
-        return self._segment(state, q, direction, q * self.weight)
-
-    def balanced(self, state: States, q: Array, direction: Array) -> Segment | None:
-        """Return the same, None where the rates do not balance as well as can be had."""
         forces = q * self.weight
-        balances = self.balances(q, direction, forces)
-        return self._segment(state, q, direction, forces) if balances else None
-
-    def _segment(self, state: States, q: Array, direction: Array, forces: Array) -> Segment:
-        """Return the segment with rates (4N,), given as forces too, which are changed."""
         n, threshold = len(state), -RATE_TOLERANCE * sqrt(forces.dot(forces))
         if len(self._tiny_friction):
             self._margins_from_pressure(state, q, direction, forces)

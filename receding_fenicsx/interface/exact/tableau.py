@@ -222,7 +222,7 @@ class Tableau:
             changing = self._different(state, self.state)
         outputs, inputs = exchanges(self.frictional, changing, self.state, state)
         matrix = self.matrix
-        if self.is_old:
+        if matrix.age > MAX_AGE * len(matrix.T):
             done = False
         elif len(outputs) > ONE_BY_ONE:
             done = matrix.exchange_many(np.array(outputs), np.array(inputs))
@@ -235,11 +235,6 @@ class Tableau:
         else:
             # exchanges one by one may pass singular states on the way to regular ones
             self.build(state)
-
-    @property
-    def is_old(self) -> bool:
-        """Whether it is to be made from scratch at the next move."""
-        return self.matrix.age > MAX_AGE * len(self.matrix.T)
 
     def rates(self, direction: Array) -> Array:
         """Return the rates of v, gap, A and B along a leg.

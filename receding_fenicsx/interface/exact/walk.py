@@ -8,11 +8,9 @@ from scipy.linalg.blas import daxpy
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Watch
-from receding_fenicsx.interface.exact.ahead import Ahead
 from receding_fenicsx.interface.exact.consistency import ConsistentStates
 from receding_fenicsx.interface.exact.legs import (
     SIMULTANEOUS,
-    Change,
     Course,
     LegProblem,
     PathPoint,
@@ -22,7 +20,6 @@ from receding_fenicsx.interface.exact.legs import (
 from receding_fenicsx.interface.exact.replay.events import START_OF_LEG, Replay
 from receding_fenicsx.interface.exact.round_off import RoundOff, displacement_uncertainty
 from receding_fenicsx.interface.exact.segments import Following, Segment, Segments, States
-from receding_fenicsx.interface.exact.swaps import overtaking
 from receding_fenicsx.interface.exact.tableau import A
 from receding_fenicsx.interface.exact.unloading import (
     UNLOADING_EVENTS,
@@ -53,7 +50,6 @@ class Walk:
         round_off: imbalance of displacements and forces.
         course: samples, events and stops so far.
         replay: passes known events many at once.
-        ahead: passes events in new sets of states many at once.
         first: rates at the start, and the number of changes of state there.
         last: rates at the end.
     """
@@ -90,11 +86,9 @@ class Walk:
         self.round_off = RoundOff(segments, self.point, self.sums)
         self.course = Course(problem)
         self.replay = Replay(segments, self.point, self.sums, self.round_off)
-        self.ahead = Ahead(segments, self.states, self.sums, self.round_off)
         self._accept_round_off = accept_round_off
         self._unloading = not np.any(problem.ends[1])
         self._trials_before = segments.trials
-        self._made: list[Change] = []
         self._progress_at, self._events_here = problem.s_start, 0
 
     def run(self, s_end: float) -> None:
@@ -112,8 +106,6 @@ class Walk:
         while True:
             at = point.s
             following = self.replay.follow(segment, replayed_to, self.course)
-            if following is None and looked_at and segment.last is None:
-                following = self.ahead.follow(segment, replayed_to, self.course)
             if following is not None:
                 segment, looked_at = following, False
                 if point.s - at <= SIMULTANEOUS:
@@ -185,24 +177,20 @@ class Walk:
         point, states = self.point, self.states
         point.y[label] = 0.0
         known = segment.next.get(label)
-        if known is None and not self.sums.check_all:
-            known = overtaking(self.segments, segment, point.state, label, states.direction)
-        expected, segment.last = segment.last, known
+        segment.last = known
         if known is not None:
-            point.state, self._made = known.state, known.changes
+            point.state = known.state
             self.course.add_events(point.s, known.changes)
             self.round_off.count_event()
             return known.segment, False
         before, i = point.state, label % len(point.state)
-        others = None if self.sums.check_all else self._others(expected)
-        following = states.find(label, segment.q, others)
+        following = states.find(label, segment.q)
         alone = states.by_rates and states.rounds == 0
         if alone:
             made = [(i, int(before[i]), int(point.state[i]))]
         else:
             made = changed_nodes(before, point.state)
         self.course.add_events(point.s, made)
-        self._made = made
         # what sits on another limit by chance is not to be repeated, what ceases to slip is
         if alone or (
             states.by_rates and only_stick(made, i) and not self._needs_both(label, before)
@@ -210,11 +198,6 @@ class Walk:
             segment.next[label] = segment.last = Following(label, point.state, following, made)
         self.round_off.count_event()
         return following, True
-
-    def _others(self, expected: Following | None) -> list[Change]:
-        """Return the changes of state that are expected, and those that undo the last ones."""
-        undone = [(i, new, old) for i, old, new in self._made]
-        return [*expected.changes, *undone] if expected else undone
 
     def _needs_both(self, label: int, before: States) -> bool:
         """Return whether a node that stuck before has changed as only one on both limits can."""

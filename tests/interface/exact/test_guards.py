@@ -15,7 +15,6 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact import static
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
-from receding_fenicsx.interface.exact.ahead import Ahead
 from receding_fenicsx.interface.exact.pivot_matrix import (
     SINGULAR_PIVOT,
     PivotMatrix,
@@ -109,7 +108,6 @@ def test_a_path_whose_forces_do_not_balance_is_refused(
 
 def test_round_off_of_a_walk_is_cleared_on_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
     """Displacements that run away from their forces, a little at each event, are brought back."""
-    monkeypatch.setattr(Ahead, "follow", lambda *_: None)  # one event after the other
     advance = Walk._advance
 
     def drifting(self: Walk, segment: Segment, ds: float) -> None:
