@@ -106,8 +106,10 @@ def _check_reaches_contact(system: ContactSystem) -> None:
             "[[support]]: holds every node of the contact, so nothing can touch or part; hold "
             "another edge, or drop the support"
         )
-    for name, reactions in zip(system.load_names, system.r_star, strict=True):
-        if not reactions.any():
+    moved = system.load_compliance.any(axis=1)
+    for name, reactions, moves in zip(system.load_names, system.r_star, moved, strict=True):
+        # a pull on a patch of a rigid bolt moves nothing but the bolt's force
+        if not (reactions.any() or moves):
             raise InputError(
                 f"load '{name}': is zero or acts on nothing but nodes that supports hold, so "
                 "nothing of it reaches the contact; give it a value, or load or hold another edge"

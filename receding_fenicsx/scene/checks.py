@@ -29,6 +29,14 @@ def unknown_name(name: str, known: Sequence[str], where: str, what: str) -> NoRe
     raise InputError(f"{where}: unknown {what} '{name}'; {hint}")
 
 
+def check_name(name: str, where: str) -> None:
+    """Raise InputError for an empty name, and for one that messages of one line cannot hold."""
+    if not name.strip():
+        raise InputError(f"{where}: is missing or empty; give a name")
+    if not name.isprintable():
+        raise InputError(f"{where}: {name!r} holds a character that cannot be printed; remove it")
+
+
 def check_size(value: float, where: str) -> None:
     """Raise InputError for a number so large that arithmetic with it may overflow."""
     if not abs(value) <= LARGEST:

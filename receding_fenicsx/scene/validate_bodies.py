@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_choice, check_positive, unknown_name
+from receding_fenicsx.scene.checks import check_choice, check_name, check_positive, unknown_name
 from receding_fenicsx.scene.model import (
     HALF_PLANE,
     RECTANGLE_KEYS,
@@ -40,8 +40,8 @@ def check_bodies(scene: Scene) -> None:
     """Check names, shapes and materials of the bodies."""
     names = [body.name for body in scene.bodies]
     for name in names:
-        if scene.others and not name.strip():
-            raise InputError("[[body]] name: is missing; give each body a name")
+        if scene.others or name:
+            check_name(name, "[[body]] name")
         if "." in name:
             raise InputError(f'[[body]] name: "{name}" holds a dot; remove it')
         if names.count(name) > 1:

@@ -9,8 +9,8 @@ import numpy as np
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.acting.tables import KINDS
 from receding_fenicsx.scene.acting.validate import check_body_load, check_point, check_spring
-from receding_fenicsx.scene.checks import SMALLEST, check_positive
-from receding_fenicsx.scene.model import FREE, Bolt, Load, Scene, Support
+from receding_fenicsx.scene.checks import SMALLEST, check_name, check_positive
+from receding_fenicsx.scene.model import FREE, INTERFERENCE, Bolt, Load, Scene, Support
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     edge_points,
@@ -28,11 +28,15 @@ from receding_fenicsx.scene.validate_contacts import (
 
 def check_loads(scene: Scene) -> None:
     """Check that loads act on edges outside the contact, are not zero, and have names."""
+    _check_load_names(scene)
     for load in scene.loads:
         _check_load(scene, load)
     for bolt in scene.bolts:
         _check_bolt(scene, bolt)
-    _check_load_names(scene)
+    for k, load in enumerate(scene.loads):
+        for other in scene.loads[:k]:
+            if other.name == load.name:
+                _check_parts(scene, other, load)
 
 
 def check_supports(scene: Scene) -> None:
@@ -100,8 +104,6 @@ def _check_off_contact(scene: Scene, load: Load, where: str) -> None:
 
 def _check_bolt(scene: Scene, bolt: Bolt) -> None:
     where = f"bolt '{bolt.name}'"
-    if [name for name in scene.load_names].count(bolt.name) > 1 or not bolt.name.strip():
-        raise InputError(f"{where} name: is empty or taken; give it a name of its own")
     if not hypot(*bolt.axis) > 0.0:
         raise InputError(f"{where} axis: has no direction; give [x, y] from head to nut")
     if scene.axisymmetric and bolt.axis[0] != 0.0:
@@ -170,21 +172,23 @@ def _check_far_load(load: Load, kind: str, where: str) -> None:
 
 
 def _check_load_names(scene: Scene) -> None:
+    """Check the names of loads and bolts, which are those of the load factors."""
     if not scene.load_names:
         raise InputError("[[load]]: the scene has none; add one")
-    for load in scene.loads:
-        if load.name in scene.preloads:
-            raise InputError(f"load '{load.name}': the scene has a preload of this name; rename it")
-        if not load.name.strip():
-            raise InputError("[[load]] name: is empty; give the load a name")
-        if not load.name.isprintable():
+    taken: list[str] = []
+    modes = {load.name for load in scene.loads if load.mode is not None}
+    names = [("load", name) for name in scene.driven_names]
+    for table, name in (*names, *(("bolt", bolt.name) for bolt in scene.bolts)):
+        check_name(name, f"[[{table}]] name")
+        # of the contacts' interference, of vibration modes, of springs between bodies
+        mode = name.startswith("mode:") and name not in modes
+        if name == INTERFERENCE or mode or name.startswith("[[spring]] "):
+            raise InputError(f"{table} '{name}': the name is reserved; rename the {table}")
+        if name in taken:
             raise InputError(
-                f"[[load]] name: {load.name!r} holds a character that cannot be printed; remove it"
+                f"bolt '{name}': a load or another bolt has this name; rename the bolt"
             )
-    for k, load in enumerate(scene.loads):
-        for other in scene.loads[:k]:
-            if other.name == load.name:
-                _check_parts(scene, other, load)
+        taken.append(name)
 
 
 def _check_parts(scene: Scene, a: Load, b: Load) -> None:

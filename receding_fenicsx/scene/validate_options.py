@@ -7,6 +7,7 @@ from receding_fenicsx.scene.acting.validate import body_named, check_inside
 from receding_fenicsx.scene.checks import (
     check_choice,
     check_count,
+    check_name,
     check_positive,
     nearest,
     unknown_name,
@@ -181,10 +182,13 @@ def check_probes(scene: Scene) -> None:
 
 def _check_probe_name(name: str) -> None:
     """Check that a name can be that of a file."""
-    if not name.strip():
-        raise InputError("[[probe]] name: is empty; give the probe a name")
-    wrong = [c for c in name if c in NOT_IN_FILE_NAMES or not c.isprintable()]
-    if wrong or name != name.strip() or name.startswith(".") or len(name) > MAX_NAME_LENGTH:
+    check_name(name, "[[probe]] name")
+    if (
+        any(c in NOT_IN_FILE_NAMES for c in name)
+        or name != name.strip()
+        or name.startswith(".")
+        or len(name) > MAX_NAME_LENGTH
+    ):
         raise InputError(
             f"[[probe]] name: {name!r} cannot be the name of a file; use letters, digits, _ and -"
         )

@@ -40,7 +40,7 @@ E = 2.0
 JOINT = 8.0  # E times width over both heights
 
 
-def clamped(stiffness: float, degree: int = 1) -> Scene:
+def clamped(stiffness: float | None, degree: int = 1) -> Scene:
     """Two layers without Poisson's effect, clamped by a bolt over all of their outer edges."""
     bodies = [Body(name, height=0.5, position=(0.0, y)) for name, y in (("a", 0.5), ("b", 0.0))]
     return replace(
@@ -63,12 +63,15 @@ def clamped(stiffness: float, degree: int = 1) -> Scene:
 
 
 @pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("k", [3.0, 1e4])
+@pytest.mark.parametrize("k", [3.0, 1e4, np.inf])
 def test_joint_diagram_of_two_springs(k: float, degree: int) -> None:
-    """F0 = s / (1/k + 1/k_j); a pull X adds X k / (k + k_j), and X itself once the joint gapes."""
-    record = played(clamped(k, degree))
+    """F0 = s / (1/k + 1/k_j); a pull X adds X k / (k + k_j), and X itself once the joint gapes.
+
+    With a rigid bolt F = F0 + X, and nothing of X reaches the contact.
+    """
+    record = played(clamped(k if k < np.inf else None, degree))
     table = record.turning_points
-    share = k / (k + JOINT)
+    share = 1.0 / (1.0 + JOINT / k)
     F0 = 0.04 * JOINT * share
     pull = 4.0 * np.array([0.0, 0.03, 0.2, 0.01])
     gapes = F0 < pull * (1.0 - share)
@@ -79,6 +82,17 @@ def test_joint_diagram_of_two_springs(k: float, degree: int) -> None:
     np.testing.assert_allclose(table.load_displacement[:, 1], force, rtol=1e-9)
     np.testing.assert_allclose(table.P.sum(axis=1), force - pull, atol=1e-10)
     assert record.energy_error_max < 1e-10
+
+
+def test_pull_on_the_head_of_a_rigid_bolt_whose_nut_is_held_is_carried_by_the_bolt() -> None:
+    """F = F0 + X: nothing of X reaches the contact."""
+    scene = clamped(None)
+    foot = Support("y", edge="b.bottom")
+    record = played(replace(scene, loads=scene.loads[:1], supports=(*scene.supports[:2], foot)))
+    table = record.turning_points
+    force = 0.04 * JOINT + 4.0 * np.array([0.0, 0.03, 0.2, 0.01])
+    np.testing.assert_allclose(table.load_displacement[:, 1], force, rtol=1e-9)
+    np.testing.assert_allclose(table.P.sum(axis=1), 0.04 * JOINT, rtol=1e-9)
 
 
 @pytest.mark.one_rank
@@ -293,7 +307,9 @@ def test_saved_system_serves_other_shortenings(shared_tmp_path: Any) -> None:
         ({"axis": (0.0, 0.0)}, "bolt 'x' axis: has no direction"),
         ({"head": "topp"}, "bolt 'x' head: .* unknown"),
         ({"nut": "bottom"}, "bolt 'x' nut: overlaps the contact"),
-        ({"name": "p0"}, "bolt 'p0' name: is empty or taken"),
+        ({"name": "p0"}, "bolt 'p0': a load or another bolt has this name"),
+        ({"name": " "}, r"\[\[bolt\]\] name: is missing or empty"),
+        ({"name": "interference"}, "bolt 'interference': the name is reserved"),
         ({"head_span": (1.0, 0.0)}, "bolt 'x' head_span: .* is empty"),
     ],
 )
@@ -301,6 +317,42 @@ def test_bad_bolts_are_refused(parts: dict[str, Any], words: str) -> None:
     bolt = replace(Bolt("x", "left", "right", 0.1), **parts)
     with pytest.raises(InputError, match=words) as error:
         condense(block(bolts=(bolt,)), comm)
+    assert "\n" not in str(error.value)
+
+
+TIE = Bolt("a", "left", "right", 0.1, axis=(1.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"bolts": (TIE, replace(TIE, head="top"))}, "bolt 'a': a load or another bolt has"),
+        (
+            {"bolts": (TIE, replace(TIE, name="b"))},
+            "bolt 'a', bolt 'b': their forces are not determined",
+        ),
+        (
+            {
+                "bolts": (
+                    replace(TIE, head_span=(-0.5, 0.0)),
+                    replace(TIE, name="b", head_span=(0.0, 0.5)),
+                    replace(TIE, name="c"),
+                    Bolt("d", "top", "right", 0.1),
+                )
+            },
+            "bolt 'a', bolt 'b', bolt 'c': their .* not determined",
+        ),
+        (
+            {"bolts": (TIE,), "supports": (Support("x", "left"), Support("x", "right"))},
+            "bolt 'a': their forces are not determined",
+        ),
+    ],
+)
+def test_bolts_whose_forces_are_not_determined_are_refused(
+    parts: dict[str, Any], words: str
+) -> None:
+    with pytest.raises(InputError, match=words) as error:
+        condense(block(**parts), comm)
     assert "\n" not in str(error.value)
 
 

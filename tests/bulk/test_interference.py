@@ -225,7 +225,7 @@ def test_saved_system_belongs_to_its_interference(shared_tmp_path: Path) -> None
         ({"contacts": (Contact(interference=-0.1),)}, "interference: is -0.1 .* not be negative"),
         ({"contacts": (Contact(interference=0.0),)}, "interference: is zero everywhere"),
         ({"contacts": (Contact(interference="1/x"),)}, "interference: .* not a finite number"),
-        ({"loads": (Load("interference", "top", pressure=1.0),)}, "preload of this name"),
+        ({"loads": (Load("interference", "top", pressure=1.0),)}, "name is reserved"),
     ],
 )
 def test_bad_interference_is_refused(parts: dict[str, Any], words: str) -> None:

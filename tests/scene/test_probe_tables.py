@@ -85,7 +85,7 @@ def test_points_lists_and_segments_are_read_and_written() -> None:
             LOAD + NAMED + 'point = [0, 0]\n[[probe]]\nname = "ONE"\npoint = [0, 0]',
             "probe 'ONE': two probes have this name; rename one",
         ),
-        (LOAD + '[[probe]]\nname = " "\npoint = [0, 0]', "[[probe]] name: is empty"),
+        (LOAD + '[[probe]]\nname = " "\npoint = [0, 0]', "[[probe]] name: is missing or empty"),
         (
             LOAD + '[[probe]]\nname = "a/b"\npoint = [0, 0]',
             "[[probe]] name: 'a/b' cannot be the name of a file; use letters",

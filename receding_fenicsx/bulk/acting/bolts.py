@@ -12,6 +12,7 @@ K' = K + r*^T G, r*' = T^T r* and C' = C T follow; the conjugate of a shortening
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -19,14 +20,20 @@ import numpy as np
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.join_bodies import CondensedBody, JoinedBodies
 from receding_fenicsx.bulk.rigid_motions import scaled
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
 
+SINGULAR = 1e-10
+"""Smallest eigenvalue of the flexibility, for unit diagonal, by which forces are found: what two
+almost alike rigid bolts share is known to the round-off of condensation over it."""
 FREE_TOLERANCE = 1e-9
 """Force of a bolt by a rigid motion, over the sum of its parts, that counts as none."""
 
 
-def closed(C: Array, r_star: Array, at: Ints, soft: Array) -> tuple[Array, Array]:
+def closed(
+    C: Array, r_star: Array, at: Ints, soft: Array, names: Sequence[str]
+) -> tuple[Array, Array]:
     """Return T (n, n) and G (n, 2N) of n loads, some of which have the compliance ``soft``.
 
     Args:
@@ -34,9 +41,23 @@ def closed(C: Array, r_star: Array, at: Ints, soft: Array) -> tuple[Array, Array
         r_star: (n, 2N) their reactions.
         at: (m,) numbers of the loads that springs close.
         soft: (m, m) displacements by which unit forces lengthen the springs.
+        names: (m,) names of the springs.
+
+    Raises:
+        InputError: some of the springs are rigid, and some of their forces deform nothing.
     """
     T, G = np.eye(len(C)), np.zeros_like(r_star)
-    kappa = np.linalg.inv(soft + C[np.ix_(at, at)])
+    flexibility = soft + C[np.ix_(at, at)]
+    size = np.sqrt(np.diag(flexibility).clip(min=np.finfo(float).tiny))
+    values, modes = np.linalg.eigh(flexibility / np.outer(size, size))
+    if len(at) and values[0] < SINGULAR:
+        part = np.abs(modes[:, 0]) / np.abs(modes[:, 0]).max()
+        which = dict.fromkeys(name for name, p in zip(names, part, strict=True) if p > 1e-3)
+        raise InputError(
+            f"{', '.join(which)}: their forces are not determined, as those of rigid bolts between "
+            "the same patches, or between held ones; give a lower stiffness, or leave one out"
+        )
+    kappa = np.linalg.inv(flexibility)
     T[at], G[at] = -kappa @ C[at], kappa @ r_star[at]
     T[np.ix_(at, at)] = kappa
     return T, G
@@ -49,7 +70,9 @@ def bolt_law(scene: Scene, condensed: CondensedBody | JoinedBodies) -> tuple[Arr
     # the forces of a ring of bolts are those per radian
     part = 2.0 * np.pi if scene.axisymmetric else 1.0
     soft = np.diag([part / (bolt.stiffness or np.inf) for bolt in scene.bolts])
-    return closed(condensed.compliance, condensed.r_star, at, soft.reshape(len(at), len(at)))
+    labels = [f"bolt '{bolt.name}'" for bolt in scene.bolts]
+    soft = soft.reshape(len(at), len(at))
+    return closed(condensed.compliance, condensed.r_star, at, soft, labels)
 
 
 def with_bolts(system: ContactSystem, scene: Scene, law: tuple[Array, Array]) -> ContactSystem:

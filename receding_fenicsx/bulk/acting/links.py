@@ -122,7 +122,8 @@ def with_links(joined: JoinedBodies, soft: Array) -> JoinedBodies:
         soft: M / k_d, from :func:`add_links`.
     """
     n = len(joined.r_star) - len(soft)
-    T, G = closed(joined.compliance, joined.r_star, np.arange(n, n + len(soft)), soft)
+    at, labels = np.arange(n, n + len(soft)), ["[[spring]]"] * len(soft)
+    T, G = closed(joined.compliance, joined.r_star, at, soft, labels)
     T = T[:, :n]
     K = joined.K + joined.r_star.T @ G
     rest, rest_load = joined.rest
