@@ -66,10 +66,12 @@ def load_arrows(
         if not load.on_body and scene.find_edge(load.edge)[0].is_rectangle
     ]
     sizes = [largest[load.name] * np.linalg.norm(t, axis=1).max() for load, _, t in found]
-    scale = ARROW_LENGTH * size / max([*sizes, np.finfo(float).tiny])
+    if not any(sizes):
+        return []
     bodies, arrows = in_order(scene), []
     for load, points, traction in found:
-        vector = scale * float(factors[names.index(load.name)]) * traction
+        part = float(factors[names.index(load.name)]) / max(sizes)
+        vector = ARROW_LENGTH * size * part * traction
         if not np.any(vector):
             continue
         body, edge = scene.find_edge(load.edge)
