@@ -167,3 +167,29 @@ def first_that_fits(
     if misfit is not None:
         raise misfit
     return None
+
+
+def coarser(scene: Scene) -> Scene | None:
+    """Return the scene on the mesh nearest to half as many elements that fits it.
+
+    The bodies are meshed on this rank.
+
+    Returns:
+        None where the mesh is too coarse itself.
+
+    Raises:
+        InputError: why the last of the meshes that were tried does not fit.
+    """
+    from receding_fenicsx.bulk.half_planes.body import count_nodes
+    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
+
+    meshed = count_nodes if any(b.is_half_plane for b in scene.bodies) else contact_nodes_of
+
+    def fitting(partner: Scene, _: int) -> Scene:
+        meshed(partner)
+        return partner
+
+    half = 0.5 * scene.mesh.contact_elements
+    numbers = elements_near(scene, half, (half / SEARCH_RATIO, half))
+    found = first_that_fits(scene, numbers, fitting, InputError)
+    return None if found is None else found[1]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -11,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx import mpi, study
-from receding_fenicsx.accuracy.meshes import MIN_ELEMENTS, is_refined, scaled
+from receding_fenicsx.accuracy.meshes import coarser
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.environment import versions
@@ -137,8 +138,10 @@ def joint_curve(
         return sweep(which, over, place, workers, loop_numbers, options)
 
     table = swept(cyclic, "cases")
-    coarser = _coarser(cyclic)
-    coarse = None if coarser is None else swept(coarser, "coarse")
+    partner = None
+    with suppress(InputError):  # without estimate where no coarser mesh fits
+        partner = comm.bcast(mpi.on_root(comm, lambda: coarser(cyclic)))
+    coarse = None if partner is None else swept(partner, "coarse")
 
     def finish() -> JointCurve:
         curve = _curve(drive, values, (mpi.given(table), coarse), mpi.given(backbone))
@@ -184,15 +187,6 @@ def _played(system: ContactSystem, drive: str, start: Array, values: Array) -> S
             row[ERROR] = str(error)
         rows.append(row)
     return SweepTable(("amplitude",), (tuple(values.tolist()),), tuple(rows))
-
-
-def _coarser(scene: Scene) -> Scene | None:
-    """Return the scene on a mesh of half as many elements, None where there is none."""
-    elements = scene.mesh.contact_elements // 4 * 2
-    if is_refined(scene):
-        # the file itself has no coarser partner
-        elements = scene.mesh.contact_elements // 2 if scene.mesh.refinements else 0
-    return scaled(scene, elements) if elements >= MIN_ELEMENTS else None
 
 
 def _preload(scene: Scene | ContactSystem, drive: str, values: Array) -> dict[str, float]:

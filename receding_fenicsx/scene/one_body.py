@@ -7,7 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import Body, Contact, Refinement, Scene
 from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_range
 
@@ -212,6 +212,9 @@ def contact_elements(scene: Scene, body: Body) -> int:
 
     ``mesh.contact_elements`` counts those of the first contact's edge. The other bodies get
     elements of the same size on the edge of their first contact.
+
+    Raises:
+        MeshMisfit: these are not an even number.
     """
     n = scene.mesh.contact_elements
     if not scene.others or not body.is_rectangle:
@@ -227,7 +230,7 @@ def contact_elements(scene: Scene, body: Body) -> int:
     )
     wanted = n * length / before
     if abs(wanted - 2 * round(wanted / 2)) > COUNT_TOLERANCE * wanted:
-        raise InputError(
+        raise MeshMisfit(
             f"[mesh] contact_elements: {n} on '{first}' make {wanted:g} on '{own}', which must be "
             "an even number; change contact_elements, or a width"
         )

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.checks import check_choice, check_name, check_positive, unknown_name
 from receding_fenicsx.scene.model import (
     HALF_PLANE,
@@ -281,7 +281,7 @@ def check_elements(mesh: MeshOptions, body: Body, edge: str) -> None:
     size = length / mesh.contact_elements
     key = "height" if flat else "width"
     if depth < MIN_DEPTH * size:
-        raise InputError(
+        raise MeshMisfit(
             f"[body] {key}: {depth:g} is less than {MIN_DEPTH:g} of an element of the contact edge "
             f"({size:.3g}); enlarge it, or mesh.contact_elements"
         )

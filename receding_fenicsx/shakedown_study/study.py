@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from receding_fenicsx import mpi, study
-from receding_fenicsx.accuracy.meshes import scaled
+from receding_fenicsx.accuracy.meshes import coarser
 from receding_fenicsx.atomic import check_folder
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.interface.shakedown.limits import (
@@ -34,8 +34,6 @@ from receding_fenicsx.timing import Say, Timer
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-FEWEST_ELEMENTS = 8
-"""Contact elements of the coarsest second mesh."""
 EDGE_NOTE = (
     "at an edge where the contact is free to recede the continuum slips at any load range: both "
     "limits are those of the mesh, and fall on finer ones"
@@ -90,14 +88,15 @@ def shakedown(
     with timer("limits"):
         limits, margins = _limits(scene, system, comm)
     meshes, failure = [limits], ""
-    elements = 2 * (scene.mesh.contact_elements // 4)
-    if elements >= FEWEST_ELEMENTS and all(body.mesh is None for body in scene.bodies):
+    if all(body.mesh is None for body in scene.bodies):
         with timer("second mesh"):
             try:
-                coarse = study.condense(scaled(scene, elements), comm, whole=True)
-                meshes.append(_limits(scene, coarse, comm)[0])
+                partner = comm.bcast(mpi.on_root(comm, lambda: coarser(scene)))
+                if partner is not None:
+                    coarse = study.condense(partner, comm, whole=True)
+                    meshes.append(_limits(scene, coarse, comm)[0])
             except RecedingError as error:  # the same on all ranks; the scene's own limits stand
-                failure = f"no limits on a mesh of {elements} contact elements: {error}"
+                failure = f"no limits on a coarser mesh: {error}"
     with timer("diagram"):
         diagram = _diagram(scene, margins, limits, comm)
 

@@ -243,16 +243,16 @@ def test_direction_of_slip_between_turning_points_is_that_of_the_displacement() 
 def test_study_in_the_current_folder_tells_why_there_is_no_second_mesh(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refused(scene: rf.Scene, elements: int) -> rf.Scene:
-        raise rf.InputError(f"no vertices at {elements}")
+    def refused(scene: rf.Scene) -> rf.Scene:
+        raise rf.InputError("no vertices")
 
-    monkeypatch.setattr(study, "scaled", refused)
+    monkeypatch.setattr(study, "coarser", refused)
     monkeypatch.chdir(shared_tmp_path)
     # with little friction it slips before it opens: no cycles are played
     found = rf.shakedown(rf.from_toml(SCENE, ["contact.friction=0.2"]), ".")
     if found is not None:
         assert len(found.meshes) == 1
-        assert "no limits on a mesh of 8 contact elements: no vertices at 8" in found.notes
+        assert "no limits on a coarser mesh: no vertices" in found.notes
         assert (shared_tmp_path / "shakedown.json").is_file()
 
 
