@@ -16,12 +16,14 @@ pytestmark = pytest.mark.one_rank
 LOOP = np.array([[1.0], [1.0 / 3.0], [1.0]])
 
 
-def play(system: ContactSystem, cycles: int) -> list[Leg]:
-    """Follow cycles of the block."""
+def play(
+    system: ContactSystem, cycles: int, then: tuple[tuple[np.ndarray, np.ndarray], ...] = ()
+) -> list[Leg]:
+    """Follow cycles of the block, and then other legs."""
     path, n, scale = EventPath(system), system.n, 0.0
     now = ContactState(np.zeros(2 * n), np.zeros(2 * n), np.ones(n, np.int8))
     legs = []
-    for a, b in [(np.zeros(1), LOOP[0]), *(cycles * list(pairwise(LOOP)))]:
+    for a, b in [(np.zeros(1), LOOP[0]), *(cycles * list(pairwise(LOOP))), *then]:
         legs.append(path.trace_leg(now, (a, b), scale))
         now, scale = legs[-1].end, legs[-1].force_scale
     return legs
@@ -113,3 +115,17 @@ def test_events_that_no_longer_come_are_not_taken(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(rounds.Rounds, "_foresee", counting)
     assert_same(play(system, 40), plain, system)
     assert refused > 0
+
+
+@pytest.mark.parametrize("cycles", [8, 40, 42, 45])
+def test_a_leg_carries_the_load_that_is_asked_for_whatever_was_played_before(
+    cycles: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    system, other = block_system(80, 40), np.array([0.6])
+    then = ((LOOP[0], other), (other, LOOP[0]))
+    legs = play(system, cycles, then)
+    monkeypatch.setattr(rounds.Rounds, "leg", lambda *_: None)
+    for leg, plain, (_, b) in zip(legs[-2:], play(system, cycles, then)[-2:], then, strict=True):
+        assert np.abs(reactions(system, b, leg.end.u) - leg.end.r).max() <= 1e-14 * leg.force_scale
+        assert np.abs(leg.end.r - plain.end.r).max() <= 1e-11 * leg.force_scale
+        assert leg.work == pytest.approx(plain.work, rel=1e-9)

@@ -11,6 +11,7 @@ from small import small_system, table
 
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, NotConverged
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.gauss_seidel.node_problem import NodeProblem
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
     GaussSeidelOptions,
@@ -18,7 +19,8 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import (
 )
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.load_steps.continuation import Continuation
-from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
@@ -193,6 +195,53 @@ def test_displacements_of_the_size_of_round_off_count_as_settled(number: int) ->
     a, b = (evolve(node, history, solver).turning_points for solver in (None, steps(number)))
     for field in ("P", "Q", "w"):
         assert getattr(b, field) == pytest.approx(getattr(a, field), abs=1e-12), field
+
+
+@pytest.mark.parametrize("number", [0, 3, 9])
+@pytest.mark.parametrize("through", [[], [[0, 0]]])
+def test_a_leg_through_zero_load_dissipates_what_two_legs_that_meet_there_do(
+    number: int, through: list[list[int]]
+) -> None:
+    """K = I, f = 1/2; load a presses node 0 and lifts node 1, b pulls them.
+
+    Node 0 slips at Q = -1/2 by 1/2; unloaded to lambda < 1/3 it slips back by 3 lambda/2 at
+    Q = lambda/2 and opens at 0, where node 1 lands and slips by lambda/2 at Q = lambda/2.
+    In a load step that ends open, from lambda = 1/number, no slip is counted.
+    """
+    pair = small_system(np.eye(4), {"a": [0, 0, 1, -1], "b": [-1, 1, 0, 0]}, 0.5)
+    path = [[0, 0], [1, 0.5], [1, 1], *through, [-1, -1]]
+    record = evolve(pair, table(pair, path), steps(number) if number else None)
+    lost = 0.5 * 0.5 * 1.5 / number**2 if number else 0.0
+    D = 0.5 * 0.5 + 0.5 * 0.5 * 1.5 / 9.0 - lost + 0.5 * 0.5 * 0.5
+    assert record.dissipation_first_loading == pytest.approx(D, rel=1e-12)
+    # the leg from 1 to -1 ends with the elastic energy of its start, so that its work is 1/6
+    if not through:
+        assert record.energy_error_max == pytest.approx(lost / (1 / 6 - lost), abs=1e-12)
+    assert record.turning_points.state[-1].tolist() == [State.SEPARATION, State.FORWARD_SLIP]
+
+
+def test_pieces_of_the_exact_path_add_up_and_the_whole_path_replaces_them() -> None:
+    """K = I, f = 1/2, pulled to twice its limit: stuck up to s = 1/2, then slip by 1/2."""
+    node = small_system(np.eye(2), {"press": [0, 1], "pull": [-1, 0]}, 0.5)
+    start = evolve(node, table(node, [[0, 0], [1, 0]])).turning_points
+    at = ContactState(
+        np.array([*start.v[-1], *start.w[-1]]),
+        np.array([*start.Q[-1], *start.P[-1]]),
+        start.state[-1],
+    )
+    check = Continuation(node)
+    now = LegInSteps(node, LegProblem(at, (np.array([1.0, 0]), np.array([1.0, 1])), 1.0), None)
+    whole = check.follow(now.problem, 1.0, None).finish()
+
+    def numbers(leg: Leg) -> list[float]:
+        return [*leg.dissipation, leg.work, leg.end.v[0], *(event[0] for event in leg.events)]
+
+    for s, s_end in ((0.0, 0.3), (0.3, 0.7), (0.7, 1.0)):
+        now.add(check.follow(now.rest(s, 1.0), s_end, None).finish(), (s, s_end))
+    # work of the pull: -integral of lambda dv
+    assert numbers(now.leg) == pytest.approx([0.25, -0.375, 0.5, 0.5], rel=1e-12)
+    now.replace(whole, 1.0)
+    assert numbers(now.leg) == pytest.approx([0.25, -0.375, 0.5, 0.5], rel=1e-12)
 
 
 @pytest.mark.parametrize("spring", [0.0, 1e-17, -1e-17])
