@@ -167,6 +167,45 @@ def test_probes_of_a_pair_on_the_axis_are_hertz() -> None:
     assert abs(values[4, 1]) < 1e-3 * abs(values[3, 1])
 
 
+@pytest.mark.one_rank
+def test_probes_of_a_pair_move_with_its_support_and_mirror_with_the_scene() -> None:
+    """Held below or above, or upside down: the same stresses and motions but for a translation."""
+    materials = "[material.lower]\nyoung = 70.0\npoisson = 0.2\n[material]\n"
+    text = PAIR.replace("[material]\n", materials).replace("elements = 160", "elements = 40")
+    points = np.array([[0.3, 0.4], [-0.7, 0.9], [0.1, 2.0], [0.2, -0.5], [-1.5, -0.8]])
+
+    def played(mirrored: bool, held_above: bool) -> np.ndarray:
+        scene, places = text, {"upper": points[:3], "lower": points[3:]}
+        if held_above:  # loads with the other sign on the other body
+            scene = scene.replace('"upper.far"', '"new"').replace('"lower.far"', '"upper.far"')
+            scene = scene.replace('"new"', '"lower.far"').replace("force = [1.0", "force = [-1.0")
+        if mirrored:
+            for old, new in (("upper", "lower"), ("bottom", "top")):
+                scene = scene.replace(old, "new").replace(new, old).replace("new", new)
+            places = {"lower": points[:3] * [1, -1], "upper": points[3:] * [1, -1]}
+        if mirrored != held_above:
+            scene = scene.replace("force = [0.0, -1.0]", "force = [0.0, 1.0]")
+        for name, at in places.items():
+            scene += f'[[probe]]\nname = "{name}"\nbody = "{name}"\npoints = {at.tolist()}\n'
+        record = rf.run(rf.from_toml(scene))
+        assert record is not None and record.cycles.dissipation[-1] > 0.0
+        found = [record.probe(name) for name in places]
+        ends = found[0].kind == "turning point"
+        u, stress = (
+            np.concatenate([getattr(at, name)[ends] for at in found], axis=1)
+            for name in ("displacement", "stress")
+        )
+        u = u - u[:, :1]
+        sign = [1, -1] if mirrored else [1, 1]
+        shear = [1, 1, 1, sign[1]]
+        return np.concatenate([sign * u / np.abs(u).max(), shear * stress], axis=2)
+
+    base = played(False, False)
+    for mirrored, held_above in ((False, True), (True, False), (True, True)):
+        other = played(mirrored, held_above)
+        assert np.abs(other - base).max() < 1e-9 * np.abs(base).max(), (mirrored, held_above)
+
+
 @pytest.mark.parametrize(("force", "warned"), [(-1.0, False), (-16.0, True)])
 def test_contact_that_the_surface_cuts_off_is_a_warning(force: float, warned: bool) -> None:
     """Contact half width 0.54, or 2.15 on a surface that ends at 1.5."""

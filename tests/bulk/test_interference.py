@@ -203,6 +203,22 @@ def test_work_over_a_cycle_is_its_dissipation() -> None:
     assert loop_of(record, 3).area().sum() == pytest.approx(D, rel=1e-3)
 
 
+@pytest.mark.one_rank
+def test_conjugate_of_a_pressure_is_its_integral_over_the_true_displacement() -> None:
+    """Of an edge that the interference moves, too, though [v; w] has no part of it."""
+    y = np.linspace(0.0, 1.0, 101)
+    edge = Probe("edge", points=tuple((-2.0, value) for value in y))
+    push = Load("P", "left", pressure="0.01*(1 + y)")
+    record = played(wedged(loads=(push,), probes=(edge,)))
+    inward, table = record.probe("edge").displacement[:, :, 0], record.turning_points
+    weight = 0.01 * (1.0 + y) * 0.01 * np.where((y == 0.0) | (y == 1.0), 0.5, 1.0)
+    rows = record.probe("edge").kind == "turning point"
+    known = inward[rows] @ weight
+    found = table.load_displacement[:, record.load_names.index("P")]
+    assert found == pytest.approx(known, abs=1e-3 * np.abs(known).max())
+    assert abs(found[0]) > 0.1 * np.abs(found).max()  # interference alone
+
+
 def test_saved_system_belongs_to_its_interference(shared_tmp_path: Path) -> None:
     scene = wedged()
     assert from_toml(to_toml(scene)) == scene
