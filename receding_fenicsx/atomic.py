@@ -2,14 +2,11 @@
 
 from __future__ import annotations
 
-import io
 import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
-
-import h5py
 
 from receding_fenicsx.errors import NO_ROOM, InputError, RecedingError
 
@@ -41,42 +38,6 @@ def new_file(path: Path, overwrite: bool = False) -> Iterator[Path]:
         raise unwritable(path, error) from None
     finally:
         temporary.unlink(missing_ok=True)
-
-
-HDF5_WITH_IMAGES = (1, 14, 0)
-"""First HDF5 release whose file images in memory are used. Those of 1.10 have wrong checksums; with
-a newer h5py, a file in a Python object crashes the garbage collector after an error."""
-
-
-@contextmanager
-def new_hdf5(path: Path, overwrite: bool = False) -> Iterator[h5py.File]:
-    """Give an open HDF5 file; on leaving it is written as by :func:`new_file`.
-
-    The file is filled in memory, because HDF5 crashes at the interpreter's exit on a full disk.
-
-    Args:
-        path: path of the finished file.
-        overwrite: replace an existing file.
-
-    Yields:
-        The open file.
-    """
-    with new_file(path, overwrite) as temporary:
-        # attributes above 64 kB (a scene with long tables) need the layout of HDF5 1.8
-        layout = ("v108", "v110")
-        if h5py.version.hdf5_version_tuple < HDF5_WITH_IMAGES:
-            memory = io.BytesIO()
-            with h5py.File(memory, "w", libver=layout) as file:
-                yield file
-            image = memory.getvalue()
-        else:
-            with h5py.File(
-                temporary, "w", driver="core", backing_store=False, libver=layout
-            ) as file:
-                yield file
-                file.flush()
-                image = file.id.get_file_image()
-        temporary.write_bytes(image)
 
 
 def make_folder(path: Path) -> None:

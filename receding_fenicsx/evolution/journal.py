@@ -13,10 +13,10 @@ from pathlib import Path
 
 import numpy as np
 
-from receding_fenicsx.atomic import new_file, unwritable
+from receding_fenicsx.atomic import unwritable
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.cycle_data import FinishedCycle
-from receding_fenicsx.evolution.journal_format import HEAD, OLDER_MAGIC, TITLE_BYTES, JournalFormat
+from receding_fenicsx.evolution.journal_format import HEAD, TITLE_BYTES, JournalFormat
 from receding_fenicsx.interface.system import ContactSystem
 
 WRITING_SHARE = 0.02
@@ -67,8 +67,7 @@ class JournalFile(Journal):
         """Open the journal of a run and read its checkpoints, or create it.
 
         Args:
-            path: the file; an incomplete block at its end is cut off. A file of an older format is
-                replaced by one of this format.
+            path: the file; an incomplete block at its end is cut off.
             system: the condensed body.
             checkpoint_cycles: cycles between two checkpoints.
 
@@ -82,7 +81,7 @@ class JournalFile(Journal):
         self._cost, self._last = 0.0, -np.inf
         title = self._format.title
         try:
-            whole = self._read(JournalFormat(system, OLDER_MAGIC))
+            whole = self._read()
             # unbuffered, so that no part of a block is written after a signal
             self._file = open(path, "ab", buffering=0)
             self._file.truncate(whole)
@@ -131,26 +130,23 @@ class JournalFile(Journal):
             self._file.truncate(before)
             raise
 
-    def _read(self, older: JournalFormat) -> int:
-        """Read all complete blocks, of this format or the older one; return where they end."""
+    def _read(self) -> int:
+        """Read all complete blocks; return where they end."""
         if not self.path.exists():
             return 0
         with open(self.path, "rb") as file:
             head = file.read(TITLE_BYTES)
             if len(head) < TITLE_BYTES:
                 return 0
-            formats = {form.title: form for form in (self._format, older)}
-            if head not in formats:
-                raise InputError(f"{self.path}: belongs to another system; start the run anew")
+            if head != self._format.title:
+                raise InputError(
+                    f"{self.path}: belongs to another system or version of this program; start the "
+                    "run anew"
+                )
             end = TITLE_BYTES
-            while block := formats[head].unpack(file):
+            while block := self._format.unpack(file):
                 self.cycles += block
                 end = file.tell()
-        if head == older.title:
-            data = self._format.title + (self._format.pack(self.cycles) if self.cycles else b"")
-            with new_file(self.path, overwrite=True) as temporary:
-                temporary.write_bytes(data)
-            end = len(data)
         self._written = self._ready = len(self.cycles)
         return end
 

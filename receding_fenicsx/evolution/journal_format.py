@@ -2,7 +2,7 @@
 
 The file begins with a title: its kind, its format version, and the numbers of nodes and loads. Each
 block is a head (counts and a checksum) and three tables of fixed rows: cycles, instants (ends of
-legs, then samples, of each cycle) and events. Files of format 1, without uniqueness, are read too.
+legs, then samples, of each cycle) and events.
 """
 
 from __future__ import annotations
@@ -18,13 +18,10 @@ from numpy.typing import NDArray
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals
 from receding_fenicsx.evolution.instants import Event, Instant
 from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.interface.uniqueness.watch import UNKNOWN, Uniqueness
+from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 
-MAGIC = b"recedingjournal2"
+MAGIC = b"recedingjournal3"
 """First bytes of the file: its kind and its format version."""
-
-OLDER_MAGIC = b"recedingjournal1"
-"""First bytes of files without uniqueness."""
 
 TITLE_BYTES = len(MAGIC) + 16
 """Length of the title."""
@@ -44,18 +41,17 @@ class JournalFormat:
         title: first bytes of the file.
     """
 
-    def __init__(self, system: ContactSystem, magic: bytes = MAGIC) -> None:
-        """Lay out the tables for a system, in the format that begins with ``magic``."""
+    def __init__(self, system: ContactSystem) -> None:
+        """Lay out the tables for a system."""
         n, loads = system.n, len(system.load_names)
-        self.title = magic + np.array((n, loads), "<i8").tobytes()
-        unique = ("uniqueness", UNIQUENESS) if magic == MAGIC else ("unused", "i1")
+        self.title = MAGIC + np.array((n, loads), "<i8").tobytes()
         self._cycle = np.dtype(
             [
                 ("dissipation", "<f8", (n,)),
                 ("slip", "<f8", (n,)),
                 ("slip_range", "<f8"),
                 ("totals", TOTALS),
-                unique,
+                ("uniqueness", UNIQUENESS),
                 ("kept", "i1"),
                 ("corners", "<i4"),
                 ("samples", "<i4"),
@@ -105,7 +101,8 @@ class JournalFormat:
             for key in self._event.fields or ():
                 changes[key] = [getattr(event, key) for event in events]
         data = rows.tobytes() + points.tobytes() + changes.tobytes()
-        head = np.array([(len(rows), len(points), len(changes), zlib.crc32(data))], HEAD)
+        head = np.array([(len(rows), len(points), len(changes), 0)], HEAD)
+        head["crc"] = zlib.crc32(data, zlib.crc32(head.tobytes()))
         return head.tobytes() + data
 
     def unpack(self, file: BinaryIO) -> list[FinishedCycle] | None:
@@ -113,14 +110,15 @@ class JournalFormat:
         bytes_ = file.read(HEAD.itemsize)
         if len(bytes_) < HEAD.itemsize:
             return None
-        head = np.frombuffer(bytes_, HEAD)[0]
+        head = np.frombuffer(bytes_, HEAD).copy()
+        checksum, head["crc"] = int(head["crc"][0]), 0
         tables = self._cycle, self._instant, self._event
-        counts = [int(head[key]) for key in ("cycles", "instants", "changes")]
+        counts = [int(head[key][0]) for key in ("cycles", "instants", "changes")]
         sizes = [n * t.itemsize for n, t in zip(counts, tables, strict=True)]
         if min(counts) < 0 or sum(sizes) > os.fstat(file.fileno()).st_size:
             return None
         data = file.read(sum(sizes))
-        if len(data) < sum(sizes) or zlib.crc32(data) != head["crc"]:
+        if len(data) < sum(sizes) or checksum != zlib.crc32(data, zlib.crc32(head.tobytes())):
             return None
         ends = np.cumsum([0, *sizes])
         cycles, points, changes = (
@@ -154,8 +152,6 @@ def _event(row: np.void) -> Event:
 
 
 def _uniqueness(cycle: np.void) -> Uniqueness:
-    if "uniqueness" not in (cycle.dtype.fields or ()):
-        return UNKNOWN
     row = cycle["uniqueness"]
     values = {key: row[key].tolist() for key in UNIQUENESS.names or ()}
     return Uniqueness(**{**values, "nodes": tuple(values["nodes"])})

@@ -35,7 +35,7 @@ from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.modal.modes import Assembled, assembled
 from receding_fenicsx.mpi import given
-from receding_fenicsx.output.storage.hdf5_file import create, write
+from receding_fenicsx.output.storage.hdf5_file import new_hdf5, write
 from receding_fenicsx.scene.acting.validate import check_modes
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
@@ -82,7 +82,7 @@ class ReducedModel:
         Raises:
             InputError: the file exists already or cannot be written.
         """
-        with create(Path(path), REDUCED, overwrite) as file:
+        with new_hdf5(Path(path), overwrite, REDUCED) as file:
             for field in fields(self):
                 write(file, field.name, getattr(self, field.name))
             file.attrs["description"] = inspect.getdoc(ReducedModel) or ""

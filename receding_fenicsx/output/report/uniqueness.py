@@ -46,8 +46,6 @@ def uniqueness_lines(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         words += " at the ends of load steps"
     if found["symmetric_paths_only"]:
         words += ", among mirror-symmetric paths"
-    if not found["certified"] and place is None:
-        words = "not known, an earlier version that did not judge it played the first cycles"
     lines = [(CERTIFICATE, words)]
     if place is not None:
         nodes = ", ".join(map(str, place["nodes"]))

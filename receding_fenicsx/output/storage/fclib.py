@@ -14,7 +14,7 @@ import h5py
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.atomic import check_file, new_hdf5
+from receding_fenicsx.atomic import check_file
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.gauss_seidel.compliance_form import (
@@ -25,6 +25,7 @@ from receding_fenicsx.interface.gauss_seidel.compliance_form import (
 )
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.output.storage.hdf5 import read_system
+from receding_fenicsx.output.storage.hdf5_file import new_hdf5
 from receding_fenicsx.output.storage.run_folder import read_run
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.toml_file import from_toml
