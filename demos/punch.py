@@ -74,7 +74,7 @@ def patterns(record: rf.Record, leg: int) -> list[tuple[float, list[tuple[str, f
     """Return load and zones at the samples of a leg."""
     s = record.samples
     rows = np.flatnonzero(s.leg == leg)
-    return [(s.load[i, 0], rf.zones(record.x, s.state[i], record.axisymmetric)) for i in rows]
+    return [(s.load[i, 0], rf.zones(record.x, s.state[i], record.begins_on_axis)) for i in rows]
 
 
 def compare_stick_zones(kinematics: str) -> None:

@@ -247,9 +247,11 @@ def _leg(
     force = max(so_far[0], HELD_SHARE * float(np.abs(np.array(corners) @ run.system.r_star).max()))
     noise = np.maximum(so_far[1], body.round_off(np.array(corners[0]), u))
     for table, kept in ((ends, [row]), (samples, rows)):
-        force = max(force, *(float(np.abs(r[kept]).max(initial=0.0)) for r in (table.P, table.Q)))
         for j in kept:
             at_j = np.concatenate([table.v[j], table.w[j]])
+            # with the reactions of supports, which the record does not show
+            r_j = table.load[j] @ run.system.r_star + run.system.K @ at_j
+            force = max(force, float(np.abs(r_j).max(initial=0.0)))
             noise = np.maximum(noise, body.round_off(table.load[j], at_j))
     return Leg(*at, corners, u, state, row, rows, force, noise)
 
@@ -295,7 +297,8 @@ def _check_instants(run: Replay, leg: Leg, table: Any, rows: Array) -> None:
     off, slips = np.abs(Q + body.at_limit(slip) * P), body.rubs & (slip != 0.0)
     p_off, q_off = np.abs(table.p[rows] * weight - P), np.abs(table.q[rows] * weight - Q)
     for what, over in {
-        "equilibrium fails": (np.abs(r - np.concatenate([Q, P], axis=1)), error, True),
+        "equilibrium fails": (np.abs(r - np.concatenate([Q, P], axis=1)), error, ~body.held),
+        "a support's reaction is shown": (np.abs(np.hstack([Q, P])), 0.0, body.held),
         "a node is pulled": (-P, e_n, law),
         "a node penetrates": (-gap, e_gap, law),
         "an open node is pressed": (P, e_n, out),

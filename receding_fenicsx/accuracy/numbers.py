@@ -15,7 +15,7 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.probe_history import history_of, probe_names
 from receding_fenicsx.evolution.record import DISSIPATION_ROUND_OFF, Record
-from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
+from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.interface.measures.zone_ends import zone_end
 from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, stick_zone
 from receding_fenicsx.output.report.corner_stress import corners_of
@@ -75,7 +75,7 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
     """Yield pressures and ends of zones of one contact edge."""
     x, table = record.x, record.turning_points
     p = table.p[row]
-    axis = record.axisymmetric and begins_on_axis(x)
+    axis = record.begins_on_axis
     centre = on_axis(x, p) if axis else np.interp(0.5 * (x[0] + x[-1]), x, p)
     mean = float(table.P[row].sum() / record.weight.sum())
     if not mean > 0.0:
@@ -97,8 +97,8 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
         return
     state = table.state[row]
     for name, zone in (
-        ("contact", contact_zone(x, state, record.axisymmetric)),
-        ("stick", stick_zone(x, state, record.friction.mean, record.axisymmetric)),
+        ("contact", contact_zone(x, state)),
+        ("stick", stick_zone(x, state, record.friction.mean)),
     ):
         if zone is None or zone == NO_NODES:
             continue

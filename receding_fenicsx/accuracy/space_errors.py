@@ -23,7 +23,6 @@ from receding_fenicsx.accuracy.numbers import headline
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.scene.model import Scene
 
 FACTORS = (2.0, 2.5, 4.0)
@@ -95,8 +94,7 @@ def level_of(record: Record | None, elements: int, seconds: float = 0.0) -> Leve
 def _ends_sharply(record: Record) -> bool:
     """Return whether a contact edge ends at a sharp corner in contact at some turning point."""
     table = record.turning_points
-    on_axis = record.axisymmetric and begins_on_axis(record.x)
-    ends = table.p[:, -1] if on_axis or record.half else table.p[:, [0, -1]].max(axis=1)
+    ends = table.p[:, record.corner_ends].max(axis=1, initial=0.0)
     mean = table.P.sum(axis=1) / record.weight.sum()
     return bool(np.any((mean > 0.0) & (ends > SHARP_PRESSURE * mean)))
 

@@ -75,7 +75,7 @@ class Stack:
 
     @cached_property
     def contact(self) -> ContactNodes:
-        """Nodes of all contacts, each on its first body."""
+        """Nodes of all contacts, each on its first body; held where both sides are."""
         own = [place.side > 0 for place in self.places]
         order = np.argsort(
             np.concatenate([p.node[on] for p, on in zip(self.places, own, strict=True)])
@@ -91,11 +91,14 @@ class Stack:
             return np.concatenate(stacked, axis=1)[:, order].reshape(2 * len(order), -1)
 
         contact = [place.contact[on] for place, on in zip(self.places, own, strict=True)]
+        held = np.ones(2 * len(order), dtype=bool)
+        for place, part in zip(self.places, self.parts, strict=True):
+            held[place.dofs(len(order))] &= part.contact.held
         single = ("x", "points", "node", "tangent", "normal", "weight")
         return ContactNodes(
             **{name: merged(name) for name in single},
             edge=np.concatenate(contact)[order],
-            held=halves("held")[:, 0],
+            held=held,
             modes=halves("modes"),
             constraints=np.vstack([part.contact.constraints for part in self.parts]),
             null=np.zeros((2 * len(order), 0)),

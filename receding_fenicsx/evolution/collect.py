@@ -15,7 +15,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, PathUniqueness, States, Steady
 from receding_fenicsx.interface.law import MIRRORED, State
 from receding_fenicsx.interface.measures.steady import SteadyWatch
-from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, Mirror, mirror_of
+from receding_fenicsx.interface.mirror import Mirror, mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
@@ -95,6 +95,7 @@ def _nodes(system: ContactSystem, mirror: Mirror) -> dict[str, Any]:
     """Return the fields of the record about the contact nodes."""
     sign = np.where(mirror.left, -1.0, 1.0)
     friction = mirror.friction(system.friction)
+    held = system.held[mirror.index] & ~mirror.axis
     return {
         "x": sign * system.x[mirror.index],
         "points": system.points[mirror.index] * np.stack([sign, np.ones_like(sign)], axis=1),
@@ -104,6 +105,7 @@ def _nodes(system: ContactSystem, mirror: Mirror) -> dict[str, Any]:
         "weight": mirror.total(system.weight),
         "edge": system.edges[mirror.index],
         "edge_names": system.edge_names,
+        "held": held if held.any() else None,
     }
 
 
@@ -145,12 +147,9 @@ def states_table(system: ContactSystem, mirror: Mirror, instants: list[Instant])
     v = np.array([i.v for i in instants]).reshape(-1, n)
     load = np.array([i.load for i in instants]).reshape(-1, n_loads)
     state = np.array([i.state.state for i in instants], dtype=np.int8).reshape(-1, n)
-    # open nodes carry no force: the rest is round-off of the solvers; held ones carry reactions
-    r[np.tile(state == State.SEPARATION, 2) & ~system.held] = 0.0
+    # open nodes carry no force, the rest is round-off; reactions of supports are no tractions
+    r[np.tile(state == State.SEPARATION, 2) | system.held] = 0.0
     Q, P = mirror.odd_total(r[:, :n]), mirror.total(r[:, n:])
-    if system.axisymmetric:
-        # the reaction that holds the axis is no traction
-        Q[:, np.abs(system.x) <= AXIS_TOLERANCE * np.abs(system.x).max()] = 0.0
     weighted = weight > 0.0
     safe = np.where(weighted, weight, 1.0)
     return States(

@@ -38,7 +38,7 @@ class Moment:
         v, w: (N,) tangential and normal displacement.
         f: (N,) coefficients of friction; for forward slip only where ``f_backward`` is given.
         f_backward: (N,) coefficients for backward slip, or None.
-        axisymmetric: x is the radius.
+        begins_on_axis: the contact edge begins on the axis r = 0, at x = 0.
     """
 
     cycle: int
@@ -56,13 +56,13 @@ class Moment:
     w: Array
     f: Array
     f_backward: Array | None = None
-    axisymmetric: bool = False
+    begins_on_axis: bool = False
 
     @property
     def zones(self) -> list[Zone]:
         """Zones of equal state as (name, from, to), from the smallest x to the greatest."""
         f = friction_of(self.f, self.f_backward).mean
-        return contact_zones(self.x, self.state, f, self.axisymmetric)
+        return contact_zones(self.x, self.state, f, self.begins_on_axis)
 
 
 def moment_of(record: RecordData, table: States, row: int) -> Moment:
@@ -77,7 +77,7 @@ def moment_of(record: RecordData, table: States, row: int) -> Moment:
         x=record.x,
         f=record.f,
         f_backward=record.f_backward,
-        axisymmetric=record.axisymmetric,
+        begins_on_axis=record.begins_on_axis,
         **{key: getattr(table, key)[row] for key in ("state", "P", "Q", "p", "q", "v", "w")},
     )
 
@@ -112,7 +112,7 @@ def recovered_tractions(record: RecordData, moment: Moment) -> tuple[Array, Arra
             Q=moment.Q,
             state=moment.state,
             f=record.f,
-            axisymmetric=record.axisymmetric,
+            radius=record.radius,
             f_backward=record.f_backward,
         )
     )

@@ -10,7 +10,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.measures.axis import midside_beside_axis
+from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.normal_form import eliminate_tangential
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
@@ -115,7 +115,8 @@ def _shifted_to_axis(scene: Scene, system: ContactSystem, g0: Array) -> Array:
     for k, contact in enumerate(scene.contacts):
         first = int(np.argmax(system.edges == k))
         on = system.edges == k
-        if not midside_beside_axis(system.x[on], system.weight[on]):
+        radius = system.points[on, 0]
+        if not begins_on_axis(radius, system.weight[on]):
             continue
         # the smallest motion that opens this contact by 1
         w = system.rigid[system.n :]

@@ -55,6 +55,19 @@ class Record(RecordData):
         return known_scene(self.scene_toml) if self.scene_toml else None
 
     @property
+    def corner_ends(self) -> list[int]:
+        """Ends of the contact edge, 0 or -1, that are not on the axis or a plane of symmetry.
+
+        An end that a support holds tangentially lies on a plane of symmetry, unless supports hold
+        single points only.
+        """
+        supports = self.scene.supports if self.scene else ()
+        points_only = bool(supports) and all(support.edge is None for support in supports)
+        held = () if self.held is None or points_only else self.held
+        first = self.begins_on_axis or np.any(held[:1])
+        return [*([] if first else [0]), *([] if np.any(held[-1:]) else [-1])]
+
+    @property
     def dissipates(self) -> bool:
         """Whether cycle 1 dissipates more than the round-off of contact forces times slip."""
         D, table = self.cycles.dissipation, self.turning_points
@@ -150,6 +163,7 @@ def _on(record: Record, nodes: Ints) -> Record:
         record,
         **{name: getattr(record, name)[nodes] for name in per_record},
         f_backward=None if backward is None else backward[nodes],
+        held=None if record.held is None else record.held[nodes],
         turning_points=states(record.turning_points),
         samples=states(record.samples),
         events=Events(**{**columns, "node": place[columns["node"]]}),

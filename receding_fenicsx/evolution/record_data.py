@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.branches.choice import Choice
 from receding_fenicsx.interface.law import Friction, friction_of
+from receding_fenicsx.interface.measures.axis import begins_on_axis
 
 
 @dataclass
@@ -195,7 +196,7 @@ class RecordData:
         method: "gauss-seidel" or "events".
         modelled_nodes, modelled_dofs: contact nodes and degrees of freedom that were solved for.
         half: True when half of the body was modelled.
-        axisymmetric: True when x is the radius; forces and energies are those of the full circle.
+        axisymmetric: forces and energies are those of the full circle.
         load_sign: (n_loads,) -1 for forces, whose load_displacement is a displacement;
             +1 for prescribed displacements, whose load_displacement is the force that they take.
         turning_points: the end of every leg.
@@ -220,6 +221,8 @@ class RecordData:
             looked for where ``solver.branch`` asks for another one than the first.
         limit: limit of infinitely many cycles; None where it was not asked for.
         uniqueness: whether the path is the only one from its start.
+        held: (N,) nodes whose tangential displacement symmetry or a support holds: the force that
+            this takes is no traction, Q = 0; None where there are none.
     """
 
     x: Array
@@ -255,6 +258,7 @@ class RecordData:
     choices: tuple[Choice, ...] = ()
     limit: Limit | None = None
     uniqueness: PathUniqueness | None = None
+    held: NDArray[np.bool_] | None = None
 
     def start_row(self, cycle: int) -> int | None:
         """Return the turning point from which a cycle starts; None at rest.
@@ -270,3 +274,13 @@ class RecordData:
     def friction(self) -> Friction:
         """Coefficients of friction for both directions of slip."""
         return friction_of(self.f, self.f_backward)
+
+    @property
+    def radius(self) -> Array | None:
+        """(N,) distances of the nodes from the axis of revolution; None where there is none."""
+        return self.points[:, 0] if self.axisymmetric else None
+
+    @property
+    def begins_on_axis(self) -> bool:
+        """Whether the contact edge begins on the axis r = 0, from which x is measured then."""
+        return self.axisymmetric and begins_on_axis(self.points[:, 0], self.weight)

@@ -78,22 +78,25 @@ def mirror_of(system: ContactSystem) -> Mirror:
     return mirror
 
 
-def mirror_nodes(x: Array, half: bool, edge: NDArray[np.int64] | None = None) -> Mirror:
+def mirror_nodes(
+    x: Array, half: bool | NDArray[np.bool_], edge: NDArray[np.int64] | None = None
+) -> Mirror:
     """Return the map to the whole contact for nodes at x, those of the half x >= 0 or all.
 
-    With several edges each is its own mirror image.
+    With several edges each is its own mirror image; ``half`` may differ between them, (N,).
     """
     n = len(x)
-    if half and edge is not None and len(np.unique(edge)) > 1:
+    if np.any(half) and edge is not None and len(np.unique(edge)) > 1:
         places = [np.flatnonzero(edge == k) for k in np.unique(edge)]
-        parts = [mirror_nodes(x[place], half) for place in places]
+        halves = np.broadcast_to(half, n)
+        parts = [mirror_nodes(x[place], halves[place]) for place in places]
         return Mirror(
             np.concatenate([p[part.index] for p, part in zip(places, parts, strict=True)]),
             np.concatenate([part.left for part in parts]),
             np.concatenate([part.axis for part in parts]),
             2.0,
         )
-    if not half:
+    if not np.any(half):
         none = np.zeros(n, dtype=bool)
         return Mirror(np.arange(n), none, none.copy(), 1.0)
     on_axis = np.abs(x) <= AXIS_TOLERANCE * np.abs(x).max()

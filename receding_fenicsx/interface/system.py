@@ -63,7 +63,7 @@ class ContactSystem:
             contact held.
         load_sign: (n_loads,) -1 for force-like loads, +1 for prescribed displacements:
             load_displacement = load_compliance @ lambda + load_sign * (r_star @ u).
-        axisymmetric: x is the radius, and everything is per radian.
+        axisymmetric: points are (r, z), and everything is per radian.
         edge: (N,) number of the node's contact edge, not decreasing; None stands for one edge.
         edge_names: names of the contact edges.
         scene_toml: text of the scene that the system was condensed from, "" when made by hand.

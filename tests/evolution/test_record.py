@@ -388,7 +388,8 @@ def test_pressure_on_the_axis_is_that_of_its_neighbours() -> None:
     weight = np.where(r > 0.0, r, 0.1)
     P = weight * np.where(r > 0.0, 3.0 - 0.05 * r**2, 1.0)
     system = small_system(np.eye(14), {"a": [*np.zeros(7), *P]}, 0.3)
-    system = dataclasses.replace(system, x=r, weight=weight, axisymmetric=True)
+    points = np.column_stack([r, 0.0 * r])
+    system = dataclasses.replace(system, x=r, points=points, weight=weight, axisymmetric=True)
     (point,) = summarise(evolve(system, table(system, [0.0, 2.0])))["turning_points"]
     assert point["p_axis"] == pytest.approx(2.0 * 3.0, rel=1e-12)
 

@@ -221,7 +221,7 @@ def made_up(rigid: bool = True) -> View:
         length_symbol="h",
         pressure_symbol="p_{0}",
         caption="a caption",
-        axisymmetric=False,
+        radial=False,
     )
 
 

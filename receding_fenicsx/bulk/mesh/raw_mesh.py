@@ -76,12 +76,18 @@ class RawMesh:
 
 
 def with_radii(mesh: RawMesh) -> RawMesh:
-    """Return the mesh of a body of revolution: positions on horizontal edges are radii."""
-    middles = {}
+    """Return the mesh of a body of revolution: positions are radii on horizontal edges.
+
+    On others that begin on the axis r = 0 they are distances from there.
+    """
+    middles, near = {}, STRAIGHT_TOLERANCE * mesh.size
     for edge, facets in mesh.edges.items():
-        height = mesh.points[facets][..., 1]
-        if height.size and np.ptp(height) <= STRAIGHT_TOLERANCE * mesh.size:
-            middles[edge] = np.array([0.0, height.flat[0]])
+        points = mesh.points[np.unique(facets)]
+        on_axis = points[points[:, 0] <= near]
+        if len(points) and np.ptp(points[:, 1]) <= near:
+            middles[edge] = np.array([0.0, points[0, 1]])
+        elif len(on_axis) == 1:
+            middles[edge] = on_axis[0]
     return replace(mesh, middles=middles, upright=True)
 
 
@@ -141,8 +147,12 @@ def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
     other = points[np.argmax(np.hypot(*(points - end).T))]
     length = float(np.hypot(*(other - end)))
     direction = _upwards((other - end) / length)
-    normal = np.array([direction[1], -direction[0]])
     middle = mesh.middles.get(edge, 0.5 * (end + other))
+    offset = float((0.5 * (end + other) - middle) @ direction)
+    if abs(abs(offset) - 0.5 * length) <= STRAIGHT_TOLERANCE * length:
+        # measured from one of its ends, away from that
+        direction = direction * np.sign(offset)
+    normal = np.array([direction[1], -direction[0]])
     off = float(np.abs((points - end) @ normal).max())
     if off > STRAIGHT_TOLERANCE * length:
         raise InputError(

@@ -13,35 +13,25 @@ GEOMETRY_TOLERANCE = 1e-6
 """Relative difference up to which positions and weights are the same."""
 
 
-def begins_on_axis(x: Array) -> bool:
-    """Return whether an axisymmetric contact edge begins on the axis, and not at a hole.
+def begins_on_axis(radius: Array, weight: Array) -> bool:
+    """Return whether an axisymmetric contact edge begins on the axis r = 0.
 
-    At order 2 its first node is the middle of an element, half as far from the axis as the second:
-    a hole whose radius is the distance between two nodes looks the same.
-
-    Args:
-        x: (N,) radii of the edge's contact nodes, increasing.
-    """
-    if len(x) == 0 or x[0] <= 0.0:
-        return len(x) > 0
-    return len(x) > 1 and bool(abs(x[1] - 2.0 * x[0]) <= GEOMETRY_TOLERANCE * x[1])
-
-
-def midside_beside_axis(x: Array, weight: Array) -> bool:
-    """Return whether an edge begins on the axis, with an element of order 2.
-
-    The node on the axis has no weight then and is left out; the next one is the middle of an
-    element of length h = 2 x_0, with the weight h^2 / 3 per radian.
+    At order 2 the node on the axis has no weight and is left out. The next one is the middle of an
+    element from r = 0 to h = 2 r_0, with a weight in proportion to h^2 / 3; the node behind it has
+    h (h + h') / 6, with h' of the next element, 0 where there is none.
 
     Args:
-        x: (N,) radii of the edge's contact nodes, increasing.
+        radius: (N,) distance of the edge's contact nodes from the axis, in their order.
         weight: (N,) integrals of the shape functions times r.
     """
-    if not begins_on_axis(x):
+    if len(radius) == 0 or radius[0] <= GEOMETRY_TOLERANCE * radius[-1]:
+        return len(radius) > 0
+    h = 2.0 * radius[0]
+    if len(radius) < 2 or abs(radius[1] - h) > GEOMETRY_TOLERANCE * h:
         return False
-    return bool(
-        x[0] > 0.0 and abs(weight[0] - 4.0 / 3.0 * x[0] ** 2) <= GEOMETRY_TOLERANCE * weight[0]
-    )
+    beyond = radius[3] - radius[1] if len(radius) > 3 else 0.0
+    expected = 2.0 * h * weight[1]
+    return bool(abs(weight[0] * (h + beyond) - expected) <= GEOMETRY_TOLERANCE * expected)
 
 
 def on_axis(x: Array, values: Array) -> Array:
@@ -51,7 +41,7 @@ def on_axis(x: Array, values: Array) -> Array:
     none), and so its traction is the least certain.
 
     Args:
-        x: (N,) radii of the contact nodes, increasing.
+        x: (N,) distances from the axis along the edge, increasing.
         values: (N,) or (n, N) tractions or normal displacements.
 
     Returns:

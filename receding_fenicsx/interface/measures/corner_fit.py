@@ -50,9 +50,9 @@ def corner_exponent_fit(at: Tractions, side: int) -> float | None:
     if state[0] == State.SEPARATION:
         return None
     weight, force = at.weight[order], at.P[order]
-    if at.axisymmetric:
+    if at.radius is not None:
         # tractions along the edge, without the factor r
-        radius = np.where(at.x[order] > 0.0, at.x[order], 1.0)
+        radius = np.where(at.radius[order] > 0.0, at.radius[order], 1.0)
         weight, force = weight / radius, force / radius
     other = np.flatnonzero(state != state[0])
     zone = d[other[0] - 1] if len(other) else d[-1]

@@ -73,7 +73,7 @@ def recover(at: Tractions) -> tuple[Array, Array]:
         p and q, (N,) each.
     """
     P, Q = at.P, at.Q
-    middle = midside_nodes(at.x, at.weight, at.axisymmetric)
+    middle = midside_nodes(at.x, at.weight, at.radius)
     if len(middle) > 2:
         elements = Elements(middle, _middle_values(at, middle))
         active = np.ones(len(middle), dtype=bool)
@@ -101,9 +101,11 @@ def _middle_values(at: Tractions, middle: Ints) -> Array:
     for k, other in enumerate((inner - 1, inner, inner + 1)):
         a, b = ((at.x[middle[other] + side] - centre) / length for side in (-1, 1))
         moment = [(b ** (n + 1) - a ** (n + 1)) / (n + 1) for n in range(4)]
-        if at.axisymmetric:
-            # the weight r = centre + length t
-            moment = [centre * moment[n] + length * moment[n + 1] for n in range(3)]
+        if at.radius is not None:
+            # the weight r, linear along the edge
+            node = middle[inner]
+            grows = at.radius[node + 1] - at.radius[node - 1]
+            moment = [at.radius[node] * moment[n] + grows * moment[n + 1] for n in range(3)]
         means[:, k] = np.stack([part / moment[0] for part in moment[:3]], axis=1)
     values[inner] = np.linalg.inv(means)[:, 0]
     return values

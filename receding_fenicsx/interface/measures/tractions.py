@@ -13,18 +13,20 @@ MIDSIDE_SHARE = 0.58
 is 2/3, at vertices of order 2 1/3 and of order 1 1/2, on graded edges too."""
 
 
-def midside_nodes(x: Array, weight: Array, axisymmetric: bool = False) -> Ints:
+def midside_nodes(x: Array, weight: Array, radius: Array | None = None) -> Ints:
     """Return the midside nodes with a neighbour on both sides; none on elements of order 1.
 
     Args:
         x: (N,) positions, increasing.
         weight: (N,) integrals of the shape functions along the edge, times r when axisymmetric.
-        axisymmetric: x is the radius.
+        radius: (N,) distances from the axis when axisymmetric.
     """
     none = np.zeros(0, dtype=np.int64)
     if len(x) < 3:
         return none
-    local = np.divide(weight, x, out=np.zeros(len(x)), where=x > 0.0) if axisymmetric else weight
+    local = weight
+    if radius is not None:
+        local = np.divide(weight, radius, out=np.zeros(len(x)), where=radius > 0.0)
     heavy = local[1:-1] > MIDSIDE_SHARE * (x[2:] - x[:-2])
     # every second node, beginning with the first or the second that has two neighbours
     for start in (0, 1):

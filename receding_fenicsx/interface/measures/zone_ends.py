@@ -86,7 +86,7 @@ class Tractions:
         f: (N,) coefficient of friction.
         beta: Dundurs' constant of the body against the other side; None when it is not known.
         half: True when all is its own mirror image about x = 0.
-        axisymmetric: True when x is the radius.
+        radius: (N,) distances of the nodes from the axis when axisymmetric.
         f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
         known: ends of zones that were estimated before, by the zone's last node and the side.
     """
@@ -99,11 +99,16 @@ class Tractions:
     f: Array
     beta: float | None = None
     half: bool = False
-    axisymmetric: bool = False
+    radius: Array | None = None
     f_backward: Array | None = None
     known: dict[tuple[int, int], ZoneEnd] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
+
+    @property
+    def begins_on_axis(self) -> bool:
+        """Whether the contact edge begins on the axis r = 0."""
+        return self.radius is not None and begins_on_axis(self.radius, self.weight)
 
     @property
     def friction(self) -> Friction:
@@ -145,12 +150,12 @@ def _shear_kappa(young: float, nu: float, kinematics: str) -> tuple[float, float
 
 def contact_half_width_estimate(at: Tractions) -> ZoneEnd:
     """Estimate half the width of a contact around the middle, or its radius; NaN without one."""
-    return _half_width(at, contact_zone(at.x, at.state, at.axisymmetric))
+    return _half_width(at, contact_zone(at.x, at.state, at.begins_on_axis))
 
 
 def stick_half_width_estimate(at: Tractions) -> ZoneEnd:
     """Estimate half the width of the stick zone around the middle, or its radius."""
-    return _half_width(at, stick_zone(at.x, at.state, at.friction.mean, at.axisymmetric))
+    return _half_width(at, stick_zone(at.x, at.state, at.friction.mean, at.begins_on_axis))
 
 
 def zone_ends(at: Tractions) -> list[ZoneEnd]:
@@ -180,7 +185,7 @@ def _half_width(at: Tractions, zone: NodeRange | None) -> ZoneEnd:
         return ZoneEnd(width, width, width, fitted=False)
     first, last = zone
     right = zone_end(at, last, 1)
-    if (at.axisymmetric and begins_on_axis(at.x)) or (at.half and at.x[first] == -at.x[last]):
+    if (at.begins_on_axis) or (at.half and at.x[first] == -at.x[last]):
         return right
     left = zone_end(at, first, -1)
     return ZoneEnd(
@@ -214,7 +219,7 @@ def _zone_end(at: Tractions, last: int) -> ZoneEnd:
         return ZoneEnd(at.x[-1], at.x[-1], at.x[-1], fitted=False)
     low, high = float(at.x[last]), float(at.x[last + 1])
     spacing = high - low
-    midside = midside_nodes(at.x, at.weight, at.axisymmetric)
+    midside = midside_nodes(at.x, at.weight, at.radius)
     quadratic = len(midside) > 0
     shift = (QUADRATIC_SHIFT if quadratic else LINEAR_SHIFT) * spacing
     bracket = ZoneEnd(0.5 * (low + high), low - shift, high + shift, fitted=False)
@@ -259,7 +264,7 @@ def _mirrored(at: Tractions) -> Tractions:
         at.friction.backward[::-1],
         at.beta,
         at.half,
-        at.axisymmetric,
+        None if at.radius is None else at.radius[::-1],
         at.friction.forward[::-1],
     )
 

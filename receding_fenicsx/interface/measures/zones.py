@@ -1,8 +1,8 @@
 """Zones of stick, slip and separation along the contact edge, and their widths.
 
 A zone's end lies midway between its last node and the next one; the outermost zones end at the
-outermost nodes. Axisymmetric, x is the radius and the first zone begins on the axis, unless the
-contact edge does not reach it.
+outermost nodes. Where an axisymmetric contact edge begins on the axis r = 0, x is the distance from
+it, and the first zone begins there, though at order 2 no contact node lies on the axis.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import STATE_NAMES, State
-from receding_fenicsx.interface.measures.axis import begins_on_axis
 
 FRICTIONLESS_CONTACT = "contact"
 """Name of the closed zone where there is no friction."""
@@ -23,28 +22,28 @@ Zone = tuple[str, float, float]
 """Name of the state, and the two ends."""
 
 
-def zones(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> list[Zone]:
+def zones(x: Array, state: NDArray[np.integer], begins_on_axis: bool = False) -> list[Zone]:
     """Split the contact edge into zones of equal state.
 
     Args:
         x: (N,) positions, increasing.
         state: (N,) values of :class:`State`.
-        axisymmetric: x is the radius.
+        begins_on_axis: the edge begins on the axis r = 0, at x = 0.
 
     Returns:
         The zones from the smallest x to the greatest; each begins where the one before ends.
     """
-    return _split(x, state, {int(k): name for k, name in STATE_NAMES.items()}, axisymmetric)
+    return _split(x, state, {int(k): name for k, name in STATE_NAMES.items()}, begins_on_axis)
 
 
 def _split(
-    x: Array, values: NDArray[np.integer], names: dict[int, str], axisymmetric: bool
+    x: Array, values: NDArray[np.integer], names: dict[int, str], begins_on_axis: bool
 ) -> list[Zone]:
     """Split the contact edge into zones of equal value, with the name of each value."""
     if len(x) == 0:
         return []
     starts = np.flatnonzero(np.diff(values)) + 1
-    begin = [0.0] if axisymmetric and begins_on_axis(x) else x[:1]
+    begin = [0.0] if begins_on_axis else x[:1]
     ends = np.concatenate([begin, 0.5 * (x[starts - 1] + x[starts]), x[-1:]])
     first = np.concatenate([[0], starts])
     return [
@@ -54,7 +53,7 @@ def _split(
 
 
 def contact_zones(
-    x: Array, state: NDArray[np.integer], f: Array, axisymmetric: bool = False
+    x: Array, state: NDArray[np.integer], f: Array, begins_on_axis: bool = False
 ) -> list[Zone]:
     """Return the zones of :func:`zones`, with "contact" in place of "stick" without friction.
 
@@ -64,20 +63,20 @@ def contact_zones(
         x: (N,) positions, increasing.
         state: (N,) values of :class:`State`.
         f: (N,) coefficient of friction; 0 at nodes without friction.
-        axisymmetric: x is the radius.
+        begins_on_axis: the edge begins on the axis r = 0, at x = 0.
     """
     names = {int(k): name for k, name in STATE_NAMES.items()} | {0: FRICTIONLESS_CONTACT}
     slides = (np.asarray(state) == State.STICK) & (np.asarray(f) <= 0.0)
-    return _split(x, np.where(slides, 0, state), names, axisymmetric)
+    return _split(x, np.where(slides, 0, state), names, begins_on_axis)
 
 
-def contact_half_width(x: Array, state: NDArray[np.integer], axisymmetric: bool = False) -> float:
+def contact_half_width(x: Array, state: NDArray[np.integer], begins_on_axis: bool = False) -> float:
     """Return :func:`half_width` of the contact; NaN also where it consists of several zones."""
-    return half_width(x, contact_zone(x, state, axisymmetric), axisymmetric)
+    return half_width(x, contact_zone(x, state, begins_on_axis), begins_on_axis)
 
 
 def stick_half_width(
-    x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
+    x: Array, state: NDArray[np.integer], f: Array | None = None, begins_on_axis: bool = False
 ) -> float:
     """Return :func:`half_width` of the stick zone around the middle of the edge.
 
@@ -85,9 +84,9 @@ def stick_half_width(
         x: (N,) positions, increasing.
         state: (N,) values of :class:`State`.
         f: (N,) coefficient of friction: nodes without friction do not stick.
-        axisymmetric: x is the radius, the middle x = 0.
+        begins_on_axis: the edge begins on the axis, at x = 0; that is its middle.
     """
-    return half_width(x, stick_zone(x, state, f, axisymmetric), axisymmetric)
+    return half_width(x, stick_zone(x, state, f, begins_on_axis), begins_on_axis)
 
 
 NodeRange = tuple[int, int]
@@ -96,7 +95,7 @@ NO_NODES: NodeRange = (0, -1)
 """Range of a zone without nodes."""
 
 
-def half_width(x: Array, zone: NodeRange | None, axisymmetric: bool = False) -> float:
+def half_width(x: Array, zone: NodeRange | None, begins_on_axis: bool = False) -> float:
     """Return half the width of a zone around the middle, or its radius; 0 where it has no nodes.
 
     NaN where there are such nodes, but no zone of them that has a half width: see
@@ -105,21 +104,21 @@ def half_width(x: Array, zone: NodeRange | None, axisymmetric: bool = False) -> 
     if zone is None or zone == NO_NODES:
         return np.nan if zone is None else 0.0
     left, right = _midway(x, *zone)
-    return right if axisymmetric and begins_on_axis(x) else 0.5 * (right - left)
+    return right if begins_on_axis else 0.5 * (right - left)
 
 
 def contact_zone(
-    x: Array, state: NDArray[np.integer], axisymmetric: bool = False
+    x: Array, state: NDArray[np.integer], begins_on_axis: bool = False
 ) -> NodeRange | None:
     """Return :func:`central_zone` of the closed nodes; None where they form several zones."""
     touches = np.asarray(state) != State.SEPARATION
-    found = central_zone(x, touches, axisymmetric)
+    found = central_zone(x, touches, begins_on_axis)
     whole = found is not None and found[1] - found[0] + 1 == np.count_nonzero(touches)
     return found if whole else None
 
 
 def stick_zone(
-    x: Array, state: NDArray[np.integer], f: Array | None = None, axisymmetric: bool = False
+    x: Array, state: NDArray[np.integer], f: Array | None = None, begins_on_axis: bool = False
 ) -> NodeRange | None:
     """Return :func:`central_zone` of the sticking nodes.
 
@@ -128,15 +127,15 @@ def stick_zone(
     sticks = np.asarray(state) == State.STICK
     if f is not None:
         sticks &= np.asarray(f) > 0.0
-    return central_zone(x, sticks, axisymmetric)
+    return central_zone(x, sticks, begins_on_axis)
 
 
 def central_zone(
-    x: Array, inside: NDArray[np.bool_], axisymmetric: bool = False
+    x: Array, inside: NDArray[np.bool_], begins_on_axis: bool = False
 ) -> NodeRange | None:
     """Find the zone of marked nodes around the middle of the edge, symmetric within a node.
 
-    Axisymmetric it begins on the axis.
+    Where the edge begins on the axis, the zone does.
 
     Returns:
         Its first and last node; ``NO_NODES`` when no node is marked; None when some are, but none
@@ -145,13 +144,12 @@ def central_zone(
     if not np.any(inside):
         return NO_NODES
     centre = 0.5 * (x[0] + x[-1])
-    axisymmetric = axisymmetric and begins_on_axis(x)
     first = 0
     for last in np.append(np.flatnonzero(np.diff(inside)), len(x) - 1):
         low, high = _midway(x, first, last)
-        if inside[first] and (first == 0 if axisymmetric else low <= centre <= high):
+        if inside[first] and (first == 0 if begins_on_axis else low <= centre <= high):
             node = max(x[last] - x[max(last - 1, 0)], x[min(first + 1, len(x) - 1)] - x[first])
-            even = axisymmetric or abs(low + high - 2.0 * centre) <= SYMMETRY_TOLERANCE * node
+            even = begins_on_axis or abs(low + high - 2.0 * centre) <= SYMMETRY_TOLERANCE * node
             return (int(first), int(last)) if even else None
         first = last + 1
     return None

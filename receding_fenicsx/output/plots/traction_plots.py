@@ -93,7 +93,7 @@ def tractions(
 def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scales) -> None:
     """Draw the states as a band of colours with their numbers."""
     x = record.x / scales.length
-    for name, a, b in zones(x, state, record.axisymmetric):
+    for name, a, b in zones(x, state, record.begins_on_axis):
         kind = style.STATE_OF_NAME[name]
         axes.axvspan(a, b, fc=style.STATE_COLOURS[kind], ec="black", lw=0.4)
         if b - a > MIN_NUMBERED_ZONE * np.ptp(x):
@@ -120,7 +120,7 @@ def _draw_curves(axes: Axes, record: Record, moment: Moment, scales: Scales) -> 
     p, q = (part[used] / unit for part in recovered_tractions(record, moment))
     low, high = record.friction[used].limits(p)
     axes.axhline(0.0, color="black", lw=0.4)
-    for _, begin, _ in zones(record.x / scales.length, moment.state, record.axisymmetric)[1:]:
+    for _, begin, _ in zones(record.x / scales.length, moment.state)[1:]:
         axes.axvline(begin, color=style.GUIDE_COLOUR, lw=0.4, dashes=(1, 2))
     labels = list(scales.traction_labels()[:1])
     axes.plot(x, p, color=style.PRESSURE_COLOUR)

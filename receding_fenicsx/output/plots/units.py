@@ -10,7 +10,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import MIRRORED
-from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.output.plots.load_kinds import LoadKind, kind_of
 from receding_fenicsx.output.plots.load_names import (
     is_word,
@@ -42,7 +41,9 @@ class Scales:
         young: Young's modulus; 0 if unknown.
         paper: whether block and history are those of the paper.
         symmetric: whether all states are mirror-symmetric about x = 0.
-        axisymmetric: whether positions are radii.
+        axisymmetric: whether forces and work are those of the full circle.
+        radial: whether positions are radii.
+        begins_on_axis: whether the contact edge begins on the axis r = 0.
         units: units of the scene; with a unit of length (or stress) no length (or stress) is
             nondimensional.
         kinds: kind of each load.
@@ -57,17 +58,19 @@ class Scales:
     paper: bool
     symmetric: bool
     axisymmetric: bool = False
+    radial: bool = False
+    begins_on_axis: bool = False
     units: Units = NO_UNITS
     kinds: tuple[LoadKind, ...] = ()
 
     @property
     def x_label(self) -> str:
         """Label of the axis along the contact edge."""
-        return position_label(self.length_symbol, self.axisymmetric, self.units)
+        return position_label(self.length_symbol, self.radial, self.units)
 
     def position(self, x: float, digits: str) -> str:
         """Return "x/h = 0.5", or "x = 5 mm", of a position over the length scale."""
-        symbol = position_label(self.length_symbol, self.axisymmetric)
+        symbol = position_label(self.length_symbol, self.radial)
         unit = shown_unit(self.units.length)
         return f"{symbol[:-1]} = {x:z{digits}}$" + (f" {unit}" if unit else "")
 
@@ -77,7 +80,7 @@ class Scales:
 
     def ends(self, x: Array) -> tuple[float, float]:
         """Range of positions x that figures show, over the length scale."""
-        first = 0.0 if self.axisymmetric and begins_on_axis(x) else float(x[0])
+        first = 0.0 if self.begins_on_axis else float(x[0])
         return first / self.length, float(x[-1]) / self.length
 
     def traction_unit(self, moment: Moment) -> float:
@@ -197,14 +200,16 @@ def scales_of(record: Record) -> Scales:
         paper=scene is not None and is_papers_block(scene),
         symmetric=_is_symmetric(record),
         axisymmetric=record.axisymmetric,
+        radial=record.radius is not None and np.allclose(record.x, record.radius),
+        begins_on_axis=record.begins_on_axis,
         units=scene.units if scene is not None else Units(),
         kinds=tuple(kind_of(scene, name, record.axisymmetric) for name in record.load_names),
     )
 
 
-def position_label(length_symbol: str, axisymmetric: bool, units: Units = NO_UNITS) -> str:
+def position_label(length_symbol: str, radial: bool, units: Units = NO_UNITS) -> str:
     """Return the label of positions along the contact edge."""
-    symbol = "r" if axisymmetric else "x"
+    symbol = "r" if radial else "x"
     if length_symbol:
         return f"${symbol}/{length_symbol}$"
     return in_unit(f"${symbol}$", shown_unit(units.length))

@@ -11,7 +11,6 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import STATE_NAMES, State
-from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
 from receding_fenicsx.interface.measures.zone_ends import kolosov
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
@@ -40,10 +39,9 @@ def corners_of(record: Record, row: int) -> dict[str, Any]:
     """
     at = tractions(record, row)
     found = []
-    for side, k in ((-1, 0), (1, -1)):
-        state = State(int(at.state[k]))
-        on_axis = side < 0 and record.axisymmetric and begins_on_axis(record.x)
-        if state == State.SEPARATION or on_axis or not at.P[k] > 0.0:
+    for k in record.corner_ends:
+        side, state = (-1 if k == 0 else 1), State(int(at.state[k]))
+        if state == State.SEPARATION or not at.P[k] > 0.0:
             continue
         angle = _angle(record, float(record.x[k]))
         fitted = corner_exponent_fit(at, side)

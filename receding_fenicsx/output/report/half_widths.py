@@ -57,10 +57,10 @@ def half_widths(record: Record, row: int) -> dict[str, float | None]:
 
     A contact without force has none; its states are the limit of those under a load.
     """
-    x, state = record.x, record.turning_points.state[row]
+    x, state, on_axis = record.x, record.turning_points.state[row], record.begins_on_axis
     widths = {
-        "contact_half_width": contact_half_width(x, state, record.axisymmetric),
-        "stick_half_width": stick_half_width(x, state, record.friction.mean, record.axisymmetric),
+        "contact_half_width": contact_half_width(x, state, on_axis),
+        "stick_half_width": stick_half_width(x, state, record.friction.mean, on_axis),
     }
     bears = _bears(record, row)
     return {key: width if bears and np.isfinite(width) else None for key, width in widths.items()}
@@ -97,7 +97,7 @@ def tractions(record: Record, row: int, beta: float | None = None) -> Tractions:
         record.f,
         beta,
         record.half,
-        record.axisymmetric,
+        record.radius,
         record.f_backward,
     )
 

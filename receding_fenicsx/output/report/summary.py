@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.measures.axis import begins_on_axis, on_axis
+from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.interface.measures.steady import limit_of_decay
 from receding_fenicsx.interface.measures.zones import contact_zones
 from receding_fenicsx.output.plots.touching import limit_without_slip
@@ -182,14 +182,13 @@ def slip_per_cycle_max(record: Record) -> list[float]:
 def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
     table = record.turning_points
     x, state = record.x, table.state[i]
-    found = contact_zones(x, state, record.friction.mean, record.axisymmetric)
-    has_axis = record.axisymmetric and begins_on_axis(x)
+    found = contact_zones(x, state, record.friction.mean, record.begins_on_axis)
     return {
         "cycle": int(table.cycle[i]),
         "leg": int(table.leg[i]),
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
         "zones": [list(zone) for zone in found],
-        **({"p_axis": float(on_axis(x, table.p[i]))} if has_axis else {}),
+        **({"p_axis": float(on_axis(x, table.p[i]))} if record.begins_on_axis else {}),
         **half_widths(record, i),
         "p_max": float(table.p[i].max()),
         "q_min": float(table.q[i].min()),

@@ -194,7 +194,7 @@ def limit_ranges(summary: Mapping[str, Any]) -> str:
 def zones_header(summary: Mapping[str, Any]) -> str:
     """Return the header of the column of zones; of a symmetric contact only one half is shown."""
     points = summary["turning_points"]
-    if any("edge" in p or _begins_at_hole(p, summary) for p in points):
+    if any("edge" in p or _off_axis(p, summary) for p in points):
         return "zones"
     return {
         "mirror": "zones (x > 0, from the centre)",
@@ -207,15 +207,15 @@ def zones_shown(point: Mapping[str, Any], summary: Mapping[str, Any]) -> str:
     zones, symmetry = point["zones"], summary["symmetry"]
     form = length_format(summary)
     mirrored = symmetry in ("mirror", "axisymmetric")
-    if not mirrored or "edge" in point or _begins_at_hole(point, summary):
+    if not mirrored or "edge" in point or _off_axis(point, summary):
         first = f"{zones[0][1]:{form}} " if zones else ""
         return first + " | ".join(f"{name} to {end:{form}}" for name, _, end in zones)
     centre = 0.0 if symmetry == "axisymmetric" else 0.5 * (zones[0][1] + zones[-1][2])
     return " | ".join(f"{name} to {end:{form}}" for name, _, end in zones if end > centre)
 
 
-def _begins_at_hole(point: Mapping[str, Any], summary: Mapping[str, Any]) -> bool:
-    """Return whether the contact of a body of revolution does not reach the axis."""
+def _off_axis(point: Mapping[str, Any], summary: Mapping[str, Any]) -> bool:
+    """Return whether the contact of a body of revolution does not begin on the axis."""
     return summary["symmetry"] == "axisymmetric" and "p_axis" not in point
 
 

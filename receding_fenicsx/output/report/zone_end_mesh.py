@@ -10,7 +10,6 @@ from receding_fenicsx.arrays import Ints
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.output.report.half_widths import contact_betas, estimated_ends
 from receding_fenicsx.scene.model import Refinement, Scene
 from receding_fenicsx.scene.rectangle_edges import is_cylinder
@@ -97,6 +96,4 @@ def _zone_ends(
 def _corners(record: Record, rows: Ints) -> list[int]:
     """Return the ends of the contact edge, 0 or -1, that touch at one of the turning points."""
     states = record.turning_points.state[rows]
-    on_axis = record.axisymmetric and begins_on_axis(record.x)
-    ends = (-1,) if on_axis else (0, -1)
-    return [k for k in ends if np.any(states[:, k] != State.SEPARATION)]
+    return [k for k in record.corner_ends if np.any(states[:, k] != State.SEPARATION)]

@@ -257,7 +257,7 @@ def _draw_tractions(axes: Axes, view: View, layout: Layout, clock: Clock | None)
     # one place in all pictures of a film
     place = "best" if clock is None else clock.legend
     axes.legend(loc=place, borderaxespad=0.2, handlelength=1.2)  # type: ignore[call-overload]
-    label = position_label(view.length_symbol, view.axisymmetric, view.own_units)
+    label = position_label(view.length_symbol, view.radial, view.own_units)
     which = f" on {view.strips[0].name}" if len(view.strips) > 1 else ""
     axes.set_xlabel(label + which, labelpad=1.0)
     symbols = ",  ".join(f"${name}{divided}$" for *_, name in curves)

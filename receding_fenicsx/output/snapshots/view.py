@@ -94,7 +94,7 @@ class View:
         arrows: arrows of the loads.
         length_symbol, pressure_symbol: symbols of the units; "" for the scene's own units.
         caption: description of the instant.
-        axisymmetric: whether positions along the contact edge are radii.
+        radial: whether positions along the first contact edge are radii.
         own_units: units of the scene.
     """
 
@@ -114,7 +114,7 @@ class View:
     length_symbol: str
     pressure_symbol: str
     caption: str
-    axisymmetric: bool
+    radial: bool
     own_units: SceneUnits = NO_UNITS
 
     @property
@@ -176,7 +176,8 @@ def view_of(bulk: Bodies, fields: Fields, instant: Instant, units: Units | None 
         length_symbol="h" if length else "",
         pressure_symbol=units.symbol,
         caption=_caption(scene, names, instant),
-        axisymmetric=scene.material_of(scene.body).kinematics == "axisymmetric",
+        radial=scene.axisymmetric
+        and np.allclose(np.abs(strips[0].place[:, 0]), np.abs(strips[0].x)),
         own_units=scene.units,
     )
 
@@ -200,13 +201,9 @@ def _contact(
     p, q = found.p[on] / units.traction, found.q[on] / units.traction
     argument = found.argument[on]
     forward, backward = (evaluate(f, argument) for f in directions(scene.contacts[0].friction))
-    if scene.axisymmetric:
-        # outward slip is forward on the right and backward on the left
-        outwards = found.x[on] >= 0.0
-        forward, backward = (
-            np.where(outwards, forward, backward),
-            np.where(outwards, backward, forward),
-        )
+    # outward slip is forward on the right of the axis and backward on the left
+    left = found.x[on] != argument
+    forward, backward = np.where(left, backward, forward), np.where(left, forward, backward)
     return tuple(strips), p, q, Friction(forward, backward)
 
 

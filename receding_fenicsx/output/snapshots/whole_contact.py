@@ -12,7 +12,7 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.axis import begins_on_axis
-from receding_fenicsx.interface.mirror import mirror_nodes
+from receding_fenicsx.interface.mirror import AXIS_TOLERANCE, mirror_nodes
 from receding_fenicsx.scene.one_body import in_order
 from receding_fenicsx.scene.profiles import evaluate
 
@@ -24,11 +24,12 @@ if TYPE_CHECKING:
 class WholeContact:
     """The N nodes of all contact edges, a modelled half with its mirror image.
 
-    An axisymmetric contact that begins on the axis has both sides of a section through the axis.
+    An axisymmetric contact on a plane z = const that begins on the axis has both sides of a section
+    through the axis; one on a cylinder or a cone has the side r > 0.
 
     Attributes:
         x: (N,) position along the node's edge.
-        argument: (N,) argument of friction and gap: x, axisymmetric the radius.
+        argument: (N,) argument of friction and gap: x, on the other side of the axis -x.
         points: (N, 2) coordinates.
         edge: (N,) number of the contact edge.
         body: (N,) number of the first body of the contact, as in ``Fields.body``.
@@ -64,12 +65,16 @@ def whole_contact(bulk: Bodies, instant: Instant) -> WholeContact:
         instant: state of the modelled contact nodes.
     """
     scene, contact = bulk.scene, bulk.contact
-    # a contact that does not reach the axis of revolution is not mirrored
-    half = bulk.body.half and (not scene.axisymmetric or begins_on_axis(contact.x))
+    half = np.full(len(contact.x), bulk.body.half)
+    if scene.axisymmetric:
+        for k in np.unique(contact.edge):
+            on = contact.edge == k
+            level = np.ptp(contact.points[on, 1]) <= AXIS_TOLERANCE * np.ptp(contact.x[on])
+            half[on] = level and begins_on_axis(contact.points[on, 0], contact.weight[on])
     mirror = mirror_nodes(contact.x, half, contact.edge)
     side = np.where(mirror.left, -1.0, 1.0)
     x = side * contact.x[mirror.index]
-    argument = np.abs(x) if scene.axisymmetric else x
+    argument = contact.x[mirror.index] if scene.axisymmetric else x
     edge = contact.edge[mirror.index]
     gap = np.zeros(len(x))
     bodies, owners = in_order(scene), []
@@ -78,9 +83,9 @@ def whole_contact(bulk: Bodies, instant: Instant) -> WholeContact:
         owners.append(bodies.index(scene.find_edge(described.edge)[0]))
     weight = mirror.total(contact.weight)
     weight = np.where(weight > 0.0, weight, np.nan)
-    # open nodes carry no force: the rest is round-off; held ones carry reactions
-    is_open = np.tile(instant.state.state == State.SEPARATION, 2) & ~contact.held
-    Q, P = np.split(np.where(is_open, 0.0, instant.state.r), 2)
+    # open nodes carry no force, the rest is round-off; reactions of supports are no tractions
+    without = np.tile(instant.state.state == State.SEPARATION, 2) | contact.held
+    Q, P = np.split(np.where(without, 0.0, instant.state.r), 2)
     return WholeContact(
         x=x,
         argument=argument,

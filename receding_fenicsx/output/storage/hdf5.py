@@ -32,8 +32,9 @@ from receding_fenicsx.scene.toml_file import known_scene
 RECORD = "receding_fenicsx record"
 SYSTEM = "receding_fenicsx contact system"
 
-NODE_FIELDS = ("x", "points", "f", "g0", "weight", "edge", "f_backward")
-"""Arrays of a Record in the group /nodes; ``f_backward`` where friction has two directions."""
+NODE_FIELDS = ("x", "points", "f", "g0", "weight", "edge", "f_backward", "held")
+"""Arrays of a Record in the group /nodes; ``f_backward`` where friction has two directions,
+``held`` where supports hold nodes."""
 GROUPS: dict[str, type] = {
     "turning_points": States,
     "samples": States,

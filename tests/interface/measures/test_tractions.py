@@ -25,8 +25,8 @@ def test_midside_nodes_are_seen_in_the_weights() -> None:
         assert list(midside_nodes(x, weight)) == list(range(1, 2 * elements, 2))
         # round the axis, where the axis itself has no weight, or no node
         around = weight * x
-        assert list(midside_nodes(x, around, True))[1:] == list(range(3, 2 * elements, 2))
-        assert list(midside_nodes(x[1:], around[1:], True)) == list(range(2, 2 * elements - 1, 2))
+        assert list(midside_nodes(x, around, x))[1:] == list(range(3, 2 * elements, 2))
+        assert list(midside_nodes(x[1:], around[1:], x[1:])) == list(range(2, 2 * elements - 1, 2))
 
 
 @pytest.mark.parametrize(("degree", "order"), [(1, 1.8), (2, 2.8)])

@@ -56,8 +56,8 @@ def test_only_a_stick_zone_around_the_middle_has_a_half_width() -> None:
 
 def test_a_disc_of_stick_begins_on_the_axis() -> None:
     r = np.arange(5.0)
-    assert rf.stick_half_width(r, np.array([1, 1, 1, 3, 2]), axisymmetric=True) == 2.5
-    assert np.isnan(rf.stick_half_width(r, np.array([3, 1, 1, 3, 2]), axisymmetric=True))
+    assert rf.stick_half_width(r, np.array([1, 1, 1, 3, 2]), begins_on_axis=True) == 2.5
+    assert np.isnan(rf.stick_half_width(r, np.array([3, 1, 1, 3, 2]), begins_on_axis=True))
 
 
 def test_nodes_without_friction_do_not_stick() -> None:

@@ -101,7 +101,7 @@ def draw_map(
     low, high = drawn.x[0], drawn.x[-1]
     if scales.symmetric and low < 0.0:
         low = 0.0
-    left = scales.ends(drawn.x)[0] if scales.axisymmetric else low / scales.length
+    left = 0.0 if scales.begins_on_axis else low / scales.length
     axes.set_xlim(left, high / scales.length)
     axes.set_ylim(min(ends), max(ends))
     style.ticks(axes.xaxis, 5)

@@ -1,0 +1,137 @@
+"""Press fits on cylinders and cones, whose positions along the edge are no radii."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import receding_fenicsx as rf
+from receding_fenicsx import study
+from receding_fenicsx.bulk.mesh.meshing import make_meshes
+from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
+from receding_fenicsx.bulk.stack import build_all
+from receding_fenicsx.evolution.instants import Instant
+from receding_fenicsx.interface.system import ContactState
+from receding_fenicsx.mpi import on_root
+from receding_fenicsx.output.plots.units import scales_of
+from receding_fenicsx.output.report.summary import summarise
+from receding_fenicsx.output.report.text import zones_header
+from receding_fenicsx.output.snapshots.whole_contact import whole_contact
+
+comm = MPI.COMM_WORLD
+E, NU, F = 196000.0, 0.3, 0.1
+A, B, C, L = 10.0, 20.0, 30.0, 19.0
+DEPTH = 0.0025
+LAME = DEPTH * E / B / ((C**2 + B**2) / (C**2 - B**2) + (B**2 + A**2) / (B**2 - A**2))
+"""Pressure of the fit of two long rings of one material."""
+
+SECTION = """
+DefineConstant[ contact_elements = 8 ];
+Point(1) = {10, 0, 0, 3}; Point(2) = {20, 0, 0}; Point(3) = {20 + TAPER, 19, 0};
+Point(4) = {10, 19, 0, 3}; Point(5) = {30, 0, 0, 3}; Point(6) = {30, 19, 0, 3};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Line(5) = {2, 5}; Line(6) = {5, 6}; Line(7) = {6, 3};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Curve Loop(2) = {5, 6, 7, -2}; Plane Surface(2) = {2};
+Transfinite Curve {2} = contact_elements + 1;
+Physical Surface("shaft") = {1}; Physical Surface("hub") = {2};
+Physical Curve("fit") = {2}; Physical Curve("push") = {1}; Physical Curve("rim") = {6};
+"""
+
+
+def from_file(folder: Path, taper: float, **parts: object) -> rf.Scene:
+    """Two rings of 19 by 10 from one .geo file, their fit at radius 20 or on a cone."""
+    file = folder / "fit.geo"
+    on_root(comm, lambda: file.write_text(SECTION.replace("TAPER", str(taper))))
+    shaft, hub = (rf.Body(name=n, mesh=str(file), surface=n) for n in ("shaft", "hub"))
+    scene = rf.Scene(
+        body=shaft,
+        others=(hub,),
+        material=rf.Material(E, NU, "axisymmetric"),
+        mesh=rf.MeshOptions(contact_elements=8),
+        contacts=(rf.Contact(edge="shaft.fit", against="hub.fit", friction=F, interference=DEPTH),),
+        loads=(rf.Load("push", "shaft.push", pressure=1.0),),
+        supports=(rf.Support("y", edge="hub.rim"),),
+        history=rf.HistoryOptions(kind="cyclic", minimum=-0.8, maximum=0.8, cycles=1),
+    )
+    return replace(scene, **parts)  # type: ignore[arg-type]
+
+
+def pressed_in(folder: Path, taper: float) -> rf.Scene:
+    """A taper pushed against its seat; a cylinder is a fit with interference."""
+    if taper == 0.0:
+        return from_file(folder, taper)
+    return from_file(
+        folder,
+        taper,
+        contacts=(rf.Contact(edge="shaft.fit", against="hub.fit", friction=F),),
+        loads=(rf.Load("push", "shaft.push", pressure=-float(np.sign(taper))),),
+        history=rf.HistoryOptions(kind="cyclic", minimum=0.4, maximum=1.0, cycles=1),
+    )
+
+
+@pytest.mark.parametrize("taper", [0.0, 1.0, -1.0])
+def test_a_fit_is_shown_over_its_whole_length_in_balance(
+    shared_tmp_path: Path, taper: float
+) -> None:
+    record = study.run(pressed_in(shared_tmp_path, taper))
+    if record is None:
+        return
+    x, table = record.x, record.turning_points
+    length = np.hypot(L, taper)
+    assert [x[0], x[-1]] == pytest.approx([-0.5 * length, 0.5 * length])
+    assert not record.begins_on_axis and not scales_of(record).radial
+    # z upwards, n into the shaft: t = (taper, L) / length, n = (-L, taper) / length
+    pressure = (float(-np.sign(taper)) or 1.0) * table.load[:, record.load_names.index("push")]
+    axial = (table.Q.sum(axis=1) * L + table.P.sum(axis=1) * taper) / length
+    scale = table.P.sum(axis=1).max()
+    assert axial == pytest.approx(-np.pi * (B**2 - A**2) * pressure, abs=1e-9 * scale)
+    assert np.all(np.abs(table.Q) <= F * table.P + 1e-12 * scale)
+    summary = summarise(record)
+    assert zones_header(summary) == "zones"
+    for point in summary["turning_points"]:
+        assert "p_axis" not in point
+        assert (point["zones"][0][1], point["zones"][-1][2]) == (x[0], x[-1])
+
+
+def test_pictures_show_a_fit_once_and_a_plane_on_both_sides_of_the_axis(
+    shared_tmp_path: Path,
+) -> None:
+    """Both at once: the shaft stands on a plane and sits in a hub."""
+    several = (
+        rf.Contact(edge="shaft.push", span=(0.0, 15.0), friction="0.1 + 0.01*x"),
+        rf.Contact(edge="shaft.fit", against="hub.fit", friction="0.3 + 0.01*x"),
+    )
+    text = SECTION.replace("{10,", "{0,") + "Transfinite Curve {1} = 5;"
+    scene = from_file(shared_tmp_path, 0.0, contacts=several, loads=(), supports=())
+    on_root(comm, lambda: (shared_tmp_path / "fit.geo").write_text(text.replace("TAPER", "0")))
+    bulk = build_all(scene, make_meshes(comm, scene, True))
+    n = len(bulk.contact.x)
+    zeros, states = np.zeros(2 * n), np.full(n, 3, dtype=np.int8)
+    now = Instant(0, 0, 1.0, np.zeros(0), zeros[:n], ContactState(zeros, zeros, states))
+    found = whole_contact(bulk, now)
+    bulk.destroy()
+    plane, fit = (found.edge == k for k in (0, 1))
+    own = [int(np.sum(bulk.contact.edge == k)) for k in (0, 1)]
+    # at order 2 no node on the axis
+    assert [int(plane.sum()), int(fit.sum())] == [2 * own[0], own[1]]
+    assert np.allclose(found.points[plane, 0], found.x[plane])
+    assert found.state[plane].tolist() == [4] * own[0] + [3] * own[0]
+    assert np.all(found.points[fit, 0] == 20.0) and found.x[fit][0] == -9.5
+    assert np.array_equal(found.argument[fit], found.x[fit])
+    assert np.array_equal(found.argument[plane], np.abs(found.x[plane]))
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("height", [0.3, 3.0, -0.3, -3.0])
+def test_positions_on_a_cone_that_ends_on_the_axis_are_distances_from_there(height: float) -> None:
+    points = np.array([[0.0, height], [0.5, 0.5 * height], [1.0, 0.0], [0.0, 0.0]])
+    cells = np.array([[0, 1, 3], [1, 2, 3]])[:, :: -1 if height > 0.0 else 1]
+    mesh = RawMesh(points, cells, {"cone": np.array([[0, 1], [1, 2]])})
+    line = line_of(with_radii(mesh), "cone", "edge")
+    assert line.along(points[:3]) == pytest.approx(np.array([0.0, 0.5, 1.0]) * line.length)

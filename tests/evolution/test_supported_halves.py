@@ -1,0 +1,82 @@
+"""Half bodies held on their plane of symmetry by a support, against the whole bodies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import receding_fenicsx as rf
+from receding_fenicsx import study
+from receding_fenicsx.output.report.summary import summarise
+
+F = 0.35
+
+
+def body(name: str, half: bool, below: float) -> rf.Body:
+    width, x = (2.0, 1.0) if half else (4.0, 0.0)
+    return rf.Body(width=width, height=1.0, position=(x, below), name=name)
+
+
+def scene(half: bool, bodies: int) -> rf.Scene:
+    """The paper's block on a plane or on another block, in columns of quadrilaterals."""
+    names = ("a", "b")[:bodies] if bodies > 1 else ("",)
+    parts = [body(name, half, -float(k)) for k, name in enumerate(names)]
+    edge = [f"{name}." if name else "" for name in names]
+    against = edge[1] + "top" if bodies > 1 else None
+    supports = [rf.Support("x", edge=e + "left") for e in edge if half]
+    supports += [rf.Support("y", edge="b.bottom")] * (bodies - 1)
+    return rf.Scene(
+        body=parts[0],
+        others=tuple(parts[1:]),
+        material=rf.Material(young=1.0, poisson=0.3),
+        mesh=rf.MeshOptions(contact_elements=16 if half else 32, cell="quadrilateral"),
+        contacts=(rf.Contact(edge=edge[0] + "bottom", against=against, friction=F),),
+        loads=(rf.Load("p0", edge[0] + "top", (-1.0, 0.0 if half else 1.0), pressure=1.0),),
+        supports=tuple(supports),
+        history=rf.HistoryOptions(kind="cyclic", cycles=1),
+    )
+
+
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_a_half_on_a_support_has_the_tractions_of_the_whole(bodies: int) -> None:
+    half, whole = (study.run(scene(is_half, bodies)) for is_half in (True, False))
+    if half is None or whole is None:
+        return
+    a, b = half.turning_points, whole.turning_points
+    right = whole.x >= 0.0
+    assert np.allclose(half.points, whole.points[right])
+    for name in ("p", "q", "P", "Q", "v", "w"):
+        ours, known = getattr(a, name), getattr(b, name)[:, right]
+        if name in ("P", "Q"):  # the whole node in the middle has twice the force
+            known[:, 0] *= 0.5
+        assert np.abs(ours - known).max() < 1e-9 * np.abs(known).max(), name
+    assert np.array_equal(a.state, b.state[:, right])
+    assert np.all(a.Q[:, 0] == 0.0) and np.all(np.abs(a.q) <= F * a.p * (1.0 + 1e-9) + 1e-12)
+    assert half.cycles.dissipation == pytest.approx(0.5 * whole.cycles.dissipation, rel=1e-9)
+    for ours, known in zip(*(summarise(r)["turning_points"] for r in (half, whole)), strict=True):
+        assert ours["p_max"] == pytest.approx(known["p_max"], rel=1e-9)
+        # the middle of the whole is no corner, and its other end is open
+        assert "corners" not in ours and "corners" not in known
+
+
+def test_a_corner_held_at_a_point_is_still_a_corner() -> None:
+    half = scene(True, 1)
+    held = (rf.Support("x", point=(0.0, 0.0)),)
+    record = study.run(replace(half, supports=held))
+    if record is None:
+        return
+    assert np.all(record.turning_points.Q[:, 0] == 0.0)
+    assert summarise(record)["turning_points"][0]["corners"][0]["x"] == record.x[0]
+
+
+def test_a_node_held_normally_has_no_pressure() -> None:
+    """What a clamped side carries at the corner of the contact is no contact pressure."""
+    clamped = (rf.Support("xy", edge="left"),)
+    record = study.run(replace(scene(True, 1), supports=clamped))
+    if record is None:
+        return
+    table = record.turning_points
+    assert np.all(table.P[:, 0] == 0.0) and np.all(table.Q[:, 0] == 0.0)
+    assert np.all(table.P >= 0.0)
