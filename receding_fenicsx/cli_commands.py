@@ -242,20 +242,6 @@ def _animate(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
         print(path)
 
 
-def _contact_nodes(scene: Scene) -> int:
-    """Count the contact nodes; for a mesh file or two bodies the mesh is made and checked."""
-    plain = len(scene.contacts) == 1 and scene.contacts[0].span is None
-    if any(body.is_half_plane for body in scene.bodies):
-        from receding_fenicsx.bulk.half_planes.body import count_nodes
-
-        return count_nodes(scene)
-    if plain and scene.body.mesh is None and not scene.others and not scene.axisymmetric:
-        return scene.mesh.degree * scene.mesh.contact_elements + 1
-    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
-
-    return sum(contact_nodes_of(scene))
-
-
 def _export(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     from receding_fenicsx import mpi
     from receding_fenicsx.exchange.command import export_matrices, export_reduced
@@ -291,16 +277,15 @@ def _import(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
 
 def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx.mpi import on_root
     from receding_fenicsx.scene.history import from_scene
     from receding_fenicsx.scene.symmetry import is_mirror_symmetric
     from receding_fenicsx.scene.toml_file import read_scene
     from receding_fenicsx.scene.validate import warnings
+    from receding_fenicsx.study import check
 
     scene = read_scene(options.scene, options.overrides)
     half = scene.solver.symmetry == "auto" and is_mirror_symmetric(scene)
-    # on one rank: a .geo file may run system commands
-    nodes = _contact_nodes(scene) if comm is None else on_root(comm, lambda: _contact_nodes(scene))
+    nodes = check(scene, _require_mpi(comm))
     loads = ", ".join(scene.load_names)
     if is_root(comm):
         print(

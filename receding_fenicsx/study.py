@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import long_run, mpi
-from receding_fenicsx.accuracy import space_errors
+from receding_fenicsx.accuracy import meshes, space_errors
 from receding_fenicsx.accuracy.in_folder import Solved, draw_way, within_tolerance
-from receding_fenicsx.bulk.from_scene import condensed, probes_of
+from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.evolution.prepare import system_for, with_profiles
+from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from receding_fenicsx.interface.system import ContactSystem
+
+MOST_CHECKED = 320
+"""Contact elements of the finest mesh that :func:`check` condenses: within a second or so."""
 
 
 @dataclass(frozen=True)
@@ -270,6 +274,40 @@ def condense(
     system, _ = condensed(scene, comm, Timer(progress if comm.rank == 0 else None))
     prepare = with_profiles if whole else system_for
     return mpi.on_root(comm, lambda: prepare(scene, mpi.given(system)))
+
+
+def check(scene: Scene, comm: MPI.Comm | None = None) -> int:
+    """Do what a run does before its first leg; a large scene is condensed on a coarser mesh.
+
+    All ranks call this together.
+
+    Returns:
+        The number of contact nodes.
+
+    Raises:
+        RecedingError: why the scene cannot be modelled, on all ranks.
+    """
+    validate(scene)
+    comm = comm or world()
+
+    def meshed() -> tuple[int, Scene | None]:
+        nodes, coarse = meshes.count_nodes(scene), scene
+        while coarse.mesh.contact_elements > MOST_CHECKED or not is_small(coarse):
+            try:
+                partner = meshes.coarser(coarse)
+            except InputError:
+                partner = None
+            if partner is None:
+                return nodes, None
+            coarse = partner
+        return nodes, coarse
+
+    nodes, coarse = comm.bcast(mpi.on_root(comm, meshed))
+    if coarse is not None:
+        system = condense(coarse, comm)
+        bolts = tuple(replace(b, preload=None, shortening=b.shortening or 1.0) for b in scene.bolts)
+        mpi.on_root(comm, lambda: problem_of_scene(mpi.given(system), replace(coarse, bolts=bolts)))
+    return int(nodes)
 
 
 def _headlines(scene: Scene, comm: MPI.Comm) -> Record | None:

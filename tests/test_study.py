@@ -1,8 +1,9 @@
 import dataclasses
 import importlib
 import os
+from dataclasses import replace
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from mpi4py import MPI
 
@@ -47,6 +48,57 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Finished:
     record = study.run(small(), out, options, comm)
     comm.Barrier()
     return Finished(out, record, heard)
+
+
+PAIR = replace(
+    small(),
+    body=rf.Body("a", position=(0.0, 1.0)),
+    others=(rf.Body("b"),),
+    contacts=(rf.Contact("a.bottom", against="b.top"),),
+    loads=(rf.Load("p0", "a.top", pressure=1.0),),
+    supports=(rf.Support("xy", "b.bottom"),),
+)
+PUSH = rf.Load("d", "a.left", displacement=(0.1, "free"))
+BOLT = rf.Bolt("one", "a.top", "b.bottom", 0.1)
+HELD = (rf.Support("x", "a.left"),)
+
+
+@pytest.mark.parametrize(
+    ("parts", "words"),
+    [
+        ({"loads": (PUSH,)}, "load 'd': moves the contact node"),
+        ({"loads": (replace(PUSH, edge="a.top"),), "supports": HELD}, "load 'd': its displ"),
+        ({"supports": ()}, "load 'p0' moves both bodies together"),
+        ({"bolts": (BOLT, replace(BOLT, name="two"))}, "their forces are not determined"),
+        ({"mesh": replace(PAIR.mesh, contact_elements=640)}, ""),
+        ({"others": (replace(PAIR.others[0], width=3.9),)}, "must be an even number"),
+        (
+            {"contacts": (replace(PAIR.contacts[0], interference=0.1),), "loads": ()},
+            "the body is free to move off the contact",
+        ),
+        (
+            {
+                "contacts": (replace(PAIR.contacts[0], friction=0.0),),
+                "loads": (rf.Load("q", "a.left", pressure=1.0),),
+            },
+            "pushes the frictionless body along",
+        ),
+    ],
+)
+def test_check_refuses_what_a_run_refuses(parts: dict[str, Any], words: str) -> None:
+    name = parts.get("loads", PAIR.loads)[0].name if parts.get("loads", True) else "interference"
+    history = rf.HistoryOptions(kind="monotonic", load=name, maximum=0.1)
+    scene = replace(PAIR, history=history, **parts)
+    if not words:
+        # a fine mesh is checked on a coarser one
+        assert study.check(scene, comm) == 1281
+        return
+    told = []
+    for act in (study.check, lambda scene, comm: study.run(scene, comm=comm)):
+        with pytest.raises(rf.InputError, match=words) as error:
+            act(scene, comm)
+        told.append(str(error.value))
+    assert told[0] == told[1]
 
 
 def test_run_leaves_all_files_and_returns_their_record(finished: Finished) -> None:

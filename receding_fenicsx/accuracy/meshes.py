@@ -169,6 +169,20 @@ def first_that_fits(
     return None
 
 
+def count_nodes(scene: Scene) -> int:
+    """Return the number of contact nodes; the bodies are meshed on this rank.
+
+    Raises:
+        InputError: a mesh that cannot serve the scene.
+    """
+    from receding_fenicsx.bulk.half_planes import body
+    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
+
+    if any(part.is_half_plane for part in scene.bodies):
+        return body.count_nodes(scene)
+    return sum(contact_nodes_of(scene))
+
+
 def coarser(scene: Scene) -> Scene | None:
     """Return the scene on the mesh nearest to half as many elements that fits it.
 
@@ -180,13 +194,9 @@ def coarser(scene: Scene) -> Scene | None:
     Raises:
         InputError: why the last of the meshes that were tried does not fit.
     """
-    from receding_fenicsx.bulk.half_planes.body import count_nodes
-    from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
-
-    meshed = count_nodes if any(b.is_half_plane for b in scene.bodies) else contact_nodes_of
 
     def fitting(partner: Scene, _: int) -> Scene:
-        meshed(partner)
+        count_nodes(partner)
         return partner
 
     half = 0.5 * scene.mesh.contact_elements

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.acting.springs import spring_rows
-from receding_fenicsx.bulk.edges import EdgeFacets, integrate, measure, tagged_facets
+from receding_fenicsx.bulk.edges import EdgeFacets, edge_nodes, integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
 from receding_fenicsx.bulk.platens import Prescribed, Ties, tied_dofs
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
@@ -90,7 +90,7 @@ def find_contact(
     space: fem.FunctionSpace,
     body: BodyMesh,
     ties: Ties,
-    prescribed: Iterable[Prescribed] = (),
+    prescribed: Mapping[str, Prescribed],
 ) -> tuple[ContactNodes, Ints]:
     """Find the contact nodes and the held degrees of freedom; collective.
 
@@ -99,7 +99,7 @@ def find_contact(
         space: displacement space.
         body: the mesh.
         ties: its platens.
-        prescribed: displacements that loads prescribe.
+        prescribed: displacements that loads prescribe, by the load's name.
 
     Returns:
         The contact nodes, and the global degrees of freedom off the contact that symmetry,
@@ -116,7 +116,7 @@ def find_contact(
     normal = np.repeat(normals, count, axis=0)
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
 
-    _check_apart(node, ties, prescribed)
+    _check_apart(scene, space, body, node, prescribed)
     dofs, places = find_held(scene, space, body, ties, prescribed)
     pivot = body.pivot
     constraints = motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
@@ -167,13 +167,37 @@ def _edge_nodes(
     return node[order], points[order], x[order], weight[order]
 
 
-def _check_apart(node: Ints, ties: Ties, prescribed: Iterable[Prescribed]) -> None:
+def _check_apart(
+    scene: Scene,
+    space: fem.FunctionSpace,
+    body: BodyMesh,
+    contact: Ints,
+    prescribed: Mapping[str, Prescribed],
+) -> None:
     """Raise where a contact node follows a platen, or a displacement other than zero."""
-    moved = [part.dofs[part.values != 0.0] // 2 for part in prescribed]
-    if np.isin(node, np.concatenate([ties.slaves, ties.masters, *moved])).any():
+    for load in scene.loads:
+        if not load.platen and load.displacement is None:
+            continue
+        nodes, places = edge_nodes(space, body, load.edge, load.span)
+        on = np.isin(nodes, contact)
+        if not load.platen:
+            part = prescribed[load.name]
+            on &= np.isin(nodes, part.dofs[part.values != 0.0] // 2)
+        if not on.any():
+            continue
+        x, y = places[on][0]
+        instead = "a pressure or traction"
+        if load.edge in body.lines:
+            # the rest of the edge, from vertex to vertex
+            s = body.lines[load.edge].along(places)
+            order = np.argsort(s)
+            vertices, touches = s[order][:: scene.mesh.degree], on[order][:: scene.mesh.degree]
+            left = vertices[~touches]
+            if len(left) > 1:
+                instead = f"span = [{left[0]:.10g}, {left[-1]:.10g}], or {instead}"
         raise InputError(
-            "load: its platen or prescribed displacement takes along a contact node; restrict it "
-            "by a span that ends before the contact edge"
+            f"{load.label}: moves the contact node at ({x:.6g}, {y:.6g}), where '{load.edge}' "
+            f"meets the contact edge; give it {instead} instead"
         )
 
 

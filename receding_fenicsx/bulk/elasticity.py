@@ -53,7 +53,7 @@ def build(scene: Scene, body: BodyMesh) -> Bulk:
     stiffness.assemble()
     ties = find_ties(scene, space, body)
     prescribed = find_prescribed(scene, space, body, ties)
-    contact, held = find_contact(scene, space, body, ties, prescribed.values())
+    contact, held = find_contact(scene, space, body, ties, prescribed)
     start, end = stiffness.getOwnershipRange()
     P = tie_matrix(stiffness, ties)
     if P is not None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 
 import numpy as np
 from dolfinx import fem
@@ -26,7 +26,7 @@ def find_held(
     space: fem.FunctionSpace,
     body: BodyMesh,
     ties: Ties,
-    prescribed: Iterable[Prescribed],
+    prescribed: Mapping[str, Prescribed],
 ) -> tuple[Ints, Array]:
     """Find all held degrees of freedom, also those of contact nodes; collective.
 
@@ -35,7 +35,7 @@ def find_held(
         space: displacement space.
         body: the mesh.
         ties: its platens, whose nodes are held by their master.
-        prescribed: displacements that loads prescribe.
+        prescribed: displacements that loads prescribe, by the load's name.
 
     Returns:
         Global degrees of freedom, sorted, and the coordinates (n, 2) of their nodes; alike on every
@@ -59,14 +59,16 @@ def find_held(
             places.append(points)
     numbers = np.concatenate(dofs)
     leaders = 2 * ties.leader(numbers // 2) + numbers % 2
-    moved = [part.dofs[part.values != 0.0] for part in prescribed]
-    if np.isin(leaders, np.concatenate([np.empty(0, dtype=np.int64), *moved])).any():
-        raise InputError(
-            "load: its displacement moves a node that a support, symmetry or the axis holds; "
-            "restrict it by a span, or drop the support"
-        )
-    leaders = np.concatenate([leaders, *(part.dofs for part in prescribed)])
-    places += [part.places for part in prescribed]
+    for name, part in prescribed.items():
+        against = np.isin(part.dofs, leaders) & (part.values != 0.0)
+        if against.any():
+            x, y = part.places[np.argmax(against)]
+            raise InputError(
+                f"load '{name}': its displacement moves the node at ({x:.6g}, {y:.6g}), which a "
+                "support, symmetry or the axis holds; restrict it by a span, or drop the support"
+            )
+    leaders = np.concatenate([leaders, *(part.dofs for part in prescribed.values())])
+    places += [part.places for part in prescribed.values()]
     unique, first = np.unique(leaders, return_index=True)
     return unique, np.concatenate(places)[first]
 

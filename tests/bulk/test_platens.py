@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -21,6 +22,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import (
+    Body,
     Contact,
     HistoryOptions,
     Load,
@@ -356,18 +358,55 @@ def test_mirror_symmetry_of_moved_edges(load: Load, symmetric: bool) -> None:
     ("change", "message"),
     [
         ({"loads": (PRESS, replace(SHEAR, span=(0.0, 1.0)))}, "meets that of load 'P'"),
-        ({"loads": (replace(PRESS, edge="right"),)}, "takes along a contact node"),
-        ({"loads": (Load("d", "right", displacement=(1.0, 0.0)),)}, "takes along a contact node"),
+        (
+            {"loads": (replace(PRESS, edge="right"),)},
+            r"load 'P': moves the contact node at \(2, 0\), where 'right' meets the contact edge",
+        ),
+        ({"loads": (Load("d", "right", displacement=(1.0, 0.0)),)}, "load 'd': moves the contact"),
         ({"loads": (replace(SINK, platen=True, displacement=("x", 0.0)),)}, "has two values at"),
         (
             {"loads": (SINK,), "supports": (Support("y", point=(0.0, 1.0)),)},
-            "a node that a support",
+            r"load 'w': its displacement moves the node at \(0, 1\), which a support",
         ),
     ],
 )
 def test_what_cannot_move_so_is_refused_on_all_ranks(change: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
         built(block(**change))
+
+
+GEO = """
+DefineConstant[ contact_elements = {16} ];
+d = 4 / contact_elements;
+Point(1) = {-2, 0, 0, d}; Point(2) = {2, 0, 0, d};
+Point(3) = {2, 1, 0, d}; Point(4) = {-2, 1, 0, d};
+For i In {1 : 4}
+  Line(i) = {i, i % 4 + 1};
+EndFor
+Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1};
+Physical Curve("bottom") = {1}; Physical Curve("right") = {2}; Physical Curve("top") = {3};
+"""
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("meshed", [False, True])
+@pytest.mark.parametrize("load", [PRESS, Load("d", "", displacement=(1.0, 0.0))])
+def test_a_load_that_moves_a_contact_node_works_on_the_span_that_its_refusal_names(
+    load: Load, meshed: bool, degree: int, shared_tmp_path: Path
+) -> None:
+    path = shared_tmp_path / "body.geo"
+    if comm.rank == 0:
+        path.write_text(GEO)
+    comm.Barrier()
+    scene = block(degree=degree, loads=(replace(load, edge="right"),))
+    scene = replace(scene, body=Body(mesh=str(path)) if meshed else scene.body)
+    with pytest.raises(InputError, match=r"give it span = \[.*\], or a pressure or") as error:
+        condense_scene(scene, comm)
+    low, high = map(float, str(error.value).split("[")[1].split("]")[0].split(","))
+    assert -0.5 < low < -0.2 and high == 0.5
+    scene = replace(scene, loads=(replace(load, edge="right", span=(low, high)),))
+    system = condense_scene(scene, comm)
+    assert system is None or system.r_star.any()
 
 
 def test_edge_held_at_zero_may_touch_the_contact() -> None:

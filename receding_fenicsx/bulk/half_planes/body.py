@@ -292,9 +292,10 @@ def _far_field(scene: Scene) -> FarField:
             )
     for support in scene.supports:
         held = ["xy".index(axis) for axis in support.fix]
-        if np.any(moved[:, held]):
-            raise InputError(
-                "load: its displacement moves the far field of a half-plane, which a support "
-                "holds; drop the support"
-            )
+        for name, motion in zip(names, moved, strict=True):
+            if np.any(motion[held]):
+                raise InputError(
+                    f"load '{name}': its displacement moves the far field of a half-plane, which "
+                    "a support holds; drop the support"
+                )
     return FarField(free, force, moved, sign)
