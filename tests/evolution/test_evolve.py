@@ -378,3 +378,15 @@ def test_largest_errors_are_those_of_all_legs_so_far(solver: SolverOptions) -> N
 def test_an_unknown_method_is_refused() -> None:
     with pytest.raises(InputError, match='"newton": is unknown; use one of events, gauss-seidel'):
         evolve(BLOCK, cyclic(1), SolverOptions(method="newton"))
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("asymmetry", [1e-13, 1e-10, 0.9e-8])
+def test_an_asymmetry_within_the_check_is_removed(asymmetry: float) -> None:
+    loads = {"p": [1.0, 1.0]}
+    K = np.array([[2.0, 0.5], [0.5, 2.0]])
+    skew = asymmetry * np.array([[0.0, 1.0], [-1.0, 0.0]])
+    away = small_system(K + skew, loads, 0.3)
+    history = table(away, [[0.0], [1.0]], [[1.0], [0.2], [1.0]], 1)
+    found, even = (evolve(s, history).turning_points for s in (away, small_system(K, loads, 0.3)))
+    assert np.array_equal(found.Q, even.Q) and np.array_equal(found.P, even.P)

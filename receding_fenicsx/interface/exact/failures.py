@@ -57,7 +57,7 @@ def explain(
     return NoQuasiStaticContinuation(
         f"no quasi-static continuation {where}: {which} have no solution"
         f"{' (all sets of their states were tried)' if exhausted else ''}, the body jumps here; "
-        "reduce the friction or the load range"
+        'solver.on_jump = "static" passes the jump, or reduce the friction or the load range'
     )
 
 
