@@ -12,7 +12,7 @@ from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
-from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK, natural_states
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK, natural_states
 from receding_fenicsx.interface.lcp.contact import Undecided, solve_states
 from receding_fenicsx.interface.residual import (
     is_carried_by_round_off,
@@ -25,6 +25,9 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem, react
 
 MAX_STATE_SETS = 30
 """Sets of states tried by Newton's method."""
+
+PATIENT_STATE_SETS = 10
+"""The same per node, where nothing quicker has found an answer."""
 
 FEW_SWEEPS = 400
 MANY_SWEEPS = 20000
@@ -41,8 +44,9 @@ def solve_static(segments: Segments, start: ContactState, load: Array) -> Contac
     """Solve the static problem from ``start`` to ``load``; None when no solution was found.
 
     Tried in turn: Newton's method on whole sets of states, which mostly converges in a few steps;
-    Gauss-Seidel with polish; linear complementarity; Gauss-Seidel with many sweeps, of which a
-    nearly incompressible body takes thousands.
+    Gauss-Seidel with polish; linear complementarity; Newton's method from several starts, of which
+    slender bodies take as many steps as there are nodes that open one after the other; Gauss-Seidel
+    with many sweeps, of which a nearly incompressible body takes thousands.
 
     Args:
         segments: of the condensed body.
@@ -50,7 +54,7 @@ def solve_static(segments: Segments, start: ContactState, load: Array) -> Contac
             nodes as touching.
         load: (n_loads,) load factors.
     """
-    for attempt in (_guess_states, _few_sweeps, _pivot, _many_sweeps):
+    for attempt in (_guess_states, _few_sweeps, _pivot, _patient_newton, _many_sweeps):
         end = attempt(segments, start, load)
         if end is None:
             continue
@@ -64,24 +68,41 @@ def _guess_states(segments: Segments, start: ContactState, load: Array) -> Conta
     return states_by_newton(segments.system, start, load)
 
 
+def _patient_newton(segments: Segments, start: ContactState, load: Array) -> ContactState | None:
+    """Solve by Newton's method from several starts, each followed until its sets return.
+
+    They are: all nodes with friction in one state, and the contact without friction.
+    """
+    for first in (STICK, FORWARD, BACKWARD, SEPARATION):
+        end = states_by_newton(segments.system, start, load, first, patient=True)
+        if end is not None:
+            return end
+    return None
+
+
 def states_by_newton(
-    system: ContactSystem, start: ContactState, load: Array, first: int = STICK
+    system: ContactSystem,
+    start: ContactState,
+    load: Array,
+    first: int = STICK,
+    patient: bool = False,
 ) -> ContactState | None:
     """Solve with whole sets of states, each read from the law's natural map at the last answer.
 
     This is Newton's method for the natural map; it has no proof of convergence with friction. It
-    ends where a set returns, or where sets oscillate: two times running fewer than half as many
-    nodes have changed after two steps as after one.
-    Only for a start without gaps, where first contact is where the node is.
+    ends where a set returns. Unless it is patient it ends also where sets oscillate, two times
+    running fewer than half as many nodes having changed after two steps as after one, and where the
+    start has gaps, so that first contact is not where the node is.
 
     Args:
         system: the condensed body.
         start: displacements that slip is counted from.
         load: (n_loads,) load factors.
         first: state that all nodes with friction begin with.
+        patient: go on until a set returns; take open nodes as linear complementarity does.
     """
     n = system.n
-    if np.any((system.g0 + start.w)[~system.held[n:]] != 0.0):
+    if not patient and np.any((system.g0 + start.w)[~system.held[n:]] != 0.0):
         return None
     k_t, k_n = local_stiffness(system)
     loose, can_open = ~system.held[:n], ~system.held[n:]
@@ -90,8 +111,11 @@ def states_by_newton(
     state[loose & frictionless] = FORWARD
     seen: set[bytes] = set()
     last, before, oscillates = state, state, False
-    while len(seen) < MAX_STATE_SETS and state.tobytes() not in seen:
-        comes_back = len(seen) > 1 and 2 * differing(state, before) < differing(state, last)
+    most = PATIENT_STATE_SETS * n if patient else MAX_STATE_SETS
+    while len(seen) < most and state.tobytes() not in seen:
+        comes_back = (
+            not patient and len(seen) > 1 and 2 * differing(state, before) < differing(state, last)
+        )
         if comes_back and oscillates:
             return None
         oscillates = comes_back
