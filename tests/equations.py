@@ -65,9 +65,13 @@ class Body:
         return load @ self.r_star + self.K @ u
 
     def round_off(self, load: Array, u: Array) -> Array:
-        """Return (2N,) eps (|lambda| |r*| + |K| |u|), what rounding is worth in each reaction."""
+        """Return (2N,) the largest eps (|lambda| |r*| + |K| |u|), the round-off of reactions.
+
+        The entries of K and r* have round-off of the largest: rigid motions pass it from node to
+        node.
+        """
         size = np.abs(load) @ np.abs(self.r_star) + np.abs(self.K) @ np.abs(u)
-        return (ROUNDINGS * EPS * size).astype(float)
+        return np.full(len(size), float(ROUNDINGS * EPS * size.max()))
 
     def states(self, state: Array) -> States:
         """Return the equations of a set of states."""

@@ -16,7 +16,7 @@ import numpy as np
 import scipy.optimize
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 COUNTS = 1e-9
 """Part of the largest unknown above which one belongs to the vertex at which the program ends."""
@@ -82,6 +82,22 @@ def furthest(system: ContactSystem, a: Array, b: Array) -> Limit | None:
         lifts = _lift(system).any() and pressure <= PRESSING * size
         kind = "lift-off" if lifts else "overturning"
     return Limit(with_friction, load, kind)
+
+
+def is_balanced(system: ContactSystem, load: Array, end: ContactState) -> bool:
+    """Return whether the contact forces of a state prove that equilibrium exists under a load.
+
+    They keep the contact law; what the rigid motions feel of them beside the loads is the round-off
+    of K u, which may carry a body that moves far.
+
+    Args:
+        system: the condensed body in 2N form.
+        load: (n_loads,) load factors.
+        end: a state that satisfies the contact law.
+    """
+    elastic = end.r - load @ system.r_star
+    carried = float(np.abs(system.rigid.T @ elastic).max(initial=0.0))
+    return carried <= RESULTANT * float(np.abs(end.r).sum() + np.abs(elastic).sum())
 
 
 def _lift(system: ContactSystem) -> Array:

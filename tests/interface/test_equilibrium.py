@@ -5,6 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import scipy.optimize
 from models import block_system
 from small import table
 
@@ -55,6 +56,21 @@ def test_a_free_block_ends_where_statics_says(
     assert (found.kind, found.s) == (kind, pytest.approx(0.8, rel=1e-9))
     assert found.load == pytest.approx([1.0, end], rel=1e-9)
     assert furthest(system, a, np.array([1.0, 0.99 * end])) is None
+
+
+def test_the_end_of_equilibrium_is_not_looked_for_on_every_leg(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    programs: list[str] = []
+    solve = scipy.optimize.linprog
+    monkeypatch.setattr(
+        scipy.optimize, "linprog", lambda *a, **k: programs.append("") or solve(*a, **k)
+    )
+    system = with_second(PUSH)
+    angle = 0.7 * np.arange(200)
+    rows = np.stack([1.0 + 0.3 * np.sin(angle), 0.2 * DOWN * np.cos(angle)], axis=1)
+    assert len(evolve(system, table(system, [[0.0, 0.0], *rows])).turning_points.s) == 200
+    assert len(programs) < 10
 
 
 def test_a_supported_body_has_no_limit() -> None:

@@ -15,6 +15,7 @@ either way. Whether a set of states is right is seen from its rates:
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 
 import numpy as np
@@ -47,6 +48,10 @@ LIMIT_APPROACH = 1e-9
 """Part of the leg before the place where equilibrium ends within which the path ends there."""
 
 
+EquilibriumEnd = Callable[[tuple[Array, Array]], float]
+"""Place on the leg between two load factors beyond which there is no equilibrium."""
+
+
 class ConsistentStates:
     """Finds consistent states at the present point of a path.
 
@@ -60,7 +65,7 @@ class ConsistentStates:
         segments: Segments,
         point: PathPoint,
         sums: Sums,
-        equilibrium_ends: float,
+        equilibrium_ends: EquilibriumEnd,
     ) -> None:
         """Prepare for one leg.
 
@@ -68,7 +73,8 @@ class ConsistentStates:
             segments: rates in known sets of states.
             point: present point of the path; its states and quantities on limits are changed.
             sums: integrals along the leg.
-            equilibrium_ends: place on the leg beyond which there is no equilibrium.
+            equilibrium_ends: place on the leg beyond which there is no equilibrium; looked for only
+                where rates alone do not decide.
         """
         self.segments, self.point, self.sums = segments, point, sums
         self.equilibrium_ends = equilibrium_ends
@@ -177,7 +183,7 @@ class ConsistentStates:
     def _decide(self, before: States) -> Segment:
         """Decide the nodes on limits by linear complementarity."""
         segments, point, self.by_rates = self.segments, self.point, False
-        if point.s >= self.equilibrium_ends - LIMIT_APPROACH:
+        if point.s >= self.equilibrium_ends(point.problem.ends) - LIMIT_APPROACH:
             raise self.error(before)
         segment, exhausted = self._pivoted(before)
         if segment is None and self._balance(before):

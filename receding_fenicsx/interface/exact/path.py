@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
-from receding_fenicsx.interface.equilibrium import Limit, furthest
+from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.first_loading import load_from_rest
 from receding_fenicsx.interface.exact.jumps import (
@@ -51,6 +51,10 @@ LOW_FRICTION = 1e-5
 
 LEFT_TO_NEXT_LEG = 1e-11
 """Part of a leg before its end in which a missing continuation is left to the next leg."""
+
+CANCELLED = 1e-13
+"""Sum of the loads' held reactions, over that of their sizes, largest over the nodes, that is
+round-off of none: such a leg changes nothing."""
 
 BEYOND_EQUILIBRIUM = 1e-7
 """Part of a leg by which a path may pass the place where equilibrium ends: round-off."""
@@ -136,9 +140,10 @@ class EventPath:
     def _trace(self, problem: LegProblem) -> Leg:
         """Follow a leg, or a piece of one, which may start or end unloaded."""
         start, (a, b) = problem.start, problem.ends
+        change, r_star = b - a, self.system.r_star
+        if np.abs(change @ r_star).max() <= CANCELLED * (np.abs(change) @ np.abs(r_star)).max():
+            return unchanged(problem)
         if not np.any(a) and carries_nothing(start, problem.force_scale):
-            if not np.any(b):
-                return unchanged(problem)
             if is_at_rest(self.system, a) and is_closed(self.segments, start, problem.force_scale):
                 return self._from_rest(problem)
             resting = self._resting(start, problem.ends)
@@ -176,18 +181,15 @@ class EventPath:
         scale = problem.force_scale
         scale = max(largest_force(self.system, load, start.r, scale) for load in (a, b))
         problem = problem.piece(start, (a, b), scale, (0.0, 1.0))
-        if scale == 0.0:  # loads without effect on the contact
-            return unchanged(problem)
-        limit = self._limit(a, b)
         try:
-            leg = self._walk_reduced(problem) or self._walk(problem, limit)
+            leg = self._walk_reduced(problem) or self._walk(problem)
         except SingularExchange as error:
             raise SolveError(
                 f"the exact path is lost on the way to load factors {b.tolist()}: a motion of the "
                 "body is left that nothing resists; add a [[support]], or use method gauss-seidel"
             ) from error
         except SolveError as error:
-            node = self._low_friction_node
+            limit, node = self._limit(a, b), self._low_friction_node
             if isinstance(error, NoEquilibrium) and (limit is not None or node is None):
                 raise
             if limit is not None:
@@ -200,16 +202,17 @@ class EventPath:
                 f"f = {f:.2g} of node {node} is so small that its limit cannot be told from "
                 f"round-off; make it 0, or {LOW_FRICTION:.0e} at least"
             ) from error
-        if limit is not None and limit.s < 1.0 - BEYOND_EQUILIBRIUM:
-            # round-off of a vanishing stiffness has carried the loads
-            raise NoEquilibrium(limit.text)
+        if not is_balanced(self.system, b, leg.end):
+            limit = self._limit(a, b)
+            if limit is not None and limit.s < 1.0 - BEYOND_EQUILIBRIUM:
+                # round-off of a vanishing stiffness has carried the loads
+                raise NoEquilibrium(limit.text)
         return leg
 
-    def _walk(self, problem: LegProblem, limit: Limit | None) -> Leg:
+    def _walk(self, problem: LegProblem) -> Leg:
         """Follow one leg from event to event."""
         (a, b), resolved = problem.ends, self._low_friction_node is None
-        s_limit = np.inf if limit is None else limit.s
-        walk = Walk(self.segments, problem, self.check_all, s_limit, resolved)
+        walk = Walk(self.segments, problem, self.check_all, self._equilibrium_ends, resolved)
         short = stops_short(self.segments, b)
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
@@ -301,6 +304,11 @@ class EventPath:
         if key not in self._limits:
             self._limits[key] = furthest(self.system, a, b)
         return self._limits[key]
+
+    def _equilibrium_ends(self, ends: tuple[Array, Array]) -> float:
+        """Return the place on a leg where equilibrium ends, infinite where it does not."""
+        limit = self._limit(*ends)
+        return np.inf if limit is None else limit.s
 
 
 def _low_friction_node(segments: Segments) -> int | None:

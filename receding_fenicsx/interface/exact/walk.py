@@ -8,7 +8,7 @@ from scipy.linalg.blas import daxpy
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Watch
-from receding_fenicsx.interface.exact.consistency import ConsistentStates
+from receding_fenicsx.interface.exact.consistency import ConsistentStates, EquilibriumEnd
 from receding_fenicsx.interface.exact.legs import (
     SIMULTANEOUS,
     Course,
@@ -62,7 +62,7 @@ class Walk:
         segments: Segments,
         problem: LegProblem,
         check_all: bool = False,
-        equilibrium_ends: float = np.inf,
+        equilibrium_ends: EquilibriumEnd = lambda ends: np.inf,
         accept_round_off: bool = True,
         watch: Watch | None = None,
     ) -> None:

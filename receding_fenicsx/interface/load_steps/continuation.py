@@ -118,7 +118,7 @@ class Continuation:
         scale = max(largest_force(self.system, load, start.r, scale) for load in ends)
         s_limit = np.inf if limit is None else limit.s
         problem = replace(problem, force_scale=scale)
-        walk = Walk(self.segments, problem, equilibrium_ends=s_limit)
+        walk = Walk(self.segments, problem, equilibrium_ends=lambda ends: s_limit)
         short = stops_short(self.segments, problem.load(s_end))
         try:
             walk.run(max(s_end - REMAINING_LOAD, problem.s_start) if short else s_end)
