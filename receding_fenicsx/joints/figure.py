@@ -9,6 +9,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.load_names import load_text
 
 
 def joint_figure(curve: JointCurve) -> Figure:
@@ -43,7 +44,7 @@ def joint_figure(curve: JointCurve) -> Figure:
             axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
             axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
             axes.xaxis.set_minor_formatter(NullFormatter())
-            axes.set_xlabel(f"amplitude of {curve.drive}")
+            axes.set_xlabel(f"amplitude of {load_text(curve.drive)}")
             if np.isfinite(curve.backbone.macroslip):
                 axes.axvline(curve.backbone.macroslip, label="macroslip", **style.GUIDE)
         left.legend(loc="upper left")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import dataclass, fields
 
 from receding_fenicsx.errors import InputError
@@ -18,7 +19,8 @@ class Units:
     Attributes:
         length: unit of lengths, such as "mm".
         stress: unit of stresses, such as "MPa".
-        force: unit of forces, such as "N"; default: products of the units of stress and length.
+        force: unit of forces, such as "N"; default: products of the units of stress and length. In
+            the plane "N" and "N/mm" mean the same where the unit of length is "mm".
     """
 
     length: str | None = None
@@ -33,11 +35,14 @@ class Units:
             return ""
         return " ".join(f"{unit}{POWERS[power]}" for unit, power in needed)
 
-    def force_per_thickness(self) -> str:
-        """Return the unit of forces in the plane, which are for unit thickness."""
-        if self.force and self.length:
+    def of_force(self, axisymmetric: bool) -> str:
+        """Return the unit of forces: of the full circle, or in the plane for unit thickness."""
+        divided = bool(re.search(r"[/⁻]|-\d| per ", self.force or ""))
+        if self.force and divided != axisymmetric:
+            return self.force
+        if self.force and self.length and not axisymmetric:
             return f"{self.force}/{self.length}"
-        return self.product(1, 1)
+        return self.product(1, 2 if axisymmetric else 1)
 
 
 def check_units(units: Units) -> None:

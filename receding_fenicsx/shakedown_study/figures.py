@@ -10,6 +10,7 @@ from receding_fenicsx.evolution.limit.starts import SteadyStates
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.shakedown.opening import Opening
 from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.load_names import load_text
 from receding_fenicsx.shakedown_study.diagram import Diagram
 
 SAFE, DEPENDS = "#bdbdbd", "#e6e6e6"
@@ -41,7 +42,9 @@ def diagram_figure(diagram: Diagram, opening: Opening | None = None) -> Figure:
         handles = [*axes.get_legend_handles_labels()[0], *entries]
         figure.legend(handles=handles, loc="outside upper center", ncols=3, columnspacing=1.0)
         axes.set(xlim=(x.min(), x.max()) if len(x) > 1 else None, ylim=(0.0, top))
-        axes.set(xlabel=f"mean load factor of {diagram.load}", ylabel=r"load range $\lambda$")
+        axes.set(
+            xlabel=f"mean load factor of {load_text(diagram.load)}", ylabel=r"load range $\lambda$"
+        )
     return figure
 
 

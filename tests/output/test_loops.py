@@ -96,7 +96,7 @@ def test_force_that_a_prescribed_displacement_takes_is_drawn_over_it() -> None:
     loop = rf.loop_of(found, shown_cycles(found)[0])
     assert np.array_equal(line.get_xdata(), loop.load[:, 0])
     assert np.array_equal(line.get_ydata(), loop.displacement[:, 0])
-    assert axes.get_ylabel().startswith("$F") and "p_" in axes.get_xlabel()
+    assert axes.get_ylabel().startswith("$U") and "p_" in axes.get_xlabel()
     assert loop.area() == pytest.approx(-rf.loop_of(record(), loop.cycle).area())
 
 

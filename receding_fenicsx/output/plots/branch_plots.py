@@ -47,11 +47,13 @@ def branches(tree: BranchTree) -> Figure:
             for number, (branch, path) in enumerate(zip(tree.branches, paths, strict=False)):
                 _draw_branch(axes, number, branch, (path[0][:, k], path[1][:, k]))
             name = names[k]
-            symbol = r"\delta" if is_word(name) else rf"\delta_{{{load_symbol(name)}}}"
+            symbol = "U" if is_word(name) else f"U_{{{load_symbol(name)}}}"
             axes.set(xlabel=f"${symbol}$", ylabel=load_text(name))
             axes.ticklabel_format(axis="x", scilimits=(-2, 3), useMathText=True)
             if len(moves) > 1:
-                axes.set_title(style.panel_title(n, len(moves), name), loc="left", pad=4.0)
+                axes.set_title(
+                    style.panel_title(n, len(moves), load_text(name)), loc="left", pad=4.0
+                )
         handles, labels = panels[0].get_legend_handles_labels()
         figure.legend(handles, labels, loc="outside lower center", ncols=1)
     return figure

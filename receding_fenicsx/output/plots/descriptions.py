@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-import re
-
 import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.moment import Moment
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.load_names import (
     is_word,
     load_symbol,
@@ -16,26 +15,28 @@ from receding_fenicsx.output.plots.load_names import (
     peak,
     shown_name,
 )
-from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends
+from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends, phases
 from receding_fenicsx.output.plots.units import Scales, three_digits
 
-LETTER_WIDTH = 0.065
-"""Mean width in inches of a letter of a title."""
 SAME_PART = 1e-9
 """Difference of a part of a load from a fraction that is written as such."""
 
 
-def describe_load(record: Record, moment: Moment, scales: Scales) -> str:
-    """Describe an instant: its leg and its load factors."""
-    way = _way(record, moment.cycle, moment.leg)
+def describe_load(record: Record, moment: Moment, scales: Scales, inches: float = np.inf) -> str:
+    """Describe an instant, its leg and its load factors, in lines of a largest width in inches."""
+    way = _way(record, moment.cycle, moment.leg, moment.s)
     found = []
     for k, (name, value) in enumerate(moment.load.items()):
         unit, (one, _) = scales.load_unit(k), scales.load_axis(k, name)
         part = np.array([value / scales.load_max[k]])
         own = f"{load_text(name)} ${three_digits(value / one)}$ {unit}"
         found.append(own if unit else describe_factors((name,), part))
-    factors = ", ".join(found)
-    return f"{way}, {factors}" if len(record.load_names) == 1 else f"{way}\n{factors}"
+    several = len(record.load_names) > 1
+    return (
+        f"{way}\n{style.wrapped(found, inches)}"
+        if several
+        else style.wrapped([way, *found], inches)
+    )
 
 
 def describe_factors(names: tuple[str, ...], parts: Array) -> str:
@@ -61,7 +62,7 @@ def describe_leg(
         scales: units.
         inches: width; a longer text is broken between the loads.
     """
-    text = _way(record, cycle, leg)
+    text = _way(record, cycle, leg, 1.0)
     if len(record.load_names) == 1:
         return text
     begin, end = leg_ends(record, cycle, leg)
@@ -73,25 +74,18 @@ def describe_leg(
             first, last = (three_digits(factor[k] / one) for factor in (begin, end))
             move = f"{load_text(name)} ${first}$ to ${last}$ {unit}"
             moves.append(move.rstrip())
-    lines = [f"{text}: " if moves else text]
-    for n, move in enumerate(moves):
-        piece = move + (", " if n + 1 < len(moves) else "")
-        longer = len(_plain(lines[-1] + piece)) * LETTER_WIDTH > inches
-        lines = [*lines, piece] if longer else [*lines[:-1], lines[-1] + piece]
-    return "\n".join(line.rstrip() for line in lines)
+    return style.wrapped([f"{text}: {moves[0]}", *moves[1:]] if moves else [text], inches)
 
 
-def _plain(text: str) -> str:
-    """Return a text without the marks of mathematics."""
-    return re.sub(r"\\mathrm|[${}_]", "", text)
-
-
-def _way(record: Record, cycle: int, leg: int) -> str:
+def _way(record: Record, cycle: int, leg: int, s: float) -> str:
     table = record.turning_points
     legs = len(np.unique(table.leg[table.cycle == cycle]))
     plain = legs <= 2 and len(record.load_names) == 1
     falls = is_unloading(record, cycle, leg)
     first = falls and (cycle, leg) == first_unloading(record)
+    angles = phases(record)
+    if angles is not None and cycle and not first:
+        return rf"cycle {cycle}, phase ${np.interp(leg + s, np.arange(legs + 1), angles):.0f}$°"
     return name_leg(cycle, leg, falls, first, plain)
 
 

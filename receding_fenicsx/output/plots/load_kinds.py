@@ -1,8 +1,8 @@
-"""Kinds of loads: what a load and its work-conjugate displacement are, and their units.
+"""Kinds of loads: what a load and its work-conjugate quantity are, and their units.
 
-A load with factor lambda does the work dW = lambda dU; the record holds U. Where the load is one
-number F (a force, a stress, a prescribed displacement), figures show F lambda against U / F, so
-that the area of a loop is still the work.
+A load with factor lambda does the work dW = lambda dU, a prescribed displacement dW = U dlambda;
+the record holds U. Where the load is one number F (a force, a stress, a prescribed displacement),
+figures show F lambda and U / F, so that the area of a loop is still the work.
 """
 
 from __future__ import annotations
@@ -22,12 +22,14 @@ class LoadKind:
         unit: powers of stress and length in its unit; (0, 0) for a load factor.
         conjugate: name of the work-conjugate quantity U / size.
         conjugate_unit: powers of stress and length in the unit of that.
+        symbol: symbol of the conjugate quantity.
     """
 
     size: float
     unit: tuple[int, int]
     conjugate: str
     conjugate_unit: tuple[int, int]
+    symbol: str
 
 
 def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
@@ -42,30 +44,28 @@ def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
     work = (1, 3 if axisymmetric else 2)
     parts = [load for load in scene.loads if load.name == name] if scene else []
     if scene and name in [bolt.name for bolt in scene.bolts]:
-        return LoadKind(1.0, (0, 1), "force of the bolt", (1, 1))
+        return LoadKind(1.0, (0, 1), "force of the bolt", (1, work[1] - 1), "F")
     found = {_size_and_kind(part) for part in parts}
     size, kind = found.pop() if len(found) == 1 else (0.0, "factor")
     if (len(parts) > 1 and kind in ("force", "displacement")) or size == 0.0:
         size, kind = 1.0, "factor"
-    unit = {
-        "force": (1, work[1] - 1),
-        "stress": (1, 0),
-        "displacement": (0, 1),
-        "factor": (0, 0),
+    displaced = "displaced volume" if axisymmetric else "displaced area"
+    unit, conjugate, symbol = {
+        "force": ((1, work[1] - 1), "displacement along the force", r"\delta"),
+        "stress": ((1, 0), displaced, r"\delta"),
+        "tension": ((1, 0), "area conjugate to the tension", r"\delta"),
+        "displacement": ((0, 1), "force on the edge", "F"),
+        "factor": ((0, 0), "work over load factor", "U"),
     }[kind]
-    conjugate = {
-        "force": "displacement of the platen",
-        "stress": "displaced volume" if axisymmetric else "displaced area",
-        "displacement": "force on the edge",
-        "factor": "work over load factor",
-    }[kind]
-    return LoadKind(size, unit, conjugate, (work[0] - unit[0], work[1] - unit[1]))
+    return LoadKind(size, unit, conjugate, (work[0] - unit[0], work[1] - unit[1]), symbol)
 
 
 def _size_and_kind(load: Load) -> tuple[float, str]:
     """Return the size of one part of a load and its kind; 0 if it is no single number."""
-    if load.on_body or load.tension is not None:
+    if load.on_body:
         return 0.0, "factor"
+    if load.tension is not None:
+        return float(load.tension), "tension"
     if load.force is not None:
         return hypot(*load.force), "force"
     if load.pressure is not None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import Any, Literal
 
 import matplotlib as mpl
 import numpy as np
@@ -24,6 +24,8 @@ from receding_fenicsx.output.plots.units import Scales, scales_of
 FIRST_LOADING = {"color": style.GUIDE_COLOUR, "lw": 1.4}
 LAST_WIDTH, WIDER, WIDEST = 0.8, 1.4, 4.2
 """Width of the last cycle's line in points, what each earlier one has more, and the most of it."""
+ROW = 1.95
+"""Height in inches of a row of loops."""
 MAX_DOTS = 40
 """Largest number of turning points of a cycle that have dots."""
 DOTS = 2.4
@@ -35,9 +37,9 @@ ROUND_OFF = 1e-9
 def hysteresis(
     record: Record, cycles: int | Sequence[int] | None = None, scales: Scales | None = None
 ) -> Figure:
-    """Draw each load against its work-conjugate displacement; the areas of the loops are work.
+    """Draw each load against its work-conjugate quantity; the areas of the loops are work.
 
-    A prescribed displacement is drawn against its force.
+    Forces and stresses are drawn upwards, displacements along, also where they are prescribed.
 
     Args:
         record: the record.
@@ -57,7 +59,7 @@ def hysteresis(
     if not moves:
         raise InputError("hysteresis: no load changes, or the record has no load displacements")
     with mpl.rc_context(style.RC):
-        figure = style.new_figure(style.PAGE, 0.75 + 1.95 * len(moves))
+        figure = style.new_figure(style.PAGE, 0.75 + ROW * len(moves))
         panels = figure.subplots(len(moves), 2, squeeze=False)
         for n, (k, row) in enumerate(zip(moves, panels, strict=True)):
             what = _draw_loops(row, record, paths, k, scales)
@@ -73,13 +75,12 @@ def _draw_loops(
 ) -> str:
     """Draw a load against its work-conjugate quantity, and that less the chord; name it."""
     name = record.load_names[k]
-    prescribed = bool(record.load_sign[k] > 0.0)
-    letter = "F" if prescribed else r"\delta"
-    delta = letter if is_word(name) else rf"{letter}_{{{load_symbol(name)}}}"
-    unit, behind, bracket, what = scales.conjugate(k, prescribed)
+    other = scales.conjugate(k, prescribed=bool(record.load_sign[k] > 0.0))
+    delta, unit = other.symbol, other.unit
+    delta = delta if is_word(name) else rf"{delta}_{{{load_symbol(name)}}}"
     largest, load_label = scales.load_axis(k, name)
     straight = _chord(paths[-1], k)
-    most = max(float(np.abs(path.displacement[:, k]).max()) for path in paths) / unit
+    most = max(float(np.abs(path.displacement[:, k]).max()) for path in paths) / abs(unit)
     for path in paths:
         load = path.load[:, k] / largest
         size = path.displacement[:, k] / unit
@@ -88,15 +89,18 @@ def _draw_loops(
         # first loading is not a loop and lies far from the chord
         shown = (size, bend) if path.cycle or len(paths) == 1 else (size,)
         for axes, conjugate in zip(row, shown, strict=False):
-            x, y = (load, conjugate) if prescribed else (conjugate, load)
+            x, y = (load, conjugate) if other.upright else (conjugate, load)
             _draw_path(axes, x, y, path, paths)
     labels = (delta, rf"({delta} - \mathrm{{chord}})")
     for axes, symbol in zip(row, labels, strict=True):
-        ends = (f"${symbol}{behind}${bracket}", load_label)
-        axes.set(xlabel=ends[prescribed], ylabel=ends[not prescribed])
-        axes.ticklabel_format(axis="y" if prescribed else "x", scilimits=(-2, 3), useMathText=True)
+        along, up = (f"${symbol}{other.behind}${other.bracket}", load_label)[
+            :: 1 - 2 * other.upright
+        ]
+        axes.set(xlabel=along, ylabel=style.wrapped([up], ROW))
+        axis: Literal["x", "y"] = "y" if other.upright else "x"
+        axes.ticklabel_format(axis=axis, scilimits=(-2, 3), useMathText=True)
         style.ticks(axes.xaxis, 5)
-    return what
+    return other.name
 
 
 def trajectories(

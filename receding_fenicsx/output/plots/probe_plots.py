@@ -13,6 +13,7 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.probe_history import ProbeHistory
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.series import CURVED_LEGS, phases
 from receding_fenicsx.output.plots.units import Scales, scales_of
 
 PLANE = (r"\sigma_{xx}", r"\sigma_{yy}", r"\sigma_{zz}", r"\sigma_{xy}", r"\sigma_\mathrm{v}")
@@ -46,13 +47,13 @@ def probe_stresses(record: Record, name: str, scales: Scales | None = None) -> F
     probe = record.probe(name)
     with mpl.rc_context(style.RC):
         if len(probe.points) == 1:
-            figure = _along_path(probe, scales)
+            figure = _along_path(probe, scales, phases(record))
         else:
-            figure = _along_points(probe, scales)
+            figure = _along_points(probe, scales, phases(record))
     return figure
 
 
-def _along_path(probe: ProbeHistory, scales: Scales) -> Figure:
+def _along_path(probe: ProbeHistory, scales: Scales, angles: Array | None) -> Figure:
     """Draw stresses at one point against the position on the legs of some cycles."""
     unit, suffix = scales.peak_traction()
     shown = sorted({0, min(1, int(probe.cycle[-1])), int(probe.cycle[-1])})
@@ -68,20 +69,26 @@ def _along_path(probe: ProbeHistory, scales: Scales) -> Figure:
             path, first = np.concatenate([[0.0], path]), np.zeros((1, values.shape[1]))
             _draw(panel, path, np.vstack([first, values[rows]]), scales)
         else:
+            if angles is not None:
+                path = np.interp(path, np.arange(len(angles)), angles)
             _draw(panel, path, values[rows], scales)
         text = f"cycle {cycle}" if cycle else "first loading"
         panel.set_title(style.panel_title(n, len(shown), text))
         legs = int(probe.leg[rows].max()) + 1
         panel.set(xlim=(0.0, legs), xlabel="legs of the cycle" if cycle else "legs from rest")
-        for leg in range(1, legs):
-            panel.axvline(leg, **style.GUIDE)
+        if legs <= CURVED_LEGS:
+            for leg in range(1, legs):
+                panel.axvline(leg, **style.GUIDE)
         style.ticks(panel.xaxis)
+        if cycle and angles is not None:
+            panel.set_xlim(angles[0], angles[-1])
+            style.phase_axis(panel.xaxis)
     axes[0].set_ylabel(scales.with_unit(f"$\\sigma{suffix}$", suffix, stress=1))
     _add_legend(figure, axes[0])
     return figure
 
 
-def _along_points(probe: ProbeHistory, scales: Scales) -> Figure:
+def _along_points(probe: ProbeHistory, scales: Scales, angles: Array | None) -> Figure:
     """Draw stresses along the points at turning points of the last cycle."""
     unit, suffix = scales.peak_traction()
     rows = np.flatnonzero((probe.cycle == probe.cycle[-1]) & (probe.kind == "turning point"))
@@ -93,7 +100,10 @@ def _along_points(probe: ProbeHistory, scales: Scales) -> Figure:
     values = _stresses(probe) / unit
     for n, (panel, row) in enumerate(zip(axes, chosen, strict=True)):
         _draw(panel, distance, values[row], scales, "o" if len(distance) <= 12 else "")
-        text = f"end of leg {probe.leg[row]}, cycle {probe.cycle[row]}"
+        leg, cycle = int(probe.leg[row]), int(probe.cycle[row])
+        text = f"end of leg {leg}, cycle {cycle}"
+        if angles is not None and cycle:
+            text = f"cycle {cycle}, phase ${angles[leg + 1]:.0f}$°"
         panel.set_title(style.panel_title(n, len(chosen), text))
         panel.set_ylabel(scales.with_unit(f"$\\sigma{suffix}$", suffix, stress=1))
         panel.set_xlim(0.0, distance[-1])

@@ -10,6 +10,7 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.steady import PowerLaw, fit_power_law
 from receding_fenicsx.reference.ahn_barber import SLIP_CYCLES, SLIP_FLOOR, SLIP_NODES
+from receding_fenicsx.scene.history.harmonic import corner_angles, is_straight
 
 POSITION_TOLERANCE = 1e-6
 """Round-off of the representative nodes' positions, over the length scale."""
@@ -82,6 +83,21 @@ def first_unloading(record: Record) -> tuple[int, int] | None:
             legs = np.count_nonzero(table.cycle == where[0])
             return where if legs <= CURVED_LEGS else None
     return None
+
+
+def phases(record: Record) -> Array | None:
+    """Return the angles in degrees at the ends of the legs of a cycle, from its start on.
+
+    None where the history is not harmonic, or where its loads are in phase or opposite: its two
+    legs are not an ellipse.
+    """
+    scene = record.scene
+    if scene is None or scene.history.kind != "harmonic" or is_straight(scene.history):
+        return None
+    angles = corner_angles(scene.history, scene.driven_names)
+    return (
+        angles if np.all(np.bincount(record.turning_points.cycle)[1:] == len(angles) - 1) else None
+    )
 
 
 def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[SlipLine]:

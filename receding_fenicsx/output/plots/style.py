@@ -7,7 +7,8 @@ distinguish; stick and separation are greys. The four differ in greyscale print 
 from __future__ import annotations
 
 import io
-from collections.abc import Iterable
+import re
+from collections.abc import Iterable, Sequence
 from string import ascii_lowercase
 from typing import Any
 
@@ -15,10 +16,13 @@ import matplotlib as mpl
 import numpy as np
 from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
+from matplotlib.font_manager import FontProperties
 from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
-from matplotlib.ticker import MaxNLocator
+from matplotlib.textpath import text_to_path
+from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import ArrayLike
 
 from receding_fenicsx.arrays import Array
@@ -160,6 +164,40 @@ def focus(p: Array, others: Array) -> tuple[float, float]:
         low, top = low * MAX_PEAK * usual / top, MAX_PEAK * usual
     room = 0.06 * (top - low) or 1.0
     return low - room, top + room
+
+
+def phase_axis(axis: Axis) -> None:
+    """Label an axis of the angles of a harmonic history in degrees."""
+    axis.set_major_locator(MultipleLocator(60.0))
+    axis.set_label_text(r"phase $\theta$ (°)")
+
+
+def wrapped(pieces: Sequence[str], inches: float) -> str:
+    """Join pieces of a label by commas, with a new line where one becomes wider than this.
+
+    A line begins with a new piece; a piece that is wider itself is broken at its spaces.
+    """
+    lines: list[str] = []
+    for n, piece in enumerate(pieces):
+        text = piece + ("," if n + 1 < len(pieces) else "")
+        if lines and _width(f"{lines[-1]} {text}") <= inches:
+            lines[-1] += f" {text}"
+        else:
+            # mathematics has spaces of its own
+            words = re.findall(r"(?:\\.|\$(?:\\.|[^$\\])*\$|\S)+", text)
+            lines.append(words[0])
+            for word in words[1:]:
+                longer = _width(f"{lines[-1]} {word}") > inches
+                lines = [*lines, word] if longer else [*lines[:-1], f"{lines[-1]} {word}"]
+    return "\n".join(lines)
+
+
+def _width(text: str) -> float:
+    """Return the width in inches of one line of a title or the label of an axis."""
+    font = FontProperties(family=RC["font.family"], size=RC["axes.titlesize"])
+    math = is_math_text(text)
+    plain = text if math else text.replace(r"\$", "$")
+    return text_to_path.get_text_width_height_descent(plain, font, ismath=math)[0] / 72.0
 
 
 def state_patches(states: Iterable[int], friction: ArrayLike = True) -> list[Patch]:

@@ -24,6 +24,8 @@ from receding_fenicsx.output.plots.units import Scales, scales_of
 
 MAX_LABEL_LENGTH = 28
 """Length of the friction cone's label below which three labels fit in a row."""
+TITLE_WIDTH, LINE = 2.9, 0.14
+"""Largest width of a panel's title, and height of a line of it after the first, in inches."""
 MIN_NUMBERED_ZONE = 0.03
 """Smallest length, over that of the contact edge, of a zone that has its number in the band."""
 
@@ -54,7 +56,12 @@ def tractions(
         )
     panels = len(moments)
     with mpl.rc_context(style.RC):
-        figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels)
+        texts = [
+            style.panel_title(n, panels, describe_load(record, moment, scales, TITLE_WIDTH))
+            for n, moment in enumerate(moments)
+        ]
+        lines = sum(text.count("\n") for text in texts)
+        figure = style.new_figure(style.COLUMN, 0.95 + 1.75 * panels + LINE * lines)
         grid = figure.add_gridspec(2 * panels, 1, height_ratios=[0.09, 1.0] * panels)
         axes: Axes | None = None
         shown = [
@@ -65,8 +72,7 @@ def tractions(
             band = figure.add_subplot(grid[2 * n], sharex=axes)
             axes = figure.add_subplot(grid[2 * n + 1], sharex=band)
             _draw_band(band, record, moment.state, scales)
-            text = describe_load(record, moment, scales)
-            band.set_title(style.panel_title(n, panels, text), pad=4.0)
+            band.set_title(texts[n], pad=6.0)
             _draw_curves(axes, record, moment, scales)
             axes.tick_params(labelbottom=n == panels - 1)
             if n == panels - 1:

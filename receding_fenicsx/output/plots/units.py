@@ -30,6 +30,26 @@ LARGEST_PLAIN_POWER = 5
 
 
 @dataclass(frozen=True)
+class Conjugate:
+    """The work-conjugate quantity of a load in figures.
+
+    Attributes:
+        unit: what the load displacement U is divided by.
+        symbol, behind, bracket: its symbol, the suffix of that, and its unit in brackets.
+        name: what it is.
+        upright: whether it is a force, or the work over a prescribed displacement; its axis is then
+            the vertical one.
+    """
+
+    unit: float
+    symbol: str
+    behind: str
+    bracket: str
+    name: str
+    upright: bool
+
+
+@dataclass(frozen=True)
 class Scales:
     """Units of the figures of a record.
 
@@ -116,25 +136,30 @@ class Scales:
         """Return the unit of a load; "" if it is not known or the load is a factor."""
         return self._unit_of(self.kinds[k].unit) if self.kinds else ""
 
-    def conjugate(self, k: int, prescribed: bool) -> tuple[float, str, str, str]:
-        """Return the unit of a load's work-conjugate quantity, and its label.
-
-        Returns:
-            What U is divided by, the suffix of the symbol, the unit in brackets, and its name.
-        """
-        name = "force" if prescribed else "work-conjugate displacement"
+    def conjugate(self, k: int, prescribed: bool) -> Conjugate:
+        """Return the work-conjugate quantity of a load, which may be a prescribed displacement."""
         if not self.kinds:
-            return 1.0, "", "", name
+            name = "work over load factor" if prescribed else "work-conjugate displacement"
+            return Conjugate(1.0, "U", "", "", name, prescribed)
         kind = self.kinds[k]
+        unit, behind = kind.size, ""
         if not prescribed and self.normalised():
-            return *self.load_displacement(), "", kind.conjugate
-        return kind.size, "", in_unit("", self._unit_of(kind.conjugate_unit)), kind.conjugate
+            unit, behind = self.load_displacement()
+        # a tension of the far field is a prescribed strain; the tension does its work on -U
+        tension = prescribed and kind.unit == (1, 0)
+        bracket = "" if behind else in_unit("", self._unit_of(kind.conjugate_unit))
+        return Conjugate(
+            -unit if tension else unit,
+            kind.symbol,
+            behind,
+            bracket,
+            kind.conjugate,
+            prescribed and not tension,
+        )
 
     def _unit_of(self, powers: tuple[int, int]) -> str:
-        force = (1, 2 if self.axisymmetric else 1)
-        if powers == force and self.units.force:
-            alone = self.units.force if self.axisymmetric else self.units.force_per_thickness()
-            return shown_unit(alone)
+        if powers == (1, 2 if self.axisymmetric else 1):
+            return shown_unit(self.units.of_force(self.axisymmetric))
         return shown_unit(self.units.product(*powers))
 
     def normalised(self) -> bool:

@@ -59,6 +59,13 @@ def from_harmonic(options: HistoryOptions, names: tuple[str, ...]) -> History:
     return History(names, path[moves], loop, options.cycles)
 
 
+def corner_angles(options: HistoryOptions, names: tuple[str, ...]) -> NDArray[np.float64]:
+    """Return the angles of the corners in degrees, from the start of a cycle to its end."""
+    loads = [options.harmonic[name] for name in names if name in options.harmonic]
+    angles = _angles(options, loads)
+    return np.append(angles, angles[0] + 360.0)
+
+
 def is_straight(options: HistoryOptions) -> bool:
     """Return whether all loads are in phase or opposite, so that two corners are exact."""
     return len(_extremes(list(options.harmonic.values()))) == 2

@@ -10,10 +10,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import selection, style
 from receding_fenicsx.output.plots.load_names import load_text
-from receding_fenicsx.output.plots.series import leg_ends, legs_of
+from receding_fenicsx.output.plots.series import leg_ends, legs_of, phases
 from receding_fenicsx.output.plots.touching import Still, stills_of
 from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zones.zone_axes import add_legends, draw_limit, draw_map
@@ -39,7 +40,8 @@ LOAD_LINES = (
 def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | None = None) -> Figure:
     """Draw the zones along whole cycles, with the load factors beside them.
 
-    All legs of a cycle are stacked upwards, each of the same height. Nodes whose slip in a settled
+    All legs of a cycle are stacked upwards, each of the same height; those of a harmonic history
+    are drawn over the phase. Nodes whose slip in a settled
     cycle is negligible are shown as sticking; a dashed line shows where they reach the friction
     limit.
 
@@ -58,6 +60,7 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
     chosen = selection.cycles(record, cycles)
     stills = stills_of(record, chosen)
     legs = [leg for _, leg in legs_of(record, chosen[-1])]
+    angles = phases(record) if chosen[0] else None
     height = float(np.clip(LEG_HEIGHT * len(legs), LEAST_HEIGHT, MOST_HEIGHT))
     with mpl.rc_context(style.RC):
         width = style.COLUMN if len(chosen) == 1 else style.PAGE
@@ -74,26 +77,31 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
             drawn = stacked_map(record, cycle, still.stuck if still else None, FLICKER)
             shown |= {int(state) for state, _ in drawn.pieces}
             numbers = [leg for _, leg in legs_of(record, cycle)]
-            ends = (0.0, float(len(numbers)))
-            draw_map(axes, drawn, ends, scales, (wide, height), len(numbers))
+            ends = np.arange(len(numbers) + 1.0) if angles is None else angles
+            if angles is not None:
+                drawn = drawn.moved_to((angles - angles[0]) / (angles[-1] - angles[0]))
+            whole = float(ends[0]), float(ends[-1])
+            draw_map(axes, drawn, whole, scales, (wide, height), len(numbers))
             if still and draw_limit(axes, record, still, numbers, ends, scales):
                 dashed.append(still)
             name = f"cycle {cycle}" if cycle else "first loading"
             axes.set_title(style.panel_title(n, len(chosen), name))
             axes.set_xlabel(scales.x_label)
-        panels[0].set_ylabel("leg of the cycle")
-        panels[0].yaxis.set_major_locator(MaxNLocator(8, integer=True))
-        _draw_loads(beside, record, chosen[-1], scales)
+        if angles is None:
+            panels[0].set_ylabel("leg of the cycle")
+            panels[0].yaxis.set_major_locator(MaxNLocator(8, integer=True))
+        else:
+            style.phase_axis(panels[0].yaxis)
+        _draw_loads(beside, record, chosen[-1], scales, ends)
         add_legends(figure, record, shown, dashed, len(chosen) > 1)
     return figure
 
 
-def _draw_loads(axes: Axes, record: Record, cycle: int, scales: Scales) -> None:
-    """Draw the load factors over the legs of a cycle, upwards as the zones."""
+def _draw_loads(axes: Axes, record: Record, cycle: int, scales: Scales, at: Array) -> None:
+    """Draw the load factors at the ends of the legs of a cycle, upwards as the zones."""
     legs = legs_of(record, cycle)
     ends = [leg_ends(record, *leg) for leg in legs]
     load = np.array([ends[0][0], *(end for _, end in ends)]) / scales.load_max
-    at = np.arange(len(legs) + 1.0)
     for k, name in enumerate(record.load_names):
         look = LOAD_LINES[k % len(LOAD_LINES)]
         axes.plot(load[:, k], at, label=load_text(name), **look)  # type: ignore[arg-type]

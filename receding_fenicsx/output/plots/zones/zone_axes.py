@@ -132,17 +132,17 @@ def draw_limit(
     record: Record,
     still: Still,
     legs: Sequence[int],
-    ends: tuple[float, float],
+    ends: Sequence[float] | Array,
     scales: Scales,
 ) -> bool:
     """Draw where nodes reach the friction limit without slip; return whether there are any.
 
     Args:
-        axes: axes of a map of some legs, each of the same height.
+        axes: axes of a map of some legs.
         record: the record.
         still: the nodes.
         legs: the legs, from s = 0 of the map to s = 1.
-        ends: vertical positions of s = 0 and s = 1.
+        ends: (n + 1,) vertical positions of the ends of the legs.
         scales: units.
     """
     # at a turning point of a map of one leg the line would lie on the frame
@@ -156,7 +156,7 @@ def draw_limit(
     cuts = np.flatnonzero((np.diff(node) > 1) | (np.abs(np.diff(s)) > step)) + 1
     for nodes, part in zip(np.split(node, cuts), np.split(s, cuts), strict=True):
         if len(nodes) > 1:
-            y = ends[0] + part * (ends[1] - ends[0])
+            y = np.interp(part, np.linspace(0.0, 1.0, len(ends)), ends)
             axes.plot(record.x[nodes] / scales.length, y, **DASHED)
     return len(node) > 1
 

@@ -53,6 +53,19 @@ class ZoneMap:
         """Return (N,) states of the nodes at s."""
         return np.array([line.at(s) for line in self.timelines], dtype=np.int8)
 
+    def moved_to(self, ends: Array) -> ZoneMap:
+        """Return the map of n legs that end at ``ends`` (n + 1,), from 0 to 1, not evenly."""
+
+        def move(s: Array) -> Array:
+            return np.interp(s, np.linspace(0.0, 1.0, len(ends)), ends)
+
+        def place(points: Array) -> Array:
+            return np.stack([points[..., 0], move(points[..., 1])], axis=-1)
+
+        lines = [Timeline(line.state, move(line.s)) for line in self.timelines]
+        pieces = [(state, place(polygon)) for state, polygon in self.pieces]
+        return ZoneMap(self.x, lines, pieces, place(self.boundaries))
+
 
 @dataclass(frozen=True)
 class Strip:

@@ -22,6 +22,8 @@ PANEL_HEIGHT = 1.85
 """Approximate height of a panel's axes in inches."""
 AXES_WIDTH = 2.95
 """Approximate width in inches of the axes of a figure with one column."""
+BETWEEN = 0.2
+"""Approximate width in inches between two panels in a row."""
 MAX_PANELS = 6
 """Largest number of legs of a cycle that have a panel each; more are one continuous map."""
 
@@ -61,7 +63,8 @@ def zone_maps(
         rows = places[-1][0] + 1
         width = style.COLUMN if columns == 1 else style.PAGE
         inches = ((AXES_WIDTH - style.COLUMN + width) / columns, PANEL_HEIGHT)
-        titles = _titles(record, shown_legs, scales, inches[0])
+        wide = inches[0] if columns == 1 else inches[0] - BETWEEN
+        titles = _titles(record, shown_legs, scales, wide)
         lines = 1 + max(title.count("\n") for title in titles)
         figure = style.new_figure(width, 0.9 + (PANEL_HEIGHT + 0.1 + 0.15 * lines) * rows)
         grid = figure.subplots(rows, columns, sharex=True, squeeze=False)
@@ -93,7 +96,7 @@ def _titles(
 ) -> list[str]:
     """Return the panels' titles, broken into lines that fit their width."""
     return [
-        style.panel_title(n, len(legs), describe_leg(record, *leg, scales, inches))
+        style.panel_title(n, len(legs), describe_leg(record, *leg, scales, inches - 0.25))
         for n, leg in enumerate(legs)
     ]
 

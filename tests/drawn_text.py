@@ -1,0 +1,49 @@
+"""All texts of a figure, and whether they can be read."""
+
+from __future__ import annotations
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.text import Text
+
+from receding_fenicsx.output.plots import saving
+
+
+def check_texts(figure: Figure, name: str) -> None:
+    """Assert that all texts of a figure are on its page and none lies on another."""
+    boxes = text_boxes(figure)
+    page = figure.bbox
+    for i, (text, box) in enumerate(boxes):
+        assert page.x0 <= box.x0, f"{name}: {text}"
+        assert box.x1 <= page.x1, f"{name}: {text}"
+        assert page.y0 <= box.y0, f"{name}: {text}"
+        assert box.y1 <= page.y1, f"{name}: {text}"
+        for other, beside in boxes[:i]:
+            assert not box.overlaps(beside), f"{name}: '{text}' on '{other}'"
+
+
+def text_boxes(figure: Figure) -> list:
+    """Return every text that is drawn with its box in dots."""
+    with saving.drawing():
+        saving.lay_out(figure)
+        figure.draw_without_rendering()
+    hidden = {id(label) for axes in figure.axes for label in labels_beyond(axes)}
+    found = []
+    for text in figure.findobj(Text):
+        shown = text.get_visible() and text.get_text().strip() and id(text) not in hidden
+        box = text.get_window_extent()
+        if shown and box.width > 0.0:
+            found.append((text.get_text(), box))
+    return found
+
+
+def labels_beyond(axes: Axes) -> list[Text]:
+    """Return the labels of ticks that lie beyond the axes' limits: they are not drawn."""
+    found = []
+    for axis, limits in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+        low, high = sorted(limits)
+        slack = 1e-9 * (high - low)
+        for tick in [*axis.get_major_ticks(), *axis.get_minor_ticks()]:
+            if not low - slack <= tick.get_loc() <= high + slack:
+                found += [tick.label1, tick.label2]
+    return found

@@ -1,0 +1,154 @@
+"""Titles, labels and units of the figures of scenes of several loads."""
+
+from __future__ import annotations
+
+from functools import cache
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+from drawn_text import check_texts
+from matplotlib.axes import Axes
+
+import receding_fenicsx as rf
+from receding_fenicsx.output.plots.figures import draw_all
+from receding_fenicsx.output.plots.load_kinds import kind_of
+from receding_fenicsx.output.plots.zones.zone_map import stacked_map
+
+pytestmark = pytest.mark.one_rank
+
+SHORT = ("P", "Q", "bulk")
+LONG = ("normal pressure on top", "tangential force of the actuator", "bulk stress (remote)")
+MM = rf.Units("mm", "MPa", "N/mm")
+WIDEST = rf.Units("millimetres.", "megapascals.", "kilonewtons.")
+PHASE, AMPLITUDE = 20.0, 0.3
+
+
+@cache
+def fretting(kind: str, names: tuple[str, ...] = SHORT, units: rf.Units = MM) -> rf.Record:
+    """Return a record of two half-planes under a normal force, a shear force and a tension."""
+    P, Q, bulk = names
+    start, cycle = ((1.0, 0.4, 0.3),), ((1.2, -0.1, 0.1), (1.1, -0.4, -0.3), (1.0, 0.4, 0.3))
+    history = rf.HistoryOptions("table", columns=names, rows=start, cycle_rows=cycle, cycles=3)
+    if kind == "harmonic":
+        harmonic = {Q: rf.Harmonic(amplitude=0.4), bulk: rf.Harmonic(0.1, AMPLITUDE, PHASE)}
+        history = rf.HistoryOptions(
+            kind, constant={P: 1.0}, harmonic=harmonic, cycles=3, corners=16
+        )
+    points = (-1.6, -0.1), (0.0, -0.2), (1.6, -0.1)
+    scene = rf.Scene(
+        body=rf.Body("pad", shape="half-plane", width=4.4),
+        others=(rf.Body("specimen", shape="half-plane", width=4.4),),
+        material=rf.Material(210000.0, 0.3),
+        mesh=rf.MeshOptions(contact_elements=30),
+        contacts=(
+            rf.Contact("pad.bottom", against="specimen.top", friction=0.4, initial_gap="x**2/400"),
+        ),
+        loads=(
+            rf.Load(P, "pad.far", platen=True, force=(0.0, -800.0)),
+            rf.Load(Q, "pad.far", platen=True, force=(320.0, 0.0)),
+            rf.Load(bulk, "specimen.far", tension=100.0),
+        ),
+        supports=(rf.Support(edge="specimen.far", fix="xy"),),
+        probes=(
+            rf.Probe("corner", point=points[0], body="specimen"),
+            rf.Probe("path", points=points, body="specimen"),
+        ),
+        history=history,
+        output=rf.OutputOptions(samples_per_leg=40),
+        units=units,
+    )
+    return rf.evolve(rf.given(rf.condense(scene, MPI.COMM_SELF)), scene)
+
+
+@pytest.mark.parametrize(
+    ("kind", "units"), [("table", WIDEST), ("harmonic", WIDEST), ("table", rf.Units())], ids=str
+)
+def test_all_texts_of_all_figures_are_on_the_page_and_none_lies_on_another(
+    kind: str, units: rf.Units
+) -> None:
+    drawn = dict(draw_all(fretting(kind, LONG, units)))
+    assert {"hysteresis", "tractions_last_cycle", "zones_by_cycle", "probe_path"} <= set(drawn)
+    for name, figure in drawn.items():
+        check_texts(figure, name)
+
+
+def curve(axes: Axes, n: int) -> np.ndarray:
+    """Points (n, 2) of one curve."""
+    lines = [line for line in axes.lines if line.get_linestyle() != "None"]
+    return np.array(lines[n].get_data(), dtype=float).T
+
+
+@pytest.mark.parametrize("kind", ["table", "harmonic"])
+def test_areas_of_all_loops_are_the_dissipation_with_forces_and_stresses_upwards(
+    kind: str,
+) -> None:
+    found = fretting(kind)
+    last = len(found.cycles.dissipation)
+    axes = rf.figures.hysteresis(found, last).axes
+    loads = {"table": ["$P$ (N/mm)"], "harmonic": []}[kind] + ["$Q$ (N/mm)", "bulk (MPa)"]
+    conjugates = {"table": [r"$\delta_{P}$ (mm)"], "harmonic": []}[kind]
+    conjugates += [r"$\delta_{Q}$ (mm)", r"$\delta$ (mm²)"]
+    assert [left.get_ylabel() for left in axes[::2]] == loads
+    assert [left.get_xlabel() for left in axes[::2]] == conjugates
+    # stress times area and force times length, both for unit thickness
+    work = 0.0
+    for left in axes[::2]:
+        x, y = curve(left, 0).T
+        work += float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))
+    assert work == pytest.approx(found.cycles.dissipation[-1], rel=0.01)
+
+
+def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:
+    found = fretting("harmonic")
+    figure = rf.figures.cycle_maps(found, 3)
+    map_, loads = figure.axes
+    assert map_.get_ylabel() == r"phase $\theta$ (°)"
+    assert map_.get_ylim() == (0.0, 360.0)
+    Q, bulk = curve(loads, 1), curve(loads, 2)
+    assert Q[:, 0] == pytest.approx(np.cos(np.radians(Q[:, 1])), abs=1e-12)
+    # over its largest, 0.1 + 0.3
+    cosine = np.cos(np.radians(bulk[:, 1] - PHASE))
+    assert bulk[:, 0] == pytest.approx((0.1 + AMPLITUDE * cosine) / 0.4, abs=1e-12)
+    # what is drawn at the phase of a turning point are its states
+    angle, table = Q[:, 1], found.turning_points
+    moved = stacked_map(found, 3).moved_to(angle / 360.0)
+    for row in np.flatnonzero(table.cycle == 3)[:-1]:
+        before, after = (moved.states(angle[table.leg[row] + 1] / 360.0 + d) for d in (-1e-9, 1e-9))
+        assert np.all((table.state[row] == before) | (table.state[row] == after))
+    tops = [axes.get_title() for axes in rf.figures.tractions(found, found.at(3, leg=5)).axes]
+    assert tops[0].startswith(f"cycle 3, phase ${angle[6]:.0f}$°\n$P$ $800$ N/mm, $Q$")
+    path = rf.figures.probe_stresses(found, "corner").axes[-1]
+    assert (path.get_xlabel(), path.get_xlim()) == (r"phase $\theta$ (°)", (0.0, 360.0))
+    assert curve(path, 0)[[0, -1], 0].tolist() == [0.0, 360.0]
+
+
+@pytest.mark.parametrize(
+    ("length", "stress", "force", "plane", "round_"),
+    [
+        ("mm", "MPa", None, "MPa mm", "MPa mm²"),
+        ("mm", "MPa", "N", "N/mm", "N"),
+        ("mm", "MPa", "N/mm", "N/mm", "MPa mm²"),
+        ("m", None, "kN m⁻¹", "kN m⁻¹", ""),
+        ("m", None, "kN m-1", "kN m-1", ""),
+        ("mm", None, "N", "N/mm", "N"),
+        (None, "MPa", "N", "", "N"),
+        (None, None, "N/m", "N/m", ""),
+        (None, "MPa", None, "", ""),
+    ],
+)
+def test_the_unit_of_forces_is_for_unit_thickness_in_the_plane_only(
+    length: str | None, stress: str | None, force: str | None, plane: str, round_: str
+) -> None:
+    units = rf.Units(length, stress, force)
+    assert units.of_force(axisymmetric=False) == plane
+    assert units.of_force(axisymmetric=True) == round_
+
+
+@pytest.mark.parametrize("axisymmetric", [False, True])
+def test_a_bolt_has_a_force_over_its_shortening(axisymmetric: bool) -> None:
+    bolt = rf.Bolt("b", head="top", nut="bottom", preload=1.0)
+    kind = kind_of(rf.Scene(bolts=(bolt,)), "b", axisymmetric)
+    # in the plane both are for unit thickness
+    assert np.add(kind.unit, kind.conjugate_unit).tolist() == [1, 3 if axisymmetric else 2]
