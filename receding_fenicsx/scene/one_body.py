@@ -9,7 +9,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import Body, Contact, Refinement, Scene
-from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_range
+from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_range, is_horizontal
 
 COUNT_TOLERANCE = 1e-9
 """Relative distance of a number of elements from an even number that counts as round-off."""
@@ -159,6 +159,7 @@ def _on_rectangle(
     A place is mirrored about the middles of the bodies whose element sizes it changes.
     """
     edges = [edge for edge in (contact.edge, contact.against) if edge is not None]
+    radial = scene.axisymmetric and is_horizontal(scene, contact.edge)
     zeros = [_zero(scene, edge) for edge in edges]
     ranges = [
         [zero + s for s in edge_range(scene, e)] for zero, e in zip(zeros, edges, strict=True)
@@ -167,11 +168,11 @@ def _on_rectangle(
     if contact.span is not None:
         low, high = max(low, contact.span[0] + zeros[0]), min(high, contact.span[1] + zeros[0])
     # nothing ends on the axis of a body of revolution
-    ends = [s - zeros[0] for s in (low, high) if not (scene.axisymmetric and s == 0.0)]
+    ends = [s - zeros[0] for s in (low, high) if not (radial and s == 0.0)]
     places = _resolved(places, ends)
     if len(edges) == 1:
         return places
-    middles = [0.0 if scene.axisymmetric and a == 0.0 else 0.5 * (a + b) for a, b in ranges]
+    middles = [0.0 if radial and a == 0.0 else 0.5 * (a + b) for a, b in ranges]
     halves = [b - middle for middle, (_, b) in zip(middles, ranges, strict=True)]
     todo = [_moved(place, 1.0, zeros[0]) for place in places]
     base = 2.0 * halves[0] / scene.mesh.contact_elements

@@ -15,7 +15,6 @@ from receding_fenicsx.scene.rectangle_edges import (
     contact_samples,
     edge_range,
     is_cylinder,
-    is_horizontal,
 )
 from receding_fenicsx.scene.validate_bodies import check_elements
 
@@ -62,11 +61,6 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
                 "against for a rigid plane"
             )
     meshed = has_mesh_file(scene, contact.edge)
-    if scene.axisymmetric and not (meshed or is_horizontal(scene, contact.edge)):
-        raise InputError(
-            f'{where} edge: "{contact.edge}" of an axisymmetric body cannot be a contact edge; '
-            "use bottom or top"
-        )
     check_span(scene, contact.edge, contact.span, f"{where} span")
     forward, backward = directions(contact.friction, f"{where} friction")
     profiles = [(forward, "friction"), (contact.initial_gap, "initial_gap")]

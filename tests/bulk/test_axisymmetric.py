@@ -319,7 +319,7 @@ def test_value_on_the_axis_of_an_even_field() -> None:
         ({"loads": (Load("p", "left", pressure=1.0),)}, '"left" is the axis'),
         ({"supports": (Support("y", edge="left"),)}, '"left" is the axis'),
         ({"supports": (Support("y", point=(-1.0, 1.0)),)}, "0 <= x <= 2"),
-        ({"contacts": (Contact(edge="right"),)}, "cannot be a contact edge"),
+        ({"contacts": (Contact(edge="left"),)}, '"left" is the axis'),
         ({"loads": (Load("p", "top", (-1.0, 1.0), pressure=1.0),)}, "runs from 0 to 2"),
         ({"material": replace(ROUND, poisson=0.5)}, "below 0.5"),
     ],

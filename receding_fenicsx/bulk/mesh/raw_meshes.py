@@ -6,6 +6,8 @@ lengths are multiplied by a power of two has the same mesh to the bit.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model, mesh_of
@@ -26,7 +28,7 @@ from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.scene.model import Body, Scene
 from receding_fenicsx.scene.one_body import part_of
-from receding_fenicsx.scene.rectangle_edges import EDGES, edge_points, is_cylinder
+from receding_fenicsx.scene.rectangle_edges import EDGES, edge_points, is_cylinder, is_horizontal
 
 GMSH_TYPES = {"triangle": 2, "quadrilateral": 3}
 
@@ -50,7 +52,13 @@ def raw_meshes(scene: Scene, half: bool) -> list[RawMesh]:
 def _rectangle(whole: Scene, body: Body, half: bool) -> RawMesh:
     """Mesh a rectangle of a scene."""
     scene = part_of(whole, body)
-    half = half and (not scene.axisymmetric or is_cylinder(scene, scene.body))
+    if scene.axisymmetric:
+        half = half and is_cylinder(scene, body)
+        if half and not is_horizontal(scene, scene.contacts[0].edge):
+            # the section of a cylinder is meshed from its outer edge like that of a ring
+            section = (0.25 * body.width, body.position[1])
+            scene = replace(scene, body=replace(body, width=0.5 * body.width, position=section))
+            half = False
     frame = make_frame(scene, half, bool(whole.others))
     marks = find_marks(scene, frame)
     mesh = _gmsh_half(scene, frame, marks)

@@ -12,7 +12,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.report.half_widths import contact_betas, estimated_ends
 from receding_fenicsx.scene.model import Refinement, Scene
-from receding_fenicsx.scene.rectangle_edges import is_cylinder
+from receding_fenicsx.scene.rectangle_edges import is_cylinder, is_horizontal
 
 ZONE_RATIO = 4.0
 """Size of the elements of the coarse run over that at zone ends: it knows them not well enough for
@@ -78,9 +78,11 @@ def _zone_ends(
     scene: Scene, record: Record, rows: Ints, size: float
 ) -> list[float | tuple[float, float]]:
     """Return where zones end, or the ranges; those closer than two elements to another left out."""
-    body, _ = scene.find_edge(scene.contacts[int(record.edge[0])].edge)
+    edge = scene.contacts[int(record.edge[0])].edge
+    body, _ = scene.find_edge(edge)
     # a rectangle is graded alike on both sides of its middle
-    mirrored = body.mesh is None and (not scene.axisymmetric or is_cylinder(scene, body))
+    ring = scene.axisymmetric and is_horizontal(scene, edge) and not is_cylinder(scene, body)
+    mirrored = body.mesh is None and not ring
     betas = contact_betas(record)
     found: list[tuple[float, float]] = []
     for row in rows:

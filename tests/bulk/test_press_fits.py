@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -16,6 +17,7 @@ from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.evolution.instants import Instant
+from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots.units import scales_of
@@ -27,13 +29,11 @@ comm = MPI.COMM_WORLD
 E, NU, F = 196000.0, 0.3, 0.1
 A, B, C, L = 10.0, 20.0, 30.0, 19.0
 DEPTH = 0.0025
-LAME = DEPTH * E / B / ((C**2 + B**2) / (C**2 - B**2) + (B**2 + A**2) / (B**2 - A**2))
-"""Pressure of the fit of two long rings of one material."""
 
 SECTION = """
-DefineConstant[ contact_elements = 8 ];
-Point(1) = {10, 0, 0, 3}; Point(2) = {20, 0, 0}; Point(3) = {20 + TAPER, 19, 0};
-Point(4) = {10, 19, 0, 3}; Point(5) = {30, 0, 0, 3}; Point(6) = {30, 19, 0, 3};
+DefineConstant[ contact_elements = 8 ]; h = 19 / contact_elements;
+Point(1) = {10, 0, 0, h}; Point(2) = {20, 0, 0}; Point(3) = {20 + TAPER, 19, 0};
+Point(4) = {10, 19, 0, h}; Point(5) = {30, 0, 0, h}; Point(6) = {30, 19, 0, h};
 Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
 Line(5) = {2, 5}; Line(6) = {5, 6}; Line(7) = {6, 3};
 Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
@@ -97,6 +97,99 @@ def test_a_fit_is_shown_over_its_whole_length_in_balance(
     for point in summary["turning_points"]:
         assert "p_axis" not in point
         assert (point["zones"][0][1], point["zones"][-1][2]) == (x[0], x[-1])
+
+
+def rectangles(inner: float = A, **parts: object) -> rf.Scene:
+    """The same rings, or a solid shaft, as rectangles, held midway up the rim."""
+    width, x = (B - inner, 0.5 * (B + inner)) if inner else (2.0 * B, 0.0)
+    scene = rf.Scene(
+        body=rf.Body(name="shaft", width=width, height=L, position=(x, 0.0)),
+        others=(rf.Body(name="hub", width=C - B, height=L, position=(0.5 * (B + C), 0.0)),),
+        material=rf.Material(E, NU, "axisymmetric"),
+        mesh=rf.MeshOptions(contact_elements=16),
+        contacts=(
+            rf.Contact(edge="shaft.right", against="hub.left", friction=F, interference=DEPTH),
+        ),
+        loads=(rf.Load("push", "shaft.bottom", pressure=1.0),),
+        supports=(rf.Support("y", point=(C, 0.5 * L), body="hub"),),
+        history=rf.HistoryOptions(kind="monotonic"),
+    )
+    return replace(scene, **parts)  # type: ignore[arg-type]
+
+
+def test_rings_as_rectangles_are_those_of_a_mesh_file(shared_tmp_path: Path) -> None:
+    rim = (rf.Support("y", edge="hub.right"),)
+    mesh, history = rf.MeshOptions(contact_elements=16), rf.HistoryOptions(cycles=1)
+    drawn = study.run(from_file(shared_tmp_path, 0.0, mesh=mesh, history=history))
+    record = study.run(rectangles(mesh=mesh, history=history, supports=rim))
+    if record is None or drawn is None:
+        return
+    a, b = record.turning_points, drawn.turning_points
+    assert np.allclose(record.points, drawn.points) and np.allclose(record.weight, drawn.weight)
+    assert a.P.sum(axis=1) == pytest.approx(b.P.sum(axis=1), rel=2e-3)
+    assert a.Q.sum(axis=1) == pytest.approx(b.Q.sum(axis=1), abs=1e-9 * b.P.sum())
+    inner = slice(2, -2)
+    assert a.p[:, inner] == pytest.approx(b.p[:, inner], rel=0.02)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("inner", [A, 0.0])
+def test_fit_has_lames_pressure_and_zones_symmetric_about_its_middle(
+    inner: float, degree: int
+) -> None:
+    (contact,) = rectangles().contacts
+    scene = rectangles(
+        inner,
+        mesh=rf.MeshOptions(contact_elements=16, degree=degree),
+        # friction hinders the axial strains, and adds a share to p in proportion to f
+        contacts=(replace(contact, friction=0.01),),
+        history=rf.HistoryOptions(kind="monotonic", maximum=0.01),
+    )
+    record = study.run(scene)
+    if record is None:
+        return
+    # at the end of the interference leg
+    table, middle = record.turning_points, len(record.x) // 2
+    P, Q, state = table.P[0], table.Q[0], table.state[0]
+    assert P == pytest.approx(P[::-1], rel=1e-8)
+    assert Q == pytest.approx(-Q[::-1], abs=1e-8 * P.max())
+    assert np.array_equal(MIRRORED[state][::-1], state)
+    assert record.x == pytest.approx(-record.x[::-1])
+    assert table.p[0, middle] == pytest.approx(pressure(inner), rel=4e-3)
+
+
+def pressure(inner: float) -> float:
+    """Lame's pressure between a shaft with a bore and a ring of the same material, both long."""
+    ring, shaft = (C**2 + B**2) / (C**2 - B**2), (B**2 + inner**2) / (B**2 - inner**2)
+    return DEPTH * E / B / (ring + shaft)
+
+
+@pytest.mark.parametrize("inner", [A, 0.0])
+@pytest.mark.parametrize("f", [0.1, 0.01])
+def test_press_out_force_is_friction_times_lames_force(inner: float, f: float) -> None:
+    """It is f p 2 pi R L, with p of no push; Poisson's ratio adds a share in proportion to f."""
+    area, known = np.pi * (B**2 - inner**2), f * pressure(inner) * 2.0 * np.pi * B * L
+    (contact,) = rectangles().contacts
+    scene = rectangles(
+        inner,
+        contacts=(replace(contact, friction=f),),
+        history=rf.HistoryOptions(kind="monotonic", maximum=1.5 * known / area),
+    )
+    with pytest.raises(rf.NoEquilibrium, match="gross sliding") as caught:
+        study.run(scene)
+    (found,) = re.findall(r"load factors \[([^,]*),", str(caught.value))
+    assert float(found) * area == pytest.approx(known, rel=0.1 * f + 1e-3)
+
+
+def test_places_of_a_vertical_edge_are_refined_at_both_of_its_ends() -> None:
+    """The edge begins at z = 0, which is no axis."""
+    places = (rf.Refinement(size=0.2, at="ends"),)
+    mesh = rf.MeshOptions(contact_elements=16, refine=places)
+    system = study.condense(rectangles(mesh=mesh))
+    if system is not None:
+        spacing = np.diff(system.x)
+        assert spacing[[0, -1]] == pytest.approx(0.1, rel=0.3)
+        assert spacing == pytest.approx(spacing[::-1])
 
 
 def test_pictures_show_a_fit_once_and_a_plane_on_both_sides_of_the_axis(
