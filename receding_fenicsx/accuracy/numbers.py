@@ -103,7 +103,7 @@ def _of_edge(record: Record, row: int) -> Iterator[tuple[str, Number]]:
         if zone is None or zone == NO_NODES:
             continue
         for side, last, sign in (("left", zone[0], -1), ("right", zone[1], 1)):
-            ends = [zone_end(at, last, sign) for at in found]
+            ends = [zone_end(at, last, sign, name == "stick") for at in found]
             value = float(np.mean([end.value for end in ends]))
             known_to = max(_known_to(end.low, end.high, end.fitted) for end in ends)
             yield f"{name}_{side}", Number(value, known_to, length)

@@ -11,6 +11,10 @@ power into the equations of a half-plane gives m: with slip and Dundurs' constan
     stick ends:    m = 1/2 + sigma atan(f beta) / pi,
 
 sigma = 1 where the slip beside the end runs outwards from the zone's middle, -1 where inwards.
+That is the power of a stick zone that shrinks. One that grows passes its nodes while they just stop
+to slip: the rate of f p - |q| has the power m there, and f p - |q|, its integral over the loads
+since the zone has grown by d, the power m + 1 (Spence's problem). Both are tried: a fit counts
+whose end is where the nodal states allow it, which the wrong power mostly misses by a spacing.
 Where a contact sticks up to its end the power is complex (the tractions oscillate): no fit there.
 
 The last node in the zone is left out: its traction depends on where the end lies between two nodes.
@@ -22,13 +26,13 @@ interval is the hull of several fits, widened by that.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.law import MIRRORED, Friction, State, friction_of
+from receding_fenicsx.interface.law import MIRRORED, SLIP_SIGN, Friction, State, friction_of
 from receding_fenicsx.interface.measures.axis import begins_on_axis
 from receding_fenicsx.interface.measures.power_fit import fit_end
 from receding_fenicsx.interface.measures.tractions import cell_means, midside_nodes
@@ -56,6 +60,9 @@ LARGEST_REACH = {2: 0.6, 3: 0.4}
 """Largest reach of a fit, over the length on which a zone's traction is smooth, by its terms."""
 LARGEST_SPREAD = 0.6
 """Largest distance between the ends of several fits, in node spacings, at which they are used."""
+FALL_TO_END = 0.75
+"""Traction of an edge's last node, over that of the node before, up to which the zone may end
+between them: with the end at the last node a square root falls to 0.55, a power of 1/3 to 0.65."""
 SEARCH_RANGE = (-1.0, 2.0)
 """Range in which an end is searched for, in node spacings from the zone's last node."""
 
@@ -64,8 +71,8 @@ SEARCH_RANGE = (-1.0, 2.0)
 class ZoneEnd:
     """End of a zone: its value, an interval around it, and whether it was fitted.
 
-    Where it was not, the interval reaches from the zone's last node to the next one, and the value
-    lies midway.
+    Where it was not, the interval reaches from the zone's last node to the next one, both widened
+    by the error of elements, and the value lies midway.
     """
 
     value: float
@@ -88,7 +95,7 @@ class Tractions:
         half: True when all is its own mirror image about x = 0.
         radius: (N,) distances of the nodes from the axis when axisymmetric.
         f_backward: (N,) coefficient of friction for backward slip; None stands for ``f``.
-        known: ends of zones that were estimated before, by the zone's last node and the side.
+        known: ends of zones that were estimated before, by the zone's last node, side and kind.
     """
 
     x: Array
@@ -101,7 +108,7 @@ class Tractions:
     half: bool = False
     radius: Array | None = None
     f_backward: Array | None = None
-    known: dict[tuple[int, int], ZoneEnd] = field(
+    known: dict[tuple[int, int, bool], ZoneEnd] = field(
         default_factory=dict, init=False, repr=False, compare=False
     )
 
@@ -154,8 +161,18 @@ def contact_half_width_estimate(at: Tractions) -> ZoneEnd:
 
 
 def stick_half_width_estimate(at: Tractions) -> ZoneEnd:
-    """Estimate half the width of the stick zone around the middle, or its radius."""
-    return _half_width(at, stick_zone(at.x, at.state, at.friction.mean, at.begins_on_axis))
+    """Estimate half the width of the stick zone around the middle, or its radius.
+
+    Where no node sticks, but slip turns round in the middle, the zone is between two nodes.
+    """
+    zone = stick_zone(at.x, at.state, at.friction.mean, at.begins_on_axis)
+    if zone == NO_NODES:
+        sign, middle = SLIP_SIGN[at.state], 0.5 * (at.x[0] + at.x[-1])
+        for i in np.flatnonzero(sign[:-1] * sign[1:] < 0.0):
+            width = at.x[i + 1] - at.x[i]
+            if abs(0.5 * (at.x[i] + at.x[i + 1]) - middle) <= width:
+                return ZoneEnd(0.25 * width, 0.0, (0.5 + LINEAR_SHIFT) * width, fitted=False)
+    return _half_width(at, zone, stick=True)
 
 
 def zone_ends(at: Tractions) -> list[ZoneEnd]:
@@ -178,80 +195,97 @@ def _turned(end: ZoneEnd) -> ZoneEnd:
     return ZoneEnd(-end.value, -end.high, -end.low, end.fitted)
 
 
-def _half_width(at: Tractions, zone: NodeRange | None) -> ZoneEnd:
+def _half_width(at: Tractions, zone: NodeRange | None, stick: bool = False) -> ZoneEnd:
     """Estimate the half width of a zone, known to a node, within a fraction of a node."""
     if zone is None or zone == NO_NODES:
         width = half_width(at.x, zone)
         return ZoneEnd(width, width, width, fitted=False)
     first, last = zone
-    right = zone_end(at, last, 1)
-    if (at.begins_on_axis) or (at.half and at.x[first] == -at.x[last]):
-        return right
-    left = zone_end(at, first, -1)
+    right = zone_end(at, last, 1, stick)
+    if at.begins_on_axis or (at.half and at.x[first] == -at.x[last]):
+        return replace(right, low=max(right.low, 0.0))
+    left = zone_end(at, first, -1, stick)
     return ZoneEnd(
         0.5 * (right.value - left.value),
-        0.5 * (right.low - left.high),
+        max(0.5 * (right.low - left.high), 0.0),
         0.5 * (right.high - left.low),
         fitted=right.fitted and left.fitted,
     )
 
 
-def zone_end(at: Tractions, last: int, side: int) -> ZoneEnd:
+def zone_end(at: Tractions, last: int, side: int, stick: bool = False) -> ZoneEnd:
     """Estimate where a zone ends beyond its last node.
 
     Args:
         at: tractions of the instant.
         last: the zone's last node.
         side: 1 when the zone ends towards greater x, -1 towards smaller x.
+        stick: whether it is a zone of stick; it matters where it reaches the edge's end.
 
     Returns:
-        The end; the edge's own end when the zone reaches it.
+        The end; where the zone has the edge's last node, the edge's own end, with an interval to
+        the node before if the traction falls so much that it may vanish between them.
     """
-    if (last, side) not in at.known:
-        end = _zone_end(at, last) if side > 0 else _zone_end(_mirrored(at), len(at.x) - 1 - last)
-        at.known[last, side] = end if side > 0 else _turned(end)
-    return at.known[last, side]
+    key = last, side, stick
+    if key not in at.known:
+        if side > 0:
+            at.known[key] = _zone_end(at, last, stick)
+        else:
+            at.known[key] = _turned(_zone_end(_mirrored(at), len(at.x) - 1 - last, stick))
+    return at.known[key]
 
 
-def _zone_end(at: Tractions, last: int) -> ZoneEnd:
+def _zone_end(at: Tractions, last: int, stick: bool) -> ZoneEnd:
     """Estimate where a zone ends beyond its last node, towards greater x."""
-    if last == len(at.x) - 1:
-        return ZoneEnd(at.x[-1], at.x[-1], at.x[-1], fitted=False)
-    low, high = float(at.x[last]), float(at.x[last + 1])
-    spacing = high - low
     midside = midside_nodes(at.x, at.weight, at.radius)
     quadratic = len(midside) > 0
-    shift = (QUADRATIC_SHIFT if quadratic else LINEAR_SHIFT) * spacing
-    bracket = ZoneEnd(0.5 * (low + high), low - shift, high + shift, fitted=False)
+    shift = QUADRATIC_SHIFT if quadratic else LINEAR_SHIFT
+    if last == len(at.x) - 1:
+        value = low = float(at.x[-1])
+        margin = np.minimum(*at.friction.margins(at.Q, at.P)) if stick else at.P
+        inner, outer = margin[-2:] / np.where(at.weight[-2:] > 0.0, at.weight[-2:], np.inf)
+        if last > 0 and 0.0 < outer <= FALL_TO_END * inner:
+            low = float(at.x[-2] - shift * (at.x[-1] - at.x[-2]))
+        return ZoneEnd(value, low, value, fitted=False)
+    low, high = float(at.x[last]), float(at.x[last + 1])
+    spacing = high - low
+    shift *= spacing
+    furthest = min(high + shift, float(at.x[-1]))
+    bracket = ZoneEnd(0.5 * (low + high), low - shift, furthest, fitted=False)
     quantity = _vanishing(at, last)
     if quantity is None:
         return bracket
-    y, exponent, first = quantity
+    y, exponents, first = quantity
     left, right, mean = cell_means(at.x, at.weight, y, midside)
     inside = np.flatnonzero((right <= low) & (left >= at.x[first]))[::-1]
     search = SEARCH_RANGE[0] * spacing, SEARCH_RANGE[1] * spacing
-    ends = []
-    if len(inside) > 1:
-        # elements inside the zone may be larger than the one in which it ends
-        length = float(right[inside[1]] - left[inside[1]])
-        shift *= max(1.0, (0.5 if quadratic else 1.0) * length / spacing)
+    windows = []
     for a, b, terms in QUADRATIC_WINDOWS if quadratic else LINEAR_WINDOWS:
         chosen = inside[a : b + 1]
-        if len(chosen) <= b - a or low - left[chosen[-1]] > LARGEST_REACH[terms] * (
-            low - at.x[first]
+        reach = LARGEST_REACH[terms] * (low - at.x[first])
+        if len(chosen) > b - a and low - left[chosen[-1]] <= reach:
+            windows.append((chosen, terms))
+    ends: list[float] = []
+    for exponent in exponents if len(windows) > 1 else ():
+        fits = [
+            fit_end(low - right[k], low - left[k], mean[k], (exponent, terms), search)
+            for k, terms in windows
+        ]
+        found = [low + fit for fit in fits if fit is not None]
+        if (
+            len(found) == len(fits)
+            and max(found) - min(found) <= LARGEST_SPREAD * spacing
+            and bracket.low <= min(found)
+            and max(found) <= bracket.high
         ):
-            continue
-        fit = fit_end(
-            low - right[chosen], low - left[chosen], mean[chosen], (exponent, terms), search
-        )
-        if fit is None:
-            return bracket
-        ends.append(low + fit)
-    if len(ends) < 2:
+            ends += found
+    if not ends:
         return bracket
-    if max(ends) - min(ends) > LARGEST_SPREAD * spacing:
-        return bracket
-    return ZoneEnd(ends[0], min(ends) - shift, max(ends) + shift, fitted=True)
+    # elements inside the zone may be larger than the one in which it ends
+    length = float(right[inside[1]] - left[inside[1]])
+    shift *= max(1.0, (0.5 if quadratic else 1.0) * length / spacing)
+    furthest = min(max(ends) + shift, float(at.x[-1]))
+    return ZoneEnd(ends[0], min(ends) - shift, furthest, fitted=True)
 
 
 def _mirrored(at: Tractions) -> Tractions:
@@ -269,12 +303,12 @@ def _mirrored(at: Tractions) -> Tractions:
     )
 
 
-def _vanishing(at: Tractions, last: int) -> tuple[Array, float, int] | None:
+def _vanishing(at: Tractions, last: int) -> tuple[Array, tuple[float, ...], int] | None:
     """Return the quantity that vanishes at the end beyond a node.
 
     Returns:
-        Its nodal forces, its power m, and the node from which on it is smooth; None when its power
-        is not known.
+        Its nodal forces, the powers that it may have, and the node from which on it is smooth; None
+        when its power is not known.
     """
     here, beyond = State(int(at.state[last])), State(int(at.state[last + 1]))
     first = _first_alike(at, last)
@@ -282,18 +316,19 @@ def _vanishing(at: Tractions, last: int) -> tuple[Array, float, int] | None:
     if beyond == State.SEPARATION:
         if not friction.present:
             # the pressure vanishes at both ends of the zone
-            return at.P, 0.5, (first + last) // 2
+            return at.P, (0.5,), (first + last) // 2
         if here == State.STICK or at.beta is None:
             return None
         coefficient = float(friction.at_slip(np.asarray(here)))
-        return at.P, 0.5 - math.atan(coefficient * at.beta) / math.pi, first
+        return at.P, (0.5 - math.atan(coefficient * at.beta) / math.pi,), first
     if here == State.STICK and beyond != State.STICK and friction.present:
         if at.beta is None:
             return None
         A, B = at.friction.margins(at.Q, at.P)
         coefficient = float(friction.at_slip(np.asarray(beyond)))
         power = 0.5 + math.atan(coefficient * at.beta) / math.pi
-        return A if beyond == State.FORWARD_SLIP else B, power, (first + last) // 2
+        smooth = (first + last) // 2
+        return A if beyond == State.FORWARD_SLIP else B, (power, power + 1.0), smooth
     return None
 
 

@@ -106,6 +106,65 @@ def test_stick_ends_of_cattaneo_and_mindlin_are_found() -> None:
         assert abs(found.value - c) < 0.04 * (x[1] - x[0])
 
 
+def stuck(c: float, power: float, x: Array, degree: int, a: float = 0.9) -> Tractions:
+    """Lay p of Hertz on an edge, and f p - |q| = (1 + x^2) (c^2 - x^2)^power in the stick zone."""
+    weight, f = forces(x, degree, np.ones_like), 0.4
+    P = forces(x, degree, lambda s: np.sqrt(np.maximum(a**2 - s**2, 0.0)))
+    y = forces(x, degree, lambda s: (1.0 + s**2) * np.maximum(c**2 - s**2, 0.0) ** power)
+    state = np.select([np.abs(x) < c, np.abs(x) < a], [STICK, FORWARD], OPEN)
+    return Tractions(x, weight, P, 0.05 * y - f * P, state, np.full(len(x), f), beta=0.25)
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("grows", [0.0, 1.0])
+def test_ends_of_stick_zones_that_shrink_and_that_grow_are_in_their_intervals(
+    degree: int, grows: float
+) -> None:
+    x, rng = edge(degree, 200 // degree), np.random.default_rng(4)
+    m = 0.5 + math.atan(0.4 * 0.25) / math.pi
+    for c in rng.uniform(0.35, 0.6, 12):
+        # slip to the right: the power is that of its right end
+        at = stuck(c, m + grows, x, degree)
+        found = zone_end(at, int(np.flatnonzero(at.state == STICK)[-1]), 1)
+        assert found.fitted and found.low < c < found.high
+        assert found.low <= found.value <= found.high
+        assert abs(found.value - c) < 0.07 * (x[1] - x[0])
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("elements", [8, 20, 80])
+def test_intervals_hold_zones_narrower_than_a_spacing(degree: int, elements: int) -> None:
+    x, rng = edge(degree, elements), np.random.default_rng(5)
+    inner, outer = x[-2], x[-1]
+    for part in rng.uniform(0.0, 1.0, 12):
+        # what is beyond the zone's end, between the last two nodes, is open or slips
+        c = inner + part * (outer - inner)
+        at = pressed(c, 0.5, degree, x)
+        at = replace(at, state=np.where(at.P > 0.0, STICK, OPEN))
+        found = contact_half_width_estimate(at)
+        assert found.low < c < found.high and found.low <= found.value <= found.high
+        at = stuck(c, 0.5, x, degree, a=1.2)
+        at = replace(at, state=np.where(at.Q + 0.4 * at.P > 0.0, STICK, FORWARD))
+        found = stick_half_width_estimate(at)
+        assert found.low < c < found.high and found.low <= found.value <= found.high
+        assert contact_half_width_estimate(at).low == outer  # it is pressed on all of the edge
+        # a zone of stick between two nodes, or with a single one
+        shifted = x[x != 0.0] if part < 0.5 else x
+        c = part * (shifted[len(shifted) // 2] if part < 0.5 else 0.5 * x[len(x) // 2 + 1])
+        at = stuck(c, 0.5, shifted, 1)
+        slips = np.where(shifted < 0.0, BACKWARD, FORWARD)
+        state = np.where(np.abs(shifted) > 0.0, slips, STICK)
+        found = stick_half_width_estimate(replace(at, state=state))
+        assert 0.0 <= found.low < c < found.high and found.low <= found.value <= found.high
+
+
+def test_where_all_slips_one_way_no_zone_of_stick_is_hidden_between_nodes() -> None:
+    x = edge(1, 20)
+    at = replace(stuck(0.4, 0.5, x, 1), state=np.full(len(x), FORWARD))
+    found = stick_half_width_estimate(at)
+    assert (found.value, found.low, found.high) == (0.0, 0.0, 0.0)
+
+
 def test_estimates_converge_with_node_spacing_at_hundredths_of_it() -> None:
     elements = np.array([40, 80, 160, 320])
     errors = []
