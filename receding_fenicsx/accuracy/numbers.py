@@ -126,7 +126,7 @@ def _scatter(record: Record, p: Array, node: int) -> float:
 
 
 def _of_loads(record: Record, row: int) -> Iterator[tuple[str, Number]]:
-    """Yield the displacement of each load, or the force of a prescribed displacement."""
+    """Yield the work-conjugate displacement of each load."""
     moved = record.turning_points.load_displacement
     for k, name in enumerate(record.load_names):
         scale = float(np.abs(moved[:, k]).max())

@@ -30,7 +30,8 @@ class Moment:
         leg: straight piece of the load path within the cycle, from 0.
         s: position along the leg, in [0, 1].
         load: load factor of each load, by name.
-        load_displacement: work-conjugate displacement of each load, by name.
+        load_displacement: work-conjugate displacement of each load, by name; of a prescribed
+            displacement the force along it times the displacement at factor 1.
         x: (N,) positions along the contact edge.
         state: (N,) states 1 to 4, values of ``State``.
         P, Q: (N,) normal and tangential nodal reaction on the body; P > 0 is compression (eq. 12).

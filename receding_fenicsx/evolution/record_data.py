@@ -26,7 +26,8 @@ class States:
         P, Q: (n, N) nodal reactions on the body.
         p, q: (n, N) tractions, P / weight and Q / weight (0 where the weight is 0).
         v, w: (n, N) tangential and normal displacement.
-        load_displacement: (n, n_loads) work-conjugate displacement of each load.
+        load_displacement: (n, n_loads) work-conjugate quantity U of each load: the work is the
+            integral of lambda dU, of a prescribed displacement that of U dlambda.
     """
 
     cycle: Ints
@@ -198,7 +199,8 @@ class RecordData:
         half: True when half of the body was modelled.
         axisymmetric: forces and energies are those of the full circle.
         load_sign: (n_loads,) -1 for forces, whose load_displacement is a displacement;
-            +1 for prescribed displacements, whose load_displacement is the force that they take.
+            +1 for prescribed displacements, whose load_displacement is the force along them times
+            the displacement at factor 1.
         turning_points: the end of every leg.
         samples: instants along the legs of the kept cycles.
         events: changes of state in the kept cycles.

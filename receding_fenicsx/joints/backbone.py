@@ -44,7 +44,7 @@ class Backbone:
     Attributes:
         load: (n,) load factors of the drive, from 0.
         displacement: (n,) their work-conjugate displacements, from 0; of a prescribed displacement
-            its force.
+            the force along it times the displacement at factor 1.
         work: (n,) work of the drive.
         macroslip: largest load factor with an equilibrium, to ``RESOLUTION``; infinite where the
             path reaches the largest amplitude.

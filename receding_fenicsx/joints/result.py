@@ -26,7 +26,7 @@ class JointCurve:
         estimate: (n,) change of the dissipation from a mesh of half as many elements, relative,
             the largest of an amplitude and its neighbours, times the dissipation; NaN without.
         stiffness: (n,) secant: range of the load factor over that of its displacement; of a
-            prescribed displacement, range of its force over that of the factor.
+            prescribed displacement the inverse, of its conjugate.
         masing: (n,) dissipation by Masing's rule from the first loading.
         slip: (n,) largest slip range of a node in contact.
         kind: kind of each steady state, or "failed".

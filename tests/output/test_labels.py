@@ -146,6 +146,29 @@ def test_the_unit_of_forces_is_for_unit_thickness_in_the_plane_only(
     assert units.of_force(axisymmetric=True) == round_
 
 
+@pytest.mark.parametrize("kinematics", ["plane strain", "axisymmetric"])
+def test_the_force_of_a_prescribed_displacement_is_that_of_the_contact(kinematics: str) -> None:
+    scene = rf.Scene(
+        body=rf.Body(width=2.0),
+        material=rf.Material(10.0, 0.3, kinematics),
+        mesh=rf.MeshOptions(contact_elements=8, degree=1),
+        contacts=(rf.Contact("top", friction=0.0, initial_gap="x**2"),),
+        loads=(rf.Load("d", "bottom", displacement=(0.0, 0.02)),),
+        history=rf.HistoryOptions(maximum=2.0, minimum=0.5, cycles=1),
+    )
+    found = rf.evolve(rf.given(rf.condense(scene, MPI.COMM_SELF)), scene)
+    summary = rf.summarise(found)
+    # the body is in equilibrium: of the whole edge, or of the full circle
+    resultant = found.turning_points.P.sum(axis=1)
+    assert summary["forces"] == {"d": pytest.approx(resultant.tolist(), rel=1e-9)}
+    assert f"displacement d: force {resultant.min():.6g} to" in rf.run_table(summary)
+    axes = rf.figures.hysteresis(found, 1).axes[0]
+    assert axes.get_title(loc="left") == "(a) force on the edge"
+    assert curve(axes, 0)[-1] == pytest.approx([1.0, resultant[-1]], rel=1e-9)
+    # the record holds the conjugate of the load factor
+    assert found.at(1, "maximum").load_displacement["d"] == pytest.approx(0.02 * resultant[-1])
+
+
 @pytest.mark.parametrize("axisymmetric", [False, True])
 def test_a_bolt_has_a_force_over_its_shortening(axisymmetric: bool) -> None:
     bolt = rf.Bolt("b", head="top", nut="bottom", preload=1.0)

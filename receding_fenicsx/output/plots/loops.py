@@ -29,7 +29,7 @@ class Loop:
         cycle: the cycle.
         load, displacement: (n, n_loads) load factors and their work-conjugate displacements.
         load_sign: (n_loads,) -1 for forces, +1 for prescribed displacements, whose conjugates are
-            forces.
+            forces times the displacements at factor 1.
         p, q, v, w: (n, N) tractions and displacements.
         turning: (n,) True at turning points.
     """
@@ -48,8 +48,8 @@ class Loop:
         r"""(n_loads,) work of each load over the closed cycle.
 
         For a force it is the integral of the load factor over its displacement; for a prescribed
-        displacement, the integral of its force over the load factor. The sum over the loads is the
-        dissipation of the closed cycle. The trapezoidal rule on the samples is exact if no node
+        displacement, the integral of its conjugate over the load factor. The sum over the loads is
+        the dissipation of the closed cycle. The trapezoidal rule on the samples is exact if no node
         changes its state between two samples.
         """
         mean = 0.5 * (self.load[1:] + self.load[:-1])

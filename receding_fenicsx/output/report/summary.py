@@ -13,7 +13,7 @@ from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.interface.measures.steady import limit_of_decay
 from receding_fenicsx.interface.measures.zones import contact_zones
 from receding_fenicsx.output.plots.touching import limit_without_slip
-from receding_fenicsx.output.report.bolts import bolt_summary, loose_warnings
+from receding_fenicsx.output.report.bolts import bolt_summary, force_summary, loose_warnings
 from receding_fenicsx.output.report.corner_stress import corners_of
 from receding_fenicsx.output.report.half_widths import (
     contact_betas,
@@ -76,6 +76,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "limit_without_slip": _limit_ranges(record),
         **_polygon(record),
         **bolt_summary(record),
+        **force_summary(record),
         **limit_summary(record),
         **uniqueness_summary(record),
         **_branch(record),

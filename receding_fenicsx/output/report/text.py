@@ -8,7 +8,7 @@ from typing import Any
 
 from receding_fenicsx.arrays import aligned
 from receding_fenicsx.output.report.accuracy import error_rows, way_lines
-from receding_fenicsx.output.report.bolts import bolt_lines
+from receding_fenicsx.output.report.bolts import force_lines
 from receding_fenicsx.output.report.corner_stress import corner_lines
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.uniqueness import uniqueness_lines
@@ -54,7 +54,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
         *_turning_points(summary),
         *_cycles(summary),
         *(f"{words} {error}" for words, error in error_rows(summary)),
-        *bolt_lines(summary),
+        *force_lines(summary),
         *way_lines(summary),
         *_checks(summary),
         *_paper(summary),
