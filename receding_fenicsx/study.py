@@ -287,6 +287,9 @@ def check(scene: Scene, comm: MPI.Comm | None = None) -> int:
     Raises:
         RecedingError: why the scene cannot be modelled, on all ranks.
     """
+    # PETSc starts on all ranks together
+    import receding_fenicsx.bulk.mesh.meshing  # noqa: F401
+
     validate(scene)
     comm = comm or world()
 
