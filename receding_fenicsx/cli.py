@@ -6,7 +6,6 @@ import contextlib
 import errno
 import logging
 import sys
-import time
 import traceback
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
@@ -14,15 +13,11 @@ from typing import TYPE_CHECKING
 from receding_fenicsx.cli_commands import COMMANDS, catch_termination, is_root
 from receding_fenicsx.cli_parser import PROGRAM, make_parser
 from receding_fenicsx.errors import NO_ROOM, Interrupted, RecedingError
-from receding_fenicsx.mpi import POLL_SECONDS
+from receding_fenicsx.mpi import leave
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-RANK_WAIT_SECONDS = 10.0
-"""Time that a failing rank waits for the others to fail too, before it aborts the job."""
-LAUNCHER_SECONDS = 0.5
-"""Pause before a rank aborts the job: MPICH's launcher drops output not yet passed on."""
 UNUSABLE_PATH = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ELOOP)
 """System errors of paths that the user has to change."""
 INTERRUPTED = 130
@@ -56,7 +51,11 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         # the reader of the output has closed the pipe
         sys.stdout = None
-        return 0
+        return _fail(comm, "", 0)
+    except SystemExit as stop:
+        if isinstance(stop.code, int) and stop.code > 128:  # a signal, maybe to this rank alone
+            _fail(comm, "", stop.code)
+        raise
     except MemoryError:
         return _fail(comm, "error: out of memory; use fewer contact_elements or samples", 1)
     except Exception as error:
@@ -97,21 +96,8 @@ def _world() -> MPI.Comm | None:
 
 def _fail(comm: MPI.Comm | None, text: str, code: int) -> int:
     """Print an error on rank 0 and return the exit code; a rank failing alone aborts the job."""
-    if comm is None or comm.size == 1:
-        print(f"{PROGRAM}: {text}", file=sys.stderr)
-        return code
-    if comm.rank == 0:
+    if text and is_root(comm):
         print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)
-    together = comm.Ibarrier()
-    end = time.monotonic() + RANK_WAIT_SECONDS
-    while not together.Test():
-        if time.monotonic() > end:
-            if comm.rank != 0:
-                print(f"{PROGRAM}: rank {comm.rank}: {text}", file=sys.stderr)
-            for stream in (sys.stdout, sys.stderr):
-                with contextlib.suppress(OSError):
-                    stream.flush()
-            time.sleep(LAUNCHER_SECONDS)
-            comm.Abort(code)
-        time.sleep(POLL_SECONDS)
+    if comm is not None and comm.size > 1:
+        leave(comm, code, text)
     return code

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
+import sys
 import time
 from collections.abc import Callable
+from functools import cache
+from types import TracebackType
 from typing import TYPE_CHECKING, TypeVar
 
 if TYPE_CHECKING:
@@ -17,13 +21,78 @@ POLL_SHARE = 0.1
 """Pause between two polls over the time waited so far: the largest relative delay of a stage."""
 SAVING_SECONDS = 10.0
 """Time that a rank waits after a signal for rank 0 to save its work."""
+RANK_WAIT_SECONDS = 10.0
+"""Time that a failing rank waits for the others to fail too, before it aborts the job."""
+LAUNCHER_SECONDS = 0.5
+"""Pause before a rank aborts the job: MPICH's launcher drops output not yet passed on."""
+LEAVING = 32_767
+"""Tag of the messages by which ranks agree to leave, the largest that every MPI has."""
 
 
 def world() -> MPI.Comm:
     """Return the communicator of all processes of the job."""
     from mpi4py import MPI
 
-    return MPI.COMM_WORLD
+    return guarded(MPI.COMM_WORLD)
+
+
+def guarded(comm: MPI.Comm) -> MPI.Comm:
+    """Return a communicator; an uncaught exception on one of its ranks will end the whole job.
+
+    Python would end that rank alone, and leave the others in a collective for ever.
+    """
+    if comm.size > 1:
+        _set_hook()
+    return comm
+
+
+@cache
+def _set_hook() -> None:
+    """Let uncaught exceptions be followed by :func:`leave`."""
+    from mpi4py import MPI
+
+    earlier = sys.excepthook
+
+    def report_and_leave(
+        kind: type[BaseException], error: BaseException, trace: TracebackType | None
+    ) -> None:
+        earlier(kind, error, trace)
+        leave(MPI.COMM_WORLD, getattr(error, "exit_code", 1), f"{kind.__name__}: {error}")
+
+    sys.excepthook = report_and_leave
+
+
+def leave(comm: MPI.Comm, code: int, text: str = "") -> None:
+    """Wait after an error until all ranks leave; abort the job if some do not come.
+
+    The ranks agree by messages of pairs: a collective could meet another one in which they wait.
+
+    Args:
+        comm: all ranks of the job.
+        code: exit code of an aborted job.
+        text: what to print on another rank than 0 before it aborts the job.
+    """
+    missing = [rank for rank in range(comm.size) if rank != comm.rank]
+    with contextlib.suppress(Exception):  # an error of MPI itself: the others cannot be reached
+        requests = [comm.isend(None, rank, LEAVING) for rank in missing]
+        end = time.monotonic() + RANK_WAIT_SECONDS
+        while missing and time.monotonic() < end:
+            come = [rank for rank in missing if comm.iprobe(rank, LEAVING)]
+            for rank in come:
+                comm.recv(source=rank, tag=LEAVING)
+            missing = [rank for rank in missing if rank not in come]
+            time.sleep(POLL_SECONDS)
+        if not missing:
+            for request in requests:
+                request.wait()
+            return
+    if text and comm.rank != 0:
+        print(f"rank {comm.rank}: {text}", file=sys.stderr)
+    for stream in (sys.stdout, sys.stderr):
+        with contextlib.suppress(OSError, AttributeError):
+            stream.flush()
+    time.sleep(LAUNCHER_SECONDS)
+    comm.Abort(code)
 
 
 def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
@@ -46,7 +115,7 @@ def on_root(comm: MPI.Comm, work: Callable[[], T]) -> T | None:
             result = work()
         except BaseException as caught:
             error = caught
-    if comm.size > 1:
+    if guarded(comm).size > 1:
         failed = bytearray([error is not None])
         _wait_for_root(comm.Ibcast(failed, root=0))
         if failed[0]:
@@ -109,7 +178,7 @@ def on_all(comm: MPI.Comm, work: Callable[[], T]) -> T:
         result = work()
     except BaseException as caught:
         error = caught
-    errors = comm.allgather(error)
+    errors = guarded(comm).allgather(error)
     for other in errors:
         if other is not None:
             raise error or other

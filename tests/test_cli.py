@@ -288,24 +288,62 @@ def test_failing_solver_on_two_ranks_ends_with_code_1(mpirun: Run, tmp_path: Pat
     assert os.listdir(tmp_path) == []
 
 
-def test_rank_that_fails_alone_ends_the_job(mpirun: Run, tmp_path: Path) -> None:
+FAILS_ALONE = """
+import os, signal, sys
+from mpi4py import MPI
+import receding_fenicsx as rf
+from receding_fenicsx import cli, mpi
+mpi.RANK_WAIT_SECONDS = 0.5
+def work(options, comm):
+    rf.on_root(comm, lambda: None)
+    if comm.rank == {rank}:
+        print("only here", file=sys.stderr, flush=True)
+        {failure}
+    {collective}
+"""
+"""A program of which one rank fails while the other goes on to a collective."""
+WAYS = {
+    "command": "cli.COMMANDS['check'] = work; sys.exit(cli.main(['check', 'x']))",
+    "script": "work(None, MPI.COMM_WORLD)",
+}
+
+
+@pytest.mark.parametrize(
+    ("way", "rank", "failure", "collective", "code"),
+    [
+        ("command", 0, "raise ValueError", "comm.Ibcast(bytearray(9)).Wait()", 1),
+        ("command", 1, "raise ValueError", "rf.on_root(comm, comm.Barrier)", 1),
+        ("command", 1, "raise MemoryError", "comm.allreduce(1)", 1),
+        ("command", 1, "raise rf.InputError", "comm.Barrier()", 2),
+        ("command", 1, "os.kill(os.getpid(), signal.SIGTERM)", "comm.bcast(1)", 143),
+        ("script", 0, "raise rf.InputError", "rf.on_root(comm, lambda: None)", 2),
+        ("script", 1, "raise ValueError", "comm.Barrier()", 1),
+    ],
+)
+def test_rank_that_fails_alone_ends_the_job(
+    way: str, rank: int, failure: str, collective: str, code: int, mpirun: Run, tmp_path: Path
+) -> None:
     script = tmp_path / "alone.py"
-    script.write_text(
-        "import sys\n"
-        "from mpi4py import MPI\n"
-        "from receding_fenicsx import cli\n"
-        "from receding_fenicsx.errors import InputError\n"
-        "cli.RANK_WAIT_SECONDS = 0.5\n"
-        "def work(options, comm):\n"
-        "    if comm.rank == 1:\n"
-        "        raise InputError('only here')\n"
-        "    comm.Barrier()\n"
-        "cli.COMMANDS['check'] = work\n"
-        "sys.exit(cli.main(['check', 'x']))\n"
-    )
+    given = {"rank": rank, "failure": failure, "collective": collective}
+    script.write_text(FAILS_ALONE.format(**given) + WAYS[way])
+    done = mpirun(2, script, timeout=60)
+    assert done.returncode == code
+    assert "only here" in done.stderr
+    if rank == 1 and failure.startswith("raise"):
+        assert "rank 1: " in done.stderr
+
+
+@pytest.mark.parametrize("way", WAYS)
+def test_ranks_that_fail_together_do_not_abort_the_job(
+    way: str, mpirun: Run, tmp_path: Path
+) -> None:
+    script = tmp_path / "together.py"
+    given = {"rank": "comm.rank", "failure": "raise rf.InputError('wrong')", "collective": "pass"}
+    script.write_text(FAILS_ALONE.format(**given) + WAYS[way])
     done = mpirun(2, script)
-    assert done.returncode == 2
-    assert "rank 1: error: only here" in done.stderr
+    assert done.returncode == (2 if way == "command" else 1)
+    assert "mpi_abort" not in done.stderr.lower()
+    assert len(our_lines(done.stderr)) == (way == "command")
 
 
 @pytest.mark.one_rank
