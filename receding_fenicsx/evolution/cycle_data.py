@@ -5,9 +5,12 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
+import numpy as np
+
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.instants import Event, Instant
-from receding_fenicsx.interface.measures.steady import SteadyWatch
+from receding_fenicsx.interface.measures.steady import CycleEnd, SteadyWatch
+from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 from receding_fenicsx.scene.model import SolverOptions
@@ -56,7 +59,6 @@ class FinishedCycle:
         corners: the ends of its legs.
         dissipation: (N,) frictional dissipation of the modelled nodes.
         slip: (N,) v at its end less v at its start.
-        slip_range: largest range of v over its corners, of nodes that touch at one of them.
         totals: over the history up to its end.
         samples: its samples and events, where they were asked for.
         uniqueness: whether the path up to its end is the only one.
@@ -65,7 +67,6 @@ class FinishedCycle:
     corners: list[Instant]
     dissipation: Array
     slip: Array
-    slip_range: float
     totals: Totals
     samples: Samples | None = None
     uniqueness: Uniqueness = field(default_factory=Uniqueness)
@@ -75,19 +76,28 @@ def steady_watch(
     system: ContactSystem, solver: SolverOptions, cycles: list[FinishedCycle]
 ) -> SteadyWatch:
     """Return the watch for the steady state after some finished cycles."""
-    tolerance = solver.steady_tolerance or STEADY_TOLERANCE
-    watch = SteadyWatch(tolerance, system.typical_stiffness)
-    for number in range(len(cycles)):
-        add_to_watch(watch, cycles, number)
+    watch = new_watch(system, solver.steady_tolerance or STEADY_TOLERANCE)
+    for cycle in cycles:
+        watch.add(end_of(cycle))
     return watch
 
 
-def add_to_watch(watch: SteadyWatch, cycles: list[FinishedCycle], number: int) -> None:
-    """Add a finished cycle to the watch for the steady state."""
-    cycle, end = cycles[number], cycles[number].corners[-1]
-    if number == 0:
-        watch.start(end.state.r, end.v)
-    else:
-        first, last = (float(c.dissipation.sum()) for c in (cycles[1], cycle))
-        force = cycle.totals.force_scale
-        watch.add(end.state.r, end.v, cycle.slip_range, last, first, force)
+def new_watch(system: ContactSystem, tolerance: float) -> SteadyWatch:
+    """Return a watch for the steady state that has seen no cycle."""
+    model = frictional_form(system)
+    friction = np.maximum(model.friction.forward, model.friction.backward)
+    return SteadyWatch(tolerance, model.K[: model.n], friction)
+
+
+def end_of(cycle: FinishedCycle) -> CycleEnd:
+    """Return what a cycle leaves for the watch."""
+    corners, totals = cycle.corners, cycle.totals
+    return CycleEnd(
+        r=corners[-1].state.r,
+        v=corners[-1].v,
+        dissipation=cycle.dissipation,
+        pressed=np.max([corner.state.P for corner in corners], axis=0),
+        reach=np.max([np.abs(corner.state.u) for corner in corners], axis=0),
+        force=totals.force_scale,
+        residual=totals.residual,
+    )

@@ -9,7 +9,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.checks import check_force_range
 from receding_fenicsx.evolution.collect import record_of
-from receding_fenicsx.evolution.cycle_data import add_to_watch
+from receding_fenicsx.evolution.cycle_data import end_of
 from receding_fenicsx.evolution.histories.corners import with_corners
 from receding_fenicsx.evolution.journal import Journal
 from receding_fenicsx.evolution.limit.jump import LimitSearch, Progress
@@ -125,7 +125,7 @@ def continue_history(
             if journal.add(run.trace_cycle(number)):
                 run.restart()
                 journal.checkpoint()
-            add_to_watch(run.steady, cycles, number)
+            run.steady.add(end_of(cycles[number]))
             if progress is not None and number > 0:
                 progress(number, history.cycles, _message(run, number))
     except SolveError as error:

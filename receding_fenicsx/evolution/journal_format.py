@@ -49,7 +49,7 @@ class JournalFormat:
             [
                 ("dissipation", "<f8", (n,)),
                 ("slip", "<f8", (n,)),
-                ("slip_range", "<f8"),
+                ("unused range", "<f8"),
                 ("totals", TOTALS),
                 ("uniqueness", UNIQUENESS),
                 ("kept", "i1"),
@@ -84,7 +84,7 @@ class JournalFormat:
             samples = cycle.samples or Samples()
             instants += cycle.corners + samples.instants
             events += samples.events
-            for key in ("dissipation", "slip", "slip_range"):
+            for key in ("dissipation", "slip"):
                 row[key] = getattr(cycle, key)
             row["totals"] = tuple(cycle.totals)
             row["uniqueness"] = dataclasses.astuple(cycle.uniqueness)
@@ -170,7 +170,6 @@ def _cycles(
                 instants[:corners],
                 row["dissipation"].copy(),
                 row["slip"].copy(),
-                float(row["slip_range"]),
                 Totals(**{key: row["totals"][key].item() for key in Totals._fields}),
                 samples if row["kept"] else None,
                 _uniqueness(row),

@@ -22,7 +22,7 @@ from receding_fenicsx.evolution.instants import Event, Instant, instant, rest_st
 from receding_fenicsx.evolution.probing import known_places, probed_at
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
-from receding_fenicsx.interface.law import SEPARATION, STATE_NAMES, State
+from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactState, Leg
@@ -101,14 +101,10 @@ class RunState:
             dissipation += leg.dissipation
             self.corners.append(instant(self.problem.system, (number, k, 1.0), b, leg.end))
         corners, self.corners = self.corners, []
-        v = np.array([start.v, *(corner.v for corner in corners)])
-        states = np.array([corner.state.state for corner in (start, *corners)])
-        touches = np.any(states != SEPARATION, axis=0)
         return FinishedCycle(
             corners=corners,
             dissipation=dissipation,
-            slip=v[-1] - v[0],
-            slip_range=float(np.ptp(v[:, touches], axis=0).max(initial=0.0)),
+            slip=corners[-1].v - start.v,
             totals=self.position.totals,
             samples=samples,
             uniqueness=self.uniqueness.found,

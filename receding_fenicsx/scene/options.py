@@ -177,9 +177,9 @@ class SolverOptions:
             or converge too slowly (1000 sweeps leave more than a tenth of the residual) is solved
             on the exact path (Gauss-Seidel).
         steady_tolerance: change of the nodal forces over a cycle, relative to the largest force,
-            below which the cycle is steady. Changes of slip are compared with 100 times this
-            tolerance, relative to the largest slip in the cycle. Default: 1e-8, and 1e-10 for the
-            limit of infinitely many cycles.
+            below which the cycle is steady. What slips gain and how the dissipation changes are
+            compared with 100 times this tolerance, relative to themselves. Default: 1e-8, and 1e-10
+            for the limit of infinitely many cycles.
         overshoot: part of the largest drift by which nodes may slip beyond the limit of infinitely
             many cycles on the way to it.
         on_jump: "stop" or "static", where no quasi-static continuation exists.

@@ -260,7 +260,7 @@ def test_only_a_slip_that_begins_at_the_end_is_left_out(
     corners.append(corners[-1]._replace(leg=2))  # on which nothing moves
     event = Event(2, 1, 1.0 - 1e-14, np.ones(1), 0, STICK, FORWARD)
     cycle = FinishedCycle(
-        corners, np.zeros(1), np.zeros(1), 0.0, Totals(force_scale=1.0, events=5),
+        corners, np.zeros(1), np.zeros(1), Totals(force_scale=1.0, events=5),
         Samples(corners[1:], [event]),
     )  # fmt: skip
     found = sticking_at_end(model, cycle, np.array([STICK], dtype=np.int8))

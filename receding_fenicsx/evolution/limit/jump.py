@@ -9,7 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle
+from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle, end_of, new_watch
 from receding_fenicsx.evolution.instants import Instant, instant
 from receding_fenicsx.evolution.limit.ends import may_stick, sticking_at_end
 from receding_fenicsx.evolution.limit.foresight import error_of, is_as_foreseen
@@ -131,7 +131,7 @@ class LimitSearch:
         if walks or in_steps:
             budget.played += 1
             ends += trial.trace_cycle(number).corners[-1:]
-        watch = self._watch(ends, cycles, cycle)
+        watch = self._watch(ends, cycle)
         # one cycle does not tell a drift that stays from one that decays
         if watch.kind not in ((RATCHETTING,) if walks else (SHAKEDOWN, CYCLIC_SLIP)):
             raise NoLimit(
@@ -253,25 +253,18 @@ class LimitSearch:
             self.limit = replace(self.limit, cycles_played=last + self.searched, reason=why)
         record.limit = self.limit
 
-    def _watch(
-        self, ends: list[Instant], cycles: list[FinishedCycle], cycle: FinishedCycle
-    ) -> SteadyWatch:
+    def _watch(self, ends: list[Instant], cycle: FinishedCycle) -> SteadyWatch:
         """Return the watch that has seen the cycle and the next, or its changes once more.
 
         The ends are its start, its end, and that of the next where this was played.
         """
         problem, (begin, end) = self.problem, ends[:2]
-        r, v = begin.state.r, begin.v
-        seen = [(instant.state.r, instant.v) for instant in ends[1:]]
-        if len(seen) == 1:
+        r, v, seen = begin.state.r, begin.v, [(i.state.r, i.v) for i in ends]
+        if len(seen) == 2:
             gain = end.v - v
             gain[np.abs(gain) <= NO_GAIN * np.abs(end.state.u).max()] = 0.0
-            seen = [(r + k * (end.state.r - r), v + k * gain) for k in (1.0, 2.0)]
-        watch = SteadyWatch(
-            problem.solver.steady_tolerance or LIMIT_TOLERANCE, problem.system.typical_stiffness
-        )
-        watch.start(r, v)
-        D, first = float(cycle.dissipation.sum()), float(cycles[1].dissipation.sum())
-        for again in seen:
-            watch.add(*again, cycle.slip_range, D, first, cycle.totals.force_scale)
+            seen = [(r + k * (end.state.r - r), v + k * gain) for k in range(3)]
+        watch = new_watch(problem.system, problem.solver.steady_tolerance or LIMIT_TOLERANCE)
+        for r, v in seen:
+            watch.add(end_of(cycle)._replace(r=r, v=v))
         return watch

@@ -3,29 +3,29 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 
-SLIP_TOLERANCE = 100.0
-"""Change of the slips per period over the largest slip range of a cycle, and change of a drift per
-period over that drift, each over the tolerance of the forces, below which they repeat. Where slips
-decay they change by a few times as much as the forces."""
+REPEATED_SLIP = 100.0
+"""Change of the dissipation and of the slips per period, over themselves, below which they repeat;
+over the tolerance of the forces. Where slips decay they change by a few times as much as those."""
 
 SHAKEDOWN, CYCLIC_SLIP, RATCHETTING = "shakedown", "cyclic slip", "ratchetting"
 NOT_REACHED = "not reached"
-SHAKEDOWN_TOLERANCE = 1e-6
-"""Dissipation of a cycle over that of cycle 1 below which the contact has shaken down."""
-
 UNLOADED_FORCE = 1e-3
 """Largest force at the end of a cycle, over the largest so far, below which the contact is
 unloaded: the change of its forces is then relative to the largest, as its own are round-off."""
 
 SLIP_ROUND_OFF = 1e-12
-"""Slip over the elastic displacement F / K_ii of a node under the largest nodal force F, and
-dissipation over its energy F^2 / K_ii, below which they are round-off: no node slips."""
+"""Slip over the elastic displacement F / K_ii of a node under the largest nodal force F below which
+it is round-off: the node does not slip."""
+
+FAINT = 1e-9
+"""Largest P of a node in a cycle, over the terms of its forces, that counts as none."""
 
 
 @dataclass(frozen=True)
@@ -89,89 +89,103 @@ def limit_of_decay(values: Array) -> tuple[str, float, float]:
     return name, ratio, float(values[-1] + rest)
 
 
+class CycleEnd(NamedTuple):
+    """What a cycle leaves for :class:`SteadyWatch`.
+
+    Attributes:
+        r: (2N,) reactions at its end.
+        v: (N,) tangential displacements there.
+        dissipation: (N,) dissipation in it.
+        pressed: (N,) largest P at its corners.
+        reach: (2N,) largest displacements there.
+        force: largest nodal force of the history so far.
+        residual: largest residual of the contact law so far, over that force.
+    """
+
+    r: Array
+    v: Array
+    dissipation: Array
+    pressed: Array
+    reach: Array
+    force: float
+    residual: float = 0.0
+
+
 class SteadyWatch:
     """Compares the ends of successive cycles and says when, and how, the response repeats itself.
 
-    With A_n = max |r_n - r_(n-T)| / max |r| and the gain d_n = v_n - v_(n-T) at the ends of cycles
-    n, for periods T = 1 and 2, the forces repeat where A_n is below the tolerance for two periods
-    running. Where a cycle ends without force, max |r| is taken over the whole history, times
-    ``UNLOADED_FORCE``. The state is steady at the first n at which the forces repeat and, for two
-    periods running,
+    With A_n = max |r_n - r_(n-T)| / max |r| at the ends of cycles n, for periods T = 1 and 2, the
+    forces repeat where A_n is below the tolerance for two periods running. Where a cycle ends
+    without force, max |r| is taken over the whole history, times ``UNLOADED_FORCE``.
 
-    * the slips repeat, max |d_n| <= c max (range of v in a cycle): shakedown or cyclic slip; or
-    * the gains repeat, max |d_n - d_(n-T)| <= c max |d_n|: ratchetting. As the forces do not
-      change, this is a motion that the body does not resist, or hardly; or
-    * no cycle dissipates anything: shakedown,
+    Forces that repeat tell little of slips that are small beside the displacements they belong to.
+    So slips are judged by themselves: a node slips by s = D_i / (f P)_i in a cycle, if K_ii s is
+    more than ``SLIP_ROUND_OFF`` of the terms of its force, sum_j |K_ij u_j|, and than the residual.
+    The state is steady at the first n at which the forces repeat and
 
-    with c = ``SLIP_TOLERANCE`` times the tolerance. A drift that decays is not steady yet.
+    * no node has slipped for two periods running: shakedown; or
+    * nodes that slip gain d_n = v_n - v_(n-T), and the gains repeat, max |d_n - d_(n-T)| <= c max
+      |d_n|: ratchetting. As the forces do not change, this is a motion that the body does not
+      resist, or hardly; or
+    * they gain no more than c times the largest slip, and the dissipation repeats, |D_n - D_(n-T)|
+      <= c D_n: cyclic slip,
+
+    with c = ``REPEATED_SLIP`` times the tolerance. Slips that decay are not steady before they are
+    that small beside others that do not, or round-off.
     """
 
-    def __init__(self, tolerance: float, stiffness: float = np.inf) -> None:
+    def __init__(self, tolerance: float, K: Array, friction: Array) -> None:
         """Start with no cycles seen.
 
         Args:
             tolerance: bound of A_n.
-            stiffness: local stiffness of a contact node, to tell slip from round-off.
+            K: (N, 2N) tangential rows of the stiffness.
+            friction: (N,) coefficients of friction.
         """
-        # a body that nothing but its contact holds has none, and no displacement by forces
-        self.tolerance, self.stiffness = tolerance, stiffness or np.inf
-        self.ends: list[tuple[Array, Array]] = []
+        self.tolerance, self.friction, self._terms = tolerance, friction, np.abs(K)
+        self.ends: list[CycleEnd] = []
+        self.slips: list[Array] = []
         self.change: list[float] = []
         self.change_2: list[float] = []
         self.cycle, self.period, self.kind = -1, 1, NOT_REACHED
 
-    def start(self, r: Array, v: Array) -> None:
-        """Remember the start of cycle 1."""
-        self.ends = [(r.copy(), v.copy())]
-
-    def add(
-        self,
-        r: Array,
-        v: Array,
-        slip_range: float,
-        dissipation: float,
-        first: float,
-        force: float = 0.0,
-    ) -> bool:
-        """Take the end of the next cycle; return True once a steady state has been found.
-
-        Args:
-            r: reactions at the end of the cycle.
-            v: (N,) tangential displacements there.
-            slip_range: largest range of v within the cycle of a node that touches in it.
-            dissipation: dissipation of this cycle.
-            first: dissipation of cycle 1.
-            force: largest nodal force of the history so far.
-        """
-        scale = max(float(np.abs(r).max()), UNLOADED_FORCE * force)
-        self.change.append(_relative(r, self.ends[-1][0], scale))
-        self.change_2.append(
-            _relative(r, self.ends[-2][0], scale) if len(self.ends) > 1 else np.inf
-        )
-        self.ends = [*self.ends[-4:], (r.copy(), v.copy())]
-        largest = max(scale, force)
-        give = SLIP_ROUND_OFF * largest / self.stiffness
-        least = max(first, give * largest / SHAKEDOWN_TOLERANCE)
-        slips = slip_range > give and dissipation > SHAKEDOWN_TOLERANCE * least
+    def add(self, end: CycleEnd) -> bool:
+        """Take the end of the next cycle, first of cycle 0; return whether one was steady."""
+        self.ends = [*self.ends[-4:], end]
+        largest = max(float(np.abs(end.r).max(initial=0.0)), UNLOADED_FORCE * end.force)
+        terms, stiffness = self._terms @ end.reach, self._terms.diagonal()
+        limit = self.friction * np.maximum(end.pressed, FAINT * terms)
+        slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)
+        least = np.maximum(SLIP_ROUND_OFF * terms, end.residual * end.force)
+        slip[(stiffness * slip <= least) & (stiffness > 0.0)] = 0.0
+        self.slips = [*self.slips[-3:], slip]
+        if len(self.ends) == 1:
+            return False
         for period, change in ((1, self.change), (2, self.change_2)):
+            known = len(self.ends) > period
+            change.append(_relative(end.r, self.ends[~period].r, largest) if known else np.inf)
             repeats = len(change) >= 2 * period and max(change[-2 * period :]) < self.tolerance
             if self.cycle < 0 and repeats:
-                self.kind = self._kind(period, slip_range, give, slips)
+                self.kind = self._kind(period)
                 if self.kind != NOT_REACHED:
                     self.cycle, self.period = len(self.change), period
         return self.cycle >= 0
 
-    def _kind(self, period: int, slip_range: float, give: float, slips: bool) -> str:
+    def _kind(self, period: int) -> str:
         """Name the state of a contact whose forces repeat (section 1.2 of the paper)."""
-        bound = SLIP_TOLERANCE * self.tolerance
-        now, before, first = (v for _, v in self.ends[-1::-period][:3])
+        slips = np.max(self.slips[-2 * period :], axis=0)
+        moving = slips > 0.0
+        if not np.any(moving):
+            return SHAKEDOWN
+        bound = REPEATED_SLIP * self.tolerance
+        now, before, first = (end.v[moving] for end in self.ends[::-period][:3])
         gain, change = now - before, now - 2.0 * before + first
         drift = max(_largest(gain), _largest(gain - change))
-        if drift <= max(bound * slip_range, give):
-            return CYCLIC_SLIP if slips else SHAKEDOWN
-        if _largest(change) <= bound * drift:
-            return RATCHETTING
-        return NOT_REACHED if slips else SHAKEDOWN
+        if drift > bound * _largest(slips):
+            return RATCHETTING if _largest(change) <= bound * drift else NOT_REACHED
+        D = np.array([end.dissipation.sum() for end in self.ends[-2 * period :]])
+        D_before, D_now = D.reshape(2, period).sum(axis=1)
+        return CYCLIC_SLIP if abs(D_now - D_before) <= bound * D_now else NOT_REACHED
 
 
 def _largest(values: Array) -> float:
