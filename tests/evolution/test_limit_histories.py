@@ -1,6 +1,7 @@
 """Limits of infinitely many cycles of other bodies and loads, against plain playing."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,6 +16,8 @@ from models import (
 from small import table
 
 import receding_fenicsx as rf
+from receding_fenicsx.errors import SolveError
+from receding_fenicsx.evolution.limit.frozen import Frozen
 from receding_fenicsx.interface.system import ContactSystem
 
 pytestmark = pytest.mark.one_rank
@@ -99,6 +102,35 @@ def test_the_limit_of_two_bodies_is_that_of_plain_cycles(tmp_path: Path) -> None
         return
     plain = rf.evolve(system, scene, until="steady")
     assert_same(rf.evolve(system, scene, until="limit"), plain)
+
+
+@pytest.mark.parametrize("elements", [12, 16])
+def test_the_limit_of_a_wedge_damper_is_that_of_plain_cycles(elements: int) -> None:
+    # nodes of one face slip both ways at first, and only forward once the other face has settled
+    file = Path(__file__).parents[1] / "trials" / "wedge_damper.toml"
+    scene = rf.read_scene(file, [f"mesh.contact_elements={elements}", "history.cycles=800"])
+    system = rf.condense(scene)
+    if system is None:
+        return
+    found = rf.evolve(system, scene, until="limit")
+    solver = rf.SolverOptions(steady_tolerance=1e-11)
+    plain = rf.evolve(system, replace(scene, solver=solver), until="steady")
+    assert_same(found, plain)
+    assert found.limit is not None and len(found.limit.reason) < 200
+
+
+def test_a_search_that_fails_prints_no_load_factors_of_its_own(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    def ends(*_: object) -> None:
+        raise SolveError("the exact path lost accuracy before load factors [1.0, 2e-08, 3e-08]")
+
+    monkeypatch.setattr(Frozen, "cycle", ends)
+    block, loop = under_four_loads(12)
+    path = [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]]
+    record = rf.evolve(block, table(block, path, loop, 10), until="limit")
+    assert record.limit is not None and not record.limit.jumped
+    assert "frozen nodes ends early" in record.limit.reason and "e-08" not in record.limit.reason
 
 
 @pytest.mark.parametrize(

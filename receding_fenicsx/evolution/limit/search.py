@@ -18,7 +18,7 @@ from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.reduction import widen
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
-from receding_fenicsx.interface.law import STICK
+from receding_fenicsx.interface.law import SLIP_SIGN, STICK
 from receding_fenicsx.interface.measures.steady import SLIP_ROUND_OFF
 from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.solver import Solver
@@ -111,7 +111,9 @@ def find_limit(
             if near is not None:
                 u = near.u.copy()
                 u[shifted] -= shift[shifted]
-                near = replace(near, u=u)
+                # a node that slipped when it was free sticks as soon as it is frozen
+                stops = nodes.frozen & (SLIP_SIGN[near.state] != 0.0)
+                near = replace(near, u=u, state=np.where(stops, STICK, near.state).astype(np.int8))
             first = replace(start, state=np.where(nodes.frozen, STICK, start.state).astype(np.int8))
             for solution in approach(frozen, first, shift[shifted], near):
                 if creeping and not (solution.steps or solution.settled):
@@ -139,7 +141,7 @@ def find_limit(
             few = np.count_nonzero(again.frozen != nodes.frozen) < FEW
             creeping, nodes = at_once and few, again
     except SolveError as error:
-        raise NoLimit(f"a cycle with frozen nodes ends early: {error}") from error
+        raise NoLimit("a cycle with frozen nodes ends early") from error
     except SingularExchange as error:
         raise NoLimit("a cycle with frozen nodes leaves a motion without stiffness") from error
     raise NoLimit(f"the nodes were sorted {MAX_SORTS} times")

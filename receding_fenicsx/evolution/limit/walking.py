@@ -84,7 +84,7 @@ def find_walk(
                 return Candidate(state, step, residual)
             state = _newton_step(frozen, cycle, motions, walk)
     except (SolveError, np.linalg.LinAlgError, SingularExchange) as error:
-        raise NoLimit(f"a cycle of a body that walks ends early: {error}") from error
+        raise NoLimit("a cycle of a body that walks ends early") from error
     raise NoLimit(f"{MAX_STEPS} Newton steps for a body that walks did not converge")
 
 
