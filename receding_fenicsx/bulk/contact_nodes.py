@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 from dolfinx import fem
@@ -13,6 +13,7 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.acting.springs import spring_rows
 from receding_fenicsx.bulk.edges import EdgeFacets, edge_nodes, integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
+from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.bulk.platens import Prescribed, Ties, tied_dofs
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.bulk.supports import find_held
@@ -45,6 +46,8 @@ class ContactNodes:
             motions are orthogonal to all rows.
         null: (2N, n) rigid motions that are free while no contact node is held: null vectors of
             the condensed stiffness.
+        oblique: (k, 2) coordinates of the ends of contact edges that a support holds obliquely to
+            the edge. These nodes belong to the support and are no contact nodes.
     """
 
     x: Array
@@ -58,6 +61,7 @@ class ContactNodes:
     modes: Array
     constraints: Array
     null: Array
+    oblique: Array = field(default_factory=lambda: np.empty((0, 2)))
 
     @property
     def rigid(self) -> Array:
@@ -91,6 +95,7 @@ def find_contact(
     body: BodyMesh,
     ties: Ties,
     prescribed: Mapping[str, Prescribed],
+    left_out: Array | None = None,
 ) -> tuple[ContactNodes, Ints]:
     """Find the contact nodes and the held degrees of freedom; collective.
 
@@ -100,6 +105,7 @@ def find_contact(
         body: the mesh.
         ties: its platens.
         prescribed: displacements that loads prescribe, by the load's name.
+        left_out: (k, 2) coordinates of further nodes that are no contact nodes.
 
     Returns:
         The contact nodes, and the global degrees of freedom off the contact that symmetry,
@@ -110,21 +116,28 @@ def find_contact(
             prescribed displacement; on all ranks.
     """
     edges = [_edge_nodes(scene, space, body, contact) for contact in body.contacts]
+    _check_apart(scene, space, body, np.concatenate([e[0] for e in edges]), prescribed)
+    dofs, places = find_held(scene, space, body, ties, prescribed)
+    normals = [-contact.line.outward + 0.0 for contact in body.contacts]
+    ends = [_held_obliquely(*e[:2], n, dofs) for e, n in zip(edges, normals, strict=True)]
+    oblique = np.vstack(ends)
+    none = oblique if left_out is None else left_out
+    if len(none):
+        near = POSITION_TOLERANCE * body.size
+        apart = [np.linalg.norm(e[1][:, None] - none, axis=2).min(axis=1) > near for e in edges]
+        edges = [tuple(part[on] for part in e) for e, on in zip(edges, apart, strict=True)]
     node, points, x, weight = (np.concatenate([e[k] for e in edges]) for k in range(4))
     count = [len(e[0]) for e in edges]
-    normals = np.array([-contact.line.outward + 0.0 for contact in body.contacts])
-    normal = np.repeat(normals, count, axis=0)
+    normal = np.repeat(np.array(normals), count, axis=0)
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
 
-    _check_apart(scene, space, body, node, prescribed)
-    dofs, places = find_held(scene, space, body, ties, prescribed)
     pivot = body.pivot
     constraints = motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
-    apart = motions(ties.places, pivot, body.size) - motions(ties.master_places, pivot, body.size)
+    tied = motions(ties.places, pivot, body.size) - motions(ties.master_places, pivot, body.size)
     # a body of revolution moves along its axis only
     springs = spring_rows(space, body, scene, pivot)
     excluded = np.vstack(
-        [apart.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []], springs]
+        [tied.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []], springs]
     )
     at_contact = np.isin(dofs // 2, node)
     on_nodes = motions(points, pivot, body.size)
@@ -141,6 +154,7 @@ def find_contact(
         modes=modes,
         constraints=np.vstack([constraints, excluded]),
         null=scaled(modes @ free_motions(np.vstack([constraints[~at_contact], excluded]))),
+        oblique=oblique,
     )
     return found, np.union1d(dofs[~at_contact], tied_dofs(ties))
 
@@ -214,8 +228,28 @@ def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> N
             held[k * n + i] = (
                 len(fixed) == 2 or abs(direction[next(iter(fixed))]) > 1.0 - NORMAL_TOLERANCE
             )
-        if not (held[i] or held[n + i]):
-            raise InputError(
-                'support: it holds a contact node obliquely to its edge; fix "xy" or move it'
-            )
     return held
+
+
+def _held_obliquely(node: Ints, points: Array, normal: Array, dofs: Ints) -> Array:
+    """Return the coordinates (k, 2) of the ends of an edge that are held obliquely to it.
+
+    Args:
+        node: numbers of the nodes, sorted along the edge.
+        points: their coordinates.
+        normal: (2,) unit normal of the edge.
+        dofs: all held degrees of freedom.
+
+    Raises:
+        InputError: another node is held so.
+    """
+    fixed = np.isin(2 * node[:, None] + [0, 1], dofs)
+    single = np.flatnonzero(fixed[:, 0] != fixed[:, 1])
+    if np.abs(normal).max() > 1.0 - NORMAL_TOLERANCE:
+        return points[:0]
+    for i in single[(single > 0) & (single < len(node) - 1)]:
+        raise InputError(
+            f"[[support]]: holds the contact node at ({points[i, 0]:g}, {points[i, 1]:g}), inside "
+            'the contact, obliquely to its edge; fix "xy", or move it'
+        )
+    return points[single]

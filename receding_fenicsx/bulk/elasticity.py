@@ -17,6 +17,7 @@ import numpy as np
 import ufl
 from dolfinx import fem
 
+from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.acting.springs import add_springs
 from receding_fenicsx.bulk.body import Bulk
@@ -29,12 +30,13 @@ from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
 
 
-def build(scene: Scene, body: BodyMesh) -> Bulk:
+def build(scene: Scene, body: BodyMesh, left_out: Array | None = None) -> Bulk:
     """Assemble the body's stiffness and loads, and find its contact nodes and supports; collective.
 
     Args:
         scene: the scene of this body alone.
         body: its mesh; a half body is held at u_x = 0 on x = 0.
+        left_out: (k, 2) coordinates of nodes on contact edges that are no contact nodes.
 
     Returns:
         The discretised body.
@@ -53,7 +55,7 @@ def build(scene: Scene, body: BodyMesh) -> Bulk:
     stiffness.assemble()
     ties = find_ties(scene, space, body)
     prescribed = find_prescribed(scene, space, body, ties)
-    contact, held = find_contact(scene, space, body, ties, prescribed)
+    contact, held = find_contact(scene, space, body, ties, prescribed, left_out)
     start, end = stiffness.getOwnershipRange()
     P = tie_matrix(stiffness, ties)
     if P is not None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Any
@@ -22,6 +23,8 @@ from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.one_body import in_order, part_of, sides_of_body
+
+log = logging.getLogger(__name__)
 
 
 @dataclass
@@ -152,6 +155,15 @@ def build_all(scene: Scene, bodies: tuple[BodyMesh, ...], comm: MPI.Comm | None 
         for body in scene.bodies
         if not body.is_half_plane
     }
+    oblique = np.vstack([np.empty((0, 2)), *(bulk.contact.oblique for bulk in built.values())])
+    if len(oblique):
+        if bodies[0].mesh.comm.rank == 0:
+            places = ", ".join(f"({x:g}, {y:g})" for x, y in oblique)
+            log.warning("[[support]]: holds the end of a contact edge, no contact at %s", places)
+        for name, bulk in built.items() if len(built) > 1 else ():
+            # the node opposite has no contact condition either
+            bulk.destroy()
+            built[name] = elasticity.build(bulk.scene, bulk.body, oblique)
     parts: list[Bulk | HalfPlane] = []
     for body in in_order(scene):
         if body.name in built:

@@ -41,6 +41,7 @@ Curve Loop(2) = {5, 6, 7, -2}; Plane Surface(2) = {2};
 Transfinite Curve {2} = contact_elements + 1;
 Physical Surface("shaft") = {1}; Physical Surface("hub") = {2};
 Physical Curve("fit") = {2}; Physical Curve("push") = {1}; Physical Curve("rim") = {6};
+Physical Curve("bed") = {5};
 """
 
 
@@ -97,6 +98,98 @@ def test_a_fit_is_shown_over_its_whole_length_in_balance(
     for point in summary["turning_points"]:
         assert "p_axis" not in point
         assert (point["zones"][0][1], point["zones"][-1][2]) == (x[0], x[-1])
+
+
+def pressed_on_its_bed(folder: Path, elements: int, **contact: object) -> rf.Record | None:
+    """A plug pushed into a taper that stands on its end face, which meets the cone."""
+    seat = rf.Contact(edge="shaft.fit", against="hub.fit", friction=F, **contact)  # type: ignore[arg-type]
+    return study.run(
+        from_file(
+            folder,
+            1.0,
+            contacts=(seat,),
+            loads=(rf.Load("push", "shaft.push", pressure=-1.0),),
+            supports=(rf.Support("y", edge="hub.bed"),),
+            mesh=rf.MeshOptions(contact_elements=elements),
+            history=rf.HistoryOptions(kind="monotonic"),
+        )
+    )
+
+
+def test_the_end_of_a_taper_on_its_support_has_no_contact_condition(shared_tmp_path: Path) -> None:
+    """Against contacts whose first element is left out, which converge to the same pressure."""
+    length = np.hypot(L, 1.0)
+    mean = []
+    for elements, left_out in ((8, 0), (16, 0), (16, 1), (32, 1)):
+        free = {"span": (left_out * length / elements - 0.5 * length, 0.5 * length)}
+        record = pressed_on_its_bed(shared_tmp_path, elements, **(free if left_out else {}))
+        if record is None:
+            continue
+        table = record.turning_points
+        axial = (table.Q[-1].sum() * L + table.P[-1].sum()) / length
+        assert axial == pytest.approx(np.pi * (B**2 - A**2), rel=1e-9)
+        assert len(record.x) == 2 * (elements - left_out) + (1 if left_out else 0)
+        middle = np.abs(record.x) < 0.25 * length
+        mean.append(table.P[-1, middle].sum() / record.weight[middle].sum())
+    if mean:
+        coarse, fine, *others = mean
+        known = 2.0 * others[1] - others[0]
+        assert abs(others[1] - known) < abs(others[0] - known)
+        assert [coarse, fine] == pytest.approx([known] * 2, rel=5e-3)
+
+
+def test_a_support_inside_a_taper_is_refused_with_its_place(shared_tmp_path: Path) -> None:
+    scene = from_file(
+        shared_tmp_path, 1.0, supports=(rf.Support("y", point=(20.5, 9.5), body="hub"),)
+    )
+    with pytest.raises(rf.InputError, match=r"support.*\(20.5, 9.5\).*obliquely.*fix \"xy\""):
+        study.run(scene)
+
+
+TIP = """
+DefineConstant[ contact_elements = 8 ];
+Point(1) = {0, 0, 0, 2}; Point(2) = {10, RISE, 0, 2}; Point(3) = {10, 40, 0, 2};
+Point(4) = {0, 40, 0, 2}; Point(5) = {10, -40, 0, 2}; Point(6) = {0, -40, 0, 2};
+Line(1) = {1, 2}; Line(2) = {2, 3}; Line(3) = {3, 4}; Line(4) = {4, 1};
+Line(5) = {2, 5}; Line(6) = {5, 6}; Line(7) = {6, 1};
+Curve Loop(1) = {1, 2, 3, 4}; Plane Surface(1) = {1};
+Curve Loop(2) = {5, 6, 7, 1}; Plane Surface(2) = {2};
+Transfinite Curve {1} = contact_elements + 1;
+Physical Surface("top") = {1}; Physical Surface("seat") = {2};
+Physical Curve("cone") = {1}; Physical Curve("push") = {3}; Physical Curve("bed") = {6};
+"""
+
+
+@pytest.mark.parametrize("degree", [1, 2])
+@pytest.mark.parametrize("rise", [5.0, 20.0, -20.0])
+def test_a_cone_on_the_axis_is_shown_from_its_tip(
+    shared_tmp_path: Path, rise: float, degree: int
+) -> None:
+    """A cylinder cut along a cone that sticks, pressed uniformly; the axis holds the tip."""
+    file = shared_tmp_path / "tip.geo"
+    on_root(comm, lambda: file.write_text(TIP.replace("RISE", str(rise))))
+    record = study.run(
+        rf.Scene(
+            body=rf.Body(name="top", mesh=str(file), surface="top"),
+            others=(rf.Body(name="seat", mesh=str(file), surface="seat"),),
+            material=rf.Material(E, NU, "axisymmetric"),
+            mesh=rf.MeshOptions(contact_elements=8, degree=degree),
+            contacts=(rf.Contact(edge="top.cone", against="seat.cone", friction=6.0),),
+            loads=(rf.Load("push", "top.push", pressure=1.0),),
+            supports=(rf.Support("y", edge="seat.bed"),),
+            history=rf.HistoryOptions(kind="monotonic"),
+        )
+    )
+    if record is None:
+        return
+    x, table = record.x, record.turning_points
+    length = np.hypot(10.0, rise)
+    assert record.radius is not None and record.radius == pytest.approx(x * 10.0 / length)
+    p, q = 100.0 / length**2, 10.0 * rise / length**2
+    assert np.all(table.state == 1)
+    inner = slice(3, -1)
+    assert table.p[0, inner] == pytest.approx(p, rel=0.02)
+    assert np.abs(table.q[0, inner]) == pytest.approx(abs(q), rel=0.02)
 
 
 def rectangles(inner: float = A, **parts: object) -> rf.Scene:
