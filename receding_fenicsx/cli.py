@@ -72,15 +72,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _log_to_terminal(comm: MPI.Comm | None, verbose: int) -> None:
-    """Show log messages on rank 0: stages and cycles with -v, every event too with -vv."""
+    """Show warnings on rank 0: with -v stages and cycles too, with -vv every event."""
     logger = logging.getLogger("receding_fenicsx")
     for handler in logger.handlers[:]:
         logger.removeHandler(handler)
     logger.propagate = False
-    shown = verbose > 0 and is_root(comm)
-    logger.addHandler(logging.StreamHandler() if shown else logging.NullHandler())
+    logger.addHandler(logging.StreamHandler() if is_root(comm) else logging.NullHandler())
     logger.handlers[0].setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
-    logger.setLevel(logging.DEBUG if verbose > 1 else logging.INFO)
+    logger.setLevel((logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)])
 
 
 def _world() -> MPI.Comm | None:

@@ -16,6 +16,7 @@ from receding_fenicsx import study
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.stack import build_all
+from receding_fenicsx.cli import main
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.interface.system import ContactState
@@ -24,6 +25,7 @@ from receding_fenicsx.output.plots.units import scales_of
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import zones_header
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact
+from receding_fenicsx.scene.toml_file import to_toml
 
 comm = MPI.COMM_WORLD
 E, NU, F = 196000.0, 0.3, 0.1
@@ -100,20 +102,27 @@ def test_a_fit_is_shown_over_its_whole_length_in_balance(
         assert (point["zones"][0][1], point["zones"][-1][2]) == (x[0], x[-1])
 
 
-def pressed_on_its_bed(folder: Path, elements: int, **contact: object) -> rf.Record | None:
+def on_its_bed(folder: Path, elements: int, **contact: object) -> rf.Scene:
     """A plug pushed into a taper that stands on its end face, which meets the cone."""
     seat = rf.Contact(edge="shaft.fit", against="hub.fit", friction=F, **contact)  # type: ignore[arg-type]
-    return study.run(
-        from_file(
-            folder,
-            1.0,
-            contacts=(seat,),
-            loads=(rf.Load("push", "shaft.push", pressure=-1.0),),
-            supports=(rf.Support("y", edge="hub.bed"),),
-            mesh=rf.MeshOptions(contact_elements=elements),
-            history=rf.HistoryOptions(kind="monotonic"),
-        )
+    return from_file(
+        folder,
+        1.0,
+        contacts=(seat,),
+        loads=(rf.Load("push", "shaft.push", pressure=-1.0),),
+        supports=(rf.Support("y", edge="hub.bed"),),
+        mesh=rf.MeshOptions(contact_elements=elements),
+        history=rf.HistoryOptions(kind="monotonic"),
     )
+
+
+def test_a_command_warns_of_a_node_that_belongs_to_a_support(
+    shared_tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    scene, file = on_its_bed(shared_tmp_path, 8), shared_tmp_path / "taper.toml"
+    on_root(comm, lambda: file.write_text(to_toml(scene)))
+    assert main(["condense", str(file), "--out", str(shared_tmp_path / "system.h5")]) == 0
+    assert ("no contact at (20, 0)" in capfd.readouterr().err) == (comm.rank == 0)
 
 
 def test_the_end_of_a_taper_on_its_support_has_no_contact_condition(shared_tmp_path: Path) -> None:
@@ -122,7 +131,7 @@ def test_the_end_of_a_taper_on_its_support_has_no_contact_condition(shared_tmp_p
     mean = []
     for elements, left_out in ((8, 0), (16, 0), (16, 1), (32, 1)):
         free = {"span": (left_out * length / elements - 0.5 * length, 0.5 * length)}
-        record = pressed_on_its_bed(shared_tmp_path, elements, **(free if left_out else {}))
+        record = study.run(on_its_bed(shared_tmp_path, elements, **(free if left_out else {})))
         if record is None:
             continue
         table = record.turning_points
