@@ -242,9 +242,9 @@ def _zone_end(at: Tractions, last: int, stick: bool) -> ZoneEnd:
     shift = QUADRATIC_SHIFT if quadratic else LINEAR_SHIFT
     if last == len(at.x) - 1:
         value = low = float(at.x[-1])
-        margin = np.minimum(*at.friction.margins(at.Q, at.P)) if stick else at.P
-        inner, outer = margin[-2:] / np.where(at.weight[-2:] > 0.0, at.weight[-2:], np.inf)
-        if last > 0 and 0.0 < outer <= FALL_TO_END * inner:
+        y = np.minimum(*at.friction.margins(at.Q, at.P)) if stick else at.P
+        mean = y / np.where(at.weight > 0.0, at.weight, np.inf)
+        if last > 0 and 0.0 < mean[-1] <= FALL_TO_END * mean[-2]:
             low = float(at.x[-2] - shift * (at.x[-1] - at.x[-2]))
         return ZoneEnd(value, low, value, fitted=False)
     low, high = float(at.x[last]), float(at.x[last + 1])

@@ -158,6 +158,13 @@ def test_intervals_hold_zones_narrower_than_a_spacing(degree: int, elements: int
         assert 0.0 <= found.low < c < found.high and found.low <= found.value <= found.high
 
 
+def test_a_contact_of_a_single_node_has_its_end_there() -> None:
+    one = np.ones(1)
+    at = Tractions(0.0 * one, one, one, 0.0 * one, np.array([STICK]), one)
+    for found in (contact_half_width_estimate(at), stick_half_width_estimate(at)):
+        assert (found.value, found.low, found.high) == (0.0, 0.0, 0.0)
+
+
 def test_where_all_slips_one_way_no_zone_of_stick_is_hidden_between_nodes() -> None:
     x = edge(1, 20)
     at = replace(stuck(0.4, 0.5, x, 1), state=np.full(len(x), FORWARD))
