@@ -174,7 +174,11 @@ class RunState:
         state, scale = self.position.state, self.position.totals.force_scale
         if self.problem.chooser is not None:
             self.problem.chooser.enter(number, k)
-        if self._is_static(number, k):
+        static = self._is_static(number, k)
+        if static and not np.any(ends[1]):
+            # without pressure nothing holds the initial slip
+            state, static = rest_state(self.problem.system, np.zeros(len(state.state))), False
+        if static:
             leg = self.solver.static_leg(state, ends, scale)
             check_landing(self.model, leg.end)
         else:
@@ -187,7 +191,7 @@ class RunState:
                 instant(self.problem.system, (number, k, s), (1 - s) * a + s * b, sampled)
                 for s, sampled in leg.samples
             ]
-            known = None if self._is_static(number, k) else known_places(state, ends, leg)
+            known = None if static else known_places(state, ends, leg)
             probed = probed_at(self.problem.system, known, [event[0] for event in leg.events])
             samples.events += [
                 Event(number, k, s, (1 - s) * a + s * b, node, old, new, values)

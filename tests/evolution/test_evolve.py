@@ -390,3 +390,17 @@ def test_an_asymmetry_within_the_check_is_removed(asymmetry: float) -> None:
     history = table(away, [[0.0], [1.0]], [[1.0], [0.2], [1.0]], 1)
     found, even = (evolve(s, history).turning_points for s in (away, small_system(K, loads, 0.3)))
     assert np.array_equal(found.Q, even.Q) and np.array_equal(found.P, even.P)
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_an_initial_slip_is_released_on_a_first_leg_without_load(method: str) -> None:
+    """P = 0 holds no slip: what follows is the loading without an initial one."""
+    system, solver = block_system(8, 4), SolverOptions(method=method)
+    slip = 1e-2 * np.sin(3.0 * system.x)
+    found = evolve(system, table(system, [0.0, 0.0, 1.0]), solver, initial_slip=slip)
+    ends, plain = found.turning_points, evolve(system, table(system, [0.0, 1.0]), solver)
+    assert not np.any(ends.v[0]) and not np.any(ends.P[0]) and not np.any(ends.Q[0])
+    for name in ("P", "Q", "v"):
+        expected = getattr(plain.turning_points, name)[0]
+        assert getattr(ends, name)[1] == pytest.approx(expected, rel=1e-9, abs=1e-12)
