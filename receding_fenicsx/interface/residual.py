@@ -6,7 +6,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import SLIP_SIGN
-from receding_fenicsx.interface.rigid_motions import TOO_FAR
+from receding_fenicsx.interface.rigid_motions import TOO_FAR, TOO_FAR_ON_SPRINGS
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 OPEN_SCALE = 1e-2
@@ -54,8 +54,12 @@ def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float)
     """Return whether displacements are so large that round-off of K may balance the loads."""
     stiffness = float(system.diagonal.max(initial=0.0))
     room = stiffness * float(np.abs(system.g0).max(initial=0.0))
-    moved = stiffness * float(np.abs(u).max(initial=0.0))
-    return moved > TOO_FAR * max(force_scale, room)
+    basis = np.linalg.qr(system.rigid)[0]
+    for motion, most in ((basis @ (basis.T @ u), TOO_FAR), (u, TOO_FAR_ON_SPRINGS)):
+        moved = stiffness * float(np.abs(motion).max(initial=0.0))
+        if moved > most * max(force_scale, room):
+            return True
+    return False
 
 
 def law_residual(

@@ -32,6 +32,9 @@ MANY = 0.3
 SINGULAR_PIVOT = 1e-11
 """Pivot, over a typical stiffness or compliance, up to which an exchange is singular."""
 
+SINGULAR_ON_SPRINGS = 1e-14
+"""The same where free rigid motions are pinned: soft springs may hold the body against others."""
+
 
 class SingularExchange(Exception):
     """A change of state would leave a motion of the body without stiffness."""
@@ -74,9 +77,10 @@ class PivotMatrix:
         age: exchanges since the matrix was made from scratch.
     """
 
-    def __init__(self, data: PivotData, n_labels: int) -> None:
-        """Take over ``data``, whose labels are below ``n_labels``."""
+    def __init__(self, data: PivotData, n_labels: int, singular: float = SINGULAR_PIVOT) -> None:
+        """Take over ``data``, whose labels are below ``n_labels``; see ``SINGULAR_PIVOT``."""
         m, k = data.T.shape
+        self._singular = singular
         self.T = np.empty((m, k))
         self._flat = self.T.ravel()
         self._U, self._V = np.zeros((m, MAX_PENDING), order="F"), np.zeros((MAX_PENDING, k))
@@ -125,7 +129,7 @@ class PivotMatrix:
         daxpy(T[i], R)
         daxpy(self._flat, C, n=len(T), offx=j, incx=T.shape[1])
         D = R.item(j)
-        if -SINGULAR_PIVOT <= D <= SINGULAR_PIVOT:
+        if -self._singular <= D <= self._singular:
             return False
         C[i] = C.item(i) + 1.0
         R[j] = D - 1.0
@@ -151,7 +155,7 @@ class PivotMatrix:
         R, C = T[i], T.take(j, axis=1)
         lu, piv, _ = dgetrf(R[:, j])
         size = np.abs(lu.diagonal())
-        if size.min() <= SINGULAR_PIVOT * max(1.0, size.max()):
+        if size.min() <= self._singular * max(1.0, size.max()):
             return False
         inverse = dgetrs(lu, piv, np.eye(e))[0]
         if e <= MANY * min(T.shape):

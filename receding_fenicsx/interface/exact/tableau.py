@@ -26,6 +26,7 @@ from scipy.linalg.blas import dscal
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.pivot_matrix import (
+    SINGULAR_PIVOT,
     PivotData,
     PivotMatrix,
     SingularExchange,
@@ -110,6 +111,7 @@ class Tableau:
         state: NDArray[np.int8],
         opening: NDArray[np.bool_] | None = None,
         carried: int | None = None,
+        singular: float = SINGULAR_PIVOT,
     ) -> None:
         """Make the tableau of ``system`` (2N form) for the given states.
 
@@ -120,6 +122,7 @@ class Tableau:
                 left out until one of them opens after all. None where all may open.
             carried: the first loads, whose rates are to be at hand; None for all. Those of others
                 take a product with the whole matrix.
+            singular: smallest pivot, see :class:`PivotMatrix`.
 
         Raises:
             SingularExchange: the body has a motion without stiffness in these states.
@@ -144,7 +147,8 @@ class Tableau:
         self._all_stuck = self._with_all_stuck(system.r_star[:carried].T)
         self._copies: deque[tuple[NDArray[np.int8], PivotData]] = deque(maxlen=STORED_COPIES)
         self.rebuilds = 0
-        self.matrix = PivotMatrix(self._all_stuck.without(self._left_out), 5 * n)
+        self._singular = singular
+        self.matrix = PivotMatrix(self._all_stuck.without(self._left_out), 5 * n, singular)
         self.build(state)
 
     def _with_all_stuck(self, r_star: Array) -> PivotData:
@@ -181,7 +185,7 @@ class Tableau:
         inputs += (V * n + Z).tolist()
         if np.isin(inputs, self._left_out).any():
             self._left_out = self._left_out[:0]
-            self.matrix = PivotMatrix(self._all_stuck, 5 * n)
+            self.matrix = PivotMatrix(self._all_stuck, 5 * n, self._singular)
         elif self.rebuilds:
             self.matrix.restore(self._all_stuck.without(self._left_out))
         if outputs and not self.matrix.exchange_many(np.array(outputs), np.array(inputs)):

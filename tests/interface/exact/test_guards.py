@@ -199,8 +199,11 @@ def test_a_tableau_is_renewed_after_many_exchanges() -> None:
 
 
 @pytest.mark.parametrize("part", [0.5, 2.0])
-def test_states_with_almost_no_stiffness_are_singular(part: float) -> None:
-    """Forward slip of node 0 meets the stiffness K_tt + f K_nt, next to one of order 1."""
+def test_states_with_almost_no_stiffness_are_singular_but_for_soft_springs(part: float) -> None:
+    """Forward slip of node 0 meets the stiffness K_tt + f K_nt, next to one of order 1.
+
+    Where no rigid motion is free it is a spring's.
+    """
     unit, f = 2.0, 0.5  # a power of two beyond the median of the diagonal
     left = part * SINGULAR_PIVOT * unit
     K = np.diag([0.5 + left, 2.0, 2.0, 1.0])
@@ -211,13 +214,12 @@ def test_states_with_almost_no_stiffness_are_singular(part: float) -> None:
     if part < 1.0:
         with pytest.raises(SingularExchange):
             tableau.move_to(slips)
-        with pytest.raises(SingularExchange):
-            Segments(system).tableau(slips)
+        tableau = Segments(system).tableau(slips)
     else:
         tableau.move_to(slips)
-        v = tableau.rates(UP)[:2]
-        # Q + f P of the load, over the stiffness
-        assert v == pytest.approx([-0.5 / left, -0.6 / 2.0], rel=1e-4)
+    v = tableau.rates(UP)[:2]
+    # Q + f P of the load, over the stiffness
+    assert v == pytest.approx([-0.5 / left, -0.6 / 2.0], rel=1e-4)
 
 
 @pytest.mark.parametrize("error", [1e-14, 1e-8])

@@ -178,3 +178,23 @@ def test_the_least_drift_is_the_nearest_one_that_keeps_all_bounds() -> None:
     for bounds, nearest in (([1.0, 3.0], [1.5, 1.5]), ([2.0, 3.0], [2.0, 1.0]), ([-1, -1], [0, 0])):
         assert _least(rows, np.array(bounds)) == pytest.approx(nearest, abs=1e-14)
     assert _least(np.array([[1.0], [-1.0]]), np.array([1.0, 0.0])) is None
+
+
+BEND = np.array([1.0, -2.0, 1.0])
+
+
+@pytest.mark.parametrize(
+    ("k", "at"), [(1e-6, [1, 1, 1]), (1e-12, [1, 1, 1]), (1e-7, [0, 1, 0]), (1e-9, [0, 1, 0])]
+)
+def test_a_beam_on_soft_springs_falls_through_its_play(k: float, at: list[int]) -> None:
+    """Three feet land where all gaps close: P = P* - k g0. On one spring the beam may turn."""
+    K, turn, g0 = np.zeros((6, 6)), np.array([0.0, 0.0, 0.0, -1.0, 0.0, 1.0]), 0.005
+    K[:3, :3] = np.eye(3)
+    K[3:, 3:] = np.outer(BEND, BEND) + k * np.diag(at)
+    noise = 1e-14 * np.random.default_rng(0).standard_normal((6, 6))
+    P = np.array([1.0, 2.0, 1.0])
+    loads = {"press": np.concatenate([np.zeros(3), P])}
+    system = small_system(K + noise + noise.T, loads, 0.3, g0, [] if all(at) else [turn])
+    record = evolve(system, table(system, [0.0, 1.0]))
+    assert record.turning_points.P[0] == pytest.approx(P - k * g0 * np.array(at), rel=1e-9)
+    assert record.turning_points.w[0] == pytest.approx([-g0] * 3, rel=1e-12)
