@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.errors import InputError
+
 Array = NDArray[np.float64]
 """Real numbers."""
 Ints = NDArray[np.int64]
@@ -44,6 +46,30 @@ def brief(value: Any) -> str:
     low, high = value.min(), value.max()
     ends = f"of {low:.6g}" if low == high else f"from {low:.6g} to {high:.6g}"
     return f"{value.shape} {ends}"
+
+
+def check_types(where: str, **arguments: tuple[Any, ...]) -> None:
+    """Raise InputError for an argument of none of its types, given as NAME=(value, type, ...).
+
+    >>> check_types("evolve", until=(3, str, None))
+    Traceback (most recent call last):
+    ...
+    receding_fenicsx.errors.InputError: evolve: until has to be of type str or None, not int
+    """
+    for name, (value, *types) in arguments.items():
+        if not any(value is None if kind is None else isinstance(value, kind) for kind in types):
+            wanted = " or ".join("None" if kind is None else kind.__name__ for kind in types)
+            raise InputError(
+                f"{where}: {name} has to be of type {wanted}, not {type(value).__name__}"
+            )
+
+
+def as_numbers(value: Any, where: str) -> Array:
+    """Return an array of numbers; raise InputError for what is none."""
+    try:
+        return np.array(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InputError(f"{where}: has to be numbers, not {brief(value)}") from None
 
 
 def shortened(text: str, most: int = 60) -> str:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 from receding_fenicsx import long_run, mpi
 from receding_fenicsx.accuracy import meshes, space_errors
 from receding_fenicsx.accuracy.in_folder import Solved, draw_way, within_tolerance
+from receding_fenicsx.arrays import check_types
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.evolve import evolve_bare
@@ -97,6 +98,9 @@ def run(
         Interrupted: a signal asked to end; ``OUT.part`` holds the record up to there and can be
             resumed.
     """
+    check_types(
+        "run", scene=(scene, Scene), out=(out, str, Path, None), options=(options, RunOptions)
+    )
     if options.tolerance is not None:
         scene = replace(scene, accuracy=replace(scene.accuracy, tolerance=options.tolerance))
     validate(scene)

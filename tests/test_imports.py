@@ -14,7 +14,8 @@ PACKAGE = "receding_fenicsx"
 ROOT = Path(__file__).parents[1] / PACKAGE
 
 FLOORS = (
-    ("arrays", "errors"),
+    ("errors",),
+    ("arrays",),
     ("atomic", "environment", "mpi", "timing"),
     ("scene", "interface", "half_plane"),
     ("bulk", "evolution"),

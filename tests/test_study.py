@@ -101,6 +101,38 @@ def test_check_refuses_what_a_run_refuses(parts: dict[str, Any], words: str) -> 
     assert told[0] == told[1]
 
 
+def test_arguments_of_wrong_types_are_refused_by_name() -> None:
+    api: Any = rf
+    scene, number = small(), 3
+    system = rf.condense(scene)
+    calls: list[tuple[str, Any]] = [
+        ("run: scene", lambda: api.run("block.toml")),
+        ("run: out", lambda: api.run(scene, number)),
+        ("run: options", lambda: api.run(scene, None, {"overwrite": True})),
+        ("read_scene: path", lambda: api.read_scene(number)),
+        ("overrides", lambda: api.read_scene(DEMOS / "block.toml", number)),
+        ("override", lambda: api.read_scene(DEMOS / "block.toml", [number])),
+        ("joint_curve: scene", lambda: api.joint_curve("block.toml", "p0", [1.0])),
+        ("joint_curve: drive", lambda: api.joint_curve(scene, number, [1.0])),
+        ("joint_curve: amplitudes", lambda: api.joint_curve(scene, "p0", "1 to 2")),
+        ("joint_curve: out", lambda: api.joint_curve(scene, "p0", [1.0], number)),
+        ("sweep: over", lambda: api.sweep(scene, "contact.friction")),
+    ]
+    if system is not None:
+        calls += [
+            ("evolve: system", lambda: api.evolve("system.h5", scene)),
+            ("evolve: history", lambda: api.evolve(system, "cyclic")),
+            ("evolve: solver", lambda: api.evolve(system, scene, "events")),
+            ("evolve: output", lambda: api.evolve(system, scene, None, number)),
+            ("evolve: progress", lambda: api.evolve(system, scene, progress=number)),
+            ("evolve: until", lambda: api.evolve(system, scene, until=number)),
+        ]
+    for words, call in calls:
+        with pytest.raises(rf.InputError, match=words) as error:
+            call()
+        assert "\n" not in str(error.value)
+
+
 def test_run_leaves_all_files_and_returns_their_record(finished: Finished) -> None:
     out, record, heard = finished
     assert (record is None) == (comm.rank > 0)

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, check_types
 from receding_fenicsx.errors import InputError, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.checks import check_force_range
 from receding_fenicsx.evolution.collect import record_of
@@ -62,6 +63,15 @@ def evolve(
             one static problem.
         SolveError: a solver found no answer that satisfies the contact law.
     """
+    check_types(
+        "evolve",
+        system=(system, ContactSystem),
+        history=(history, Scene, History),
+        solver=(solver, SolverOptions, None),
+        output=(output, OutputOptions, None),
+        progress=(progress, Callable, None),
+        until=(until, str, None),
+    )
     if isinstance(history, Scene):
         if solver is not None or output is not None or initial_slip is not None:
             raise InputError(

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, as_numbers
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE
 from receding_fenicsx.evolution.prepare import has_probes_of, system_for
@@ -147,7 +147,7 @@ def _checked(
             f"[solver] steady_tolerance: {solver.steady_tolerance:g} is below the round-off of a "
             f'cycle; until = "limit" needs at least {LEAST_TOLERANCE:g}'
         )
-    v = np.zeros(n) if initial_slip is None else np.array(initial_slip, dtype=float)
+    v = np.zeros(n) if initial_slip is None else as_numbers(initial_slip, "initial_slip")
     if v.shape != (n,):
         raise InputError(f"initial_slip has shape {v.shape}, expected ({n},)")
     if not np.all(np.isfinite(v)):

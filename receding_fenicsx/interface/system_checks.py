@@ -4,9 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, brief, check_types
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
+
+OPTIONAL = ("f_backward", "edge", "slip_map")
+"""Arrays of a system that may be None."""
+ARRAYS = ("x", "points", "weight", "K", "r_star", "f", "g0", "held", "rigid", *OPTIONAL)
+"""Arrays of a system."""
 
 UNSYMMETRIC = 1e-8
 """Difference between K and its transpose, over the largest entry of K, up to which it is round-off
@@ -25,6 +30,25 @@ def check_system(system: ContactSystem) -> None:
     Raises:
         InputError: with the name of the array, and the node where there is one.
     """
+    for name in (*ARRAYS, "load_compliance", "load_sign"):
+        value = getattr(system, name)
+        numbers = isinstance(value, np.ndarray) and value.dtype.kind in "bfiu"
+        if not numbers and not (value is None and name in OPTIONAL):
+            raise InputError(
+                f"{name} of the contact system has to be an array of numbers, not {brief(value)}"
+            )
+    names = {key: (getattr(system, key), tuple) for key in ("load_names", "edge_names")}
+    flags = {key: (getattr(system, key), bool, np.bool_) for key in ("half", "axisymmetric")}
+    probes = system.probes
+    check_types(
+        "contact system",
+        scene_toml=(system.scene_toml, str),
+        probes=(probes, ProbeMatrix, None),
+        **names,
+        **flags,
+    )
+    if system.kind not in ("frictional", "normal") or system.x.ndim != 1:
+        raise InputError('the contact system needs kind = "frictional" or "normal", and x (N,)')
     n, loads = system.n, len(system.load_names)
     m = 2 * n if system.kind == "frictional" else n
     shapes = {
@@ -36,20 +60,18 @@ def check_system(system: ContactSystem) -> None:
         "f_backward": (n,),
         "g0": (n,),
         "held": (2 * n,),
+        "edge": (n,),
+        "slip_map": (n, n + loads),
     }
-    per_node = ["x", "weight", "f", "g0"]
-    if system.f_backward is None:
-        del shapes["f_backward"]
-    else:
-        per_node.append("f_backward")
     for name, shape in shapes.items():
-        array = np.asarray(getattr(system, name))
+        array = getattr(system, name)
+        if array is None:
+            continue
         if array.shape != shape:
             raise InputError(
                 f"{name} of the contact system has shape {array.shape}, expected {shape}: "
                 f"{n} nodes, {loads} loads"
             )
-    probes = system.probes
     if probes is not None:
         wanted = (len(probes.names), 6, 2 * n + loads)
         if probes.rows.shape != wanted or probes.points.shape != (len(probes.names), 2):
@@ -62,16 +84,25 @@ def check_system(system: ContactSystem) -> None:
             f"rigid of the contact system has shape {system.rigid.shape}, expected ({2 * n}, "
             "number of rigid motions)"
         )
-    for name in per_node:
-        _check_nodes(system, name, getattr(system, name), name not in ("x", "weight"))
+    for name in ("x", "weight", "f", "g0", "f_backward"):
+        if (values := getattr(system, name)) is not None:
+            _check_nodes(system, name, values, name != "x")
+    back = (np.diff(system.x) < 0.0) & (np.diff(system.edges) == 0)
+    if np.any(back) or np.any(np.diff(system.edges) < 0):
+        i = int(np.argmax(back))
+        raise InputError(
+            f"x of the contact system falls from node {i} to node {i + 1}; sort the nodes along x "
+            "on each edge, edge by edge"
+        )
     for name in ("K", "r_star", "rigid"):
         if not np.all(np.isfinite(getattr(system, name))):
             raise InputError(f"{name} of the contact system has entries that are not finite")
     K, largest = system.K, float(np.abs(system.K).max(initial=0.0))
     if float(np.abs(K - K.T).max(initial=0.0)) > UNSYMMETRIC * largest:
         raise InputError("K of the contact system is not symmetric")
-    if system.kind == "frictional" and system.rigid.size:
-        force = np.where(system.held[:, None], 0.0, K @ system.rigid)
+    if system.rigid.size:
+        rows = slice(2 * n - m, None)
+        force = np.where(system.held[rows, None], 0.0, K @ system.rigid[rows])
         if float(np.abs(force).max()) > NOT_RIGID * largest * float(np.abs(system.rigid).max()):
             raise InputError(
                 "rigid of the contact system holds a motion that its K resists: K @ rigid has to "

@@ -13,7 +13,7 @@ import numpy as np
 
 from receding_fenicsx import mpi, study
 from receding_fenicsx.accuracy.meshes import coarser
-from receding_fenicsx.arrays import Array
+from receding_fenicsx.arrays import Array, as_numbers, check_types
 from receding_fenicsx.atomic import make_folder, new_file
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError, SolveError
@@ -110,7 +110,14 @@ def joint_curve(
         SolveError: the preload has no equilibrium, or the smallest amplitude already moves all.
     """
     comm = mpi.world()
-    values = np.asarray(amplitudes, dtype=float)
+    check_types(
+        "joint_curve",
+        scene=(scene, Scene, ContactSystem),
+        drive=(drive, str),
+        out=(out, str, Path, None),
+        options=(options, SweepOptions),
+    )
+    values = as_numbers(amplitudes, "joint_curve: amplitudes")
     folder = None if out is None else Path(out)
     if isinstance(scene, ContactSystem):
         replaces = options.overwrite or options.resume

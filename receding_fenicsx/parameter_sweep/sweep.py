@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import mpi
+from receding_fenicsx.arrays import check_types
 from receding_fenicsx.errors import InputError, Interrupted
 from receding_fenicsx.long_run import INTERRUPTED, duration
 from receding_fenicsx.parameter_sweep import processes
@@ -89,6 +90,14 @@ def sweep(
             sweep, or the options contradict each other. Nothing has been computed then.
         Interrupted: a signal asked to end; the folder can be resumed.
     """
+    check_types(
+        "sweep",
+        scene=(scene, Scene),
+        over=(over, Mapping),
+        out=(out, str, Path, None),
+        measure=(measure, Callable, None),
+        options=(options, SweepOptions),
+    )
     comm = mpi.world()
     alone = comm.size == 1 or options.executor is not None
     _check_workers(workers, measure, options, comm)

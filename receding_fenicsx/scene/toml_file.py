@@ -12,6 +12,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+from receding_fenicsx.arrays import check_types
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.history.signal_file import with_signals
 from receding_fenicsx.scene.model import (
@@ -42,6 +43,7 @@ def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
     Raises:
         InputError: the file cannot be read, or the scene cannot be modelled; one line.
     """
+    check_types("read_scene", path=(path, str, Path))
     try:
         text = Path(path).read_bytes().decode("utf-8-sig")
     except FileNotFoundError:
@@ -70,6 +72,10 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
     Returns:
         The validated scene.
     """
+    check_types("scene", text=(text, str), overrides=(overrides, Iterable))
+    overrides = list(overrides)
+    for override in overrides:
+        check_types("scene", override=(override, str))
     try:
         raw = tomllib.loads(text)
     except (tomllib.TOMLDecodeError, RecursionError) as error:

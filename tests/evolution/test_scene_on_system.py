@@ -134,7 +134,7 @@ def test_a_mesh_file_of_another_content_is_another_body(tmp_path: Path) -> None:
 
 def test_what_is_neither_a_scene_nor_a_path_or_doubly_given_is_refused() -> None:
     scene = block()
-    with pytest.raises(InputError, match="a Scene or a History is needed, not a str"):
+    with pytest.raises(InputError, match="history has to be of type Scene or History, not str"):
         evolve(body(), "demos/block.toml")  # type: ignore[arg-type]
     for given in (
         {"solver": scene.solver},

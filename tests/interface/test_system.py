@@ -1,4 +1,5 @@
-from dataclasses import replace
+from dataclasses import fields, replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -159,3 +160,39 @@ def test_load_displacement_goes_over_into_the_frictionless_one() -> None:
     a = evolve(slight, history).turning_points.load_displacement[0, 0]
     b = evolve(eliminate_tangential(none), history).turning_points.load_displacement[0, 0]
     assert abs(a - b) < 1e-6 * abs(b)
+
+
+@pytest.mark.parametrize("name", [field.name for field in fields(ContactSystem)])
+def test_a_field_of_a_wrong_type_is_refused_by_its_name(name: str) -> None:
+    may_be_none = ("slip_map", "edge", "f_backward", "probes")
+    wrong: list[Any] = ["x", None, 3, [1, 2], {"a": 1}]
+    for bad in wrong:
+        # evolve leaves the text of a scene out of account
+        if name == "scene_toml" or (bad is None and name in may_be_none):
+            continue
+        system = replace(block_system(8, 2), **{name: bad})
+        with pytest.raises(InputError, match=name) as error:
+            evolve(system, cyclic(1))
+        assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda s: {"weight": -s.weight}, "weight of the contact system is .* at node 0"),
+        (lambda s: {"x": s.x[::-1].copy()}, "x of the contact system falls from node 0 to node 1"),
+        (lambda s: {"edge": np.arange(s.n)[::-1].copy()}, "sort the nodes"),
+        (lambda s: {"rigid": np.eye(2 * s.n)[:, :1]}, "a motion that its K resists"),
+    ],
+)
+def test_weights_order_and_motions_without_meaning_are_refused(change: Any, words: str) -> None:
+    system = block_system(8, 2)
+    with pytest.raises(InputError, match=words):
+        evolve(replace(system, **change(system)), cyclic(1))
+
+
+def test_motions_that_a_system_without_friction_resists_are_refused() -> None:
+    system = eliminate_tangential(block_system(8, 2, f=0.0))
+    evolve(system, cyclic(1))
+    with pytest.raises(InputError, match="a motion that its K resists"):
+        evolve(replace(system, rigid=np.eye(2 * system.n)[:, -1:]), cyclic(1))
