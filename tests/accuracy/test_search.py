@@ -143,6 +143,15 @@ def test_the_budget_ends_a_search_before_a_mesh_that_would_exceed_it() -> None:
     assert spent <= 20.0 < spent + 2.9**2 * found.levels[-1].seconds
 
 
+def test_the_seconds_of_all_meshes_count_in_the_budget() -> None:
+    """The next mesh alone would take some seconds, but most of the budget is spent."""
+    numbers = {"centre_pressure": Number(1.01)}, {"centre_pressure": Number(1.005)}
+    levels = Level(32, 65, 18.0, numbers[0]), Level(64, 129, 1.0, numbers[1])
+    found = search(scene_of(1e-4, budget=20.0), made_up(), levels)
+    assert "the budget of 20 s ends first: 19 s are spent" in found.reason
+    assert found.levels == list(levels)
+
+
 def test_a_number_that_the_run_does_not_have_is_refused_with_those_that_it_has() -> None:
     solve = made_up(centre_pressure=lambda n: 1.0 / n, dissipation_ratio=lambda n: 1.0 / n)
     with pytest.raises(InputError, match="no 'stick_left'; it has centre_pressure, dissipation"):

@@ -21,7 +21,16 @@ from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.reference.closed_forms import BLOCK
-from receding_fenicsx.scene.model import Load, Scene
+from receding_fenicsx.scene.model import (
+    Body,
+    Contact,
+    HistoryOptions,
+    Load,
+    Material,
+    MeshOptions,
+    Scene,
+    Support,
+)
 from receding_fenicsx.scene.options import NUMBERS
 from receding_fenicsx.scene.toml_file import read_scene
 
@@ -278,6 +287,23 @@ def test_the_centre_of_a_round_contact_is_the_axis_and_that_of_a_ring_its_middle
     plane = solve(scene_of(24, "load.p0.span=[-2, 2]", "history.cycles=1"))
     pressures = [headline(record)["centre_pressure"].value for record in (ring, plane)]
     assert pressures[0] == pytest.approx(pressures[1], rel=0.01)
+
+
+def test_ends_of_a_contact_are_those_of_hertz() -> None:
+    # a^2 = 4 P R / (pi E*) with a = 0.4 and R = 10
+    force = 0.4**2 * np.pi / (1.0 - 0.3**2) / 40.0
+    scene = Scene(
+        body=Body("a", shape="half-plane", width=2.0),
+        material=Material(1.0, 0.3),
+        mesh=MeshOptions(contact_elements=80),
+        contacts=(Contact("bottom", friction=0.0, initial_gap="x**2/20"),),
+        loads=(Load("P", "far", platen=True, force=(0.0, -force)),),
+        supports=(Support("x", edge="far"),),
+        history=HistoryOptions("monotonic"),
+    )
+    found = headline(solve(scene))
+    assert found["contact_left"].value == pytest.approx(-0.4, abs=0.005)
+    assert found["contact_right"].value == pytest.approx(0.4, abs=0.005)
 
 
 def test_the_estimate_shows_that_linear_triangles_lock_near_incompressibility() -> None:

@@ -73,6 +73,14 @@ def test_a_slender_block_that_sticks_vibrates_as_a_cantilever_and_a_bar() -> Non
 
 
 @pytest.mark.one_rank
+def test_a_cylinder_that_sticks_vibrates_as_a_bar() -> None:
+    scene = block(0.1, 1.0, 8)
+    scene = replace(scene, material=replace(scene.material, kinematics="axisymmetric"))
+    _, omega = driven(scene, "mode:1", {"N": 1.0})
+    assert omega[0] == pytest.approx(0.5 * np.pi * np.sqrt(200.0 / 2.0), rel=1e-6)
+
+
+@pytest.mark.one_rank
 def test_a_free_block_has_a_mode_without_friction_that_slides() -> None:
     with pytest.raises(rf.InputError, match="mode 1 moves the bodies rigidly"):
         driven(block(1.0, 1.0, 8, friction=0.0), "mode:1", {"N": 1.0})
@@ -142,6 +150,13 @@ def test_bolts_and_springs_between_bodies_hold_a_mode() -> None:
     for parts in ({"springs": spread}, {"bolts": (bolt,)}):
         _, omega = driven(replace(scene, **parts), "mode:1", {"N": 1.0})
         assert omega[0] == pytest.approx(np.sqrt(0.3 / 2.0), rel=1e-5)
+    # cylinders on a ring of bolts, whose stiffness is that of all of them
+    ring = replace(scene, material=replace(scene.material, kinematics="axisymmetric"))
+    supports = (rf.Support("xy", edge="b.bottom"),)
+    contacts = (replace(scene.contacts[0], span=(0.0, 0.25)),)
+    ring = replace(ring, bolts=(bolt,), supports=supports, contacts=contacts)
+    _, omega = driven(ring, "mode:1", {"N": 1.0})
+    assert omega[0] == pytest.approx(np.sqrt(0.3 / (2.0 * np.pi * 0.5**2)), rel=1e-5)
 
 
 @pytest.mark.one_rank

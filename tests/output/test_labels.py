@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cache
 
 from mpi4py import MPI
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from drawn_text import check_texts
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
@@ -98,6 +100,32 @@ def test_areas_of_all_loops_are_the_dissipation_with_forces_and_stresses_upwards
         x, y = curve(left, 0).T
         work += float(np.sum(0.5 * (y[1:] + y[:-1]) * np.diff(x)))
     assert work == pytest.approx(found.cycles.dissipation[-1], rel=0.01)
+
+
+def test_entries_of_legends_have_the_colours_of_their_curves() -> None:
+    found = fretting("table")
+    moment, d = found.at(3, leg=0), found.cycles.dissipation_density
+    figure = rf.figures.tractions(found, moment)
+    used = found.weight > 0.0
+    shown = {"$p$": moment.p, "$q$": moment.q}
+    check_legend(figure.legends[0].get_lines(), figure.axes[1], shown, used)
+    figure = rf.figures.dissipation_density(found)
+    lines = figure.legends[0].get_lines()
+    check_legend(lines, figure.axes[0], {"cycle 1": d[0], "cycle 3": d[-1]}, used)
+    (ratio,) = rf.figures.dissipation_per_cycle(found).axes[0].lines
+    assert np.allclose(ratio.get_ydata(), found.cycles.dissipation / found.cycles.dissipation[0])
+
+
+def check_legend(
+    entries: Sequence[Line2D], axes: Axes, shown: dict[str, np.ndarray], used: np.ndarray
+) -> None:
+    """Assert that the entries of a legend name the curves of their colours."""
+    assert [str(entry.get_label()) for entry in entries] == list(shown)
+    for entry in entries:
+        (line,) = (
+            x for x in axes.lines if x.get_color() == entry.get_color() and len(x.get_xdata()) > 2
+        )
+        assert np.array_equal(line.get_ydata(), shown[str(entry.get_label())][used])
 
 
 def test_figures_of_harmonic_loads_are_drawn_over_their_phase() -> None:

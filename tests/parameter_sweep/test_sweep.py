@@ -39,6 +39,20 @@ def lines(folder: Path) -> list[bytes]:
     return (folder / "cases.jsonl").read_bytes().splitlines(keepends=True)
 
 
+def test_the_command_fails_where_all_cases_do(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    settings = [word for change in SMALL for word in ("--set", change)]
+    for code, minima in ((0, "0.25,0.5"), (1, "0.5,0.45")):
+        command = ["sweep", BLOCK, *settings, "--out", str(shared_tmp_path / f"out{code}")]
+        # the minimum has to be below the maximum
+        command += ["--over", "history.maximum=0.4,1", "--over", f"history.minimum={minima}"]
+        command += ["--set", "solver.method=gauss-seidel", "--set", "solver.max_sweeps=1"] * code
+        assert cli.main(command) == code
+    if comm.rank == 0:
+        assert "1 failed" in (printed := capsys.readouterr().out) and "4 failed" in printed
+
+
 def test_rows_hold_the_numbers_of_single_runs() -> None:
     table = rf.sweep(scene(), OVER)
     for k, (f, minimum) in enumerate((f, m) for f in (0.2, 0.6) for m in (0.0, 0.25, 0.5)):

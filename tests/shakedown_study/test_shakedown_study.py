@@ -17,7 +17,7 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.evolution.limit import starts
 from receding_fenicsx.shakedown_study import study
-from receding_fenicsx.shakedown_study.figures import steady_states_figure
+from receding_fenicsx.shakedown_study.figures import diagram_figure, steady_states_figure
 
 SCENE = """
 title = "sheared block"
@@ -172,6 +172,23 @@ def test_edges_that_recede_get_their_sentence_and_two_meshes() -> None:
         assert np.any(found.limits.separated)
         assert any("the continuum slips at any load range" in note for note in found.notes)
         assert found.meshes[0][2] < found.meshes[1][2]
+
+
+def test_text_and_diagram_show_the_limits_at_the_mean_of_the_scene() -> None:
+    found = rf.shakedown(rf.from_toml(SCENE, ["shakedown.mean={press=1.0, shear=0.1}"]))
+    if found is None:
+        return
+    limits, diagram = found.limits, found.diagram
+    assert diagram.given == 0.1 and limits.lower < 0.9 * limits.upper
+    assert np.interp(0.1, diagram.mean, diagram.upper) == pytest.approx(limits.upper, rel=0.02)
+    # a mean of 0.2 has a smaller limit by far
+    assert np.interp(0.2, diagram.mean, diagram.upper) < 0.9 * limits.upper
+    (_, *own), (nodes, lower, upper) = found.meshes
+    assert own == [limits.lower, limits.upper]
+    assert f"second mesh   {lower:.6g} and {upper:.6g} with {nodes} nodes" in str(found)
+    lines = {line.get_label(): line for line in diagram_figure(diagram).axes[0].lines}
+    assert np.array_equal(lines[r"$\lambda_1$"].get_ydata(), diagram.lower)
+    assert np.array_equal(lines[r"$\lambda_2$"].get_ydata(), diagram.upper)
 
 
 # -- many starts ----------------------------------------------------------------------------------
