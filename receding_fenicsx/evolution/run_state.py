@@ -22,10 +22,12 @@ from receding_fenicsx.evolution.instants import Event, Instant, instant, rest_st
 from receding_fenicsx.evolution.probing import known_places, probed_at
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
-from receding_fenicsx.interface.law import STATE_NAMES, State
+from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
+from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STATE_NAMES, STICK, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
-from receding_fenicsx.interface.system import ContactState, Leg
+from receding_fenicsx.interface.residual import local_stiffness
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.uniqueness.watch import UNKNOWN, Uniqueness, UniquenessWatch
 
 log = logging.getLogger(__name__)
@@ -185,6 +187,7 @@ class RunState:
             count = self.problem.samples_on(number) if samples is not None else 0
             leg = self.solver.trace_leg(state, ends, scale, count)
         check_holds(self.model, leg, ends[1])
+        stick_at_rest(self.model, state, leg)
         if samples is not None:
             a, b = ends
             samples.instants += [
@@ -218,6 +221,32 @@ class RunState:
             jumps=before.jumps + len(leg.jumps),
             released=before.released + sum(energy for _, energy in leg.jumps),
         )
+
+
+def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
+    """Let nodes stick at the end of a leg that come to their friction limit only there.
+
+    Whether such a node sticks or begins to slip at the very end is decided by round-off, for half a
+    body otherwise than for the whole one. It sticks as long as it has not moved on the leg; where
+    the next leg moves it, it slips from that one's start.
+
+    Args:
+        model: the condensed body in 2N form.
+        start: state at the leg's start.
+        leg: the leg; its end and its events are changed.
+    """
+    still = (start.state == STICK) & (SLIP_SIGN[leg.end.state] != 0.0) & model.friction.present
+    if not still.any():
+        return
+    none = EVENT_RESIDUAL * leg.force_scale / local_stiffness(model)[0]
+    limit = np.abs(model.friction.at_slip(leg.end.state) * leg.end.P)
+    # the dissipation tells of slip that has gone back to where it began
+    still &= (np.abs(leg.end.v - start.v) <= none) & (leg.dissipation <= limit * none)
+    still[[node for _, node, _, new in leg.events if new == SEPARATION]] = False
+    if still.any():
+        leg.end = replace(leg.end, state=np.where(still, STICK, leg.end.state).astype(np.int8))
+        leg.events = [event for event in leg.events if not still[event[1]]]
+        leg.samples = [(s, leg.end if s == 1.0 else state) for s, state in leg.samples]
 
 
 def _log_leg(leg: Leg, error: float) -> None:

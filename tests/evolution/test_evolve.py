@@ -25,6 +25,29 @@ def kept_cycles(record: Record) -> list[int]:
     return sorted(set(record.samples.cycle.tolist()))
 
 
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("beyond", [-3, 0, 1, 3])
+def test_round_off_does_not_name_a_node_that_comes_to_its_limit_at_the_end_of_a_leg(
+    beyond: int, side: float
+) -> None:
+    """K = I, f P = 1/2, pulled to its limit and some units of round-off: it sticks until it moves.
+
+    Half a body and the whole one differ by as much.
+    """
+    node = small_system(np.eye(2), {"press": [0, 1], "pull": [-1, 0]}, 0.5)
+    pull = side * 0.5 * (1.0 + beyond * 2.3e-16)
+    path = [[0, 0], [1, 0], [1, pull], [1, 1.2 * side], [1, pull], [1, pull + 1e-6 * side]]
+    forward = State.FORWARD_SLIP if side > 0.0 else State.BACKWARD_SLIP
+    for solver in (None, STEPS):
+        record = evolve(node, table(node, path), solver, OutputOptions(1, "all"))
+        table_ = record.turning_points
+        assert table_.state.ravel().tolist() == [1, 1, forward, 1, 1]
+        assert record.samples.state.ravel().tolist() == [1, 1, forward, 1, 1]
+        assert record.events.leg.tolist() == [2, 3] and record.n_events == 2
+    slipped = [[0, 0], [1, 0], [1, pull], [1, pull + 1e-6 * side]]
+    assert evolve(node, table(node, slipped)).turning_points.state[-1] == forward
+
+
 def test_the_usual_cycles_and_the_last_are_sampled() -> None:
     record = evolve(BLOCK, cyclic(12))
     assert kept_cycles(record) == [0, 1, 2, 9, 12]

@@ -12,18 +12,13 @@ from replay import replay
 from small import cyclic, small_system, table
 
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals
 from receding_fenicsx.evolution.evolve import continue_history, evolve
-from receding_fenicsx.evolution.instants import Event, Instant, instant
 from receding_fenicsx.evolution.journal import Journal, JournalFile
 from receding_fenicsx.evolution.limit import jump
-from receding_fenicsx.evolution.limit.ends import may_stick, sticking_at_end
 from receding_fenicsx.evolution.limit.uniqueness import is_p_matrix
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
-from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.storage.hdf5 import read_record, write_record
@@ -219,55 +214,6 @@ def test_nodes_that_come_to_their_limit_at_the_end_stick_there(
             assert now[events.node[k]] == events.old[k]
             now[events.node[k]] = events.new[k]
         assert np.array_equal(now, end)
-
-
-@pytest.mark.parametrize(
-    ("Q", "P", "w", "old", "new", "same"),
-    [
-        (-0.5, 1.0, 0.0, FORWARD, STICK, True),
-        (0.5, 1.0, 0.0, BACKWARD, STICK, True),
-        (0.5, 1.0, 0.0, STICK, BACKWARD, False),
-        (0.5, 1.0, 0.0, BACKWARD, FORWARD, False),
-        (0.5 + 1e-9, 1.0, 0.0, BACKWARD, STICK, False),
-        (0.0, 0.0, 0.0, SEPARATION, STICK, False),
-        (0.0, 0.0, 1.0, SEPARATION, SEPARATION, True),
-    ],
-)
-def test_whether_one_node_may_stick(
-    Q: float, P: float, w: float, old: int, new: int, same: bool
-) -> None:
-    model = small_system([[1.0, 0.0], [0.0, 1.0]], {"p0": [0.0, 1.0]}, 0.5)
-    end = ContactState(np.array([0.0, w]), np.array([Q, P]), np.array([old], dtype=np.int8))
-    assert may_stick(model, np.array([new], dtype=np.int8), end, 1.0) == same
-
-
-@pytest.mark.parametrize(
-    ("before", "slip", "sticks"),
-    [(STICK, 1e-15, True), (STICK, 1e-6, False), (FORWARD, 0.0, False)],
-)
-def test_only_a_slip_that_begins_at_the_end_is_left_out(
-    before: int, slip: float, sticks: bool
-) -> None:
-    # a node that has slipped and come to rest on its limit ends the cycle in slip
-    model = small_system([[1.0, 0.0], [0.0, 1.0]], {"p0": [0.0, 1.0]}, 0.5)
-
-    def at(leg: int, v: float, state: int) -> Instant:
-        states = np.array([state], dtype=np.int8)
-        now = ContactState(np.array([v, 0.0]), np.array([-0.5, 1.0]), states)
-        return instant(model, (2, leg, 1.0), np.ones(1), now)
-
-    corners = [at(0, 0.1, before)._replace(load=np.zeros(1)), at(1, 0.1 + slip, FORWARD)]
-    corners.append(corners[-1]._replace(leg=2))  # on which nothing moves
-    event = Event(2, 1, 1.0 - 1e-14, np.ones(1), 0, STICK, FORWARD)
-    cycle = FinishedCycle(
-        corners, np.zeros(1), np.zeros(1), Totals(force_scale=1.0, events=5),
-        Samples(corners[1:], [event]),
-    )  # fmt: skip
-    found = sticking_at_end(model, cycle, np.array([STICK], dtype=np.int8))
-    assert (found is not None) == sticks
-    if found is not None:
-        assert found.samples is not None and found.samples.events == []
-        assert found.corners[-1].state.state == STICK and found.totals.events == 4
 
 
 def test_a_node_that_would_slip_back_has_no_limit_by_the_search(

@@ -11,7 +11,6 @@ import numpy as np
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle, end_of, new_watch
 from receding_fenicsx.evolution.instants import Instant, instant
-from receding_fenicsx.evolution.limit.ends import may_stick, sticking_at_end
 from receding_fenicsx.evolution.limit.foresight import error_of, is_as_foreseen
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
 from receding_fenicsx.evolution.limit.passing import CLEAR, DOUBT, clearance, is_robust
@@ -209,11 +208,6 @@ class LimitSearch:
             change = np.abs(end.r - state.r).max() if in_steps else 0.0
             if change <= bound and np.array_equal(state.state, end.state):
                 return begin, cycle
-            force = trial.position.totals.force_scale
-            if not in_steps and may_stick(trial.model, state.state, end, force):
-                sticking = sticking_at_end(trial.model, cycle, state.state)
-                if sticking is not None:
-                    return begin, sticking
             # a node that just reaches its limit at the end begins the next cycle in slip
             state = end
         raise NoLimit("the cycle that was found does not end as it begins")
