@@ -35,6 +35,13 @@ def test_each_branch_is_a_line_from_rest_and_ends_are_crossed() -> None:
     assert opened[0].tolist() == [0.0, 0.0]
     assert np.abs(opened - [4 / 7, 1.0]).sum(axis=1).min() < 1e-12
     assert first.lines[1].get_marker() == "x" and end.tolist() == [[0.0, 1.0]]
+    # the legend names each line by its colour, and the cross has that of its branch
+    (legend,) = figure.legends
+    entries = zip(legend.get_texts(), legend.get_lines(), strict=True)
+    colours = {text.get_text(): line.get_color() for text, line in entries}
+    drawn = [line for axes in figure.axes for line in axes.lines if line.get_marker() != "x"]
+    assert all(line.get_color() == colours[str(line.get_label())] for line in drawn)
+    assert len(set(colours.values())) == 3 and first.lines[1].get_color() == colours[labels[0]]
 
 
 def test_a_mode_is_drawn_in_the_colours_of_its_assumed_directions() -> None:

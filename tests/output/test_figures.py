@@ -704,3 +704,18 @@ def test_png_holds_every_pixel_and_the_size_on_paper() -> None:
     with Image.open(io.BytesIO(saving.png_of(pixels, rf.style.DPI))) as image:
         assert image.info["dpi"] == pytest.approx((rf.style.DPI, rf.style.DPI), rel=1e-4)
         assert np.array_equal(np.asarray(image), pixels)
+
+
+def test_the_legend_of_the_density_names_the_first_and_the_last_cycle() -> None:
+    found = record()
+    figure = rf.figures.dissipation_density(found)
+    (legend,) = figure.legends
+    entries = zip(legend.get_texts(), legend.get_lines(), strict=True)
+    colours = {text.get_text(): line.get_color() for text, line in entries}
+    density = found.cycles.dissipation_density
+    for line in figure.axes[0].lines:
+        row = {"cycle 1": 0, "cycle 10": -1}[str(line.get_label())]
+        drawn = np.asarray(line.get_ydata())
+        assert drawn / drawn.max() == pytest.approx(density[row] / density[row].max(), rel=1e-12)
+        assert line.get_color() == colours[str(line.get_label())]
+    assert set(colours) == {"cycle 1", "cycle 10"} and len(set(colours.values())) == 2

@@ -7,7 +7,7 @@ import models
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
-from small import cyclic
+from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.loops import representative_nodes, shown_cycles
@@ -112,6 +112,19 @@ def test_trajectories_stay_in_the_friction_cone_that_is_drawn() -> None:
         for line in axes.lines:
             q, p = line.get_data()
             assert np.all(np.abs(q) <= slope * np.asarray(p) * (1.0 + 1e-9) + 1e-12)
+
+
+def test_the_plane_of_a_node_with_a_gap_is_drawn_where_it_touches() -> None:
+    """K = I pressed by lambda: the gap 0.3 closes at lambda = 0.3, where w = -0.3."""
+    node = small_system(np.eye(2), {"press": [0.0, 1.0]}, 0.5, 0.3)
+    found = rf.evolve(node, table(node, [0.0, 1.0], [1.0, 0.0, 1.0], 1))
+    below = rf.figures.trajectories(found, nodes=[0]).axes[-1]
+    (plane,) = (
+        line for line in below.lines if np.array_equal(np.asarray(line.get_xdata()), [0, 1])
+    )
+    w = np.concatenate([line.get_ydata() for line in below.lines])
+    assert np.asarray(plane.get_ydata())[0] == pytest.approx(w.min(), rel=1e-12)
+    assert w.max() == 0.0
 
 
 def test_nodes_that_are_not_there_are_refused() -> None:

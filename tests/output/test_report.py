@@ -1,12 +1,15 @@
 """The report: complete in itself, its numbers those of the summary."""
 
 import base64
+import dataclasses
 import io
 import re
 from functools import cache
 from html import unescape
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import models
 import numpy as np
@@ -15,9 +18,12 @@ from PIL import Image
 from small import cyclic
 
 import receding_fenicsx as rf
+from receding_fenicsx.evolution.record_data import Limit
+from receding_fenicsx.output.report.bolts import loose_warnings
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.html_pictures import CAPTIONS
 from receding_fenicsx.output.report.text import extremes_of
+from receding_fenicsx.output.report.uniqueness import uniqueness_lines
 from receding_fenicsx.output.storage.summary_file import write_summary
 
 pytestmark = pytest.mark.one_rank
@@ -239,3 +245,38 @@ def test_every_edge_of_several_has_its_rows_and_its_figures(tmp_path: Path) -> N
     limit = "friction limit reached without slip in the last cycle, x from"
     assert rows[limit] == "-0.5 to 0.25 on left"
     assert rows["dissipation ratio 0.5, estimated space error"] == "1.0e-04"
+
+
+@pytest.mark.parametrize("period", [1, 2])
+def test_a_limit_of_a_period_reports_the_mean_over_it(period: int) -> None:
+    found = rf.evolve(models.block_system(24, 6), cyclic(4))
+    D = np.array([4.0, 9.0, 1.0, 3.0])
+    found = dataclasses.replace(
+        found,
+        cycles=dataclasses.replace(found.cycles, dissipation=D),
+        steady=dataclasses.replace(found.steady, reached=True, cycle=4, period=period),
+        limit=Limit(True, 4, 9, 0, 0.0, -1, "", True),
+    )
+    limit = rf.summarise(found)["limit"]
+    assert limit["dissipation"] == D[-period:].mean() and limit["period"] == period
+    assert limit["dissipation_ratio"] == D[-period:].mean() / 4.0
+
+
+@pytest.mark.parametrize("half", [True, False])
+def test_half_a_model_speaks_of_mirror_symmetric_paths_alone(half: bool) -> None:
+    system = models.block_system(24 if half else 48, 6, half=half)
+    summary = rf.summarise(rf.evolve(system, cyclic(1)))
+    head, words = uniqueness_lines(summary)[0]
+    assert head == "only path from its start"
+    assert ("among mirror-symmetric paths" in words) == half == system.half
+
+
+def test_a_bolt_that_pushes_has_its_warning_and_a_tight_one_none() -> None:
+    force = np.array([[0.0, 5.0], [4.0, 5.0], [-1.0, 2.0], [3.0, -1e-12]])
+    found: Any = SimpleNamespace(
+        scene=SimpleNamespace(bolts=[SimpleNamespace(name="loose"), SimpleNamespace(name="tight")]),
+        load_names=("loose", "tight"),
+        turning_points=SimpleNamespace(load_displacement=force),
+    )
+    (line,) = loose_warnings(found)
+    assert line.startswith("bolt 'loose': its force falls to -1, a push")

@@ -25,7 +25,7 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, scaled
 from receding_fenicsx.output.snapshots.layout import layout_of
-from receding_fenicsx.output.snapshots.load_arrows import Arrows
+from receding_fenicsx.output.snapshots.load_arrows import Arrows, _traction
 from receding_fenicsx.output.snapshots.page import compose
 from receding_fenicsx.output.snapshots.view import Strip, View
 from receding_fenicsx.pictures import shown_instant
@@ -160,6 +160,45 @@ def test_arrows_end_on_the_deformed_edge_that_they_press() -> None:
     edge = view.moved[top]
     expected = np.interp(load.heads[:, 0], edge[:, 0], edge[:, 1]) + 0.02
     assert load.heads[:, 1] == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("axisymmetric", [True, False])
+def test_a_platen_has_the_arrows_of_its_mean_pressure(axisymmetric: bool) -> None:
+    width, force = 3.0, 7.0
+    area = np.pi * (0.5 * width) ** 2 if axisymmetric else width
+    scene = rf.Scene(
+        body=rf.Body(width=width, height=1.0),
+        material=rf.Material(kinematics="axisymmetric" if axisymmetric else "plane strain"),
+        loads=(
+            rf.Load("F", "top", platen=True, force=(0.0, -force)),
+            rf.Load("p", "top", pressure=force / area),
+        ),
+    )
+    (at, platen), (there, pressure) = (_traction(scene, load, 0.3) for load in scene.loads)
+    assert np.array_equal(at, there) and platen == pytest.approx(pressure)
+    assert pressure[:, 1] == pytest.approx(-force / area)
+
+
+@pytest.mark.one_rank
+def test_in_a_section_forward_friction_is_that_of_outward_slip_on_both_sides() -> None:
+    friction: Any = {"forward": 0.4, "backward": 0.1}
+    scene = rf.Scene(
+        body=rf.Body(width=2.0, height=1.0),
+        material=rf.Material(kinematics="axisymmetric"),
+        mesh=rf.MeshOptions(contact_elements=8),
+        contacts=(rf.Contact(friction=friction),),
+        loads=(rf.Load("p0", "top", pressure=1.0),),
+        history=rf.HistoryOptions(kind="monotonic"),
+    )
+    made = seen(scene, 0)
+    assert made is not None
+    view, *_ = made
+    left = view.x < 0.0
+    assert left.any() and (~left).any()
+    # slip towards +x is inward on the left
+    assert np.array_equal(view.f.forward, np.where(left, 0.1, 0.4))
+    assert np.array_equal(view.f.backward, np.where(left, 0.4, 0.1))
 
 
 @pytest.mark.parametrize("symmetry", ["auto", "none"])

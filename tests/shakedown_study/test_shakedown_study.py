@@ -10,6 +10,8 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgba
+from matplotlib.patches import Patch
 from shakedown_cases import LOWER, TO_AND_FRO, UPPER, two_nodes
 from small import small_system
 
@@ -17,7 +19,9 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.evolution.limit import starts
 from receding_fenicsx.shakedown_study import study
+from receding_fenicsx.shakedown_study.diagram import Diagram
 from receding_fenicsx.shakedown_study.figures import diagram_figure, steady_states_figure
+from receding_fenicsx.shakedown_study.result import ShakedownStudy
 
 SCENE = """
 title = "sheared block"
@@ -254,6 +258,10 @@ def test_direction_of_slip_between_turning_points_is_that_of_the_displacement() 
     assert np.all((found[0] == rf.State.STICK) == ~slips)
     both = {rf.State.FORWARD_SLIP, rf.State.BACKWARD_SLIP}
     assert all({a, b} == both for a, b in zip(*(states[slips] for states in found), strict=True))
+    # of the moves of the cycle the largest counts; v that rises is forward slip
+    moves = np.diff(table.v[table.cycle >= table.cycle.max() - 1][-3:], axis=0)[:, slips]
+    largest = moves[np.abs(moves).argmax(axis=0), np.arange(moves.shape[1])]
+    assert np.array_equal(found[0][slips] == rf.State.FORWARD_SLIP, largest > 0.0)
 
 
 @pytest.mark.one_rank
@@ -283,3 +291,37 @@ def test_steady_states_need_cycles() -> None:
         rf.steady_states(system, history, 2.5)  # type: ignore[arg-type]
     with pytest.raises(rf.InputError, match="factor must be a finite number"):
         rf.range_history(system, {}, [], float("nan"))
+
+
+@pytest.mark.one_rank
+def test_interval_holds_starts_that_reached_a_steady_state() -> None:
+    kinds = ("not reached", "cyclic slip", "shakedown", "failed", "ratchetting")
+    D = np.array([9.0, 3.0, 1.0, np.nan, 2.0])
+    none = np.zeros((5, 1))
+    states = rf.SteadyStates(
+        none[0], kinds, none, D, kinds, none.astype(np.int8), np.ones(5, dtype=np.int64), {}
+    )
+    assert states.interval == (1.0, 3.0) and states.slips_for_ever == 3
+
+
+@pytest.mark.one_rank
+def test_text_and_diagram_name_each_mesh_limit_and_region_by_its_own() -> None:
+    system = two_nodes()
+    limits = rf.shakedown_limits(system, {"mean": 1.0}, TO_AND_FRO)
+    mean = np.array([0.5, 1.0])
+    diagram = Diagram("mean", mean, mean * limits.lower, mean * limits.upper, 1.0)
+    found = ShakedownStudy(system, limits, ((9, 0.1, 0.2), (17, 0.3, 0.4)), diagram, None, ())
+    assert "0.3 and 0.4 with 17 nodes instead of 9" in str(found)
+    figure = diagram_figure(diagram)
+    (legend,) = figure.legends
+    entries = zip(legend.get_texts(), legend.legend_handles, strict=True)
+    patches = {
+        text.get_text(): to_rgba(h.get_facecolor()) for text, h in entries if isinstance(h, Patch)
+    }
+    below, between = figure.axes[0].collections
+    for area, name, middle in (
+        (below, "shakes down", 0.5 * limits.lower),
+        (between, "depends on the start", 0.5 * (limits.lower + limits.upper)),
+    ):
+        assert area.get_paths()[0].contains_point((0.999, middle))
+        assert to_rgba(np.asarray(area.get_facecolor())[0]) == patches[name]
