@@ -38,8 +38,13 @@ def random_problem(seed: int) -> tuple[ContactSystem, History]:
     return system, table(system, [[0.0, 0.0], *corners[: 2 + int(rng.integers(3))]])
 
 
-def all_ends(system: Any, history: History) -> Ends:
+def all_ends(system: Any, history: History, counts: list[int] | None = None) -> Ends:
     """Return the ends of all branches, those that mean the same once; the judge of the package.
+
+    Args:
+        system: condensed body of a few nodes.
+        history: a path without cycles.
+        counts: takes the number of continuations at each instant.
 
     Raises:
         TooMany: there is more to try than time allows.
@@ -53,7 +58,7 @@ def all_ends(system: Any, history: History) -> Ends:
         for u, state, force in here:
             r = [load @ system.r_star + system.K @ u for load in (a,)]
             force = max(force, float(np.abs(r).max()) if leg else 0.0)
-            for end in follow(system, a, b, u, state, force):
+            for end in follow(system, a, b, u, state, force, counts=counts):
                 if end.s < 1.0:
                     found.append((leg, end.s, end.u))
                 else:

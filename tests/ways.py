@@ -157,7 +157,14 @@ def _along(free: Array, A: Array, b: Array) -> Array:
 
 
 def follow(
-    system: Any, a: Array, b: Array, u: Array, state: Array, force: float, close: float = NEAR
+    system: Any,
+    a: Array,
+    b: Array,
+    u: Array,
+    state: Array,
+    force: float,
+    close: float = NEAR,
+    counts: list[int] | None = None,
 ) -> list[End]:
     """Follow every branch along a leg.
 
@@ -169,6 +176,7 @@ def follow(
         state: (N,) states at the start.
         force: largest nodal force so far.
         close: distance from a limit, over the largest force, that counts as being on it.
+        counts: takes the number of continuations at each instant.
 
     Returns:
         The ends of all branches.
@@ -194,6 +202,8 @@ def follow(
         near = close * force + body.round_off(load, u)
         r = body.reactions(load, u)
         found = rates(body, b - a, choices(body, r, u, state, near))
+        if counts is not None:
+            counts.append(len(found))
         if not found or still > STANDING:
             ends.append(End(s, u.astype(float), state))
             continue

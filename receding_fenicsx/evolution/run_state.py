@@ -99,6 +99,11 @@ class RunState:
                 raise
             if self.problem.judged:
                 self.uniqueness.add((number, k), self.position.state, (a, b), leg, static)
+                for choice in self.problem.chooser.choices if self.problem.chooser else ():
+                    if (choice.cycle, choice.leg) == (number, k):
+                        at, found = (number, k, choice.s), self.uniqueness.found
+                        found = found.with_doubt(at, choice.nodes, choice.solutions)
+                        self.uniqueness.found = found
             self.position = Position(leg.end, b, totals)
             dissipation += leg.dissipation
             self.corners.append(instant(self.problem.system, (number, k, 1.0), b, leg.end))

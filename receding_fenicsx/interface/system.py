@@ -190,6 +190,9 @@ class Leg:
         sweeps: Gauss-Seidel sweeps spent.
         jumps: (s, energy released) of every jump that was stepped over.
         stops: (s, u) at the events, for probes; between these and the samples u is taken as linear.
+        ties: (s, node, state, other state) of nodes that sit on a limit at an instant, and might
+            take another state there: a direction of slip, or any (separation) where there is
+            neither gap nor pressure. Nodes that change their state there may be among them.
     """
 
     end: ContactState
@@ -202,6 +205,7 @@ class Leg:
     sweeps: int = 0
     jumps: list[tuple[float, float]] = field(default_factory=list)
     stops: list[tuple[float, Array]] = field(default_factory=list)
+    ties: list[tuple[float, int, int, int]] = field(default_factory=list)
 
 
 def reactions(system: ContactSystem, load: Array, u: Array) -> Array:

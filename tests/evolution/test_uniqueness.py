@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from models import block_system
 from small import cyclic, small_system, table
+from unique_paths import FALSE, KINDS, tally
 
 from receding_fenicsx.errors import NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import continue_history, evolve
@@ -137,3 +138,67 @@ def test_a_jump_is_a_doubt() -> None:
     history = table(system, [(0, 0), (1, 0), (0, 1)])
     record = evolve(system, history, SolverOptions(on_jump="static"))
     assert record.jumps and record.uniqueness is not None and not record.uniqueness.certified
+
+
+def pair(a: float, b: float, f: float) -> ContactSystem:
+    """Return two nodes, mirror images of one another: K_tn = a at each, b between them."""
+    K = np.eye(4)
+    K[2:, 2:] *= 2.0
+    K[:2, 2:] = [[a, -b], [b, -a]]
+    K[2:, :2] = K[:2, 2:].T
+    return small_system(K, {"press": [0, 0, 1, 1], "pull": [-1, 1, 0, 0]}, f)
+
+
+@pytest.mark.parametrize(
+    ("b", "solutions", "options"),
+    [
+        (-0.8, 3, SolverOptions()),
+        (-0.8, 3, SolverOptions(branch="most dissipation")),
+        (-0.8, 3, SolverOptions(method="gauss-seidel", steps_per_leg=4)),
+        (-0.4, 1, SolverOptions()),
+        (-0.4, 1, SolverOptions(method="gauss-seidel", steps_per_leg=4)),
+    ],
+)
+@pytest.mark.parametrize("turn", [False, True])
+def test_nodes_that_reach_their_limits_together_are_undecided_together(
+    b: float, solutions: int, options: SolverOptions, turn: bool
+) -> None:
+    """M = [[m, -f b], [-f b, m]], m = K_tt + f a = 1/2: both slip, or either alone if -f b > m.
+
+    Both reach the limit half way along the pull, or where it ends and goes on with another press.
+    """
+    system = pair(-0.5, b, 1.0)
+    corners = [(0, 0), (1, 0), (1, 1), (0.9, 1.8)] if turn else [(0, 0), (1, 0), (1, 2)]
+    record = evolve(system, table(system, corners), options)
+    unique = record.uniqueness
+    assert unique is not None and unique.certified == (solutions == 1)
+    assert unique.solutions == solutions
+    if solutions > 1:
+        assert unique.nodes.tolist() == [0, 1]
+        assert (unique.leg, unique.s) == ((2, 0.0) if turn else (1, pytest.approx(0.5)))
+
+
+@pytest.mark.parametrize("branch", [1, 2, 3])
+def test_a_path_that_begins_again_from_no_force_has_as_many_solutions_as_it_has_choices(
+    branch: int,
+) -> None:
+    """Unloaded to zero and loaded otherwise: both lift off, one slips, or both slip.
+
+    Whichever of these is taken, whatever round-off the gaps have at zero load.
+    """
+    K = np.array([[83, 25, -9, 62], [25, 83, -57, 24], [-9, -57, 100, -35], [62, 24, -35, 81]])
+    loads = {"a": [0.13, -1.33, 1.69, 0.59], "b": [0.68, -0.56, 0.52, 0.04]}
+    system = small_system(K / 100.0, loads, [2.2, 1.36])
+    history = table(system, [(0, 0), (1, 0.38), (0, 0), (0.07, 0.77)])
+    record = evolve(system, history, SolverOptions(branch=branch))
+    unique = record.uniqueness
+    assert unique is not None and not unique.certified
+    assert [(c.leg, c.s, c.solutions, c.taken) for c in record.choices] == [(2, 0.0, 3, branch)]
+    assert (unique.leg, unique.s, unique.solutions) == (2, 0.0, 3)
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_no_path_is_certified_that_has_several_continuations(kind: str) -> None:
+    found, instants, _ = tally(range(8, 16), kind)
+    assert found[FALSE] == 0 and instants > 8
+    assert found["one, not certified"] <= 0.1 * found["one, certified"], found

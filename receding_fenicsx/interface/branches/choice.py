@@ -20,10 +20,8 @@ from receding_fenicsx.interface.lcp.all_solutions import SAME_RATES, all_solutio
 from receding_fenicsx.interface.lcp.contact import Undecided
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate
-from receding_fenicsx.interface.uniqueness.instants import Instant
-from receding_fenicsx.interface.uniqueness.patterns import certify
-from receding_fenicsx.interface.uniqueness.sides import Sides
-from receding_fenicsx.interface.uniqueness.watch import MOST_TOUCHING
+from receding_fenicsx.interface.uniqueness.patterns import definite
+from receding_fenicsx.interface.uniqueness.sides import Sides, bits_of
 
 FIRST, LEAST, MOST = "first", "least dissipation", "most dissipation"
 RULES = (FIRST, LEAST, MOST)
@@ -157,18 +155,15 @@ class Chooser:
 
     def _is_certified(self, system: ContactSystem, before: States, undecided: Undecided) -> bool:
         """Return whether the rates are proved to be unique: all sets of states are definite."""
-        touching = np.concatenate([undecided.touching, undecided.smooth])
-        if len(touching) > MOST_TOUCHING:
-            return False
         state = np.where(before == SEPARATION, SEPARATION, STICK).astype(np.int8)
         state[undecided.forward], state[undecided.backward] = FORWARD, BACKWARD
-        state[touching] = STICK
+        touching = np.zeros(system.n, dtype=bool)
+        touching[undecided.touching] = touching[undecided.smooth] = True
+        sides = Sides.of(state).put(bits_of(touching), 0)
         key = state.tobytes() + touching.tobytes()
         if key not in self._certified:
             judge = self._certificate = self._certificate or Certificate(system)
-            sides = Sides.of(state)
-            sets = Instant(0.0, sides, tuple(touching.tolist()), (sides, sides)).sets(judge)
-            self._certified[key] = all(certify(judge, [one], 1.0 + SAME_MARGIN) for one in sets)
+            self._certified[key] = definite(judge, sides, 1.0 + SAME_MARGIN)
         return self._certified[key]
 
     def choose_static(

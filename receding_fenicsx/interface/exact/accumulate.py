@@ -21,6 +21,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.balance import RANDOM_SUMS
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.segments import Segment, Segments, States
+from receding_fenicsx.interface.exact.ties import tied
 from receding_fenicsx.interface.law import FORWARD
 from receding_fenicsx.interface.residual import law_residual, reachable
 
@@ -77,6 +78,7 @@ class Sums:
         excess: largest amount by which a residual exceeded what is accepted there.
         force_scale: largest nodal force of the history so far.
         watched: nodes that ``watch`` has reported.
+        ties: nodes on limits at the stops, see :attr:`Leg.ties`.
     """
 
     def __init__(
@@ -99,6 +101,7 @@ class Sums:
         self.work = np.zeros(len(self.system.r_star))
         self.start = point.y[: 2 * n] - np.concatenate([np.zeros(n), self.system.g0])
         self.watched = np.zeros(0, dtype=np.intp)
+        self.ties = list[tuple[float, int, int, int]]()
         self._y = np.empty((STOPS_AT_ONCE + 1, 4 * n))
         self._begin(point.s, point.y, point.state)
 
@@ -189,6 +192,10 @@ class Sums:
         if len(self._places) == 1:  # nothing new
             return
         y = self._y[: len(self._places)]
+        limit = self.segments.limit[self.system.n :] * self.problem.force_scale
+        on = y[:-1, self.system.n :] <= limit
+        ties = tied(self.segments, np.array(self._states[:-1]), on)
+        self.ties += [(self._places[k], i, state, other) for k, i, state, other in ties]
         u, load, slip = self._integrate(np.array(self._places)[:, None], y)
         if self.watch is not None:
             reported = self.watch.reached(u[1:], load[1:], self.force_scale)

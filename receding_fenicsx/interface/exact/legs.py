@@ -228,6 +228,8 @@ def joined(first: Leg, second: Leg, s0: float, scale: float = 1.0) -> Leg:
         + [(late(s), state) for s, state in second.samples],
         events=[(s * scale, i, old, new) for s, i, old, new in first.events]
         + [(late(s), i, old, new) for s, i, old, new in second.events],
+        ties=[(s * scale, i, state, other) for s, i, state, other in first.ties]
+        + [(late(s), i, state, other) for s, i, state, other in second.ties],
         jumps=[(s * scale, energy) for s, energy in first.jumps]
         + [(late(s), energy) for s, energy in second.jumps],
         stops=[(s * scale, u) for s, u in first.stops] + [(late(s), u) for s, u in second.stops],

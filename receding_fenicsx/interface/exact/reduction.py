@@ -153,6 +153,7 @@ class Reduction:
             samples=[(s, self.expand(state, problem.load(s))) for s, state in leg.samples],
             events=[(s, nodes[i], old, new) for s, i, old, new in leg.events],
             stops=self._expanded(leg.stops, problem),
+            ties=[(s, nodes[i], state, other) for s, i, state, other in leg.ties],
         )
 
     def _expanded(self, stops: list[tuple[float, Array]], problem: LegProblem) -> list[Any]:

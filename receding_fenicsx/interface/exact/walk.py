@@ -283,6 +283,7 @@ class Walk:
             samples=self.course.samples,
             events=self.course.events,
             stops=self.course.stops,
+            ties=sums.ties,
         )
 
     def _refined_end(self) -> ContactState:

@@ -20,6 +20,7 @@ from receding_fenicsx.interface.equilibrium import Limit, furthest
 from receding_fenicsx.interface.exact.jumps import JUMP_STEP
 from receding_fenicsx.interface.exact.legs import LegProblem, changes
 from receding_fenicsx.interface.exact.rolling import at_rest
+from receding_fenicsx.interface.exact.ties import ties_of_state
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
@@ -135,6 +136,10 @@ class GaussSeidelPath:
                 now.add_jump(segments, (s, reached), self.on_jump, trial.found)
             else:
                 now.add(trial.found, (s, reached))
+                segments = self._trials.continuation.segments
+                if reached < 1.0:  # the next leg begins with those at the end
+                    ties = ties_of_state(segments, now.end, now.leg.force_scale)
+                    now.leg.ties += [(reached, i, state, other) for _, i, state, other in ties]
             part = reached - s
             s, targets = reached, [target for target in targets if target > reached]
             if not targets:

@@ -10,10 +10,11 @@ some of those that may open are open is definite: its matrix is a Schur compleme
 submatrix, and elimination of an open node does not see that the rows v_i and w_i are combinations
 of K_t,i and K_n,i. Nodes that are open in all the sets are condensed out exactly.
 
-Nodes on the edge of contact are judged with slip in either direction. To turn round the slip of one
-node changes one row, and the symmetric part by e k' + k e'; it stays positive definite if
+Nodes on the edge of contact are judged with slip in either direction. To turn round the slip of a
+node changes one row, and the symmetric part by e k' + k e'. With nodes turned round at once it
+stays positive definite if
 
-    (a . b + |a| |b|) < 1,   with L a = e,  L b = -k,
+    sum of (a . b + |a| |b|) over them < 1,   with L a = e,  L b = -k,
 
 L being the Cholesky factor.
 """
@@ -29,7 +30,10 @@ import scipy.linalg as sla
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD
 from receding_fenicsx.interface.uniqueness.definite import SINGULAR, Certificate, cholesky
-from receding_fenicsx.interface.uniqueness.sides import Sides, States, mask_of
+from receding_fenicsx.interface.uniqueness.sides import Sides, States, mask_of, nodes_of
+
+MOST_TOUCHING = 6
+"""Touching nodes of an instant up to which all their sides are judged one by one."""
 
 TURNING_WEIGHT = 10.0
 """Weight of the rows w_i over c^2, from which on the slip of a node that may open is turned round
@@ -42,23 +46,35 @@ class Pattern:
 
     Attributes:
         forward, backward: nodes that may slip, and where to.
-        either: nodes of which one at a time may slip the other way.
         opened: nodes that are open in all of its sets.
         may_open: nodes that are open in some.
+        rubbing: nodes with friction.
+        turning: what it takes to turn round the slip of a node; in all less than 1 is there.
+        either: nodes whose slip may be turned round.
     """
 
     forward: int
     backward: int
-    either: int
     opened: int
     may_open: int
+    rubbing: int
+    turning: dict[int, float]
+    either: int
 
     def holds(self, one: Sides) -> bool:
-        """Return whether a set of states is among its sets."""
-        if self.opened & ~one.open or one.open & ~self.may_open:
+        """Return whether all sets of states that the nodes may take are among its sets."""
+        forward, backward, open_, touching = one
+        if self.opened & ~open_ or (open_ | touching) & ~self.may_open:
             return False
-        other = one.forward & ~self.forward | one.backward & ~self.backward
-        return not other or not (other & ~self.either or other & (other - 1))
+        return self.turns(
+            forward & ~self.forward | backward & ~self.backward | touching & self.rubbing
+        )
+
+    def turns(self, nodes: int) -> bool:
+        """Return whether all of these nodes may slip the other way as well, at once."""
+        if not nodes & (nodes - 1):
+            return not nodes & ~self.either
+        return not nodes & ~self.either and sum(self.turning[i] for i in nodes_of(nodes)) < 1.0
 
 
 def turned(pattern: Sides, one: Sides) -> int:
@@ -68,9 +84,9 @@ def turned(pattern: Sides, one: Sides) -> int:
 
 def joined(pattern: Sides, one: Sides) -> Sides:
     """Return a pattern with the slipping nodes of a set of states; those it has keep their way."""
-    forward, backward, _ = pattern
+    forward, backward, *_ = pattern
     forward, backward = forward | one.forward & ~backward, backward | one.backward & ~forward
-    return Sides(forward, backward, pattern.open | one.open)
+    return Sides(forward, backward, pattern.open | one.open, pattern.touching | one.touching)
 
 
 def grouped(sets: Sequence[Sides]) -> list[list[Sides]]:
@@ -111,30 +127,43 @@ def certify(judge: Certificate, sets: Sequence[Sides], margin: float) -> Pattern
         margin: finite factor.
 
     Returns:
-        A pattern that holds the first set, and the others unless their turned nodes fail, or None.
-        For a single set None means that it is not definite with this friction.
+        A pattern, or None. It holds all sets unless too many nodes are turned round or touch. For a
+        single set in which none touches None means that it is not definite with this friction.
     """
     pattern, either, opened = Sides(), 0, sets[0].open
     for one in sets:
         either |= turned(pattern, one)
         pattern = joined(pattern, one)
         opened &= one.open
-    varying = pattern.open & ~opened
-    unsigned = varying & judge.rubbing & ~(pattern.forward | pattern.backward)
+    may_open, rubbing = pattern.open | pattern.touching, judge.rubbing
+    varying = may_open & ~opened
+    unsigned = varying & rubbing & ~(pattern.forward | pattern.backward)
     forward, backward = pattern.forward | unsigned, pattern.backward
     n = judge.system.n
     state = Sides(forward, backward).states(n)
-    may_open = np.flatnonzero(mask_of(varying, n) & ~judge.system.held[n:])
+    opening = np.flatnonzero(mask_of(varying, n) & ~judge.system.held[n:])
     try:
-        matrix, K_n = _matrix(judge, (state, may_open, opened), margin)
+        matrix, K_n = _matrix(judge, (state, opening, opened), margin)
         lower = cholesky(0.5 * (matrix + matrix.T))
     except np.linalg.LinAlgError:
         return None
-    if either:
-        may_turn = np.flatnonzero(mask_of(either, n))
-        passed = _may_turn(judge, (state, may_turn), (lower, K_n), margin)
-        either = sum(1 << int(i) for i in may_turn[passed])
-    return Pattern(forward, backward, either, opened, pattern.open)
+    may_turn = np.flatnonzero(mask_of(either | pattern.touching & rubbing, n))
+    turning = _turning(judge, (state, may_turn), (lower, K_n), margin) if len(may_turn) else []
+    weights = dict(zip(may_turn.tolist(), turning, strict=True))
+    either = sum(1 << i for i, weight in weights.items() if weight < 1.0)
+    return Pattern(forward, backward, opened, may_open, rubbing, weights, either)
+
+
+def definite(judge: Certificate, one: Sides, margin: float) -> bool:
+    """Return whether all sets of states that the nodes may take are definite.
+
+    Where too many nodes touch it is not decided, and False.
+    """
+    pattern = certify(judge, [one], margin)
+    if pattern is not None and pattern.holds(one):
+        return True
+    few = 0 < one.touching.bit_count() <= MOST_TOUCHING
+    return few and all(definite(judge, each, margin) for each in one.explicit(judge.rubbing))
 
 
 def _matrix(
@@ -169,13 +198,13 @@ def _matrix(
     return matrix, K[size:]
 
 
-def _may_turn(
+def _turning(
     judge: Certificate,
     nodes: tuple[States, np.ndarray],
     factored: tuple[Array, Array],
     margin: float,
-) -> np.ndarray:
-    """Return whether each of some nodes may slip the other way, alone."""
+) -> list[float]:
+    """Return what it takes to turn round the slip of each of some nodes, round-off included."""
     (state, chosen), (lower, K_n) = nodes, factored
     friction = judge.system.friction[chosen]
     now = state[chosen]
@@ -185,4 +214,5 @@ def _may_turn(
     e[at, np.arange(len(chosen))] = 1.0
     a, b = np.hsplit(sla.solve_triangular(lower, np.hstack([e, -k]), lower=True), 2)
     size = np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0))
-    return np.sum(a * b, axis=0) + size < 1.0 - SINGULAR
+    weights: list[float] = (np.sum(a * b, axis=0) + size + SINGULAR).tolist()
+    return weights

@@ -4,37 +4,40 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from operator import gt
+from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.jumps import JUMP_STEP
+from receding_fenicsx.interface.exact.legs import SIMULTANEOUS, Event
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.ties import ties_of_state
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate
 from receding_fenicsx.interface.uniqueness.first_loading import solutions_from_rest
-from receding_fenicsx.interface.uniqueness.instants import Event, Instant, InstantsOfLegs
-from receding_fenicsx.interface.uniqueness.patterns import Pattern, certify, grouped, halves
+from receding_fenicsx.interface.uniqueness.instants import Instant, InstantsOfLegs
+from receding_fenicsx.interface.uniqueness.patterns import (
+    MOST_TOUCHING,
+    Pattern,
+    certify,
+    grouped,
+    halves,
+)
 from receding_fenicsx.interface.uniqueness.sides import Sides, States, mask_of
 from receding_fenicsx.interface.uniqueness.whole_legs import WholeLegs
 
 NAMED_NODES = 8
 """Largest number of nodes that are named at the first doubt."""
 
-MOST_TOUCHING = 6
-"""Touching nodes of an instant up to which all their sides are judged."""
-
 LARGE_MARGIN = 1.5
 """Margin beyond which sets of states are measured at the ends of legs only."""
 
 COUNTED = 8
 """Instants without certificate whose solutions are counted between two checkpoints."""
-
-TOUCHES = 1e-12
-"""Gap over the largest one, up to which a node without pressure touches."""
 
 
 @dataclass(frozen=True)
@@ -90,7 +93,7 @@ class UniquenessWatch:
 
     Attributes:
         found: uniqueness up to the last leg.
-        indefinite: sets of states met that are not definite.
+        indefinite: sets of states met that are not proved to be definite.
     """
 
     def __init__(self, system: ContactSystem, found: Uniqueness, in_steps: bool = False) -> None:
@@ -102,7 +105,7 @@ class UniquenessWatch:
             in_steps: events are ends of load steps, not the places where states change.
         """
         self.found, self.in_steps = found, in_steps
-        self.certificate = Certificate(system)
+        self.certificate, self._segments = Certificate(system), Segments(system)
         self._instants = InstantsOfLegs()
         self._patterns: list[Pattern] = []
         self._whole_legs = WholeLegs(self.certificate, LARGE_MARGIN, self._patterns)
@@ -113,7 +116,6 @@ class UniquenessWatch:
         self._solved: set[bytes] = set()
         self._jumps: list[float] = []
         self._last: dict[bytes, tuple[object, ...]] = {}
-        self._begun: dict[bytes, tuple[object, ...]] = {}
         self._doubtful: list[tuple[bytes, Instant]] = []
         self._left = COUNTED
 
@@ -124,7 +126,6 @@ class UniquenessWatch:
         self._doubtful, self._left = [], COUNTED
         self._solved.clear()
         self._last.clear()
-        self._begun.clear()
 
     def add(
         self,
@@ -148,29 +149,34 @@ class UniquenessWatch:
         for s in self._jumps:
             changed = {i for at, i, *_ in leg.events if self._is_finite(at)}
             self.found = self.found.with_doubt((*place, s), tuple(sorted(changed)))
-        state, events, touching = start.state, leg.events, tuple[int, ...]()
+        state, events, ties = start.state, leg.events, leg.ties
+        at_start = self._ties_at_start(start, leg.force_scale)
         crossing = zero_crossing(ends)
         if crossing is not None:
-            before = [event for event in events if event[0] < crossing]
-            self._rates(place, a - b, (state, before, touching))
-            if np.any(system.g0):
+            before, after = crossing - SIMULTANEOUS, crossing + SIMULTANEOUS
+            events, ties = ([e for e in some if e[0] < before] for some in (events, ties))
+            self._rates(place, a - b, (state, events, [*at_start, *ties]))
+            if np.any(system.g0) or any(s > after for s, *_ in leg.events):
                 self.found = self.found.with_doubt((*place, crossing), ())
                 return
             start = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
-        if crossing is not None or carries_nothing(start, leg.force_scale):
-            gap = np.where(system.held[n:], 0.0, system.g0 + start.w)
-            near = gap <= TOUCHES * gap.max(initial=0.0)
-            if static or (near.all() and (crossing is not None or not np.any(a))):
-                self._static((*place, crossing or 0.0), (start, leg.end.state), b, near)
-                state, events = leg.end.state, []
-            else:
-                limits = self.certificate.frictional | self.certificate.smooth
-                touching = tuple(np.flatnonzero(near & limits).tolist())
-        self._rates(place, b - a, (state, events, touching))
+            at_start = self._ties_at_start(start, leg.force_scale)
+        gap = self._segments.values(start)[n : 2 * n]
+        near = system.held[n:] | (gap <= self._segments.limit[n : 2 * n] * leg.force_scale)
+        at_rest = not np.any(a) and near.all() and carries_nothing(start, leg.force_scale)
+        if static or crossing is not None or at_rest:
+            self._static((*place, crossing or 0.0), (start, leg.end.state), b, near)
+            state, events, ties, at_start = leg.end.state, [], [], []
+        self._rates(place, b - a, (state, events, [*at_start, *ties]))
         end = Sides.of(leg.end.state).of_nodes(self.certificate.rubbing)
         if (end.forward or end.backward) and end not in self._measured:
             self._measured.add(end)
             self._measure(end)
+
+    def _ties_at_start(self, start: ContactState, force_scale: float) -> list[Event]:
+        """Return the nodes on limits at the start of a leg, as ties."""
+        found = ties_of_state(self._segments, start, force_scale)
+        return [(0.0, i, state, other) for _, i, state, other in found]
 
     def _is_finite(self, s: float) -> bool:
         """Return whether states change at s by a load step or a jump."""
@@ -201,39 +207,42 @@ class UniquenessWatch:
         self,
         place: tuple[int, int],
         direction: Array,
-        path: tuple[States, list[Event], tuple[int, ...]],
+        path: tuple[States, list[Event], list[Event]],
     ) -> None:
         """Judge the rates along a leg, or a part of it, given as for ``InstantsOfLegs.new``."""
-        way, (start, events, touching) = direction.tobytes(), path
-        if not self._jumps and not touching:
-            places, *changed = zip(*events, strict=True) if events else [()]
-            later = list(map(gt, places, [0.0, *places]))
-            leg = start.tobytes(), later, changed
+        way, (start, events, ties) = direction.tobytes(), path
+        if ties and events:
+            at, nodes, *states = zip(*events, strict=True)
+            seen = {one for each in states for one in zip(at, nodes, each, strict=True)}
+            ties = [tie for tie in dict.fromkeys(ties) if (*tie[:2], tie[3]) not in seen]
+        if not self._jumps and not self.in_steps:
+            every = sorted([*ties, *events], key=itemgetter(0)) if ties else events
+            places, *changed = zip(*every, strict=True) if every else [()]
+            later = np.diff(np.array(places), prepend=0.0) > SIMULTANEOUS
+            leg = start.tobytes(), later.tobytes(), changed, len(ties)
             if self._last.get(way) == leg:
                 return
             self._last[way] = leg
-            if not self.in_steps:
-                first = later.index(True) if True in later else len(later)
-                if self._whole_legs.hold(way, start, events, first, all(later[first:])):
-                    events = events[:first]
-                    begun = leg[0], [part[:first] for part in changed]
-                    if self._begun.get(way) == begun:
-                        return
-                    self._begun[way] = begun
-        instants = self._instants.new(way, start, events, touching, self._is_finite)
-        few = [instant for instant in instants if len(instant.touching) <= MOST_TOUCHING]
-        sets = {id(i): list(i.sets(self.certificate)) for i in few}
-        # directions of slip on the path come before those that nodes on the edge might take
-        slipping = {
-            one: sum(one.forward >> i & 1 or one.backward >> i & 1 for i in instant.touching)
-            for instant in few
-            for one in sets[id(instant)]
-            if one.forward or one.backward
-        }
-        self.judge(sorted(slipping, key=slipping.__getitem__))
+            first = int(later.argmax()) if later.any() else len(later)
+            state = start
+            if first:
+                begun = [event for event in events if event[0] <= places[first - 1]]
+                state = start.copy()
+                for _, i, _, new in begun:
+                    state[i] = new
+            if self._whole_legs.hold(way, state, every[first:], later[first:]):
+                ties = [tie for tie in ties if first and tie[0] <= places[first - 1]]
+                events = begun if first else []
+        instants = self._instants.new(way, start, events, ties, self._is_finite)
+        if not instants:
+            return
+        rubbing = self.certificate.rubbing
+        sets = {id(instant): instant.sides.of_nodes(rubbing) for instant in instants}
+        self.judge(
+            [one for one in sets.values() if (one.forward | one.backward | one.touching) & rubbing]
+        )
         for instant in instants:
-            every = sets.get(id(instant))
-            if every is None or not self.indefinite.isdisjoint(every):
+            if sets[id(instant)] in self.indefinite:
                 self._doubtful.append((way, instant))
                 self._doubt((*place, instant.s), direction, instant)
 
@@ -264,17 +273,32 @@ class UniquenessWatch:
         while sets := [one for one in sets if not any(other.holds(one) for other in made[seen:])]:
             seen = len(made)
             pattern = certify(self.certificate, sets, LARGE_MARGIN)
-            if pattern is None and len(sets) > 1:
+            if pattern is not None and pattern.holds(sets[0]):
+                made.append(pattern)
+            elif len(sets) > 1:
                 for half in halves(sets):
                     self._judge(half, made, seen)
                 return
-            if pattern is None:
-                self._measure(sets[0])
-                pattern = certify(self.certificate, sets, 1.0 + SAME_MARGIN)
-            if pattern is None:
+            elif not self._is_definite(sets[0], made):
                 self.indefinite.add(sets[0])
                 return
-            made.append(pattern)
+            else:
+                return
+
+    def _is_definite(self, one: Sides, made: list[Pattern]) -> bool:
+        """Return whether the sets of states that the nodes may take are definite, one by one."""
+        if not one.touching:
+            self._measure(one)
+            pattern = certify(self.certificate, [one], 1.0 + SAME_MARGIN)
+            if pattern is not None:
+                made.append(pattern)
+            return pattern is not None
+        if one.touching.bit_count() > MOST_TOUCHING:
+            return False
+        sides = list(one.explicit(self.certificate.rubbing))
+        for group in grouped(list(filter(self._is_new, sides))):
+            self._judge(group, made, 0)
+        return self.indefinite.isdisjoint(sides)
 
     def _measure(self, one: Sides) -> None:
         """Lower the margin to that of a set of states, if it is smaller."""
@@ -294,12 +318,11 @@ class UniquenessWatch:
         """Count the solutions of an instant whose matrices are not all definite."""
         judge, states = self.certificate, np.zeros((0, 0), dtype=np.int8)
         state = instant.sides.states(judge.system.n)
-        if not instant.touching and judge.is_p_matrix(state):
+        if not instant.sides.touching and judge.is_p_matrix(state):
             return
         if self._left:
             self._left -= 1
             open_ = mask_of(instant.sides.open, judge.system.n)
-            open_[list(instant.touching)] = False
             with suppress(np.linalg.LinAlgError):
                 found = all_solutions(
                     judge.system,

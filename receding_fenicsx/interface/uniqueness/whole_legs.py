@@ -1,22 +1,22 @@
 """Whole legs certified at once.
 
-All sets of states of a leg are in one pattern: the nodes that slip on it somewhere, each in one
-direction, those that are open somewhere, and those that open, close or turn, one at a time, which
-are judged with slip in either direction. A pattern that holds the legs of the
-cycles before holds most of the next ones too, without a look at their single instants.
+All sets of states of a leg are in one pattern: the nodes that slip on it somewhere, or sit on a
+limit, each in one direction, those that are open somewhere, and those that open, close or turn,
+which are judged with slip in either direction. A pattern that holds the legs of the cycles before
+holds most of the next ones too, without a look at their single instants.
 """
 
 from __future__ import annotations
 
-from itertools import pairwise
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from receding_fenicsx.interface.exact.legs import Change
+from receding_fenicsx.interface.exact.legs import Change, Event
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.uniqueness.definite import Certificate
-from receding_fenicsx.interface.uniqueness.instants import Event
 from receding_fenicsx.interface.uniqueness.patterns import Pattern, certify
 from receding_fenicsx.interface.uniqueness.sides import Sides, States, bits_of
 
@@ -25,42 +25,45 @@ class Extent(NamedTuple):
     """What the nodes do on a leg; sets of nodes are integers as in ``Sides``.
 
     Attributes:
-        forward, backward: nodes that slip against friction somewhere, and where to.
-        either: those of them that open, close or turn, or might.
+        forward, backward: nodes that slip against friction somewhere, or might, and where to.
         opened: nodes that are open everywhere.
         may_open: nodes that are open somewhere, or might.
+        touching: nodes that open, close or turn, or might.
+        together: sets of several of them that do so at one instant.
     """
 
     forward: int
     backward: int
-    either: int
     opened: int
     may_open: int
+    touching: int
+    together: frozenset[int]
 
     def united(self, other: Extent) -> Extent:
         """Return what the nodes do on either of two legs."""
         return Extent(
             self.forward | other.forward,
             self.backward | other.backward,
-            self.either | other.either,
             self.opened & other.opened,
             self.may_open | other.may_open,
+            self.touching | other.touching,
+            self.together | other.together,
         )
 
     def sets(self) -> list[Sides]:
-        """Return two sets of states whose pattern is that of the leg."""
-        turned = Sides(self.either & self.backward, self.either & self.forward, self.may_open)
-        return [Sides(self.forward, self.backward, self.opened), turned]
+        """Return two sets of sides whose pattern is that of the leg."""
+        on_path = Sides(self.forward, self.backward, self.opened)
+        return [on_path, Sides(0, 0, self.opened, self.touching)]
 
     def within(self, pattern: Pattern) -> bool:
         """Return whether a pattern holds all sets of states of a leg."""
         return not (
             self.forward & ~pattern.forward
             or self.backward & ~pattern.backward
-            or self.either & ~pattern.either
             or self.may_open & ~pattern.may_open
+            or self.touching & pattern.rubbing & ~pattern.either
             or pattern.opened & ~self.opened
-        )
+        ) and all(pattern.turns(nodes & pattern.rubbing) for nodes in self.together)
 
 
 class Known(NamedTuple):
@@ -76,25 +79,21 @@ class Known(NamedTuple):
     pattern: Pattern
     changes: set[Change]
 
-    def holds(self, judge: Certificate, state: States, events: list[Event], apart: bool) -> bool:
-        """Return whether the pattern holds a leg, where that is seen from single changes.
+    def holds(
+        self, judge: Certificate, state: States, changes: set[Change], together: frozenset[int]
+    ) -> bool:
+        """Return whether the pattern holds a leg, as far as single changes tell.
 
         Args:
             judge: certificate of the contact.
             state: (N,) states after the start of the leg.
-            events: its changes of state after the start, in order.
-            apart: no two of them are at one place.
+            changes: its changes of state after the start, and its ties.
+            together: as of its extent.
         """
-        if not apart:
-            together = {event[1:] for a, b in pairwise(events) if a[0] == b[0] for event in (a, b)}
-            if any(map(turns, together)) or len({i for i, _, _ in together}) < len(together):
-                return False
-        forward, backward, open_ = Sides.of(state).of_nodes(judge.rubbing)
-        at_start = Extent(forward, backward, 0, open_, open_)
-        if not at_start.within(self.pattern):
+        forward, backward, open_, _ = Sides.of(state).of_nodes(judge.rubbing)
+        if not Extent(forward, backward, open_, open_, 0, together).within(self.pattern):
             return False
-        made = {event[1:] for event in events}
-        made -= self.changes
+        made = changes - self.changes
         if not all(self._keeps(change, judge.rubbing) for change in made):
             return False
         self.changes.update(made)
@@ -104,53 +103,66 @@ class Known(NamedTuple):
         """Return whether the pattern holds the states before, after and at a change."""
         (i, old, new), pattern = change, self.pattern
         node = 1 << i
-        slips = node & rubbing
+        slips, turns = node & rubbing, turns_round(old, new)
         return not (
             (FORWARD in (old, new) and slips & ~pattern.forward)
             or (BACKWARD in (old, new) and slips & ~pattern.backward)
-            or (turns(change) and (slips & ~pattern.either or node & ~pattern.may_open))
-            or (turns(change) and node & pattern.opened)
+            or (turns and (node & ~pattern.may_open or slips & ~pattern.either))
+            or (turns and node & pattern.opened)
         )
 
 
-def turns(change: Change) -> bool:
+def turns_round(old: int, new: int) -> bool:
     """Return whether a node opens, closes or turns round its slip."""
-    _, old, new = change
     return SEPARATION in (old, new) or STICK not in (old, new)
 
 
-def extent(judge: Certificate, state: States, events: list[Event]) -> Extent | None:
+def turning_together(events: Sequence[Event], later: NDArray[np.bool_]) -> frozenset[int]:
+    """Return the sets of several nodes that open, close or turn at one instant.
+
+    Args:
+        events: changes of state and ties.
+        later: whether each of them is later than the one before.
+    """
+    instant, groups = later.cumsum(), dict[int, int]()
+    for k in np.flatnonzero(np.bincount(instant)[instant] > 1).tolist():
+        _, i, old, new = events[k]
+        if turns_round(old, new):
+            at = instant.item(k)
+            groups[at] = groups.get(at, 0) | 1 << i
+    return frozenset(nodes for nodes in groups.values() if nodes & (nodes - 1))
+
+
+def extent(
+    judge: Certificate, state: States, events: Sequence[Event], together: frozenset[int]
+) -> Extent | None:
     """Return what the nodes do on a leg, its start left out.
 
-    None where it takes single instants to tell: several nodes open, close or turn at once, or one
-    node changes twice at once or slips both ways.
+    None where it takes single instants to tell: a node slips both ways.
 
     Args:
         judge: certificate of the contact.
         state: (N,) states after the start of the leg.
-        events: its changes of state after the start, in order.
+        events: its changes of state after the start, and its ties, in order.
+        together: sets of several nodes that open, close or turn at one instant.
     """
     n = len(state)
     sides = np.zeros((5, n), dtype=bool)
     sides[state, np.arange(n)] = True
     touching = np.zeros(n, dtype=bool)
     if events:
-        places, nodes, old, new = (np.array(part) for part in zip(*events, strict=True))
+        _, nodes, old, new = (np.array(part) for part in zip(*events, strict=True))
         sides[old, nodes] = sides[new, nodes] = True
         turns = (old == SEPARATION) | (new == SEPARATION) | ((old != STICK) & (new != STICK))
         touching[nodes[turns]] = True
-        instant = np.append(0, np.diff(places) > 0.0).cumsum()
-        changes = instant * n + nodes
-        if np.bincount(instant, turns).max() > 1 or len(np.unique(changes)) < len(changes):
-            return None
     rubbing = judge.frictional
     forward, backward = sides[FORWARD] & rubbing, sides[BACKWARD] & rubbing
     if np.any(forward & backward):
         return None
-    either = touching & rubbing
-    forward |= either & ~backward
+    forward |= touching & rubbing & ~backward
     opened, may_open = (state == SEPARATION) & ~touching, sides[SEPARATION] | touching
-    return Extent(*map(bits_of, (forward, backward, either, opened, may_open)))
+    path = bits_of(forward), bits_of(backward), bits_of(opened), bits_of(may_open)
+    return Extent(*path, bits_of(touching), together)
 
 
 class WholeLegs:
@@ -167,42 +179,36 @@ class WholeLegs:
         self._judge, self._margin, self._patterns = judge, margin, patterns
         self._known: dict[bytes, Known | None] = {}
 
-    def hold(self, way: bytes, start: States, events: list[Event], first: int, apart: bool) -> bool:
+    def hold(
+        self, way: bytes, state: States, events: Sequence[Event], later: NDArray[np.bool_]
+    ) -> bool:
         """Return whether all sets of states of a leg, but for its start, are definite.
 
         Args:
             way: tells legs of other directions apart.
-            start: (N,) states at its start.
-            events: its changes of state, in order.
-            first: the first of them after the start.
-            apart: no two from there on are at one place.
+            state: (N,) states after its start.
+            events: its changes of state after that, and its ties, in order.
+            later: whether each of them is later than the one before.
         """
         known, judge = self._known.get(way), self._judge
         if way in self._known and known is None:
             return False
-        state, at_start, events = start.copy(), events[:first], events[first:]
-        for _, i, _, new in at_start:
-            state[i] = new
-        if known and known.holds(judge, state, events, apart):
+        together = turning_together(events, later)
+        if known and known.holds(judge, state, {event[1:] for event in events}, together):
             return True
-        leg = extent(judge, state, events)
+        leg = extent(judge, state, events, together)
         if leg is None:
             return False
         if known and leg.within(known.pattern):
             return True
         # a pattern of all legs so far is likely to hold the next one
         for nodes in (known.extent.united(leg), leg) if known else (leg,):
-            pattern = self._certified(nodes)
-            if pattern is not None:
+            if nodes.forward & nodes.backward:
+                continue
+            pattern = certify(judge, nodes.sets(), self._margin)
+            if pattern is not None and leg.within(pattern):
                 self._patterns.insert(0, pattern)
                 self._known[way] = Known(nodes, pattern, set())
                 return True
         self._known[way] = None
         return False
-
-    def _certified(self, leg: Extent) -> Pattern | None:
-        """Return the pattern of a leg, None where it is not definite as a whole."""
-        if leg.forward & leg.backward:
-            return None
-        pattern = certify(self._judge, leg.sets(), self._margin)
-        return pattern if pattern is not None and leg.within(pattern) else None

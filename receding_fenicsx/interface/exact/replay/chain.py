@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.accumulate import Rates, Sums
-from receding_fenicsx.interface.exact.segments import Following, Segment
+from receding_fenicsx.interface.exact.segments import Following, Segment, Segments
+from receding_fenicsx.interface.exact.ties import Ties, tied
 
 KEPT_CHAINS = 8
 """Chains that are kept."""
@@ -93,6 +94,39 @@ class Chain:
         at = y[columns] + (h[:, None] * self.rows[:k, columns]).cumsum(axis=0)
         at[self.labels[:k, None] == np.arange(len(y))[columns]] = 0.0
         return at
+
+    def ties(
+        self, segments: Segments, y: Array, h: Array, on_limit: Array, near: NDArray[np.bool_]
+    ) -> list[Ties]:
+        """Return the ties at the events of several passages; a row of theirs is an event.
+
+        Args:
+            segments: of the contact.
+            y: (c, 4N) quantities at the start.
+            h: (c, m) lengths of the segments passed.
+            on_limit: (4N,) distance from a limit up to which a node sits on it.
+            near: (c, m) whether the quantities ``low`` come that near before they rise.
+        """
+        n, begin = segments.system.n, self.following[0].state.copy()
+        for i, old, _ in self.following[0].changes:
+            begin[i] = old
+        # what does not leave its limit
+        stays = (y + h[:, :1] * self.segments[0].q <= on_limit)[:, n:]
+        stays[:, self.labels[0] - n] = False
+        nodes = [set((self.low[row] % n).tolist()) for row in near]
+        for c, i, *_ in tied(segments, np.broadcast_to(begin, (len(y), n)), stays):
+            nodes[c].add(i)
+        found = list[Ties]()
+        for c, chosen in enumerate(nodes):
+            if not chosen:
+                found.append([])
+                continue
+            columns = np.add.outer(n * np.arange(1, 4), sorted(chosen)).ravel()
+            on = np.zeros((h.shape[1], 3 * n), dtype=bool)
+            on[:, columns - n] = self.quantities(y[c], h[c], columns) <= on_limit[columns]
+            states = [begin, *(step.state for step in self.following[: len(on) - 1])]
+            found.append(tied(segments, np.array(states), on))
+        return found
 
 
 class Chains:

@@ -83,6 +83,8 @@ class Replay:
         self._floor = floors(segments, scale, n_watched)
         self._lowest = self._floor.copy()
         self._lowest[: 4 * n] = -LIMIT_TOLERANCE * scale / segments.weight
+        self._on_limit = np.append(segments.limit * scale, np.full(n_watched, -np.inf))
+        self._near = np.zeros(0, dtype=bool)
 
     def follow(self, segment: Segment, s_end: float, course: Course) -> Segment | None:
         """Pass all events of the known chain that hold, those at or beyond ``s_end`` left out.
@@ -112,6 +114,9 @@ class Replay:
         sums.add_segments(h, places, point.y, chain.rates)
         if course.stops:
             self._note(chain, h, places, course)
+        on_limit = self._on_limit[: len(point.y)]
+        (ties,) = chain.ties(self._segments, point.y[None], h[None], on_limit, self._near[None])
+        sums.ties += [(places.item(k), i, state, other) for k, i, state, other in ties]
         of = chain.event_of[: chain.event_of.searchsorted(m)]
         course.events += zip(places[of].tolist(), *chain.changes, strict=False)
         point.s, point.state, point.y[:] = float(places[-1]), last.state, y[: len(point.y)]
@@ -211,7 +216,9 @@ class Replay:
         h[m:] = 0.0
         floor, low = self._floor, chain.low
         y, end = ends
-        passed = low[y[low] + h @ chain.fall < floor[low]]
+        lowest = y[low] + h @ chain.fall
+        self._near = lowest <= self._on_limit[low]
+        passed = low[lowest < floor[low]]
         at_end = (end < floor).nonzero()[0]
         if not len(passed) + len(at_end):
             return m

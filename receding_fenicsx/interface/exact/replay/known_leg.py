@@ -21,6 +21,7 @@ from receding_fenicsx.interface.exact.segments import (
     Segment,
     Segments,
 )
+from receding_fenicsx.interface.exact.ties import Ties
 from receding_fenicsx.interface.exact.walk import END_TOLERANCE, Walk
 from receding_fenicsx.interface.system import Leg
 
@@ -152,8 +153,8 @@ def play(
 
 def keeps_law(
     reduction: Reduction, one: KnownLeg, played: Played, force_scale: float
-) -> NDArray[np.bool_]:
-    """Return which passages of a leg are its path, event for event."""
+) -> tuple[NDArray[np.bool_], list[Ties]]:
+    """Return which passages of a leg are its path, event for event, and the ties on each."""
     segments, chain = reduction.segments, one.chain
     (a, b), h, g0 = one.ends, played.h[:, :-1], segments.system.g0
     on_limit, watch = segments.limit * force_scale, LIMIT_TOLERANCE * force_scale
@@ -167,7 +168,8 @@ def keeps_law(
     after = before[:, played.y.shape[1] :] + h @ chain.rows[:, played.y.shape[1] :]
     fall = one.first.falling
     holds = (played.y[:, fall] > on_limit[fall]).all(axis=1)
-    holds &= (before[:, chain.low] + h @ chain.fall >= floor[chain.low]).all(axis=1)
+    low, lowest = chain.low, before[:, chain.low] + h @ chain.fall
+    holds &= (lowest >= floor[low]).all(axis=1)
     holds &= (np.hstack([played.at, after]) >= floor).all(axis=1)
     # no event on the way from the last one to the end
     first = (played.at[:, one.last.falling] * one.last.time).min(axis=1, initial=np.inf)
@@ -176,7 +178,8 @@ def keeps_law(
     errors = (played.h[:, :, None] * one.imbalance).cumsum(axis=1)
     errors += segments.balance.errors(played.y, a)[:, None, :]
     holds &= np.abs(errors).max(axis=(1, 2)) <= negligible_imbalance(len(g0)) * force_scale
-    return holds
+    near = lowest <= np.append(on_limit, np.full(len(reduction.watched), -np.inf))[low]
+    return holds, chain.ties(segments, played.y, h, on_limit, near)
 
 
 def displacements(g0: Array, y: Array) -> Array:

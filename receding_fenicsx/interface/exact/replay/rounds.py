@@ -156,7 +156,7 @@ class Rounds:
         """Verify passages of one leg; return the first ones as legs, up to one that fails."""
         reduction, system = self.reduction, self.reduction.full
         (a, b), segments = one.ends, reduction.segments
-        holds = keeps_law(reduction, one, played, force_scale)
+        holds, ties = keeps_law(reduction, one, played, force_scale)
         # the ends, with all nodes and reactions evaluated afresh
         u = np.hstack([displacements(segments.system.g0, played.end), np.tile(b, (len(holds), 1))])
         u = reduction.displacements(u)
@@ -187,6 +187,10 @@ class Rounds:
                     residual=float(error[c]),
                     force_scale=max(force_scale, float(np.abs(r[c]).max())),
                     events=list(zip(at, *one.changes, strict=True)),
+                    ties=[
+                        (places.item(k), int(reduction.nodes[i]), state, other)
+                        for k, i, state, other in ties[c]
+                    ],
                 )
             )
         return legs

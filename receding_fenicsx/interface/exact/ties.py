@@ -1,0 +1,45 @@
+"""Nodes on a limit that keep their state: ties, at which a path might go on otherwise.
+
+At an instant of the path a stuck node may sit on a limit of friction, a node in contact be without
+pressure, or an open one without gap, by symmetry or by chance, while another node changes its
+state. No event tells of it; the certificate of uniqueness has to know.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.system import ContactState
+
+Ties = list[tuple[int, int, int, int]]
+"""Row, node, its state, state that it may take as well: a direction of slip, or SEPARATION where it
+has neither gap nor pressure and may take any."""
+
+
+def tied(segments: Segments, states: NDArray[np.int8], on: NDArray[np.bool_]) -> Ties:
+    """Return the ties of several instants.
+
+    Args:
+        segments: of the condensed body.
+        states: (k, N) states.
+        on: (k, 3N) gap, A and B that are within round-off of zero, B of nodes without friction too.
+    """
+    n, frictional = segments.system.n, segments.frictional
+    gap, A, B = on[:, :n], on[:, n : 2 * n], on[:, 2 * n :]
+    touches = np.where(states == SEPARATION, gap, A & B)
+    near = touches | (A | B) & (states == STICK) & frictional
+    near &= frictional | segments.smooth
+    rows, nodes = near.nonzero()
+    side = np.where(A[rows, nodes], FORWARD, BACKWARD)
+    other = np.where(touches[rows, nodes], SEPARATION, side)
+    found = rows, nodes, states[rows, nodes], other
+    return list(zip(*(part.tolist() for part in found), strict=True))
+
+
+def ties_of_state(segments: Segments, state: ContactState, force_scale: float) -> Ties:
+    """Return the ties of one state, with reactions of at most ``force_scale`` so far."""
+    on = segments.values(state) <= segments.limit * force_scale
+    return tied(segments, state.state[None], on[None, segments.system.n :])
