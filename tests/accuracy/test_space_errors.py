@@ -28,6 +28,7 @@ from receding_fenicsx.scene.model import (
     Load,
     Material,
     MeshOptions,
+    Probe,
     Scene,
     Support,
 )
@@ -436,3 +437,21 @@ def test_errors_asked_of_a_mesh_too_coarse_are_refused_before_the_run(
             scene_of(14), shared_tmp_path / "run", study.RunOptions(error=True), MPI.COMM_WORLD
         )
     assert not (shared_tmp_path / "run").exists()
+
+
+@pytest.mark.one_rank
+def test_half_widths_refer_to_half_the_edge_and_probes_to_their_largest_value() -> None:
+    scene = scene_of(16, "history.cycles=1")
+    points = tuple((0.0, y) for y in (0.2, 0.5, 0.9))
+    record = solve(replace(scene, probes=(Probe("line", points=points),)))
+    found = headline(record)
+    half_edge = 0.5 * float(np.ptp(record.x))
+    for name in ("contact_half_width", "stick_half_width"):
+        assert found[name].size == half_edge != abs(found[name].value)
+    # at the end of cycle 0, the whole line in compression
+    rows = record.turning_points.cycle == 0
+    at = record.probe("line")
+    stress = at.stress[at.kind == "turning point"][np.flatnonzero(rows)[-1]]
+    assert np.all(stress[:, 1] < 0.0)
+    number = found["probe_syy[line]"]
+    assert number.value == stress[:, 1].min() and number.size == np.abs(stress).max()

@@ -15,10 +15,12 @@ from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import continue_history, evolve
 from receding_fenicsx.evolution.journal import Journal, JournalFile
 from receding_fenicsx.evolution.limit import jump
+from receding_fenicsx.evolution.limit.frozen import Budget
 from receding_fenicsx.evolution.limit.uniqueness import is_p_matrix
 from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
+from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.storage.hdf5 import read_record, write_record
@@ -214,6 +216,27 @@ def test_nodes_that_come_to_their_limit_at_the_end_stick_there(
             assert now[events.node[k]] == events.old[k]
             now[events.node[k]] = events.new[k]
         assert np.array_equal(now, end)
+
+
+def test_cycles_played_are_those_traced_whether_in_searches_or_not(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    traced: list[str] = []
+    for owner, name in ((RunState, "trace_cycle"), (Budget, "take")):
+        call = getattr(owner, name)
+
+        def counted(self: Any, *args: Any, call: Any = call, name: str = name) -> Any:
+            traced.append(name)
+            return call(self, *args)
+
+        monkeypatch.setattr(owner, name, counted)
+    for minimum in (0.2, 0.5):
+        traced.clear()
+        limit = evolve(BLOCK, cyclic(200, minimum), until="limit").limit
+        assert limit is not None and limit.jumped
+        # all but the path from rest; "take" counts cycles with drifting nodes held
+        assert {"trace_cycle", "take"} <= set(traced)
+        assert limit.cycles_played == len(traced) - 1
 
 
 def test_a_node_that_would_slip_back_has_no_limit_by_the_search(
