@@ -364,3 +364,13 @@ def test_threads_are_set_before_numpy_loads() -> None:
         timeout=300,
     )
     assert done.stdout.split("\n")[:3] == ["False False False", "1 3", "False False False"]
+
+
+def test_a_child_process_does_not_join_the_mpi_job_of_its_parent(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    names = ["OMPI_COMM_WORLD_RANK", "PMIX_RANK", "PMI_SIZE", "HYDI_CONTROL_FD", "MPI_LOCALRANKID"]
+    for name in names:
+        monkeypatch.setenv(name, "1")
+    child = environment.child_environment()
+    assert not set(names) & set(child) and child["PATH"] == os.environ["PATH"]

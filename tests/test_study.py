@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
+from receding_fenicsx import mpi, study
 from receding_fenicsx.bulk.from_scene import is_small
 from receding_fenicsx.long_run import duration
 from receding_fenicsx.output.storage.run_folder import is_finished
@@ -360,3 +360,17 @@ def test_run_that_fails_on_the_way_keeps_what_it_found_and_says_why(shared_tmp_p
         with pytest.raises(rf.InputError, match=r"that run has failed \(cycle 1, leg 1"):
             is_finished(out, scene)
     comm.Barrier()
+
+
+def test_a_run_from_a_saved_system_keeps_its_own_gap_and_friction(shared_tmp_path: Path) -> None:
+    saved, out = shared_tmp_path / "saved.h5", shared_tmp_path / "run"
+    system = study.condense(small(), comm, whole=True)
+    scene = small("contact.initial_gap=0.001*x**2", "contact.friction=0.2")
+    mpi.on_root(comm, lambda: rf.write_system(saved, rf.given(system)))
+    options = study.RunOptions(pictures=False, system_file=saved)
+    record = study.run(scene, out, options, comm)
+    if record is not None:
+        kept = rf.read_system(out / "system.h5")
+        x = np.abs(kept.x)
+        assert kept.g0 == pytest.approx(0.001 * x**2) and np.all(kept.f == 0.2)
+        assert record.g0[-len(x) :] == pytest.approx(kept.g0)

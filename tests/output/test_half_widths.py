@@ -1,5 +1,6 @@
 """Half widths below node spacing of a record: the same body on either side of its edge."""
 
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -20,7 +21,7 @@ from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
-from receding_fenicsx.scene.toml_file import read_scene
+from receding_fenicsx.scene.toml_file import read_scene, to_toml
 
 pytestmark = pytest.mark.one_rank
 
@@ -53,6 +54,12 @@ def test_a_block_hanging_from_the_plane_has_the_widths_of_one_lying_on_it() -> N
         assert one["fitted"] and other["fitted"]
         assert other["value"] == pytest.approx(one["value"], abs=1e-9)
         assert other["interval"] == pytest.approx(one["interval"], abs=1e-9)
+    assert lying.scene is not None
+    # a quarter turn takes the bottom to the right edge, along which t points up
+    for edge, beta in (("right", BETA), ("left", -BETA)):
+        scene = replace(lying.scene, contacts=(Contact(edge),))
+        turned = replace(lying, scene_toml=to_toml(scene))
+        assert contact_betas(turned) == pytest.approx((beta,))
 
 
 def test_two_signs_of_beta_give_an_interval_that_holds_both() -> None:

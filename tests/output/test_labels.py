@@ -16,7 +16,11 @@ from matplotlib.lines import Line2D
 import receding_fenicsx as rf
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.output.plots.load_kinds import kind_of
+from receding_fenicsx.output.plots.touching import Still
+from receding_fenicsx.output.plots.zones.zone_axes import add_legends
 from receding_fenicsx.output.plots.zones.zone_map import stacked_map
+from receding_fenicsx.output.report.bolts import force_lines
+from receding_fenicsx.output.report.text import largest_shown
 
 pytestmark = pytest.mark.one_rank
 
@@ -123,7 +127,9 @@ def check_legend(
     assert [str(entry.get_label()) for entry in entries] == list(shown)
     for entry in entries:
         (line,) = (
-            x for x in axes.lines if x.get_color() == entry.get_color() and len(x.get_xdata()) > 2
+            x
+            for x in axes.lines
+            if x.get_color() == entry.get_color() and np.size(x.get_xdata()) > 2
         )
         assert np.array_equal(line.get_ydata(), shown[str(entry.get_label())][used])
 
@@ -195,6 +201,25 @@ def test_the_force_of_a_prescribed_displacement_is_that_of_the_contact(kinematic
     assert curve(axes, 0)[-1] == pytest.approx([1.0, resultant[-1]], rel=1e-9)
     # the record holds the conjugate of the load factor
     assert found.at(1, "maximum").load_displacement["d"] == pytest.approx(0.02 * resultant[-1])
+
+
+def test_forces_and_tractions_of_the_console_are_the_smallest_largest_and_last() -> None:
+    assert force_lines({"bolts": {"b": [1.0, 3.0, 2.0]}}) == ["bolt b: force 1 to 3, last 2"]
+    point = {"p_max": 3.0, "q_min": -2.0, "q_max": 1.0}
+    assert largest_shown(point, ".1f") == ("3.0", "2.0")
+
+
+@pytest.mark.parametrize(
+    ("strict", "label"), [((True, True), "does not slip"), ((True, False), "slips < $10^{-4}$")]
+)
+def test_the_dashed_line_says_whether_any_of_its_nodes_slips(
+    strict: tuple[bool, ...], label: str
+) -> None:
+    found, none = fretting("table"), np.zeros(0, dtype=int)
+    stills = [Still(found.weight > 0.0, none, none, np.zeros(0), each) for each in strict]
+    figure = rf.style.new_figure(3.0, 3.0)
+    add_legends(figure, found, {1}, stills, wide=False)
+    assert label in figure.legends[0].get_texts()[0].get_text()
 
 
 @pytest.mark.parametrize("axisymmetric", [False, True])

@@ -23,7 +23,7 @@ from receding_fenicsx.output.snapshots.draw import snapshots
 from receding_fenicsx.output.snapshots.load_arrows import load_arrows
 from receding_fenicsx.output.snapshots.render import Picture, Renderer, renderer
 from receding_fenicsx.pictures import picture_body
-from receding_fenicsx.scene.model import Load, Material
+from receding_fenicsx.scene.model import Contact, Load, Material, Profile
 
 COMM = MPI.COMM_WORLD
 
@@ -204,6 +204,22 @@ def test_loads_on_a_cylinder_are_drawn_on_both_sides_of_its_axis(load: Load) -> 
     assert np.all(np.diff(length[:, 0]) > 0.0) != load.platen
 
 
+def test_outward_slip_on_a_cylinder_has_its_friction_on_both_sides_of_the_axis() -> None:
+    friction: dict[str, Profile] = {"forward": 0.2, "backward": 0.5}
+    scene = replace(
+        small_block(),
+        contacts=(Contact(friction=friction),),
+        loads=(Load("p0", "top", (0.0, 1.0), pressure=1.0),),
+        material=Material(kinematics="axisymmetric"),
+    )
+    made = view_at(scene, instant_of_row(scene)[1])
+    if made is None:
+        return
+    x, f = made[0].x, made[0].f
+    outward, inward = np.where(x > 0.0, (f.forward, f.backward), (f.backward, f.forward))
+    assert np.all(outward[x != 0.0] == 0.2) and np.all(inward[x != 0.0] == 0.5)
+
+
 @pytest.mark.parametrize(
     ("largest", "expected"), [(1.0, 0.1), (1.99, 0.1), (2.0, 0.2), (7e6, 5e5), (0.0, 1.0)]
 )
@@ -222,6 +238,10 @@ def test_colours_of_a_signed_stress_are_pale_at_zero_only() -> None:
     assert abs(low + brightest / 255.0 * (high - low)) < 0.01
     assert colours.extend == "both"
     assert len(levels) > 5
+    # a peak of few values is beyond the end of the bar that has its sign
+    for peak, end in ((9.0, "max"), (-9.0, "min")):
+        flat = np.append(np.full(2000, 1.0 if peak > 0.0 else -1.0), peak)
+        assert colours_of(flat, quantity, "")[0].extend == end
     # as strong as the larger of both signs: a tenth of it is pale
     at = np.linspace(low, high, len(colours.table))
     for value, part in ((-1.0, 0.0), (-0.5, 0.25), (0.0, 0.5), (0.1, 0.55)):
