@@ -56,11 +56,12 @@ are no load steps. The method, from top to bottom:
    says whether the body lifts off, slides or jumps. A jump is an error, or (`on_jump = "static"`) a
    static problem at a load just beyond, which releases the energy
    $$E = -\Delta (\tfrac12 u^T K u) - \sum_k \lambda_k\, r^*_k \cdot \Delta u .$$
-   How far equilibrium exists at all is a linear program (`interface.equilibrium`).
+   How far equilibrium exists at all is a linear program (`interface.equilibrium`), solved where
+   rates alone do not decide or the contact forces of the end do not prove equilibrium.
 10. **First loading** (`first_loading.load_from_rest`). From rest without gaps all grows in
     proportion to the load: one static problem, with the slip counted from the start
     (`static.solve_static`: Newton's method on sets of states, Gauss-Seidel, linear
-    complementarity), dissipation $-\tfrac12 Q \cdot \Delta v$.
+    complementarity, Newton's method from several starts), dissipation $-\tfrac12 Q \cdot \Delta v$.
 11. **Complete unloading** (`unloading`). Where all loads vanish on a free body without gaps, $P = Q
     = 0$ and $K u = 0$: all nodes reach all limits together. The leg stops at a remaining load of
     $10^{-9}$, its end is set to the rigid sliding reached, and the next leg is a first loading.

@@ -26,7 +26,7 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem, react
 MAX_STATE_SETS = 30
 """Sets of states tried by Newton's method."""
 
-PATIENT_STATE_SETS = 10
+PATIENT_STATE_SETS = 3
 """The same per node, where nothing quicker has found an answer."""
 
 FEW_SWEEPS = 400
