@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
 from equations import Body
-from small import small_system
+from small import small_system, table
 from ways import rates
 
+from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import choices
 from receding_fenicsx.interface.system import ContactSystem
@@ -227,3 +228,27 @@ def test_instants_are_the_start_and_each_place_of_change_and_met_ones_are_left_o
         (0.2, [BACKWARD, STICK, STICK], [2]),
         (0.5 - 1e-12, [STICK, FORWARD, STICK], [0, 2]),
     ]
+
+
+@pytest.mark.parametrize("ends", [(FORWARD, BACKWARD), (BACKWARD, FORWARD)])
+@pytest.mark.parametrize("between", [(STICK,), (STICK, SEPARATION), ()])
+def test_slip_that_turns_round_at_one_place_leaves_its_node_touching_in_any_number_of_events(
+    ends: tuple[int, int], between: tuple[int, ...]
+) -> None:
+    states = [ends[0], *between, ends[1]]
+    events = [(0.3, 0, old, new) for old, new in pairwise(states)]
+    _, found = InstantsOfLegs().new(b"x", one(ends[0]), events)
+    assert nodes_of(found.sides.touching) == [0]
+
+
+@pytest.mark.parametrize("loads", ["ab", "ba", "aba"])
+def test_the_number_found_at_a_first_loading_is_the_largest_of_all_from_rest(loads: str) -> None:
+    """Under a the node sticks, slips backward or opens; under b it sticks alone."""
+    node = small_system([[1.0, 0.9], [0.9, 1.0]], {"a": [1.3, 1.0], "b": [0.0, 1.0]}, 1.5)
+    path = [[0.0, 0.0]]
+    for load in loads:
+        path += [[float(load == "a"), float(load == "b")], [0.0, 0.0]]
+    unique = evolve(node, table(node, path)).uniqueness
+    assert unique is not None and not unique.certified
+    assert unique.first_loading == unique.solutions == 3
+    assert unique.leg == 2 * loads.index("a")
