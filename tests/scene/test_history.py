@@ -2,7 +2,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from small import small_system
 
+import receding_fenicsx as rf
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.history import History, evenly_spaced, from_scene, leg_number
 from receding_fenicsx.scene.toml_file import from_toml
@@ -120,6 +122,20 @@ def test_table_without_a_column_for_a_load_is_refused() -> None:
 def test_driven_load_must_be_named_among_several() -> None:
     with pytest.raises(InputError, match="several loads"):
         made('kind = "cyclic"', SHEAR)
+
+
+def test_history_takes_lists_and_refuses_rows_of_unequal_length_and_text() -> None:
+    system = small_system(np.eye(4), {"P": [0.0, 0.0, 1.0, 1.0], "Q": [0.1, 0.1, 0.0, 0.0]}, 0.3)
+    path, loop = [[0, 0], [1, 0], [1, 1]], [[1, 1], [1, -1], [1, 1]]
+    lists = History(["P", "Q"], path, loop, cycles=2)  # type: ignore[arg-type]
+    arrays = History(("P", "Q"), np.array(path, float), np.array(loop, float), cycles=2)
+    one, two = (rf.evolve(system, history).turning_points for history in (lists, arrays))
+    assert np.array_equal(one.v, two.v) and np.array_equal(one.Q, two.Q)
+    assert repr(lists) == repr(arrays)
+    assert History(("P", "Q"), path, []).loop.shape == (0, 2)  # type: ignore[arg-type]
+    for wrong in ([[0, 0], [1]], [[0, 0], ["a", 1]], [[0, 0], [None, {}]]):
+        with pytest.raises(InputError, match="history's path has to be rows of 2 load factors"):
+            History(("P", "Q"), wrong, loop)  # type: ignore[arg-type]
 
 
 def test_legs_have_names_and_numbers() -> None:

@@ -36,6 +36,24 @@ class History:
     until_steady: bool = False
     until_limit: bool = False
 
+    def __post_init__(self) -> None:
+        """Convert names and load factors given as lists.
+
+        Raises:
+            InputError: a row has another length, or an entry is not a number.
+        """
+        object.__setattr__(self, "load_names", tuple(self.load_names))
+        for name in ("path", "loop"):
+            try:
+                rows = np.asarray(getattr(self, name), dtype=np.float64)
+            except (TypeError, ValueError):
+                raise InputError(
+                    f"the history's {name} has to be rows of {len(self.load_names)} load factors"
+                ) from None
+            if name == "loop" and not rows.size:
+                rows = rows.reshape(0, len(self.load_names))
+            object.__setattr__(self, name, rows)
+
     def __repr__(self) -> str:
         """Return the loads with their ranges, and the numbers of corners and cycles."""
         loop = np.reshape(self.loop, (-1, len(self.load_names)))
