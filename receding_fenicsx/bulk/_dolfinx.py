@@ -23,6 +23,7 @@ from dolfinx.io.utils import distribute_entity_data
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.errors import NO_ROOM, InputError
 
 VERSION: tuple[int, int] = tuple(int(part) for part in dolfinx.__version__.split(".")[:2])  # type: ignore[assignment]
 """Major and minor version of the running DOLFINx."""
@@ -44,11 +45,22 @@ FACET_CORNERS = {
 
 @contextmanager
 def _quiet() -> Iterator[None]:
-    """Keep the C compiler's command lines, logged by the root logger, off the terminal."""
+    """Keep the C compiler's command lines, logged by the root logger, off the terminal.
+
+    Raises:
+        InputError: the folder for compiled forms cannot be written.
+    """
     before = logging.root.manager.disable
     logging.disable(max(before, logging.INFO))
     try:
         yield
+    except OSError as error:
+        if error.errno in NO_ROOM:
+            raise
+        raise InputError(
+            f"{error.filename}: compiled forms cannot be kept there ({error.strerror}); set "
+            "XDG_CACHE_HOME to a folder that can be written"
+        ) from None
     finally:
         logging.disable(before)
 
