@@ -1,14 +1,41 @@
-"""Atomic writing of files: written under a temporary name in the same folder, then renamed."""
+"""Reading of text files; atomic writing under a temporary name in the same folder, then renamed."""
 
 from __future__ import annotations
 
 import os
 import shutil
+import stat
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from receding_fenicsx.errors import NO_ROOM, InputError, RecedingError
+
+
+def read_text(path: str | Path, label: str = "") -> str:
+    """Return the text of a regular file in UTF-8, without the mark that may begin it.
+
+    Args:
+        path: the file. Devices and pipes are refused: they may have no end.
+        label: what begins a message; default the path.
+
+    Raises:
+        InputError: the file does not exist, is no regular file, is no text, or cannot be read.
+    """
+    label = label or str(path)
+    try:
+        mode = os.stat(path).st_mode
+        if not stat.S_ISREG(mode):
+            kind = "a folder" if stat.S_ISDIR(mode) else "a device or a pipe"
+            raise InputError(f"{label}: cannot be read, it is {kind}; give a file")
+        return Path(path).read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{label}: no such file; check the path") from None
+    except UnicodeDecodeError:
+        raise InputError(f"{label}: is not a text file in UTF-8; export it as one") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{label}: cannot be read ({reason}); check the path") from None
 
 
 @contextmanager

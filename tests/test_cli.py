@@ -88,7 +88,7 @@ def test_every_demo_scene_can_be_modelled(name: str) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["check", "none.toml"], ["none.toml", "no such scene file"]),
+        (["check", "none.toml"], ["none.toml", "no such file"]),
         (["check", BLOCK, "--set", "contact.frictoin=1"], ["block.toml", "friction"]),
         (["check", BLOCK, "--set", "material.poisson=0.5"], ["poisson"]),
         (["run", BLOCK], ["--out", "--help"]),

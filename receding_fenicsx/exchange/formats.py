@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from itertools import takewhile
 from pathlib import Path
@@ -21,6 +22,7 @@ import numpy as np
 from scipy import io, sparse
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
 
 Freedom = tuple[int, int]
@@ -34,16 +36,6 @@ TYPE = r"(?im)^\*MATRIX\s*,\s*TYPE\s*=\s*(\w+).*$"
 """Keyword line before the entries of a user element."""
 
 
-def read_text(path: Path) -> str:
-    """Return the content of a text file."""
-    try:
-        return path.read_text(encoding="utf-8-sig")
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: is not a text file; export the matrix as text") from None
-    except OSError as error:
-        raise InputError(f"{path}: cannot be read ({error.strerror}); check the path") from None
-
-
 def read_matrix(path: Path) -> Named:
     """Read a stiffness.
 
@@ -53,25 +45,23 @@ def read_matrix(path: Path) -> Named:
     text = read_text(path)
     try:
         if text.startswith("%%MatrixMarket"):
-            matrix = sparse.csc_matrix(_real(io.mmread(path)))
+            matrix = sparse.csc_matrix(_market(path, text))
             if matrix.shape[0] != matrix.shape[1]:
                 raise ValueError(f"it is {matrix.shape[0]} by {matrix.shape[1]}, not square")
             return matrix, None
         if "*USER ELEMENT" in text.upper():
             return _user_element(text)
-        rows = _table(text)
+        rows = _table(text, (5, 3))
         if rows.shape[1] == 5:
             entries = _whole(rows[:, :4]).reshape(-1, 2).tolist()
             freedoms = sorted({(node, k) for node, k in entries})
             place = {freedom: i for i, freedom in enumerate(freedoms)}
             i, j = np.array([place[node, k] for node, k in entries]).reshape(-1, 2).T
             return _both_triangles(i, j, rows[:, 4], len(freedoms)), freedoms
-        if rows.shape[1] == 3:
-            words = (word.split(".") for word in read_text(path.with_suffix(".dof")).split())
-            freedoms = [(int(node), int(k)) for node, k in words]
-            i, j = _whole(rows[:, :2]).T - 1
-            return _both_triangles(i, j, rows[:, 2], len(freedoms)), freedoms
-        raise ValueError(f"{rows.shape[1]} numbers a line")
+        words = (word.split(".") for word in read_text(path.with_suffix(".dof")).split())
+        freedoms = [(int(node), int(k)) for node, k in words]
+        i, j = _whole(rows[:, :2]).T - 1
+        return _both_triangles(i, j, rows[:, 2], len(freedoms)), freedoms
     except (ValueError, IndexError, TypeError, StopIteration) as error:
         raise InputError(f"{path}: is not a stiffness ({error})".replace("\n", " ")) from None
 
@@ -85,10 +75,12 @@ def read_vector(path: Path, freedoms: list[Freedom]) -> Array:
     text, values = read_text(path), np.zeros(len(freedoms))
     try:
         if text.startswith("%%MatrixMarket"):
-            found = _real(io.mmread(path))
-            values = np.ravel(found.toarray() if sparse.issparse(found) else found).astype(float)
+            found = sparse.csc_matrix(_market(path, text)).toarray()
+            if 1 not in found.shape:
+                raise ValueError(f"it is {found.shape[0]} by {found.shape[1]}, not one column")
+            values = np.ravel(found)
         else:
-            rows, place = _table(text), {freedom: i for i, freedom in enumerate(freedoms)}
+            rows, place = _table(text, (3,)), {freedom: i for i, freedom in enumerate(freedoms)}
             for (node, k), value in zip(_whole(rows[:, :2]).tolist(), rows[:, 2], strict=True):
                 if (node, k) not in place:
                     raise ValueError(f"the stiffness has no freedom {k} of node {node}")
@@ -101,19 +93,45 @@ def read_vector(path: Path, freedoms: list[Freedom]) -> Array:
 
 
 def _numbers(line: str) -> list[float]:
-    return [float(word.upper().replace("D", "E")) for word in re.split(r"[,\s]+", line) if word]
+    """Return the numbers of a line, with E or D before the exponent."""
+    words = [word for word in re.split(r"[,\s]+", line.strip(", \t")) if word]
+    found = []
+    for word in words:
+        try:
+            number = float(re.sub("[dD]", "E", word)) if "_" not in word else math.nan
+        except ValueError:
+            number = math.nan
+        if not math.isfinite(number):
+            raise ValueError(f'"{word[:40]}" is not a finite number')
+        found.append(number)
+    return found
 
 
-def _table(text: str) -> Array:
-    """Return the rows of numbers; lines of comments and keywords begin with *."""
-    lines = (line for line in text.splitlines() if line.strip() and not line.startswith("*"))
-    return np.atleast_2d(np.array([_numbers(line) for line in lines], dtype=float))
+def _table(text: str, widths: tuple[int, ...]) -> Array:
+    """Return rows of as many numbers each; lines of comments and keywords begin with *."""
+    rows: list[list[float]] = []
+    for k, line in enumerate(text.splitlines(), 1):
+        if line.strip() and not line.startswith("*"):
+            try:
+                rows.append(_numbers(line))
+                if len(rows[-1]) not in widths:
+                    need = " or ".join(map(str, widths))
+                    raise ValueError(f"{len(rows[-1])} numbers, not {need}")
+                widths = (len(rows[-1]),)
+            except ValueError as error:
+                raise ValueError(f"line {k}: {error}") from None
+    if not rows:
+        raise ValueError("it has no row of numbers")
+    return np.array(rows)
 
 
-def _real(values: Any) -> Any:
-    if np.iscomplexobj(values):
-        raise ValueError("its numbers are complex")
-    return values.astype(float)
+def _market(path: Path, text: str) -> Any:
+    """Return the matrix of a MatrixMarket file; SciPy's reader never ends on a file of comments."""
+    if re.match(r"\S+\s+\S+\s+\S+\s+(pattern|complex)", text, re.IGNORECASE):
+        raise ValueError("its numbers are complex, or it has none")
+    if not re.search(r"(?m)^\s*[^%\s]", text):
+        raise ValueError("it ends before the numbers of its rows and columns")
+    return io.mmread(path).astype(float)
 
 
 def _whole(values: Array) -> Any:

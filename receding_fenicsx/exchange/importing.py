@@ -96,7 +96,8 @@ def _check_matrix(A: sparse.csc_matrix, freedoms: list[Freedom]) -> None:
     if not np.all(np.isfinite(A.data)):
         raise InputError("stiffness: has entries that are not finite")
     diagonal = np.abs(A.diagonal())
-    if diagonal.max() > PENALTY * np.median(np.append(diagonal[diagonal > 0.0], 0.0)):
+    share = diagonal / (diagonal.max() or 1.0)
+    if PENALTY * np.median(np.append(share[share > 0.0], 0.0)) < share.max():
         raise InputError(
             f"stiffness: has entries of {diagonal.max():.0e}, which stand for supports; export it "
             "without them, and name them by [[support]]"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -10,12 +9,14 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.exchange.formats import Freedom, read_text
+from receding_fenicsx.exchange.formats import Freedom
 from receding_fenicsx.scene.checks import check_choice
 from receding_fenicsx.scene.column_file import read_columns
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
 from receding_fenicsx.scene.toml_tables import as_list, read_table
+from receding_fenicsx.scene.toml_values import parse_toml
 
 DIRECTIONS = {"x": (1,), "y": (2,), "xy": (1, 2)}
 """Freedoms that a support holds."""
@@ -96,10 +97,7 @@ def read_specification(path: Path) -> Import:
     Raises:
         InputError: a file cannot be read, a key is unknown or missing, or a value is wrong.
     """
-    try:
-        raw: dict[str, Any] = tomllib.loads(read_text(path))
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"not valid TOML: {error}".replace("\n", " ")) from None
+    raw = parse_toml(read_text(path))
     tables: dict[str, Any] = {
         name: tuple(
             read_table(item, kind, name, f"[[{name}]]") for item in as_list(raw.pop(name, []), name)

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import math
 import re
-import tomllib
 from typing import Any
 
 import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.toml_overrides import parse_value
+from receding_fenicsx.scene.toml_values import parse_toml
 
 RANGE = re.compile(r"\s*([^:\s]+)\s*:\s*([^:\s]+)\s*:\s*([^:\s]+)\s*")
 """First value, last value, number of values."""
@@ -51,8 +51,8 @@ def _values(text: str, where: str) -> list[Any]:
     parts = text.split(",")
     if not any(RANGE.fullmatch(part) for part in parts):
         try:
-            return list(tomllib.loads(f"values = [{text}]")["values"])
-        except (tomllib.TOMLDecodeError, RecursionError):
+            return list(parse_toml(f"values = [{text}]")["values"])
+        except InputError:
             pass
     found: list[Any] = []
     for part in parts:

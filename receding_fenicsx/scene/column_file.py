@@ -11,6 +11,7 @@ from typing import NoReturn
 import numpy as np
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
 
 SEPARATORS = (";", ",", "\t")
@@ -64,15 +65,7 @@ def read_columns(name: object, folder: Path, where: str) -> Columns:
     if not isinstance(name, str):
         raise InputError(f"{where} file: must be a path in quotes")
     label = f'{where} file "{name}"'
-    try:
-        text = (folder / name).read_text(encoding="utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{label}: no such file; check the path") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{label}: is not a text file in UTF-8; export it as CSV") from None
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or error
-        raise InputError(f"{label}: cannot be read ({reason}); check the path") from None
+    text = read_text(folder / name, label)
     lines = [(i, _content(line)) for i, line in enumerate(text.splitlines(), 1)]
     filled = [(i, line) for i, line in lines if line]
     first = next((k for k, (_, line) in enumerate(filled) if _has_number(line)), None)

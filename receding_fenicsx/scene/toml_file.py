@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import re
-import tomllib
 from collections.abc import Iterable
 from dataclasses import replace
 from functools import lru_cache
@@ -13,6 +12,7 @@ from pathlib import Path
 from typing import Any
 
 from receding_fenicsx.arrays import check_types
+from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.history.signal_file import with_signals
 from receding_fenicsx.scene.model import (
@@ -26,6 +26,7 @@ from receding_fenicsx.scene.model import (
 from receding_fenicsx.scene.profiles import inline_files
 from receding_fenicsx.scene.toml_overrides import apply_override
 from receding_fenicsx.scene.toml_tables import ARRAYS, ATTRIBUTE, scene_of
+from receding_fenicsx.scene.toml_values import parse_toml
 from receding_fenicsx.scene.units import Units
 from receding_fenicsx.scene.validate import validate
 
@@ -44,16 +45,7 @@ def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
         InputError: the file cannot be read, or the scene cannot be modelled; one line.
     """
     check_types("read_scene", path=(path, str, Path))
-    try:
-        text = Path(path).read_bytes().decode("utf-8-sig")
-    except FileNotFoundError:
-        raise InputError(f"{path}: no such scene file; check the path") from None
-    except UnicodeDecodeError:
-        raise InputError(f"{path}: not a text file in UTF-8; give a scene in TOML") from None
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); give a scene in TOML"
-        ) from None
+    text = read_text(path)
     try:
         return from_toml(text, overrides, Path(path).parent)
     except InputError as error:
@@ -76,10 +68,7 @@ def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = No
     overrides = list(overrides)
     for override in overrides:
         check_types("scene", override=(override, str))
-    try:
-        raw = tomllib.loads(text)
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
-        raise InputError(f"not valid TOML: {error}".replace("\n", " ")) from None
+    raw = parse_toml(text)
     for override in overrides:
         apply_override(raw, override)
     return from_raw(raw, folder)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from typing import Any
 
 from receding_fenicsx.errors import InputError
@@ -10,6 +9,7 @@ from receding_fenicsx.scene.checks import unknown_name
 from receding_fenicsx.scene.model import Contact
 from receding_fenicsx.scene.profiles import DIRECTIONS
 from receding_fenicsx.scene.toml_tables import ARRAYS, KNOWN, NAMED, as_list, named_materials
+from receding_fenicsx.scene.toml_values import parse_toml
 
 PARTS = {
     "contact": ("friction",),
@@ -57,11 +57,11 @@ def parse_value(text: str, where: str | None) -> Any:
         InputError: the text begins as a list or a table, and is not valid TOML.
     """
     try:
-        parsed = tomllib.loads(f"value = {text}")
-    except (tomllib.TOMLDecodeError, RecursionError) as error:
+        parsed = parse_toml(f"value = {text}")
+    except InputError as error:
         if where is not None and text.strip().startswith(("{", "[")):
             reason = str(error).partition(" (")[0]
-            raise InputError(f"{where}: the value is not valid TOML ({reason})") from None
+            raise InputError(f"{where}: the value is {reason}") from None
         return text.strip()
     return parsed["value"] if set(parsed) == {"value"} else text
 

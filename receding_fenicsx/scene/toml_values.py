@@ -5,6 +5,8 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
+import tomllib
 from collections.abc import Callable
 from typing import Any
 
@@ -13,6 +15,24 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import unknown_name
 from receding_fenicsx.scene.model import Harmonic, Refinement
 from receding_fenicsx.scene.profiles import DIRECTIONS, FrictionProfile, Profile, directions
+
+PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+DEEP_KEY = re.compile(rf"""(?<![\w"'\\-])(?:{PART}[ \t]*+\.[ \t]*+){{50}}""")
+"""A dotted key of more than 50 parts: the parser's memory grows with the square of their number."""
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text.
+
+    Raises:
+        InputError: it is not valid TOML, or has a key of more than 50 parts.
+    """
+    if DEEP_KEY.search(text):
+        raise InputError("not valid TOML: a key has more than 50 parts")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # whole numbers of too many digits included
+        raise InputError(f"not valid TOML: {error}".replace("\n", " ")) from None
 
 
 def _shown(value: object) -> str:

@@ -260,7 +260,7 @@ def turned(path: Path, old: str, new: str) -> None:
         ("[7, 6", "[8, 6", "not on a line across the normal"),
         ("[7, 6", "[6, 6", "coincide"),
         ("friction", "frction", "did you mean 'friction'"),
-        ('"P.txt"', '"R.txt"', "cannot be read"),
+        ('"P.txt"', '"R.txt"', "no such file"),
         ('"P.txt"', '"none.txt"', "load 'P': its file has no force"),
         ('forces = "P.txt"', "", "either forces or reactions"),
         ("K.mtx", "nodes.csv", "is not a stiffness"),
@@ -336,6 +336,65 @@ def test_a_triangle_of_the_wrong_length_is_refused(tmp_path: Path) -> None:
     (tmp_path / name).write_text("1 1 2.0\n2 2")
     with pytest.raises(rf.InputError, match="is not a stiffness"):
         rf.import_system(specification(tmp_path, name, block))
+
+
+BANNER = "%%MatrixMarket matrix array real general\n"
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("1,2,3,4", "line 1: 4 numbers, not 3"),
+        ("*CLOAD\n1,2,3.0,4.0,5.0", "line 2: 5 numbers, not 3"),
+        ("1,2,0.5\n\n2,2,1.0,7", "line 3: 4 numbers, not 3"),
+        ("1,2,0.5\n2,2", "line 2: 2 numbers, not 3"),
+        ("1,2,0.5\n2,2,nan", 'line 2: "nan" is not a finite number'),
+        ("1,2,1e999", 'line 1: "1e999" is not a finite number'),
+        ("1,2,1_0", 'line 1: "1_0" is not a finite number'),
+        ("1,2,0.5 N", 'line 1: "N" is not a finite number'),
+        ("*CLOAD\n", "no row of numbers"),
+        (BANNER, "ends before"),
+        (BANNER + "% no more\n", "ends before"),
+        (BANNER + "28 2\n" + 56 * "1.0\n", "it is 28 by 2, not one column"),
+        (BANNER.replace("real", "pattern"), "has none"),
+    ],
+)
+def test_loads_with_other_columns_or_text_are_refused(text: str, told: str, tmp_path: Path) -> None:
+    path = specification(tmp_path, write_market(tmp_path, block := Block()), block)
+    (tmp_path / "P.txt").write_text(text)
+    with pytest.raises(rf.InputError, match=f"P.txt: is not a load .*{told}"):
+        rf.import_system(path)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (BANNER.strip(), "ends before"),
+        ("1,1,1,1,2.0\n1,1,2,1,1.0,9", "line 2: 6 numbers, not 5"),
+        ("1 1 2.0 5", "line 1: 4 numbers, not 5 or 3"),
+        ("1,1,1,1,inf", 'line 1: "inf" is not a finite number'),
+    ],
+)
+def test_stiffnesses_with_other_columns_or_text_are_refused(
+    text: str, told: str, tmp_path: Path
+) -> None:
+    (tmp_path / "K.mtx").write_text(text)
+    with pytest.raises(rf.InputError, match=f"K.mtx: is not a stiffness .*{told}"):
+        rf.import_system(specification(tmp_path, "K.mtx", Block()))
+
+
+@pytest.mark.parametrize("scale", [2.0**1000, 2.0**-1000])
+def test_import_scales_with_the_stiffness_to_the_ends_of_the_range(
+    scale: float, tmp_path: Path
+) -> None:
+    block = Block()
+    found = []
+    for factor in (1.0, scale):
+        block.A = factor * Block().A
+        path = specification(tmp_path, write_market(tmp_path, block), block)
+        with np.errstate(over="raise", invalid="raise"):
+            found.append(rf.import_system(path))
+    assert np.abs(found[1].K / scale - found[0].K).max() < 1e-12
 
 
 def test_exported_matrices_can_be_imported_again(

@@ -1,9 +1,11 @@
 import dataclasses
 import math
+import os
 from pathlib import Path
 
 import pytest
 
+import receding_fenicsx as rf
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import (
     Body,
@@ -110,6 +112,7 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["load.p1.pressure=1"], ["unknown load 'p1'", "p0"]),
         (["contact.friction"], ["--set", "table.key=value"]),
         (["contact.friction={x=[0,.5], value=[1,1]}"], ["--set", "not valid TOML"]),
+        ([f"load.p0.pressure=[{9 * 1000 * '9'}]"], ["--set", "not valid TOML: Exceeds the limit"]),
         (["contact=1"], ["--set", "contact.key=value"]),
         (["load.pressure=1"], ["name the load"]),
         (["a.b.c=1"], ["'a'"]),
@@ -233,6 +236,12 @@ def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]
         ),
         ('[[load]]\nedge = "left"\npressure = 1', ["'name' is missing"]),
         ("[[contact]]", ["not valid TOML"]),
+        (f"[units]\nlength = {9 * 1000 * '9'}", ["not valid TOML", "digits"]),
+        (f"[units]\nlength = {400 * '9'}", ["[units] length", "must be a string"]),
+        (50 * "a." + "b = 1", ["not valid TOML: a key has more than 50 parts"]),
+        (f"[{50 * 'a . '}b]", ["not valid TOML: a key has more than 50 parts"]),
+        ("[units]\nlength = {" + 50 * """'a.='."a\\"=".""" + "b = 1}", ["more than 50 parts"]),
+        (49 * "a." + "b = 1", ["unknown key 'a'"]),
         ("[body]", ["not valid TOML"]),
         ("[axis]", ["unknown table 'axis'"]),
         ("[material.a]\nyoung = 1", ["[material.a]", "no body has this material"]),
@@ -324,8 +333,39 @@ def test_values_that_are_not_finite_are_refused_also_from_python(value: float) -
         validate(bad)
 
 
+@pytest.mark.parametrize("name", ["/dev/zero", "pipe", "."])
+@pytest.mark.parametrize("key", ["scene", "rows", "friction", "stiffness", "nodes", "system"])
+def test_what_is_no_regular_file_is_not_read(key: str, name: str, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    path = tmp_path / name
+    if not path.exists():
+        pytest.skip("the system has no such device")
+    text = BLOCK
+    if key == "rows":
+        text = BLOCK[: BLOCK.index("[history]")] + "[history]\nkind = 'table'\n"
+        text += f"rows = {{file = '{path}'}}\n"
+    elif key == "friction":
+        text = BLOCK.replace("friction = 0.35", f"friction = {{file = '{path}'}}")
+    elif key in ("stiffness", "nodes"):
+        (tmp_path / "nodes.csv").write_text("node,x,y\n1,0,0\n")
+        files = {"stiffness": "K.mtx", "nodes": "nodes.csv", key: str(path)}
+        text = "".join(f"{name} = '{file}'\n" for name, file in files.items()) + "free = 3\n"
+        text += "[[contact]]\nnodes = [1]\nnormal = [0.0, 1.0]\n"
+        text += "[[load]]\nname = 'P'\nforces = 'P.txt'\n"
+    scene = tmp_path / "scene.toml"
+    scene.write_text(text)
+    with pytest.raises(InputError, match=r"it is a|is a folder|no such file") as caught:
+        if key == "system":
+            rf.read_system(path)
+        elif key in ("stiffness", "nodes"):
+            rf.import_system(scene)
+        else:
+            read_scene(path if key == "scene" else scene)
+    assert str(path) in str(caught.value)
+
+
 def test_unreadable_files_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"none\.toml: no such scene file"):
+    with pytest.raises(InputError, match=r"none\.toml: no such file"):
         read_scene(tmp_path / "none.toml")
     with pytest.raises(InputError, match="cannot be read"):
         read_scene(tmp_path)
