@@ -13,7 +13,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
 from receding_fenicsx.cli_parser import PROGRAM
-from receding_fenicsx.errors import InputError, RecedingError, ToleranceNotMet
+from receding_fenicsx.errors import InputError, RecedingError, SolveError, ToleranceNotMet
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -164,7 +164,7 @@ def _shakedown(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
         print(f"{found}\nwritten to {options.out}")
 
 
-def _joint(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
+def _joint(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
     import numpy as np
 
     from receding_fenicsx.joints.curve import joint_curve
@@ -185,8 +185,11 @@ def _joint(options: argparse.Namespace, comm: MPI.Comm | None) -> int:
         curve = joint_curve(scene, options.drive, amplitudes, options.out, options.workers, chosen)
     if curve is not None:
         print(f"{curve!r}\nwritten to {Path(options.out) / 'joint.csv'}")
-    none_left = curve is not None and len(curve.table.failed) == len(curve.table.rows)
-    return int(comm.bcast(none_left))
+    failed = [] if curve is None else [row["error"] for row in curve.table.failed]
+    if comm.bcast(curve is not None and len(failed) == len(curve.table)):
+        raise SolveError(
+            f"joint: all amplitudes failed, the smallest with: {comm.bcast(failed)[0]}"
+        )
 
 
 def _condense(options: argparse.Namespace, comm: MPI.Comm | None) -> None:

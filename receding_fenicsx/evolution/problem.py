@@ -12,7 +12,7 @@ from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE
 from receding_fenicsx.evolution.prepare import has_probes_of, system_for
 from receding_fenicsx.interface.branches.choice import FIRST, Chooser, chooser_for
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.interface.system_checks import check_range, check_system
+from receding_fenicsx.interface.system_checks import LARGEST, check_range, check_system
 from receding_fenicsx.scene.history import History, check_history, from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
@@ -150,8 +150,9 @@ def _checked(
     v = np.zeros(n) if initial_slip is None else as_numbers(initial_slip, "initial_slip")
     if v.shape != (n,):
         raise InputError(f"initial_slip has shape {v.shape}, expected ({n},)")
-    if not np.all(np.isfinite(v)):
-        raise InputError(f"initial_slip of node {np.argmin(np.isfinite(v))} is not finite")
+    if not np.all(np.abs(v) <= LARGEST):
+        node = np.argmin(np.abs(v) <= LARGEST)
+        raise InputError(f"initial_slip of node {node} is not finite, or beyond {LARGEST:g}")
     v[system.held[:n]] = 0.0
     check_branch(solver)
     if history.until_limit and solver.branch != FIRST:

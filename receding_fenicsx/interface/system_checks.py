@@ -95,8 +95,11 @@ def check_system(system: ContactSystem) -> None:
             "on each edge, edge by edge"
         )
     for name in ("K", "r_star", "rigid"):
-        if not np.all(np.isfinite(getattr(system, name))):
-            raise InputError(f"{name} of the contact system has entries that are not finite")
+        if not np.all(np.abs(getattr(system, name)) <= LARGEST):
+            raise InputError(
+                f"{name} of the contact system has entries that are not finite, or beyond "
+                f"{LARGEST:g}"
+            )
     K, largest = system.K, float(np.abs(system.K).max(initial=0.0))
     if float(np.abs(K - K.T).max(initial=0.0)) > UNSYMMETRIC * largest:
         raise InputError("K of the contact system is not symmetric")
@@ -120,7 +123,8 @@ def check_range(system: ContactSystem, factors: Array) -> None:
     Raises:
         InputError: they would.
     """
-    force = float((np.abs(factors) @ np.abs(system.r_star)).max(initial=0.0))
+    with np.errstate(over="ignore"):
+        force = float((np.abs(factors) @ np.abs(system.r_star)).max(initial=0.0))
     stiffness = float(np.abs(system.K).max(initial=0.0))
     if not force or not stiffness:
         return
@@ -136,12 +140,16 @@ def check_range(system: ContactSystem, factors: Array) -> None:
 
 def _check_nodes(system: ContactSystem, name: str, values: Array, not_negative: bool) -> None:
     """Raise where a quantity of the nodes is not finite, or negative although it may not be."""
-    wrong = ~np.isfinite(values)
+    wrong = ~(np.abs(values) <= LARGEST)
+    if name in ("f", "f_backward", "weight"):
+        # they divide
+        wrong |= (values != 0.0) & (np.abs(values) < SMALLEST)
     if not_negative:
         wrong |= np.asarray(values) < 0.0
     if np.any(wrong):
         i = int(np.argmax(wrong))
         need = "finite and not negative" if not_negative else "finite"
+        need += f", 0 or of a size from {SMALLEST:g} to {LARGEST:g}"
         raise InputError(
             f"{name} of the contact system is {values[i]} at node {i} (x = {system.x[i]:.6g}); it "
             f"has to be {need}"

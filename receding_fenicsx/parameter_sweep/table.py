@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -60,6 +61,14 @@ class SweepTable:
     def failed(self) -> tuple[dict[str, Any], ...]:
         """Rows of the cases that failed."""
         return tuple(row for row in self.rows if row[ERROR])
+
+    def __len__(self) -> int:
+        """Return the number of rows, one for each case."""
+        return len(self.rows)
+
+    def __iter__(self) -> Iterator[dict[str, Any]]:
+        """Go through the rows."""
+        return iter(self.rows)
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         """Return a column; missing numbers are NaN, missing texts None.

@@ -191,6 +191,34 @@ def test_weights_order_and_motions_without_meaning_are_refused(change: Any, word
         evolve(replace(system, **change(system)), cyclic(1))
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"r_star": 1e300},
+        {"r_star": 1e200, "load": 1e200},
+        {"K": 1e308},
+        {"g0": 1e308},
+        {"f": 1e308},
+        {"f": 1e-310},
+        {"weight": 1e-310},
+    ],
+)
+@pytest.mark.filterwarnings("error")
+def test_numbers_that_would_overflow_are_refused_without_a_warning(
+    change: dict[str, float],
+) -> None:
+    system = block_system(8, 2)
+    arrays = {
+        # ones where all is zero
+        name: factor * (getattr(system, name) / (np.abs(getattr(system, name)).max() or 1.0))
+        + factor * (name == "g0")
+        for name, factor in change.items()
+        if name != "load"
+    }
+    with pytest.raises(InputError, match=r"1e|beyond the range"):
+        evolve(replace(system, **arrays), cyclic(1, maximum=change.get("load", 1.0)))
+
+
 def test_motions_that_a_system_without_friction_resists_are_refused() -> None:
     system = eliminate_tangential(block_system(8, 2, f=0.0))
     evolve(system, cyclic(1))

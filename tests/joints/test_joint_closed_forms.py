@@ -95,3 +95,28 @@ def test_a_dovetail_has_estimates_on_its_own_mesh_file() -> None:
     change = abs(fine.dissipation[0] - coarse.dissipation[1])
     assert change < coarse.estimate[1] < 0.3 * coarse.dissipation[1]
     assert fine.estimate[0] < coarse.estimate[1]
+
+
+@pytest.mark.parametrize("young", [1e4, 1e6])
+def test_a_nearly_rigid_body_on_springs_dissipates_as_a_slider_beside_a_spring(
+    young: float,
+) -> None:
+    """D = 4 f N (Q - f N) / k after few cycles, though forces repeat to their round-off only."""
+    scene = rf.Scene(
+        body=rf.Body(width=2.0, height=1.0),
+        material=rf.Material(young, 0.3),
+        mesh=rf.MeshOptions(contact_elements=16),
+        contacts=(rf.Contact(friction=0.35, initial_gap=0.2),),
+        springs=(rf.Spring("top", normal=0.7, tangential=0.4),),
+        loads=(
+            rf.Load("N", "top", pressure=1.0),
+            rf.Load("Q", body_force=(1.0, 0.0)),
+        ),
+    )
+    curve = rf.joint_curve(scene, "Q", [1.0])
+    if curve is None:
+        return
+    limit = 0.35 * (2.0 - 0.2 * 1.4)
+    assert curve.kind == ("cyclic slip",)
+    assert curve.dissipation == pytest.approx(4.0 * limit * (2.0 - limit) / 0.8, rel=10.0 / young)
+    assert curve.table["cycles"][0] <= 8

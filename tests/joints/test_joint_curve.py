@@ -56,6 +56,7 @@ def test_macroslip_is_found_at_the_limit_of_friction() -> None:
     assert curve.backbone.macroslip == pytest.approx(0.5, rel=2e-6)
     assert curve.kind == ("cyclic slip", "failed") and "sliding" in curve.rows()[1]["error"]
     assert np.isnan(curve.masing[1]) and "macroslip" in repr(curve)
+    assert len(curve.table) == 2 and list(curve.table) == list(curve.table.rows)
 
 
 def test_a_strip_on_a_wall_dissipates_with_the_third_power_of_its_load() -> None:
@@ -158,6 +159,17 @@ def test_command_writes_a_curve_and_goes_on_with_it(
     ]
     assert told["macroslip"] is None and told["first_loading"]["load"][0] == 0.0
     assert (out / "joint.png").stat().st_size > 10_000
+
+
+def test_command_tells_why_all_amplitudes_failed(
+    shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    head = ["joint", str(CYLINDERS), "--set", "mesh.contact_elements=20", "--drive", "Q"]
+    head += ["--from", "0.6", "--to", "0.7", "--count", "2", "--out", str(shared_tmp_path / "c")]
+    assert cli.main(head) == 1
+    told = capsys.readouterr().err
+    assert "error: joint: all amplitudes failed, the smallest with: " in told or comm.rank
+    assert "sliding" in told or comm.rank
 
 
 @pytest.mark.parametrize(

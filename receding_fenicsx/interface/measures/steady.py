@@ -24,6 +24,9 @@ SLIP_ROUND_OFF = 1e-12
 """Slip over the elastic displacement F / K_ii of a node under the largest nodal force F below which
 it is round-off: the node does not slip."""
 
+FORCE_ROUND_OFF, LARGEST_ROUND_OFF = 32.0 * 2.0**-52, 1e-6
+"""Round-off of a force over its terms; and the largest over the largest force that is excused."""
+
 FAINT = 1e-9
 """Largest P of a node in a cycle, over the terms of its forces, that counts as none."""
 
@@ -115,8 +118,9 @@ class SteadyWatch:
     """Compares the ends of successive cycles and says when, and how, the response repeats itself.
 
     With A_n = max |r_n - r_(n-T)| / max |r| at the ends of cycles n, for periods T = 1 and 2, the
-    forces repeat where A_n is below the tolerance for two periods running. Where a cycle ends
-    without force, max |r| is taken over the whole history, times ``UNLOADED_FORCE``.
+    forces repeat where A_n is below the tolerance, or the round-off of their terms
+    sum_j |K_ij u_j|, for two periods running. Where a cycle ends without force, max |r| is taken
+    over the whole history, times ``UNLOADED_FORCE``.
 
     Forces that repeat tell little of slips that are small beside the displacements they belong to.
     So slips are judged by themselves: a node slips by s = D_i / (f P)_i in a cycle, if K_ii s is
@@ -161,10 +165,13 @@ class SteadyWatch:
         self.slips = [*self.slips[-3:], slip]
         if len(self.ends) == 1:
             return False
+        # forces of a nearly rigid body are small differences of their terms
+        known = FORCE_ROUND_OFF * float(terms.max(initial=0.0))
+        bound = max(self.tolerance, min(known / largest, LARGEST_ROUND_OFF) if largest else 0.0)
         for period, change in ((1, self.change), (2, self.change_2)):
             known = len(self.ends) > period
             change.append(_relative(end.r, self.ends[~period].r, largest) if known else np.inf)
-            repeats = len(change) >= 2 * period and max(change[-2 * period :]) < self.tolerance
+            repeats = len(change) >= 2 * period and max(change[-2 * period :]) < bound
             if self.cycle < 0 and repeats:
                 self.kind = self._kind(period)
                 if self.kind != NOT_REACHED:
