@@ -9,6 +9,8 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NotConverged, SolveError
+from receding_fenicsx.interface.exact.first_loading import load_from_rest
+from receding_fenicsx.interface.exact.unloading import is_at_rest, is_closed
 from receding_fenicsx.interface.gauss_seidel.sweeps import (
     GaussSeidelOptions,
     Stalled,
@@ -77,7 +79,8 @@ class StepTrials:
         scale = leg.leg.force_scale if step is None else step.force_scale
         if step is not None and self.continuation.is_straight(leg.end, step.end, scale):
             return Trial(step, s_to)
-        path = self.continuation.follow(leg.rest(s, scale), s_to, leg.limit)
+        start = leg.rest(s, scale)
+        path = self.continuation.follow(start, s_to, leg.limit)
         is_smallest = s_to - s <= 1.5 * SMALLEST_PART
         if path.error is None:
             # where nothing presses a free body sweeps may leave it anywhere off its plane
@@ -91,7 +94,14 @@ class StepTrials:
                 with suppress(SolveError):
                     return Trial(path.finish(), s_to)
             return Trial(None, 0.5 * (s + s_to))
-        unloaded = s == 0.0 and not np.any(leg.problem.ends[0])
+        at_start = leg.problem.ends[0]
+        unloaded = s == 0.0 and not np.any(at_start)
+        segments = self.continuation.segments
+        if unloaded and is_at_rest(self.system, at_start) and is_closed(segments, leg.end, scale):
+            # from rest all grows in proportion to the load: one static problem
+            first = replace(start, ends=(at_start, load), samples=())
+            with suppress(SolveError):
+                return Trial(load_from_rest(segments, first, leg.limit), s_to)
         if step is not None and unloaded and isinstance(path.error, NoEquilibrium):
             # a free body that touches nowhere yet falls on the plane
             return Trial(step, s_to)
