@@ -32,7 +32,8 @@ def parse_toml(text: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:  # whole numbers of too many digits included
-        raise InputError(f"not valid TOML: {error}".replace("\n", " ")) from None
+        reason = str(error).partition("; use sys")[0].replace("\n", " ")
+        raise InputError(f"not valid TOML: {reason}") from None
 
 
 def _shown(value: object) -> str:
