@@ -165,6 +165,7 @@ def test_probes_of_a_pair_on_the_axis_are_hertz() -> None:
     for rows in (values[:2], values[2:4]):
         assert np.allclose(rows[:, 3], [known_yy, -HERTZ.p0], rtol=1e-3)
         assert np.allclose(rows[:, 2], [known_xx, -HERTZ.p0], rtol=1e-3)
+        assert np.allclose(rows[:, 4], 0.3 * (rows[:, 2] + rows[:, 3]))  # plane strain
     assert abs(values[4, 1]) < 1e-3 * abs(values[3, 1])
 
 
