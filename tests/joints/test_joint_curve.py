@@ -11,6 +11,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from scipy.stats import linregress
 from small import small_system
 
 import receding_fenicsx as rf
@@ -133,6 +134,9 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     assert points == pytest.approx(D / unit)
     assert lines["Masing's rule"].get_ydata() == pytest.approx(masing / unit)
     assert right.lines[0].get_ydata() == pytest.approx(omega if drive == "mode:1" else k)
+    assert curve.masing_defect == pytest.approx([1 / 3, 1 / 9, 1 / 7])
+    line = linregress(np.log(a), np.log(D))
+    assert curve.exponent == pytest.approx((line.slope, line.stderr))
     if drive == "mode:1":
         assert points == pytest.approx(curve.zeta) and curve.omega == pytest.approx(omega)
 
