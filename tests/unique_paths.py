@@ -97,7 +97,7 @@ def problem(seed: int, kind: str) -> tuple[ContactSystem, History]:
     if kind == "gaps":
         return random_problem(3 * seed)
     if kind == "pairs" or (kind == "load steps" and seed % 2):
-        return pairs(seed)
+        return pairs(seed if kind == "pairs" else 2 * seed)
     return symmetric_problem(seed, "mirror" if kind == "load steps" else kind)
 
 

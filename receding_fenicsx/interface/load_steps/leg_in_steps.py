@@ -57,6 +57,7 @@ class LegInSteps:
         leg = self.leg
         if isinstance(found, Leg):
             leg.work += found.work
+            leg.ties += found.ties
         else:
             mean = 0.5 * (self.load(part[0]) + self.load(part[1]))
             leg.work += float(mean @ self.system.r_star @ (found.end.u - leg.end.u))
@@ -75,6 +76,7 @@ class LegInSteps:
         stops = [place for place, _ in found.samples]
         leg.events = at_start + seen_changes(found, self.problem.start, s, stops)
         leg.dissipation, leg.work, leg.end = found.dissipation, found.work, found.end
+        leg.ties = found.ties
         leg.residual = max(leg.residual, found.residual)
 
     def add_jump(

@@ -18,17 +18,21 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.equilibrium import Limit, furthest
 from receding_fenicsx.interface.exact.jumps import JUMP_STEP
-from receding_fenicsx.interface.exact.legs import LegProblem, changes
+from receding_fenicsx.interface.exact.legs import Event, LegProblem, changes
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.ties import ties_of_state
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
 from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
 from receding_fenicsx.interface.load_steps.steps import StepTrials
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 MAX_PARTS = 300
 """Parts in which one load step is tried at most."""
+
+SAME_MARGIN = 1e-6
+"""Relative difference of distances from a limit that a step does not resolve."""
 
 GROWTH = 10.0
 """Factor by which a part of a load step may exceed the one before."""
@@ -135,11 +139,9 @@ class GaussSeidelPath:
                 segments = self._trials.continuation.segments
                 now.add_jump(segments, (s, reached), self.on_jump, trial.found)
             else:
+                before = now.end
                 now.add(trial.found, (s, reached))
-                segments = self._trials.continuation.segments
-                if reached < 1.0:  # the next leg begins with those at the end
-                    ties = ties_of_state(segments, now.end, now.leg.force_scale)
-                    now.leg.ties += [(reached, i, state, other) for _, i, state, other in ties]
+                now.leg.ties += self._ties(now, before, reached)
             part = reached - s
             s, targets = reached, [target for target in targets if target > reached]
             if not targets:
@@ -150,6 +152,24 @@ class GaussSeidelPath:
             f"the load step before load factors {now.load(s_end).tolist()} was taken in "
             f"{MAX_PARTS} parts without finding whether the contact jumps in it; use method events"
         )
+
+    def _ties(self, now: LegInSteps, before: ContactState, s: float) -> list[Event]:
+        """Return the nodes on limits at the end of a step, and those that might have been within.
+
+        A stuck node might have reached its nearer limit if it was no further from it than a node
+        that has begun to slip.
+        """
+        segments, scale = self._trials.continuation.segments, now.leg.force_scale
+        # the next leg begins with those at the end of this one
+        found = ties_of_state(segments, now.end, scale) if s < 1.0 else []
+        A, B = segments.values(before)[2 * self.system.n :].reshape(2, -1)
+        stuck = segments.frictional & (before.state == STICK)
+        begun = stuck & ((now.end.state == FORWARD) | (now.end.state == BACKWARD))
+        reach = np.where(now.end.state == FORWARD, A, B)[begun].max(initial=0.0)
+        stuck &= (now.end.state == STICK) & (np.minimum(A, B) <= reach * (1.0 + SAME_MARGIN))
+        for i in np.flatnonzero(stuck).tolist() if begun.any() else ():
+            found.append((0, i, STICK, FORWARD if A[i] < B[i] else BACKWARD))
+        return [(s, i, state, other) for _, i, state, other in found]
 
     def _take_exact_path(self, now: LegInSteps, s_end: float) -> bool:
         """Take the exact path from the leg's start where it continues; return whether it does.

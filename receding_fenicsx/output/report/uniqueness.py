@@ -42,6 +42,8 @@ def uniqueness_lines(summary: Mapping[str, Any]) -> list[tuple[str, str]]:
         return []
     margin, place, static = found["margin"], found["where"], found["first_loading"]
     words = "certified" if found["certified"] else "not certified"
+    if found["certified"] and static is not None and not static["proved"]:
+        words += " after the first loading, which is not proved to have one solution only"
     if summary["method"] != "events":
         words += " at the ends of load steps"
     if found["symmetric_paths_only"]:
