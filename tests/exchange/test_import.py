@@ -222,6 +222,29 @@ def test_supports_hold_and_interior_nodes_can_be_fixed(tmp_path: Path) -> None:
     assert np.allclose(np.abs(system.rigid[:, 0]), np.repeat([0.0, 1.0], system.n))
 
 
+@pytest.mark.parametrize("degrees", [0.0, 30.0, 180.0, 250.0])
+def test_a_turned_block_has_the_same_system_along_its_own_directions(
+    degrees: float, tmp_path: Path
+) -> None:
+    block, angle = Block(), np.radians(degrees)
+    K, r_star = block.condensed()
+    inside = np.arange(2 * len(block.contact), len(block.A))
+    forces = np.array(list(block.forces.values()))[:, inside]
+    compliance = forces @ np.linalg.solve(block.A[np.ix_(inside, inside)], forces.T)
+    R = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    turn = np.kron(np.eye(len(block.points)), R)
+    block.points, block.A = block.points @ R.T, turn @ block.A @ turn.T
+    block.forces = {name: turn @ f for name, f in block.forces.items()}
+    path = specification(tmp_path, write_market(tmp_path, block), block)
+    turned(path, "[0.0, 2.0]", str((2.0 * R[:, 1]).tolist()))
+    turned(path, "friction = 0.32", "friction = {forward = 0.4, backward = 0.1}")
+    system = rf.import_system(path)
+    assert np.abs(system.K - K).max() < 1e-12 * np.abs(K).max()
+    assert np.abs(system.r_star - list(r_star.values())).max() < 1e-14
+    assert system.load_compliance == pytest.approx(compliance, rel=1e-11, abs=1e-14)
+    assert np.all(system.f == 0.4) and np.all(system.friction.backward == 0.1)
+
+
 def test_the_order_of_nodes_and_of_lines_of_force_is_free(tmp_path: Path) -> None:
     block = Block()
     path = specification(tmp_path, write_market(tmp_path, block), block)
