@@ -155,6 +155,7 @@ def test_resuming_from_the_command_line(
         (["--set", "mesh.growth=1.2"], "a run with another [mesh] growth"),
         (["--overwrite"], "give one of them"),
         (["--system", "x.h5"], "give one of them"),
+        (["--set", "history.cycles=9", "--error"], "the run is finished, --error needs a new one"),
     ):
         assert cli.main([*arguments, *extra]) == 2
         err = capsys.readouterr().err
