@@ -132,6 +132,9 @@ def test_of_a_stack_the_contacts_are_relative_displacements() -> None:
     assert np.array_equal(model.f, np.where(below, 0.2, 0.4))
     assert np.array_equal(model.f_backward, np.where(below, 0.1, 0.4))
     assert np.array_equal(model.g0, np.where(below, 1e-3, 0.0))
+    # both edges are 2 long
+    assert [model.weight[k].sum() for k in (below, ~below)] == pytest.approx([2.0, 2.0])
+    assert np.array_equal(model.points, system.points)
     # any u of the contacts with the rest free of forces: the least energy under C q = u
     n, m = model.C.shape
     bordered = np.block([[model.K, model.C.T], [model.C, np.zeros((n, n))]])
