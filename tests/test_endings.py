@@ -315,7 +315,8 @@ def test_output_into_a_full_file_is_an_error(tmp_path: Path) -> None:
 @pytest.mark.one_rank
 def test_place_for_compiled_forms_that_cannot_be_written_is_named(tmp_path: Path) -> None:
     scene = write(tmp_path / "scene.toml", SCENE)
-    command = [sys.executable, "-m", "receding_fenicsx", "condense", scene, "--out", tmp_path / "c"]
+    command = [sys.executable, "-m", "receding_fenicsx", "condense", str(scene)]
+    command += ["--out", str(tmp_path / "c")]
     environment = rf.child_environment() | {"XDG_CACHE_HOME": str(scene)}  # no folder
     done = subprocess.run(command, capture_output=True, text=True, env=environment)
     assert done.returncode == 2

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 from scipy.integrate import quad
@@ -103,7 +105,8 @@ def test_errors_of_a_fit_are_those_of_its_model_point_by_point(model: str) -> No
     mixed = np.random.default_rng(3).permutation(len(x))
     x, F, D = x[mixed], F[mixed], D[mixed]
     fit = rf.fit_jenkins(F, D, F / x, 2) if model == "jenkins" else rf.fit_iwan(F, D, F / x, 2.5)
-    force, loop = (jenkins if model == "jenkins" else iwan)(x, **fit.parameters)
+    law: Any = jenkins if model == "jenkins" else iwan
+    force, loop = law(x, **fit.parameters)
     assert fit.stiffness_error == pytest.approx(force / F - 1.0, abs=1e-12)
     assert fit.dissipation_error == pytest.approx(loop / D - 1.0, abs=1e-12)
     assert np.abs(fit.stiffness_error).max() > 1e-3 < np.abs(fit.dissipation_error).max()

@@ -166,8 +166,8 @@ class SteadyWatch:
         if len(self.ends) == 1:
             return False
         # forces of a nearly rigid body are small differences of their terms
-        known = FORCE_ROUND_OFF * float(terms.max(initial=0.0))
-        bound = max(self.tolerance, min(known / largest, LARGEST_ROUND_OFF) if largest else 0.0)
+        noise = FORCE_ROUND_OFF * float(terms.max(initial=0.0))
+        bound = max(self.tolerance, min(noise / largest, LARGEST_ROUND_OFF) if largest else 0.0)
         for period, change in ((1, self.change), (2, self.change_2)):
             known = len(self.ends) > period
             change.append(_relative(end.r, self.ends[~period].r, largest) if known else np.inf)
