@@ -24,13 +24,11 @@ open, and forget what was before, or stick for good. The limit, from top to bott
 6. **Sort again** (`search.find_limit`): frozen nodes that open or violate both margins are freed,
    those that violate one drift. Newton's method goes on from the cycle at hand, with the rates of
    the sets of states that are known (`frozen_segments.FrozenSegments`).
-7. **Overshoot** (`passing.clearance`): slip does not go back. The drifts of all cycles to come are
-   followed to first order, with what free nodes remember; the same moved events tell what a slip
-   changes in its own cycle and in later ones. A limit beyond which some node would slip on the way
-   is refused, and searched for again later. One that is nearly passed, or would be if the drifts
-   were foreseen wrongly (`passing.is_robust`), is kept, and judged again after each cycle. Refused
-   is also one in which a free node has come to rest: where it rests depends on cycles that were
-   not played.
+7. **Come there** (`drifts.has_settled`): slip does not go back, so that a limit beyond which some
+   node slips while others still drift is none. It is kept while cycles are played, until what all
+   nodes lack of it shrinks in one shape: near the limit the map from cycle to cycle is piecewise
+   linear and homogeneous, and keeps that shape. Refused is also one in which a free node has come
+   to rest: where it rests depends on cycles that were not played.
 8. **Check** (`jump.LimitSearch`): one full cycle is played from the state found, no node frozen,
    with the residuals and energies of any other. It is accepted only if it repeats itself as a
    steady cycle does (:class:`~receding_fenicsx.interface.measures.steady.SteadyWatch`). Where

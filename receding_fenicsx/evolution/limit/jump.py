@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle, end_of, new_watch
 from receding_fenicsx.evolution.instants import Instant, instant
-from receding_fenicsx.evolution.limit.foresight import error_of, is_as_foreseen
+from receding_fenicsx.evolution.limit.drifts import OVERSHOT, derivatives, has_settled
 from receding_fenicsx.evolution.limit.frozen import Budget, NoLimit
-from receding_fenicsx.evolution.limit.passing import CLEAR, DOUBT, clearance, is_robust
 from receding_fenicsx.evolution.limit.search import Candidate, find_limit
 from receding_fenicsx.evolution.limit.uniqueness import NOT_EXAMINED, YES, is_unique
 from receding_fenicsx.evolution.limit.walking import find_walk, may_walk, walking_motions
@@ -29,6 +29,7 @@ from receding_fenicsx.interface.measures.steady import (
     SHAKEDOWN,
     SteadyWatch,
 )
+from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState
 
 Progress = Callable[[int, int, str], None]
@@ -49,11 +50,8 @@ MAX_STEPPED = 10
 NO_GAIN = 1e-10
 """Slip that the cycle found adds, over the largest displacement, that is an error of the drifts."""
 
-ERRORS = 8.0
-"""Errors of the cycle before, as what is foreseen may be wrong."""
-
-TOO_NEAR = "some node would slip beyond the limit that was found, or nearly"
-"""Why a limit is looked at again later."""
+MORE = 4
+"""A limit that was found is judged again after a quarter more cycles."""
 
 IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
 """What is said of the limit of load steps."""
@@ -81,21 +79,17 @@ class LimitSearch:
         self.steady: Steady | None = None
         self.searched = 0
         self._waiting: Candidate | None = None
-        # the cycle from whose end it was last judged
-        self._judged = 0
+        self._judged_again = 0
         for number in filter(self.is_due, range(len(cycles))):
             before = self.limit
             if self.found(cycles[:number], None):  # a history that began without searches
                 self.limit, self.steady = before, None
 
     def is_due(self, number: int) -> bool:
-        """Return whether the limit is searched for before a cycle is played.
-
-        One that was found, but may be passed, is looked at before every cycle.
-        """
+        """Return whether the limit is searched for, or judged again, before a cycle is played."""
         doublings, rest = divmod(number - 1, FIRST_SEARCH)
         due = number > 1 and rest == 0 and doublings.bit_count() == 1
-        return due or self._waiting is not None
+        return due or (self._waiting is not None and number >= self._judged_again)
 
     def found(self, cycles: list[FinishedCycle], progress: Progress | None) -> bool:
         """Search for the cycle that repeats itself; add it to the finished ones if it was found."""
@@ -122,8 +116,9 @@ class LimitSearch:
         """
         number, in_steps = len(cycles), self.problem.solver.method != "events"
         trial = RunState(self.problem, cycles)
-        found = self._clear(trial, budget)
-        drifts = found.drifts
+        found = self._waiting or self._candidate(trial, budget)
+        if found.moved is not None:
+            self._judge(found, trial, budget)
         begin, cycle = self._played(trial, found.state, budget)
         ends = [begin, cycle.corners[-1]]
         walks = found.found is None
@@ -140,8 +135,10 @@ class LimitSearch:
         unique, why = YES, "no node drifts"
         if in_steps or walks:
             unique, why = NOT_EXAMINED, IN_STEPS if in_steps else IN_WALKS
-        elif drifts is not None:
-            unique, why = is_unique(drifts)
+        elif found.found is not None and found.moved is not None:
+            nodes = found.found[0].shifted
+            M = derivatives(*found.found, found.moved)
+            unique, why = is_unique(M, local_stiffness(trial.model)[0][nodes])
         self.limit = Limit(
             reached=True,
             cycle=number,
@@ -156,38 +153,36 @@ class LimitSearch:
         self.steady = Steady(True, number, watch.kind, watch.period, change)
         return cycle
 
-    def _clear(self, trial: RunState, budget: Budget) -> Candidate:
-        """Return a state whose cycle should repeat itself, and that no node passes.
+    def _judge(self, found: Candidate, trial: RunState, budget: Budget) -> None:
+        """Raise NoLimit unless the nodes come to a limit without slipping beyond it.
 
-        One to which nodes come too near is kept: a few cycles later they may be sure to stay clear.
+        A limit is kept until that is known. Load steps drift to a limit of their own: the exact
+        path is followed from where they are.
         """
-        waiting, self._waiting, doubt = self._waiting, None, DOUBT
-        number = len(trial.cycles)
-        if waiting is not None and self._judged == number - 1:
-            # the cycle that has sorted the nodes has been played again, and nothing more
-            self._waiting = waiting
-            raise NoLimit(TOO_NEAR)
-        found = None if waiting is None else waiting.seen_from(trial.position.state)
-        self._judged = number - 1
-        if waiting is not None and found is not None:
-            assert found.expected is not None and found.drifts is not None
-            doubt = min(DOUBT, 1.0 + ERRORS * error_of(found.expected, found.drifts))
-        else:
-            if not self.is_due(len(trial.cycles)):
-                raise NoLimit("nodes slip that were to stick in the limit that was found")
-            found = self._candidate(trial, budget)
-            self._judged = number
-        if found.drifts is None:
-            return found
-        allowed = self.problem.solver.overshoot
-        force = trial.position.totals.force_scale
-        assert found.expected is not None
-        told = found.expected, found.drifts, force
-        clear = clearance(found.drifts, force, allowed)
-        if clear >= CLEAR and (allowed or (is_as_foreseen(*told) and is_robust(*told, doubt))):
-            return found
-        self._waiting = found if clear >= 0.0 else None
-        raise NoLimit(TOO_NEAR)
+        assert found.found is not None
+        frozen, solution = found.found
+        least = OVERSHOT * frozen.force / local_stiffness(trial.model)[0]
+        least += self.problem.solver.overshoot * np.abs(solution.shifts).max(initial=0.0)
+
+        def come(ends: list[ContactState]) -> bool:
+            lacking = found.lacking(ends[-4:])
+            if np.any((lacking[-1] < -least)[frozen.shifted]):
+                raise NoLimit("some node has slipped beyond the limit that was found")
+            return has_settled(lacking, least)
+
+        self._waiting, number = None, len(trial.cycles)
+        if self.problem.solver.method == "events":
+            if not come([cycle.corners[-1].state for cycle in trial.cycles[-4:]]):
+                self._waiting, self._judged_again = found, number + max(1, number // MORE)
+                raise NoLimit("whether nodes come to the limit that was found is not known yet")
+            return
+        path, ends = EventPath(trial.model), [trial.position.state]
+        while len(ends) < 4 or not come(ends):
+            budget.take()
+            state = ends[-1]
+            for leg in pairwise(frozen.loop):
+                state = path.trace_leg(state, leg, frozen.force, 1).end
+            ends.append(state)
 
     def _played(
         self, trial: RunState, state: ContactState, budget: Budget

@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.limit.drifts import Drifts, at_risk, drifts_of
-from receding_fenicsx.evolution.limit.foresight import Expected, expect
+from receding_fenicsx.evolution.limit.drifts import at_risk
 from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
+from receding_fenicsx.evolution.limit.frozen_cycle import MovedCycle
 from receding_fenicsx.evolution.limit.newton import REPEATS, Solution, approach
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
@@ -48,32 +48,38 @@ class Candidate:
         steps: Newton steps.
         residual: natural map of drifts and margins, over the largest nodal force; of a body that
             walks, change of the forces.
-        drifts: drifts of the nodes, None where none drifts.
-        expected: what they were expected to be a cycle before.
         found: contact and cycle with frozen nodes; None for a body that walks.
+        moved: derivatives of the cycle in the shifts; None where no node drifts.
     """
 
     state: ContactState
     steps: int
     residual: float
-    drifts: Drifts | None = None
-    expected: Expected | None = None
     found: tuple[Frozen, Solution] | None = None
+    moved: MovedCycle | None = None
 
-    def seen_from(self, now: ContactState) -> Candidate | None:
-        """Return the same with the drifts from a later state at the end of a cycle.
+    def lacking(self, ends: list[ContactState]) -> Array:
+        """Return what nodes lack (j, N) at the ends of cycles; less than 0 beyond their limit.
 
-        None where nodes have moved that stick on the way to this limit.
+        What free nodes lack has either sign.
+
+        Raises:
+            NoLimit: nodes have moved that stick on the way to this limit.
         """
-        assert self.found is not None and self.drifts is not None
+        assert self.found is not None
         frozen, solution = self.found
         give = SLIP_ROUND_OFF * frozen.force / local_stiffness(frozen.system)[0]
         at_rest = np.setdiff1d(frozen.nodes, frozen.shifted)
-        if np.any(np.abs(now.v - solution.cycle.start.v)[at_rest] > give[at_rest]):
-            return None
-        moved = frozen.periodic_change(solution.cycle)
-        drifts = drifts_of(frozen, solution, moved, now)[0]
-        return replace(self, drifts=drifts, expected=expect(self.drifts))
+        moved = np.array([end.v for end in ends]) - solution.cycle.start.v
+        if np.any(np.abs(moved[-1])[at_rest] > give[at_rest]):
+            raise NoLimit("nodes slip that were to stick in the limit that was found")
+        left = -moved
+        left[:, frozen.shifted] += solution.shifts
+        left[:, at_rest] = 0.0
+        x = solution.shifts
+        drifting = left[:, frozen.shifted]
+        left[:, frozen.shifted] = np.where(x == 0.0, -np.abs(drifting), np.sign(x) * drifting)
+        return left
 
 
 def find_limit(
@@ -131,11 +137,7 @@ def find_limit(
                 rest = _at_rest(frozen, solution, nodes)
                 if not len(others) and not np.any(rest):
                     _check_places(frozen, solution, nodes, shift)
-                    candidate = Candidate(near, steps, solution.residual, found=(frozen, solution))
-                    if moved is None:
-                        return candidate
-                    before, drifts = drifts_of(frozen, solution, moved, start, nodes.end)
-                    return replace(candidate, drifts=drifts, expected=expect(before))
+                    return Candidate(near, steps, solution.residual, (frozen, solution), moved)
                 again = nodes.with_drifting(others, rest)
                 shift[rest] = (near.v - start.v)[rest]
             few = np.count_nonzero(again.frozen != nodes.frozen) < FEW

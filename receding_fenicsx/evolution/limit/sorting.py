@@ -36,7 +36,6 @@ class Sorted:
         slip: (N,) slip in the cycle of the nodes that were frozen at first, 0 elsewhere.
         opens: (N,) nodes that are open somewhere in the cycle.
         settling: (N,) frozen nodes that slip both ways, but not for ever.
-        end: state at the end of the cycle.
     """
 
     rubbing: Mask
@@ -45,7 +44,6 @@ class Sorted:
     slip: Array
     opens: Mask
     settling: Mask
-    end: ContactState
 
     def with_moved(self, freed: Mask, drifting: Mask) -> Sorted:
         """Return the same with some nodes freed, and others that drift."""
@@ -101,4 +99,4 @@ def sort_nodes(
     near = np.convolve(slips.any(axis=0) & frozen, np.ones(2 * NEIGHBOURS + 1))
     slip = np.where(frozen & slips.any(axis=0), forward - backward, 0.0)
     drifting = (near[NEIGHBOURS : NEIGHBOURS + n] > 0.5) & frozen
-    return Sorted(rubbing, frozen, drifting, slip, opens, np.zeros(n, dtype=bool), state)
+    return Sorted(rubbing, frozen, drifting, slip, opens, np.zeros(n, dtype=bool))

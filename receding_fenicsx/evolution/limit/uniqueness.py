@@ -11,7 +11,6 @@ from itertools import combinations
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.evolution.limit.drifts import Drifts
 
 ALL_MINORS = 12
 """Largest matrix all of whose principal minors are computed."""
@@ -39,15 +38,15 @@ def is_p_matrix(M: Array) -> bool | None:
     return all(np.linalg.det(M[np.ix_(s, s)]) > 0.0 for s in subsets)
 
 
-def is_unique(drifts: Drifts) -> tuple[int, str]:
+def is_unique(M: Array, stiffness: Array) -> tuple[int, str]:
     """Return whether no other drifts satisfy the complementarity, to first order, and why.
 
-    The block M of the derivatives of the smallest margins in the drifts, both towards the limit
-    that is nearer, must be a P-matrix: then y >= 0, m = q + M y >= 0, y . m = 0 has one solution
-    whatever q. M is that of the cycle found; other cycles may change state in another order.
+    The derivatives M of the smallest margins in the drifts, both towards the limit that is nearer,
+    must be a P-matrix: then y >= 0, m = q + M y >= 0, y . m = 0 has one solution whatever q. M is
+    that of the cycle found; other cycles may change state in another order.
     """
-    scale = 1.0 / np.sqrt(drifts.stiffness)
-    verdict = is_p_matrix(scale[:, None] * drifts.M * scale)
+    scale = 1.0 / np.sqrt(stiffness)
+    verdict = is_p_matrix(scale[:, None] * M * scale)
     if verdict is None:
         return NOT_EXAMINED, "whether the drifts have one limit only is not decided"
     if verdict:

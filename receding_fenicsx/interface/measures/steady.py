@@ -27,6 +27,10 @@ it is round-off: the node does not slip."""
 FORCE_ROUND_OFF, LARGEST_ROUND_OFF = 32.0 * 2.0**-52, 1e-6
 """Round-off of a force over its terms; and the largest over the largest force that is excused."""
 
+NO_SLIP = 1e-11
+"""Slip of a node in a cycle times K_ii, over the terms sum_j |K_ij u_j| of its force, that is none:
+where a limit is found its drifts are some 1e-12 of these off."""
+
 FAINT = 1e-9
 """Largest P of a node in a cycle, over the terms of its forces, that counts as none."""
 
@@ -124,7 +128,7 @@ class SteadyWatch:
 
     Forces that repeat tell little of slips that are small beside the displacements they belong to.
     So slips are judged by themselves: a node slips by s = D_i / (f P)_i in a cycle, if K_ii s is
-    more than ``SLIP_ROUND_OFF`` of the terms of its force, sum_j |K_ij u_j|, and than the residual.
+    more than ``NO_SLIP`` of the terms of its force, sum_j |K_ij u_j|, and than the residual.
     The state is steady at the first n at which the forces repeat and
 
     * no node has slipped for two periods running: shakedown; or
@@ -160,7 +164,7 @@ class SteadyWatch:
         terms, stiffness = self._terms @ end.reach, self._terms.diagonal()
         limit = self.friction * np.maximum(end.pressed, FAINT * terms)
         slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)
-        least = np.maximum(SLIP_ROUND_OFF * terms, end.residual * end.force)
+        least = np.maximum(NO_SLIP * terms, end.residual * end.force)
         slip[(stiffness * slip <= least) & (stiffness > 0.0)] = 0.0
         self.slips = [*self.slips[-3:], slip]
         if len(self.ends) == 1:
