@@ -128,7 +128,8 @@ class SteadyWatch:
 
     Forces that repeat tell little of slips that are small beside the displacements they belong to.
     So slips are judged by themselves: a node slips by s = D_i / (f P)_i in a cycle, if K_ii s is
-    more than ``NO_SLIP`` of the terms of its force, sum_j |K_ij u_j|, and than the residual.
+    more than ``NO_SLIP`` of the largest terms sum_j |K_ij u_j| of the forces of the nodes to which
+    it is coupled, and than the residual.
     The state is steady at the first n at which the forces repeat and
 
     * no node has slipped for two periods running: shakedown; or
@@ -162,6 +163,9 @@ class SteadyWatch:
         self.ends = [*self.ends[-4:], end]
         largest = max(float(np.abs(end.r).max(initial=0.0)), UNLOADED_FORCE * end.force)
         terms, stiffness = self._terms @ end.reach, self._terms.diagonal()
+        # round-off of all nodes to which one is coupled reaches it
+        coupled = self._terms[:, : len(terms)] > 0.0
+        terms = np.maximum(terms, np.where(coupled, terms, 0.0).max(axis=1, initial=0.0))
         limit = self.friction * np.maximum(end.pressed, FAINT * terms)
         slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)
         least = np.maximum(NO_SLIP * terms, end.residual * end.force)
