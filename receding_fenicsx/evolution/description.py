@@ -48,8 +48,11 @@ def text_of(record: RecordData, title: str, edges: Mapping[str, RecordData]) -> 
         ("residual", f"{record.residual_max:.1e}, energy error {record.energy_error_max:.1e}"),
     ]
     if record.uniqueness is not None:
-        sure = "certified" if record.uniqueness.certified else "not certified"
-        rows.append(("only path", f"{sure}, friction margin {record.uniqueness.margin:.3g}"))
+        found = record.uniqueness
+        sure = "certified" if found.certified else "not certified"
+        if found.certified and found.first_loading and not found.first_loading_proved:
+            sure += " after the first loading"
+        rows.append(("only path", f"{sure}, friction margin {found.margin:.3g}"))
     if steady.change.size:
         rows.append(("last change", f"{steady.change[-1]:.1e} of the largest force"))
     if record.jumps:

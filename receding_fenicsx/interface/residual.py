@@ -53,13 +53,14 @@ def reachable(system: ContactSystem, u: Array, force_scale: float) -> float:
 def is_carried_by_round_off(system: ContactSystem, u: Array, force_scale: float) -> bool:
     """Return whether displacements are so large that round-off of K may balance the loads."""
     stiffness = float(system.diagonal.max(initial=0.0))
-    room = stiffness * float(np.abs(system.g0).max(initial=0.0))
+    size = max(force_scale, stiffness * float(np.abs(system.g0).max(initial=0.0)))
+    if stiffness * float(np.linalg.norm(u)) <= TOO_FAR * size:
+        return False
     basis = np.linalg.qr(system.rigid)[0]
-    for motion, most in ((basis @ (basis.T @ u), TOO_FAR), (u, TOO_FAR_ON_SPRINGS)):
-        moved = stiffness * float(np.abs(motion).max(initial=0.0))
-        if moved > most * max(force_scale, room):
-            return True
-    return False
+    rigid, all_of_it = (np.abs(motion).max(initial=0.0) for motion in (basis @ (basis.T @ u), u))
+    return bool(
+        stiffness * rigid > TOO_FAR * size or stiffness * all_of_it > TOO_FAR_ON_SPRINGS * size
+    )
 
 
 def law_residual(

@@ -13,7 +13,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.jumps import JUMP_STEP
 from receding_fenicsx.interface.exact.legs import SIMULTANEOUS, Event
 from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.ties import ties_of_state
+from receding_fenicsx.interface.exact.ties import tied
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
@@ -150,7 +150,7 @@ class UniquenessWatch:
             changed = {i for at, i, *_ in leg.events if self._is_finite(at)}
             self.found = self.found.with_doubt((*place, s), tuple(sorted(changed)))
         state, events, ties = start.state, leg.events, leg.ties
-        at_start = self._ties_at_start(start, leg.force_scale)
+        at_start, gap = self._at_start(start, leg.force_scale)
         crossing = zero_crossing(ends)
         if crossing is not None:
             before, after = crossing - SIMULTANEOUS, crossing + SIMULTANEOUS
@@ -160,8 +160,7 @@ class UniquenessWatch:
                 self.found = self.found.with_doubt((*place, crossing), ())
                 return
             start = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
-            at_start = self._ties_at_start(start, leg.force_scale)
-        gap = self._segments.values(start)[n : 2 * n]
+            at_start, gap = self._at_start(start, leg.force_scale)
         near = system.held[n:] | (gap <= self._segments.limit[n : 2 * n] * leg.force_scale)
         at_rest = not np.any(a) and near.all() and carries_nothing(start, leg.force_scale)
         if static or crossing is not None or at_rest:
@@ -173,10 +172,12 @@ class UniquenessWatch:
             self._measured.add(end)
             self._measure(end)
 
-    def _ties_at_start(self, start: ContactState, force_scale: float) -> list[Event]:
-        """Return the nodes on limits at the start of a leg, as ties."""
-        found = ties_of_state(self._segments, start, force_scale)
-        return [(0.0, i, state, other) for _, i, state, other in found]
+    def _at_start(self, start: ContactState, force_scale: float) -> tuple[list[Event], Array]:
+        """Return the nodes on limits at the start of a leg, as ties, and the (N,) gaps."""
+        n, y = self.certificate.system.n, self._segments.values(start)
+        on = y[n:] <= self._segments.limit[n:] * force_scale
+        found = tied(self._segments, start.state[None], on[None])
+        return [(0.0, i, state, other) for _, i, state, other in found], y[n : 2 * n]
 
     def _is_finite(self, s: float) -> bool:
         """Return whether states change at s by a load step or a jump."""

@@ -20,6 +20,9 @@ from receding_fenicsx.interface.uniqueness.definite import Certificate
 from receding_fenicsx.interface.uniqueness.patterns import Pattern, certify
 from receding_fenicsx.interface.uniqueness.sides import Sides, States, bits_of
 
+MOST_SEARCHED = 16
+"""Patterns, the last used first, in which a leg is looked for before it gets one of its own."""
+
 
 class Extent(NamedTuple):
     """What the nodes do on a leg; sets of nodes are integers as in ``Sides``.
@@ -166,7 +169,7 @@ def extent(
 
 
 class WholeLegs:
-    """Certifies whole legs; remembers one pattern for each direction of the loads."""
+    """Certifies whole legs; remembers the pattern of the last in each direction of the loads."""
 
     def __init__(self, judge: Certificate, margin: float, patterns: list[Pattern]) -> None:
         """Begin with nothing known.
@@ -178,6 +181,7 @@ class WholeLegs:
         """
         self._judge, self._margin, self._patterns = judge, margin, patterns
         self._known: dict[bytes, Known | None] = {}
+        self._latest: Extent | None = None
 
     def hold(
         self, way: bytes, state: States, events: Sequence[Event], later: NDArray[np.bool_]
@@ -199,16 +203,21 @@ class WholeLegs:
         leg = extent(judge, state, events, together)
         if leg is None:
             return False
-        if known and leg.within(known.pattern):
-            return True
-        # a pattern of all legs so far is likely to hold the next one
-        for nodes in (known.extent.united(leg), leg) if known else (leg,):
+        # a pattern holds for all directions of the loads; it is likely to hold the next leg too
+        for k, old in enumerate(self._patterns[:MOST_SEARCHED]):
+            if leg.within(old):
+                self._patterns.insert(0, self._patterns.pop(k))
+                self._known[way] = known or Known(leg, old, set())
+                return True
+        before = known.extent if known else self._latest
+        for nodes in (before.united(leg), leg) if before else (leg,):
             if nodes.forward & nodes.backward:
                 continue
             pattern = certify(judge, nodes.sets(), self._margin)
             if pattern is not None and leg.within(pattern):
                 self._patterns.insert(0, pattern)
                 self._known[way] = Known(nodes, pattern, set())
+                self._latest = nodes
                 return True
         self._known[way] = None
         return False
