@@ -1,4 +1,4 @@
-"""Limit of infinitely many cycles: found after a few cycles, against playing thousands.
+"""Limit of infinitely many cycles: found early in the cycles, against playing thousands.
 
 **Problem.** The paper's block under its cyclic load, with other friction, Poisson's ratios, minimum
 loads and meshes. Its steady state comes slowly: nodes drift, less in every cycle.
