@@ -16,6 +16,11 @@ ROUND_OFF = 1e-3
 """Part of it that is round-off."""
 
 
+SAME_SHAPE = 0.3
+"""Change of the logarithm of a drift beside those of others, until it is none, that is none. With
+two decays 1 is enough; three may hide each other for some cycles."""
+
+
 def at_risk(frozen: Frozen, solution: Solution, moved: MovedCycle) -> Ints:
     """Return frozen nodes without drift whose margins may vanish while others drift.
 
@@ -51,14 +56,14 @@ def has_settled(lacking: Array, least: Array) -> bool:
     others still lack something; the shape then changes. With the changes ln r_i of the logarithms
     of what nodes lack in a cycle, all have come to ``least`` after N cycles, and
 
-        sum over N cycles of (max ln r - min ln r) < 1,
+        sum over N cycles of (max ln r - min ln r) < c,
         sum over N cycles of max |change of ln r_i from cycle to cycle| < -max ln r,
 
-    where both go on to grow by the factor by which they have grown in the last cycle. Where a node
-    lacks A a^n - C b^n, a < b, beside one that lacks b^n, it passes at n = ln(A/C) / ln(b/a); ln r
-    differs by A/(A - C) ln(b/a), and the product is x ln x / (x - 1) > 1 with x = A/C. Where the
-    slower decay does not show yet, the difference grows by b/a in a cycle. The second condition
-    excludes that nodes come to rest before: there ln r tends to 0.
+    c being ``SAME_SHAPE``, where both go on to grow by the factor by which they have grown in the
+    last cycle. Where a node lacks A a^n - C b^n, a < b, beside one that lacks b^n, it passes at n =
+    ln(A/C) / ln(b/a); ln r differs by A/(A - C) ln(b/a), and the product is x ln x / (x - 1) > 1
+    with x = A/C. Where the slower decay does not show yet, the difference grows by b/a in a cycle.
+    The second condition excludes that nodes come to rest before: there ln r tends to 0.
 
     Args:
         lacking: (4, k) what the nodes lack at the ends of four cycles, negative beyond the limit.
@@ -85,4 +90,5 @@ def has_settled(lacking: Array, least: Array) -> bool:
         return float(max(now - none, 0.0) * times)
 
     differ = np.ptp(ln_r, axis=1)
-    return summed(differ[-2], differ[-1]) < 1.0 and summed(changes[0], changes[1]) < -slowest
+    shape, pace = summed(differ[-2], differ[-1]), summed(changes[0], changes[1])
+    return shape < SAME_SHAPE and pace < -slowest

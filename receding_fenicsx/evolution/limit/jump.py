@@ -41,17 +41,15 @@ FIRST_SEARCH = 2
 MAX_CYCLES = 40
 """Cycles after which a search is given up; those that succeed mostly play a dozen."""
 
-MAX_CHECKS = 3
-"""Cycles played from the one that was found until the states at start and end are the same."""
-
-MAX_STEPPED = 10
-"""The same of load steps, whose forces must repeat themselves too."""
+MAX_CHECKS = 10
+"""Cycles played from the one that was found until the states at start and end are the same, which
+round-off may tell; load steps come to a cycle of their own."""
 
 NO_GAIN = 1e-10
 """Slip that the cycle found adds, over the largest displacement, that is an error of the drifts."""
 
-MORE = 4
-"""A limit that was found is judged again after a quarter more cycles."""
+MORE = 10
+"""A limit that was found is judged again after a tenth more cycles."""
 
 IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
 """What is said of the limit of load steps."""
@@ -194,7 +192,7 @@ class LimitSearch:
         problem, number, start = self.problem, len(trial.cycles), trial.position
         in_steps = problem.solver.method != "events"
         bound = (problem.solver.steady_tolerance or LIMIT_TOLERANCE) * start.totals.force_scale
-        for _ in range(MAX_STEPPED if in_steps else MAX_CHECKS):
+        for _ in range(MAX_CHECKS):
             budget.played += 1
             trial.position = Position(state, start.load, start.totals)
             begin = instant(problem.system, (number, 0, 0.0), start.load, state)

@@ -169,7 +169,8 @@ class SteadyWatch:
         limit = self.friction * np.maximum(end.pressed, FAINT * terms)
         slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)
         least = np.maximum(NO_SLIP * terms, end.residual * end.force)
-        slip[(stiffness * slip <= least) & (stiffness > 0.0)] = 0.0
+        self._none = np.divide(least, stiffness, out=np.zeros_like(least), where=stiffness > 0.0)
+        slip[slip <= self._none] = 0.0
         self.slips = [*self.slips[-3:], slip]
         if len(self.ends) == 1:
             return False
@@ -196,7 +197,7 @@ class SteadyWatch:
         now, before, first = (end.v[moving] for end in self.ends[::-period][:3])
         gain, change = now - before, now - 2.0 * before + first
         drift = max(_largest(gain), _largest(gain - change))
-        if drift > bound * _largest(slips):
+        if drift > max(bound * _largest(slips), _largest(self._none[moving])):
             return RATCHETTING if _largest(change) <= bound * drift else NOT_REACHED
         D = np.array([end.dissipation.sum() for end in self.ends[-2 * period :]])
         D_before, D_now = D.reshape(2, period).sum(axis=1)
