@@ -22,7 +22,7 @@ from receding_fenicsx.evolution.instants import Event, Instant, instant, rest_st
 from receding_fenicsx.evolution.probing import known_places, probed_at
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
-from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
+from receding_fenicsx.interface.exact.segments import LIMIT_TOLERANCE
 from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STATE_NAMES, STICK, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
@@ -243,7 +243,8 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
     still = (start.state == STICK) & (SLIP_SIGN[leg.end.state] != 0.0) & model.friction.present
     if not still.any():
         return
-    none = EVENT_RESIDUAL * leg.force_scale / local_stiffness(model)[0]
+    # ends of limit cycles lack as much; a longer slip is one that the energy knows
+    none = 3.0 * LIMIT_TOLERANCE * leg.force_scale / local_stiffness(model)[0]
     limit = np.abs(model.friction.at_slip(leg.end.state) * leg.end.P)
     # the dissipation tells of slip that has gone back to where it began
     still &= (np.abs(leg.end.v - start.v) <= none) & (leg.dissipation <= limit * none)
