@@ -132,7 +132,7 @@ def test_limits_that_nodes_of_unsymmetric_meshes_pass_by_little_are_taken(
     if played is None or found is None:
         return
     assert found.limit is not None and played.limit is not None
-    assert found.limit.cycles_played < 0.3 * played.limit.cycles_played
+    assert found.limit.cycles_played < 0.6 * played.limit.cycles_played
     D, near_D = played.cycles.dissipation, found.cycles.dissipation
     assert near_D[-1] == pytest.approx(D[-1], rel=1e-3 * OVERSHOOT)
 
