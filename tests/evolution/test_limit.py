@@ -51,6 +51,18 @@ def test_the_limit_is_that_of_many_plain_cycles(limit: Record) -> None:
     assert limit.steady.reached and limit.steady.kind == plain.steady.kind == "cyclic slip"
 
 
+@pytest.mark.parametrize(("force", "length"), [(30, 0), (-30, 0), (0, 40), (0, -40)])
+def test_the_limit_does_not_depend_on_units(limit: Record, force: int, length: int) -> None:
+    # powers of two change no digit
+    F, L = 2.0**force, 2.0**length
+    system = replace(BLOCK, K=F / L * BLOCK.K, r_star=F * BLOCK.r_star)
+    system = replace(system, load_compliance=L * BLOCK.load_compliance / F)
+    other = evolve(system, cyclic(200), until="limit")
+    assert other.limit == limit.limit
+    assert np.array_equal(other.turning_points.v, L * limit.turning_points.v)
+    assert np.array_equal(other.cycles.dissipation, F * L * limit.cycles.dissipation)
+
+
 def test_a_contact_without_events_in_its_frozen_cycles_shakes_down() -> None:
     system = block_system(20, 10, f=0.8)
     record, plain = evolve(system, cyclic(60, 0.6), until="limit"), evolve(system, cyclic(300, 0.6))

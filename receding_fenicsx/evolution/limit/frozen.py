@@ -163,12 +163,15 @@ class Frozen:
         n, events, start = self.system.n, cycle.events, self.start_change(cycle.start)
         low, S = start[events.label], start[: 2 * n]
         on_u, on_low = events.change[:, : 2 * n].T, events.change[:, events.label].T
+        # lengths beside forces
+        weight = self.segments.weight[events.label, None]
         summed = np.zeros_like(low)
         for _ in range(MAX_PASSES):
             ds = events.moved(low)
             gained = on_low @ ds
             low += gained
-            if np.abs(gained).max(initial=0.0) <= SAME_DERIVATIVE * np.abs(low).max(initial=0.0):
+            size, change = (np.abs(weight * a).max(initial=0.0) for a in (low, gained))
+            if change <= SAME_DERIVATIVE * size:
                 if np.any(summed):
                     S = start[: 2 * n] + on_u @ summed
                 left = np.abs(on_u @ ds).max(initial=0.0)
