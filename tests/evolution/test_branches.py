@@ -136,6 +136,27 @@ def test_a_limited_tree_says_that_there_may_be_more() -> None:
     assert "2 branches (there are more)" in str(tree)
 
 
+@pytest.mark.parametrize("from_rest", [True, False])
+@pytest.mark.parametrize("fails", [True, False])
+def test_a_search_that_fails_or_finds_not_all_leaves_doubt(
+    from_rest: bool, fails: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def search(*args: Any) -> Solutions:
+        if fails:
+            raise np.linalg.LinAlgError
+        return replace(all_solutions(*args), complete=False)
+
+    monkeypatch.setattr(choice, "all_solutions", search)
+    # search at the first loading only, or at the other instants only
+    monkeypatch.setattr(Chooser, "_is_certified", lambda *_: from_rest)
+    if not from_rest:
+        monkeypatch.setattr(Chooser, "choose_static", lambda *args: args[-1])
+    system = block_system(8, 4, f=0.8)
+    tree = rf.branches(system, table(system, [[0.0], [1.0], [0.3]]))
+    assert len(tree) == 1 and tree.unsure and not tree.complete
+    assert "there may be more" in str(tree)
+
+
 def test_branches_are_those_that_all_sets_of_states_lead_to() -> None:
     several = 0
     for seed in range(36):

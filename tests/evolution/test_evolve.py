@@ -188,6 +188,20 @@ def test_an_error_carries_the_record_up_to_the_failed_leg() -> None:
     assert len(record.cycles.dissipation) == 0
 
 
+@pytest.mark.parametrize("method", ["events", "gauss-seidel"])
+def test_an_error_counts_the_legs_of_the_cycle_that_it_ends(method: str) -> None:
+    options, path = SolverOptions(method=method, steps_per_leg=10), [1.0, 0.4, 0.8]
+    with pytest.raises(NoEquilibrium, match=r"^cycle 1, leg 2") as caught:
+        evolve(BLOCK, table(BLOCK, [0.0, 1.0], [*path, -0.2, 1.0], 3), options)
+    record = caught.value.record
+    assert isinstance(record, Record)
+    # the same legs as a path of their own
+    alone = evolve(BLOCK, table(BLOCK, [0.0, *path]), options)
+    assert record.n_events == alone.n_events > evolve(BLOCK, table(BLOCK, [0, 1]), options).n_events
+    for name in ("sweeps", "residual_max", "energy_error_max", "jumps", "released"):
+        assert getattr(record, name) == getattr(alone, name), name
+
+
 def test_a_leg_that_breaks_its_energy_identity_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
     exact = run_state.energy_error
     monkeypatch.setattr(run_state, "energy_error", lambda *given: (1e-5, exact(*given)[1]))

@@ -26,6 +26,16 @@ def test_the_node_of_three_solutions_sticks_slips_back_or_opens() -> None:
     assert found.complete
 
 
+@pytest.mark.parametrize("n", [3, 24])
+def test_only_a_search_that_finds_all_solutions_says_so(n: int) -> None:
+    # K_tt - f K_nt = -.35: each node by itself may stick or slip back
+    system = small_system(np.kron([[1.0, 0.9], [0.9, 1.0]], np.eye(n)), {"a": [1.0, 0.0] * n}, 1.5)
+    r0 = np.concatenate([-np.ones(n), np.ones(n)])
+    found = all_solutions(system, r0, Undecided(NONE, np.arange(n), NONE, NONE), NONE)
+    assert len(found.states) > 0 and set(found.states.ravel().tolist()) <= {STICK, BACKWARD}
+    assert found.complete == (len(found.states) == 2**n) == (n == 3)
+
+
 @pytest.mark.parametrize("size", [2e-15, -2e-15, 1e-13])
 @pytest.mark.parametrize("scale", [1.0, 2.0**40])
 def test_round_off_of_a_free_slide_carries_no_load(size: float, scale: float) -> None:

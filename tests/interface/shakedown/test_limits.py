@@ -73,6 +73,22 @@ def test_limits_of_two_nodes_are_the_exact_fractions() -> None:
     assert limits.residual < 1e-14
 
 
+@pytest.mark.parametrize(("rubbing", "n", "words"), [(2, 2, "proved"), (2, 3, "c"), (3, 3, "c")])
+def test_the_lower_limit_is_proved_for_two_nodes_and_no_others(
+    rubbing: int, n: int, words: str
+) -> None:
+    system, mean, corners = coupled_case(
+        np.random.default_rng(4),
+        n,
+        2,
+        ((-0.1, 0.1), (0.9, 1.1)),
+        ((-1, 1), (-0.1, 0.1)),
+        (0.3, 0.5),
+    )
+    system = replace(system, f=np.where(np.arange(n) < rubbing, system.f, 0.0))
+    assert rf.shakedown_limits(system, mean, corners).lower_is.startswith(words)
+
+
 def test_both_limits_are_equal_without_coupling() -> None:
     limits = rf.shakedown_limits(two_nodes(0.0), {"mean": 1.0}, TO_AND_FRO)
     assert limits.lower == pytest.approx(0.5, abs=1e-12)
