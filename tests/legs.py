@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.exact.legs import SIMULTANEOUS, Event
+from receding_fenicsx.interface.changes import Changes
+from receding_fenicsx.interface.exact.legs import SIMULTANEOUS
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
@@ -24,12 +25,12 @@ def play(path: EventPath, loads: Sequence[Sequence[float]], samples: int = 0) ->
     return legs
 
 
-def merged(events: list[Event]) -> list[Event]:
+def merged(events: Changes) -> list[tuple[float, int, int, int]]:
     """Return changes of state, successive ones of one node at one place as one.
 
     A stuck node whose forces vanish opens through slip in a direction that round-off decides.
     """
-    kept: list[Event] = []
+    kept: list[tuple[float, int, int, int]] = []
     for s, i, old, new in events:
         if kept and kept[-1][1] == i and s - kept[-1][0] <= SIMULTANEOUS:
             s, _, old, _ = kept.pop()

@@ -36,7 +36,7 @@ FLOORS = (
 """Rooms of the package from the ground up. A room imports from floors below its own only."""
 
 INTERFACE = (
-    ("law", "rigid_motions"),
+    ("law", "rigid_motions", "changes"),
     ("system",),
     (
         "solver",

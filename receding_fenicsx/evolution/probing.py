@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 import numpy as np
 from numpy.typing import NDArray
 
@@ -29,9 +27,7 @@ def known_places(start: ContactState, ends: tuple[Array, Array], leg: Leg) -> Pl
     return s, np.array([u for _, u in places]), load
 
 
-def probed_at(
-    system: ContactSystem, known: Places | None, places: Sequence[float]
-) -> list[Array | None]:
+def probed_at(system: ContactSystem, known: Places | None, wanted: Array) -> list[Array | None]:
     """Return displacements and stresses (6 m,) at the probes, at places along a leg.
 
     Between two events the path is straight, so that values at an event itself are exact; where a
@@ -40,19 +36,18 @@ def probed_at(
     Args:
         system: the condensed body.
         known: where the displacements are known; None for a leg that is one static problem.
-        places: places of events.
+        wanted: (k,) places of events.
 
     Returns:
         The values at each place; None without probes, or where nothing is known.
     """
-    if system.probes is None or known is None or not places:
-        return [None] * len(places)
+    if system.probes is None or known is None or not len(wanted):
+        return [None] * len(wanted)
     s, u, load = known
     v, w = u[:, : system.n], u[:, system.n :]
     if system.slip_map is not None:
         v = np.hstack([w, load]) @ system.slip_map.T
     values = _values(system.probes, v, w, load)
-    wanted = np.asarray(places)
     # of several known at one place, the last: after a jump
     before = np.searchsorted(s, wanted, side="right") - 1
     after = np.minimum(before + 1, len(s) - 1)

@@ -67,7 +67,7 @@ class RunState:
         in_steps = problem.solver.method != "events"
         self.uniqueness = UniquenessWatch(self.model, found, in_steps)
         self.corners: list[Instant] = []
-        self._images = np.bincount(mirror_of(problem.system).index).tolist()
+        self._images = np.bincount(mirror_of(problem.system).index)
 
     def restart(self) -> None:
         """Restart from the end of the last finished cycle with a new solver."""
@@ -200,7 +200,7 @@ class RunState:
                 for s, sampled in leg.samples
             ]
             known = None if static else known_places(state, ends, leg)
-            probed = probed_at(self.problem.system, known, [event[0] for event in leg.events])
+            probed = probed_at(self.problem.system, known, leg.events.s)
             samples.events += [
                 Event(number, k, s, (1 - s) * a + s * b, node, old, new, values)
                 for (s, node, old, new), values in zip(leg.events, probed, strict=True)
@@ -222,7 +222,7 @@ class RunState:
             residual=max(before.residual, leg.residual),
             energy_error=max(before.energy_error, error),
             sweeps=before.sweeps + leg.sweeps,
-            events=before.events + sum(self._images[event[1]] for event in leg.events),
+            events=before.events + int(self._images[leg.events.node].sum()),
             jumps=before.jumps + len(leg.jumps),
             released=before.released + sum(energy for _, energy in leg.jumps),
         )
@@ -248,10 +248,10 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
     limit = np.abs(model.friction.at_slip(leg.end.state) * leg.end.P)
     # the dissipation tells of slip that has gone back to where it began
     still &= (np.abs(leg.end.v - start.v) <= none) & (leg.dissipation <= limit * none)
-    still[[node for _, node, _, new in leg.events if new == SEPARATION]] = False
+    still[leg.events.node[leg.events.new == SEPARATION]] = False
     if still.any():
         leg.end = replace(leg.end, state=np.where(still, STICK, leg.end.state).astype(np.int8))
-        leg.events = [event for event in leg.events if not still[event[1]]]
+        leg.events = leg.events.select(~still[leg.events.node])
         leg.samples = [(s, leg.end if s == 1.0 else state) for s, state in leg.samples]
 
 

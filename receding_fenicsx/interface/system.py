@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, brief, described
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.law import Friction, friction_of
 
 
@@ -186,13 +187,13 @@ class Leg:
         residual: largest residual of the contact law over ``force_scale``.
         force_scale: largest nodal force of the history so far.
         samples: (s, state) pairs, s increasing to 1.
-        events: (s, node, old state, new state), s not decreasing.
+        events: changes of state.
         sweeps: Gauss-Seidel sweeps spent.
         jumps: (s, energy released) of every jump that was stepped over.
         stops: (s, u) at the events, for probes; between these and the samples u is taken as linear.
-        ties: (s, node, state, other state) of nodes that sit on a limit at an instant, and might
-            take another state there: a direction of slip, or any (separation) where there is
-            neither gap nor pressure. Nodes that change their state there may be among them.
+        ties: nodes that sit on a limit at an instant, with their state and another that they might
+            take there: a direction of slip, or any (separation) where there is neither gap nor
+            pressure. Nodes that change their state there may be among them.
     """
 
     end: ContactState
@@ -201,11 +202,11 @@ class Leg:
     residual: float = 0.0
     force_scale: float = 0.0
     samples: list[tuple[float, ContactState]] = field(default_factory=list)
-    events: list[tuple[float, int, int, int]] = field(default_factory=list)
+    events: Changes = field(default_factory=Changes.none)
     sweeps: int = 0
     jumps: list[tuple[float, float]] = field(default_factory=list)
     stops: list[tuple[float, Array]] = field(default_factory=list)
-    ties: list[tuple[float, int, int, int]] = field(default_factory=list)
+    ties: Changes = field(default_factory=Changes.none)
 
 
 def reactions(system: ContactSystem, load: Array, u: Array) -> Array:

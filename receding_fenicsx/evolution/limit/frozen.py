@@ -130,7 +130,7 @@ class Frozen:
             if carries_nothing(leg.end, self.force):
                 raise NoLimit("the contact is unloaded in the cycle, and begins anew")
             state, stops = leg.end, stops + walk.trace
-            opens[[node for _, node, _, new in leg.events if new == SEPARATION]] = True
+            opens[leg.events.node[leg.events.new == SEPARATION]] = True
         return FrozenCycle(start, state, stops, opens, self.segments)
 
     def _walked(self, state: ContactState, ends: tuple[Array, Array]) -> TracedWalk:

@@ -85,8 +85,8 @@ def sort_nodes(
     opens = start.state == SEPARATION
     for a, b in pairwise(loop):
         leg = solver.trace_leg(state, (a, b), force, 1)
-        for _, node, old, new in leg.events:
-            opens[node] |= SEPARATION in (old, new)
+        opens[leg.events.node[leg.events.old == SEPARATION]] = True
+        opens[leg.events.node[leg.events.new == SEPARATION]] = True
         v = np.array([*(u[:n] for _, u in leg.stops), leg.end.v])
         slip = np.diff(v, axis=0)
         forward += np.maximum(slip, 0.0).sum(axis=0)

@@ -18,6 +18,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.balance import RANDOM_SUMS
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.segments import Segment, Segments, States
@@ -78,7 +79,7 @@ class Sums:
         excess: largest amount by which a residual exceeded what is accepted there.
         force_scale: largest nodal force of the history so far.
         watched: nodes that ``watch`` has reported.
-        ties: nodes on limits at the stops, see :attr:`Leg.ties`.
+        ties: nodes on limits at the stops, see :attr:`Leg.ties`, in parts.
     """
 
     def __init__(
@@ -101,7 +102,7 @@ class Sums:
         self.work = np.zeros(len(self.system.r_star))
         self.start = point.y[: 2 * n] - np.concatenate([np.zeros(n), self.system.g0])
         self.watched = np.zeros(0, dtype=np.intp)
-        self.ties = list[tuple[float, int, int, int]]()
+        self.ties = list[Changes]()
         self._y = np.empty((STOPS_AT_ONCE + 1, 4 * n))
         self._begin(point.s, point.y, point.state)
 
@@ -194,9 +195,9 @@ class Sums:
         y = self._y[: len(self._places)]
         limit = self.segments.limit[self.system.n :] * self.problem.force_scale
         on = y[:-1, self.system.n :] <= limit
-        ties = tied(self.segments, np.array(self._states[:-1]), on)
-        self.ties += [(self._places[k], i, state, other) for k, i, state, other in ties]
-        u, load, slip = self._integrate(np.array(self._places)[:, None], y)
+        places = np.array(self._places)
+        self.ties.append(tied(self.segments, places, np.array(self._states[:-1]), on))
+        u, load, slip = self._integrate(places[:, None], y)
         if self.watch is not None:
             reported = self.watch.reached(u[1:], load[1:], self.force_scale)
             if len(reported):

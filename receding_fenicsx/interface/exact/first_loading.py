@@ -12,8 +12,9 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, SolveError
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit
-from receding_fenicsx.interface.exact.legs import LegProblem, changes
+from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.exact.static import ACCEPTED_RESIDUAL, solve_static
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
@@ -78,7 +79,7 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
         samples=[
             (s, ContactState(start.u + s * change, s * end.r, end.state)) for s in problem.samples
         ],
-        events=changes(0.0, start.state, end.state),
+        events=Changes.between(0.0, start.state, end.state),
         stops=[(0.0, start.u)],
     )
 

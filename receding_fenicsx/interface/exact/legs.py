@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.law import FORWARD, STICK
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
 
@@ -185,11 +186,6 @@ def changed_nodes(old: NDArray[np.int8], new: NDArray[np.int8]) -> list[Change]:
     return list(zip(nodes.tolist(), old[nodes].tolist(), new[nodes].tolist(), strict=True))
 
 
-def changes(s: float, old: NDArray[np.int8], new: NDArray[np.int8]) -> list[Event]:
-    """Return the events between two sets of states at one place of a leg."""
-    return [(s, *change) for change in changed_nodes(old, new)]
-
-
 def only_stick(made: list[Change], besides: int = -1) -> bool:
     """Return whether all changes are from slip to stick, ``besides`` one node left out."""
     return all((old >= FORWARD and new == STICK) or i == besides for i, old, new in made)
@@ -226,10 +222,8 @@ def joined(first: Leg, second: Leg, s0: float, scale: float = 1.0) -> Leg:
         force_scale=second.force_scale,
         samples=[(s * scale, state) for s, state in first.samples]
         + [(late(s), state) for s, state in second.samples],
-        events=[(s * scale, i, old, new) for s, i, old, new in first.events]
-        + [(late(s), i, old, new) for s, i, old, new in second.events],
-        ties=[(s * scale, i, state, other) for s, i, state, other in first.ties]
-        + [(late(s), i, state, other) for s, i, state, other in second.ties],
+        events=Changes.joined(first.events.placed(scale), second.events.placed(1.0 - s0, s0)),
+        ties=Changes.joined(first.ties.placed(scale), second.ties.placed(1.0 - s0, s0)),
         jumps=[(s * scale, energy) for s, energy in first.jumps]
         + [(late(s), energy) for s, energy in second.jumps],
         stops=[(s * scale, u) for s, u in first.stops] + [(late(s), u) for s, u in second.stops],

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.first_loading import load_from_rest
@@ -22,7 +23,6 @@ from receding_fenicsx.interface.exact.jumps import (
 from receding_fenicsx.interface.exact.legs import (
     Chooser,
     LegProblem,
-    changes,
     evenly_spaced,
     joined,
     unchanged,
@@ -148,7 +148,8 @@ class EventPath:
                 return self._from_rest(problem)
             resting = self._resting(start, problem.ends)
             leg = self._pressed_leg(problem.piece(resting, (a, b), problem.force_scale, (0.0, 1.0)))
-            leg.events = [*changes(0.0, start.state, resting.state), *leg.events]
+            turned = Changes.between(0.0, start.state, resting.state)
+            leg.events = Changes.joined(turned, leg.events)
             leg.stops = [(0.0, resting.u), *leg.stops]
             return leg
         s0 = zero_crossing(problem.ends)
@@ -244,7 +245,8 @@ class EventPath:
         rest = self._trace(
             problem.piece(jump.end, (load, b), before.force_scale, (s, 1.0), jumps=1)
         )
-        before.events += changes(s, before.end.state, jump.end.state)
+        jumped = Changes.between(s, before.end.state, jump.end.state)
+        before.events = Changes.joined(before.events, jumped)
         before.stops += [(walk.point.s, before.end.u), (s, jump.end.u)]
         leg = joined(before, rest, s)
         leg.work += jump.work
@@ -255,9 +257,9 @@ class EventPath:
     def _remember(self, direction: Array, leg: Leg) -> None:
         """Remember which nodes changed state on a leg in this direction."""
         changed = self.changed.setdefault(direction.tobytes(), np.zeros(self.system.n, dtype=bool))
-        changed[[i for _, i, _, _ in leg.events]] = True
-        opened = [i for _, i, old, new in leg.events if old == SEPARATION or new == SEPARATION]
-        self._opened[opened] = True
+        events = leg.events
+        changed[events.node] = True
+        self._opened[events.node[(events.old == SEPARATION) | (events.new == SEPARATION)]] = True
 
     def _walk_reduced(self, problem: LegProblem) -> Leg | None:
         """Follow a leg without the nodes that have kept their states on every such leg before.

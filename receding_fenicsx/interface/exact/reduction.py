@@ -139,8 +139,7 @@ class Reduction:
         (a, b), n, leg = problem.ends, self.full.n, walk.finish()
         if len(walk.sums.watched):
             return walk.sums.watched
-        end, nodes = self.expand(leg.end, b), self.nodes.tolist()
-        dissipation = np.zeros(n)
+        end, dissipation = self.expand(leg.end, b), np.zeros(n)
         dissipation[self.nodes] = leg.dissipation
         scale = max(leg.force_scale, float(np.abs(end.r).max()))
         residual = max(leg.residual, residual_at_rest(self.full, end, scale))
@@ -151,9 +150,9 @@ class Reduction:
             residual=residual,
             force_scale=scale,
             samples=[(s, self.expand(state, problem.load(s))) for s, state in leg.samples],
-            events=[(s, nodes[i], old, new) for s, i, old, new in leg.events],
+            events=replace(leg.events, node=self.nodes[leg.events.node]),
             stops=self._expanded(leg.stops, problem),
-            ties=[(s, nodes[i], state, other) for s, i, state, other in leg.ties],
+            ties=replace(leg.ties, node=self.nodes[leg.ties.node]),
         )
 
     def _expanded(self, stops: list[tuple[float, Array]], problem: LegProblem) -> list[Any]:

@@ -10,20 +10,23 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
-from receding_fenicsx.interface.system import ContactState
-
-Ties = list[tuple[int, int, int, int]]
-"""Row, node, its state, state that it may take as well: a direction of slip, or SEPARATION where it
-has neither gap nor pressure and may take any."""
 
 
-def tied(segments: Segments, states: NDArray[np.int8], on: NDArray[np.bool_]) -> Ties:
-    """Return the ties of several instants.
+def tied(
+    segments: Segments, places: Array, states: NDArray[np.int8], on: NDArray[np.bool_]
+) -> Changes:
+    """Return the ties of several instants, as changes to the state that a node may take as well.
+
+    That is a direction of slip, or SEPARATION where it has neither gap nor pressure and may take
+    any.
 
     Args:
         segments: of the condensed body.
+        places: (k,) of the instants.
         states: (k, N) states.
         on: (k, 3N) gap, A and B that are within round-off of zero, B of nodes without friction too.
     """
@@ -33,13 +36,8 @@ def tied(segments: Segments, states: NDArray[np.int8], on: NDArray[np.bool_]) ->
     near = touches | (A | B) & (states == STICK) & frictional
     near &= frictional | segments.smooth
     rows, nodes = near.nonzero()
+    if not len(rows):
+        return Changes.none()
     side = np.where(A[rows, nodes], FORWARD, BACKWARD)
     other = np.where(touches[rows, nodes], SEPARATION, side)
-    found = rows, nodes, states[rows, nodes], other
-    return list(zip(*(part.tolist() for part in found), strict=True))
-
-
-def ties_of_state(segments: Segments, state: ContactState, force_scale: float) -> Ties:
-    """Return the ties of one state, with reactions of at most ``force_scale`` so far."""
-    on = segments.values(state) <= segments.limit * force_scale
-    return tied(segments, state.state[None], on[None, segments.system.n :])
+    return Changes(places[rows], nodes, states[rows, nodes], other.astype(np.int8))

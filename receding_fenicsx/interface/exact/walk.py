@@ -7,6 +7,7 @@ from scipy.linalg.blas import daxpy
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Watch
 from receding_fenicsx.interface.exact.consistency import ConsistentStates, EquilibriumEnd
 from receding_fenicsx.interface.exact.legs import (
@@ -281,9 +282,9 @@ class Walk:
             residual=residual,
             force_scale=sums.force_scale,
             samples=self.course.samples,
-            events=self.course.events,
+            events=Changes.of(self.course.events),
             stops=self.course.stops,
-            ties=sums.ties,
+            ties=Changes.joined(*sums.ties),
         )
 
     def _refined_end(self) -> ContactState:

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump
-from receding_fenicsx.interface.exact.legs import Event, LegProblem, changes
+from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.gauss_seidel.sweeps import Step
 from receding_fenicsx.interface.residual import local_stiffness, relative_residual
@@ -57,11 +60,12 @@ class LegInSteps:
         leg = self.leg
         if isinstance(found, Leg):
             leg.work += found.work
-            leg.ties += found.ties
+            leg.ties = Changes.joined(leg.ties, found.ties)
         else:
             mean = 0.5 * (self.load(part[0]) + self.load(part[1]))
             leg.work += float(mean @ self.system.r_star @ (found.end.u - leg.end.u))
-        leg.events += seen_changes(found, leg.end, part[1], [part[0]])
+        seen = seen_changes(found, leg.end, part[1], [part[0]])
+        leg.events = Changes.joined(leg.events, *seen)
         leg.dissipation = leg.dissipation + found.dissipation
         leg.residual = max(leg.residual, found.residual)
         leg.force_scale = max(leg.force_scale, found.force_scale)
@@ -72,9 +76,10 @@ class LegInSteps:
         """Replace everything so far by the exact path from the start of the leg to s."""
         leg = self.leg
         leg.samples, leg.stops = found.samples, [*found.stops, (s, found.end.u)]
-        at_start = [event for event in leg.events if event[0] == 0.0]
+        at_start = leg.events.select(leg.events.s == 0.0)
         stops = [place for place, _ in found.samples]
-        leg.events = at_start + seen_changes(found, self.problem.start, s, stops)
+        seen = seen_changes(found, self.problem.start, s, stops)
+        leg.events = Changes.joined(at_start, *seen)
         leg.dissipation, leg.work, leg.end = found.dissipation, found.work, found.end
         leg.ties = found.ties
         leg.residual = max(leg.residual, found.residual)
@@ -97,7 +102,8 @@ class LegInSteps:
         jump = find_jump(segments, start, load, load)
         leg.jumps.append((part[0], jump.released))
         leg.work += jump.work
-        leg.events += changes(part[1], start.state, jump.end.state)
+        jumped = Changes.between(part[1], start.state, jump.end.state)
+        leg.events = Changes.joined(leg.events, jumped)
         slip = (jump.end.u - start.u)[: system.n]
         residual = relative_residual(
             system, jump.end, slip, local_stiffness(system), leg.force_scale
@@ -109,7 +115,7 @@ class LegInSteps:
 
 def seen_changes(
     found: Step | Leg, start: ContactState, s: float, stops: list[float]
-) -> list[Event]:
+) -> list[Changes]:
     """Return the changes of state of a step, at its end, or of the exact path, at their places.
 
     Args:
@@ -118,13 +124,10 @@ def seen_changes(
         s: its end.
         stops: places of its start or of stored states; a change there is moved just beyond.
     """
-    passed: list[Event] = []
+    state, passed = start.state.copy(), list[Changes]()
     if isinstance(found, Leg):
-        passed = [
-            (float(np.nextafter(e[0], 1.0)) if e[0] in stops else e[0], *e[1:])
-            for e in found.events
-        ]
-    state = start.state.copy()
-    for _, node, _, new in passed:
-        state[node] = new
-    return [*passed, *changes(s, state, found.end.state)]
+        at = found.events.s
+        at = np.where(np.isin(at, stops), np.nextafter(at, 1.0), at)
+        passed.append(replace(found.events, s=at))
+        state[found.events.node] = found.events.new  # of several changes of a node the last
+    return [*passed, Changes.between(s, state, found.end.state)]

@@ -16,11 +16,12 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit, furthest
 from receding_fenicsx.interface.exact.jumps import JUMP_STEP
-from receding_fenicsx.interface.exact.legs import Event, LegProblem, changes
+from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.rolling import at_rest
-from receding_fenicsx.interface.exact.ties import ties_of_state
+from receding_fenicsx.interface.exact.ties import tied
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
@@ -84,7 +85,7 @@ class GaussSeidelPath:
         if carries_nothing(start, force_scale) and not np.any(ends[0]):
             resting = at_rest(self.system, start, ends[1])
         now = self._start(LegProblem(resting, ends, force_scale))
-        now.leg.events = changes(0.0, start.state, resting.state)
+        now.leg.events = Changes.between(0.0, start.state, resting.state)
         now.leg.stops = [(0.0, resting.u)]
         stored = {round((j + 1) * self.steps / samples) for j in range(samples)}
         crossing = zero_crossing(ends)
@@ -141,7 +142,8 @@ class GaussSeidelPath:
             else:
                 before = now.end
                 now.add(trial.found, (s, reached))
-                now.leg.ties += self._ties(now, before, reached)
+                ties = self._ties(now, before, reached)
+                now.leg.ties = Changes.joined(now.leg.ties, *ties)
             part = reached - s
             s, targets = reached, [target for target in targets if target > reached]
             if not targets:
@@ -153,23 +155,27 @@ class GaussSeidelPath:
             f"{MAX_PARTS} parts without finding whether the contact jumps in it; use method events"
         )
 
-    def _ties(self, now: LegInSteps, before: ContactState, s: float) -> list[Event]:
+    def _ties(self, now: LegInSteps, before: ContactState, s: float) -> list[Changes]:
         """Return the nodes on limits at the end of a step, and those that might have been within.
 
         A stuck node might have reached its nearer limit if it was no further from it than a node
         that has begun to slip.
         """
-        segments, scale = self._trials.continuation.segments, now.leg.force_scale
-        # the next leg begins with those at the end of this one
-        found = ties_of_state(segments, now.end, scale) if s < 1.0 else []
-        A, B = segments.values(before)[2 * self.system.n :].reshape(2, -1)
+        segments, n, end = self._trials.continuation.segments, self.system.n, now.end
+        found = list[Changes]()
+        if s < 1.0:  # the next leg begins with those at the end of this one
+            on = segments.values(end)[n:] <= segments.limit[n:] * now.leg.force_scale
+            found.append(tied(segments, np.array([s]), end.state[None], on[None]))
+        A, B = segments.values(before)[2 * n :].reshape(2, -1)
         stuck = segments.frictional & (before.state == STICK)
-        begun = stuck & ((now.end.state == FORWARD) | (now.end.state == BACKWARD))
-        reach = np.where(now.end.state == FORWARD, A, B)[begun].max(initial=0.0)
-        stuck &= (now.end.state == STICK) & (np.minimum(A, B) <= reach * (1.0 + SAME_MARGIN))
-        for i in np.flatnonzero(stuck).tolist() if begun.any() else ():
-            found.append((0, i, STICK, FORWARD if A[i] < B[i] else BACKWARD))
-        return [(s, i, state, other) for _, i, state, other in found]
+        begun = stuck & ((end.state == FORWARD) | (end.state == BACKWARD))
+        reach = np.where(end.state == FORWARD, A, B)[begun].max(initial=0.0)
+        stuck &= (end.state == STICK) & (np.minimum(A, B) <= reach * (1.0 + SAME_MARGIN))
+        if begun.any():
+            side = np.where(A < B, FORWARD, BACKWARD)
+            other = np.where(stuck, side, before.state).astype(np.int8)
+            found.append(Changes.between(s, before.state, other))
+        return found
 
     def _take_exact_path(self, now: LegInSteps, s_end: float) -> bool:
         """Take the exact path from the leg's start where it continues; return whether it does.

@@ -6,12 +6,14 @@ limit at an instant, whether they change their state there or not. The solvers a
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
-from receding_fenicsx.interface.exact.legs import SIMULTANEOUS, Event
+from receding_fenicsx.interface.changes import Changes
+from receding_fenicsx.interface.exact.legs import SIMULTANEOUS, Change
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import Undecided
 from receding_fenicsx.interface.uniqueness.definite import Certificate
@@ -50,8 +52,8 @@ class InstantsOfLegs:
         self,
         direction: bytes,
         start: States,
-        events: Sequence[Event],
-        ties: Sequence[Event] = (),
+        events: Changes,
+        ties: Changes,
         finite: Callable[[float], bool] = lambda s: False,
     ) -> list[Instant]:
         """Return the instants of a leg not met before: its start and where states change.
@@ -64,22 +66,21 @@ class InstantsOfLegs:
             direction: of the leg.
             start: (N,) states at its start.
             events: its changes of state, in order.
-            ties: nodes on limits, their states, and others that they may take there.
+            ties: nodes on limits, as changes to other states that they may take there.
             finite: says of a place s whether the states there change by a load step or a jump: only
                 the states after it are judged.
         """
         met = self._met.setdefault(direction, set())
         now = Sides.of(start)
         found: list[Instant] = []
-        for group in together(events, ties):
-            s = group[0][0][0] if group else 0.0
-            before, changes = now, [event for event, is_tie in group if not is_tie]
-            if changes:
-                now = before.after(event[1:] for event in changes)
+        for s, group in together(events, ties):
+            before, made = now, [change for change, is_tie in group if not is_tie]
+            if made:
+                now = before.after(made)
             if finite(s):
-                sides = _loosest(now, [event for event, is_tie in group if is_tie])
+                sides = _loosest(now, [change for change, is_tie in group if is_tie])
             else:
-                sides = _loosest(before, [event for event, _ in group])
+                sides = _loosest(before, [change for change, _ in group])
             if sides not in met:
                 met.add(sides)
                 found.append(Instant(s, sides))
@@ -90,28 +91,36 @@ class InstantsOfLegs:
         self._met[direction].difference_update(instant.sides for instant in instants)
 
 
-def together(events: Sequence[Event], ties: Sequence[Event]) -> list[list[tuple[Event, bool]]]:
+def in_order(events: Changes, ties: Changes) -> tuple[Changes, NDArray[np.bool_]]:
+    """Return ties and events in order of place, and which of them are ties."""
+    every, is_tie = Changes.joined(ties, events), np.arange(len(ties) + len(events)) < len(ties)
+    if not len(ties):
+        return events, is_tie
+    order = every.s.argsort(kind="stable")
+    return every.select(order), is_tie[order]
+
+
+def together(events: Changes, ties: Changes) -> list[tuple[float, list[tuple[Change, bool]]]]:
     """Sort events and ties into those that are simultaneous; say of each whether it is a tie.
 
-    The first are those at the start, if there are any.
+    Returns:
+        The place of the first of each group, and the group. The first are those at the start, if
+        there are any.
     """
-    every = [(event, False) for event in events]
-    if ties:
-        every = sorted([(tie, True) for tie in ties] + every, key=lambda one: one[0][0])
-    groups, last = [list[tuple[Event, bool]]()], 0.0
-    for one in every:
-        s = one[0][0]
+    every, is_tie = in_order(events, ties)
+    groups, last = [(0.0, list[tuple[Change, bool]]())], 0.0
+    for (s, i, old, new), tie in zip(every, is_tie.tolist(), strict=True):
         if s - last > SIMULTANEOUS:
-            groups.append([])
-        groups[-1].append(one)
+            groups.append((s, []))
+        groups[-1][1].append(((i, old, new), tie))
         last = s
     return groups
 
 
-def _loosest(before: Sides, events: list[Event]) -> Sides:
-    """Return the states in which all slip that may at simultaneous events, and who touch."""
+def _loosest(before: Sides, changes: list[Change]) -> Sides:
+    """Return the states in which all slip that may at simultaneous changes, and who touch."""
     sides, slipped = before, dict[int, int]()
-    for _, i, old, new in events:
+    for i, old, new in changes:
         if max(old, new) == STICK:
             continue
         turned = slipped.setdefault(i, max(old, new)) != max(old, new)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from operator import itemgetter
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.jumps import JUMP_STEP
-from receding_fenicsx.interface.exact.legs import SIMULTANEOUS, Event
+from receding_fenicsx.interface.exact.legs import SIMULTANEOUS
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.ties import tied
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
@@ -19,7 +19,7 @@ from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate
 from receding_fenicsx.interface.uniqueness.first_loading import solutions_from_rest
-from receding_fenicsx.interface.uniqueness.instants import Instant, InstantsOfLegs
+from receding_fenicsx.interface.uniqueness.instants import Instant, InstantsOfLegs, in_order
 from receding_fenicsx.interface.uniqueness.patterns import (
     MOST_TOUCHING,
     Pattern,
@@ -115,7 +115,7 @@ class UniquenessWatch:
         self._measured: set[Sides] = set()
         self._solved: set[bytes] = set()
         self._jumps: list[float] = []
-        self._last: dict[bytes, tuple[object, ...]] = {}
+        self._last: dict[bytes, tuple[bytes, ...]] = {}
         self._doubtful: list[tuple[bytes, Instant]] = []
         self._left = COUNTED
 
@@ -154,9 +154,9 @@ class UniquenessWatch:
         crossing = zero_crossing(ends)
         if crossing is not None:
             before, after = crossing - SIMULTANEOUS, crossing + SIMULTANEOUS
-            events, ties = ([e for e in some if e[0] < before] for some in (events, ties))
-            self._rates(place, a - b, (state, events, [*at_start, *ties]))
-            if np.any(system.g0) or any(s > after for s, *_ in leg.events):
+            events, ties = (some.select(some.s < before) for some in (events, ties))
+            self._rates(place, a - b, (state, events, Changes.joined(at_start, ties)))
+            if np.any(system.g0) or np.any(leg.events.s > after):
                 self.found = self.found.with_doubt((*place, crossing), ())
                 return
             start = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
@@ -165,19 +165,18 @@ class UniquenessWatch:
         at_rest = not np.any(a) and near.all() and carries_nothing(start, leg.force_scale)
         if static or crossing is not None or at_rest:
             self._static((*place, crossing or 0.0), (start, leg.end.state), b, near)
-            state, events, ties, at_start = leg.end.state, [], [], []
-        self._rates(place, b - a, (state, events, [*at_start, *ties]))
+            state, events, ties, at_start = leg.end.state, *[Changes.none()] * 3
+        self._rates(place, b - a, (state, events, Changes.joined(at_start, ties)))
         end = Sides.of(leg.end.state).of_nodes(self.certificate.rubbing)
         if (end.forward or end.backward) and end not in self._measured:
             self._measured.add(end)
             self._measure(end)
 
-    def _at_start(self, start: ContactState, force_scale: float) -> tuple[list[Event], Array]:
+    def _at_start(self, start: ContactState, force_scale: float) -> tuple[Changes, Array]:
         """Return the nodes on limits at the start of a leg, as ties, and the (N,) gaps."""
         n, y = self.certificate.system.n, self._segments.values(start)
         on = y[n:] <= self._segments.limit[n:] * force_scale
-        found = tied(self._segments, start.state[None], on[None])
-        return [(0.0, i, state, other) for _, i, state, other in found], y[n : 2 * n]
+        return tied(self._segments, np.zeros(1), start.state[None], on[None]), y[n : 2 * n]
 
     def _is_finite(self, s: float) -> bool:
         """Return whether states change at s by a load step or a jump."""
@@ -208,32 +207,30 @@ class UniquenessWatch:
         self,
         place: tuple[int, int],
         direction: Array,
-        path: tuple[States, list[Event], list[Event]],
+        path: tuple[States, Changes, Changes],
     ) -> None:
         """Judge the rates along a leg, or a part of it, given as for ``InstantsOfLegs.new``."""
         way, (start, events, ties) = direction.tobytes(), path
-        if ties and events:
-            at, nodes, *states = zip(*events, strict=True)
-            seen = {one for each in states for one in zip(at, nodes, each, strict=True)}
-            ties = [tie for tie in dict.fromkeys(ties) if (*tie[:2], tie[3]) not in seen]
-        if not self._jumps and not self.in_steps:
-            every = sorted([*ties, *events], key=itemgetter(0)) if ties else events
-            places, *changed = zip(*every, strict=True) if every else [()]
-            later = np.diff(np.array(places), prepend=0.0) > SIMULTANEOUS
-            leg = start.tobytes(), later.tobytes(), changed, len(ties)
+        if self._jumps or self.in_steps:
+            # what an event has decided is no tie
+            seen = {(s, i, state) for s, i, *states in events for state in states}
+            ties = Changes.of(one for one in ties if (*one[:2], one[3]) not in seen)
+        else:
+            every, is_tie = in_order(events, ties)
+            later = np.diff(every.s, prepend=0.0) > SIMULTANEOUS
+            arrays = start, later, is_tie, every.node, every.old, every.new
+            leg = tuple(part.tobytes() for part in arrays)
             if self._last.get(way) == leg:
                 return
             self._last[way] = leg
+            # those at the start, and the others
             first = int(later.argmax()) if later.any() else len(later)
-            state = start
-            if first:
-                begun = [event for event in events if event[0] <= places[first - 1]]
-                state = start.copy()
-                for _, i, _, new in begun:
-                    state[i] = new
-            if self._whole_legs.hold(way, state, every[first:], later[first:]):
-                ties = [tie for tie in ties if first and tie[0] <= places[first - 1]]
-                events = begun if first else []
+            begun, others = every.select(slice(first)), every.select(slice(first, None))
+            at_start, made = is_tie[:first], begun.select(~is_tie[:first])
+            state = start.copy()
+            state[made.node] = made.new
+            if self._whole_legs.hold(way, state, others, later[first:]):
+                events, ties = made, begun.select(at_start)
         instants = self._instants.new(way, start, events, ties, self._is_finite)
         if not instants:
             return

@@ -8,13 +8,12 @@ holds most of the next ones too, without a look at their single instants.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.exact.legs import Change, Event
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.uniqueness.definite import Certificate
 from receding_fenicsx.interface.uniqueness.patterns import Pattern, certify
@@ -75,15 +74,15 @@ class Known(NamedTuple):
     Attributes:
         extent: what the nodes do on these legs, or on more.
         pattern: their pattern.
-        changes: changes of state that keep a leg within it.
+        keeps: (N, 5, 5) changes of state, by node, old and new, known to keep a leg within it.
     """
 
     extent: Extent
     pattern: Pattern
-    changes: set[Change]
+    keeps: NDArray[np.bool_]
 
     def holds(
-        self, judge: Certificate, state: States, changes: set[Change], together: frozenset[int]
+        self, judge: Certificate, state: States, changes: Changes, together: frozenset[int]
     ) -> bool:
         """Return whether the pattern holds a leg, as far as single changes tell.
 
@@ -96,17 +95,18 @@ class Known(NamedTuple):
         forward, backward, open_, _ = Sides.of(state).of_nodes(judge.rubbing)
         if not Extent(forward, backward, open_, open_, 0, together).within(self.pattern):
             return False
-        made = changes - self.changes
-        if not all(self._keeps(change, judge.rubbing) for change in made):
+        made = changes.select(~self.keeps[changes.node, changes.old, changes.new])
+        if not all(self._keeps(change, judge.rubbing) for _, *change in made):
             return False
-        self.changes.update(made)
+        self.keeps[made.node, made.old, made.new] = True
         return True
 
-    def _keeps(self, change: Change, rubbing: int) -> bool:
+    def _keeps(self, change: list[int], rubbing: int) -> bool:
         """Return whether the pattern holds the states before, after and at a change."""
         (i, old, new), pattern = change, self.pattern
         node = 1 << i
-        slips, turns = node & rubbing, turns_round(old, new)
+        slips = node & rubbing
+        turns = SEPARATION in (old, new) or STICK not in (old, new)
         return not (
             (FORWARD in (old, new) and slips & ~pattern.forward)
             or (BACKWARD in (old, new) and slips & ~pattern.backward)
@@ -115,29 +115,30 @@ class Known(NamedTuple):
         )
 
 
-def turns_round(old: int, new: int) -> bool:
-    """Return whether a node opens, closes or turns round its slip."""
-    return SEPARATION in (old, new) or STICK not in (old, new)
+def turning(changes: Changes) -> NDArray[np.bool_]:
+    """Return at which changes a node opens, closes or turns round its slip."""
+    old, new = changes.old, changes.new
+    turns: NDArray[np.bool_] = (old == SEPARATION) | (new == SEPARATION)
+    return turns | ((old != STICK) & (new != STICK))
 
 
-def turning_together(events: Sequence[Event], later: NDArray[np.bool_]) -> frozenset[int]:
+def turning_together(events: Changes, later: NDArray[np.bool_]) -> frozenset[int]:
     """Return the sets of several nodes that open, close or turn at one instant.
 
     Args:
         events: changes of state and ties.
         later: whether each of them is later than the one before.
     """
-    instant, groups = later.cumsum(), dict[int, int]()
-    for k in np.flatnonzero(np.bincount(instant)[instant] > 1).tolist():
-        _, i, old, new = events[k]
-        if turns_round(old, new):
-            at = instant.item(k)
-            groups[at] = groups.get(at, 0) | 1 << i
-    return frozenset(nodes for nodes in groups.values() if nodes & (nodes - 1))
+    turns, groups = turning(events), dict[int, int]()
+    instant, nodes = later.cumsum()[turns], events.node[turns]
+    several = np.bincount(instant)[instant] > 1
+    for at, i in zip(instant[several].tolist(), nodes[several].tolist(), strict=True):
+        groups[at] = groups.get(at, 0) | 1 << i
+    return frozenset(group for group in groups.values() if group & (group - 1))
 
 
 def extent(
-    judge: Certificate, state: States, events: Sequence[Event], together: frozenset[int]
+    judge: Certificate, state: States, events: Changes, together: frozenset[int]
 ) -> Extent | None:
     """Return what the nodes do on a leg, its start left out.
 
@@ -153,11 +154,8 @@ def extent(
     sides = np.zeros((5, n), dtype=bool)
     sides[state, np.arange(n)] = True
     touching = np.zeros(n, dtype=bool)
-    if events:
-        _, nodes, old, new = (np.array(part) for part in zip(*events, strict=True))
-        sides[old, nodes] = sides[new, nodes] = True
-        turns = (old == SEPARATION) | (new == SEPARATION) | ((old != STICK) & (new != STICK))
-        touching[nodes[turns]] = True
+    sides[events.old, events.node] = sides[events.new, events.node] = True
+    touching[events.node[turning(events)]] = True
     rubbing = judge.frictional
     forward, backward = sides[FORWARD] & rubbing, sides[BACKWARD] & rubbing
     if np.any(forward & backward):
@@ -183,9 +181,7 @@ class WholeLegs:
         self._known: dict[bytes, Known | None] = {}
         self._latest: Extent | None = None
 
-    def hold(
-        self, way: bytes, state: States, events: Sequence[Event], later: NDArray[np.bool_]
-    ) -> bool:
+    def hold(self, way: bytes, state: States, events: Changes, later: NDArray[np.bool_]) -> bool:
         """Return whether all sets of states of a leg, but for its start, are definite.
 
         Args:
@@ -198,16 +194,17 @@ class WholeLegs:
         if way in self._known and known is None:
             return False
         together = turning_together(events, later)
-        if known and known.holds(judge, state, {event[1:] for event in events}, together):
+        if known and known.holds(judge, state, events, together):
             return True
         leg = extent(judge, state, events, together)
         if leg is None:
             return False
+        none = np.zeros((len(state), 5, 5), dtype=bool)
         # a pattern holds for all directions of the loads; it is likely to hold the next leg too
         for k, old in enumerate(self._patterns[:MOST_SEARCHED]):
             if leg.within(old):
                 self._patterns.insert(0, self._patterns.pop(k))
-                self._known[way] = known or Known(leg, old, set())
+                self._known[way] = known or Known(leg, old, none)
                 return True
         before = known.extent if known else self._latest
         for nodes in (before.united(leg), leg) if before else (leg,):
@@ -216,7 +213,7 @@ class WholeLegs:
             pattern = certify(judge, nodes.sets(), self._margin)
             if pattern is not None and leg.within(pattern):
                 self._patterns.insert(0, pattern)
-                self._known[way] = Known(nodes, pattern, set())
+                self._known[way] = Known(nodes, pattern, none)
                 self._latest = nodes
                 return True
         self._known[way] = None

@@ -12,6 +12,7 @@ from small import small_system, table
 from ways import rates
 
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import choices
 from receding_fenicsx.interface.system import ContactSystem
@@ -215,26 +216,27 @@ def test_instants_are_the_start_and_each_place_of_change_and_met_ones_are_left_o
     system = small_system(np.eye(6), {"a": np.ones(6)}, 0.5)
     legs = InstantsOfLegs()
     start = np.array([STICK, FORWARD, SEPARATION], dtype=np.int8)
-    events = [
+    rows = [
         (0.0, 1, FORWARD, STICK),
         (0.2, 0, STICK, BACKWARD),
         (0.5, 2, SEPARATION, STICK),
         (0.5, 1, STICK, FORWARD),
     ]
-    found = legs.new(b"x", start, events)
+    events, none = Changes.of(rows), Changes.none()
+    found = legs.new(b"x", start, events, none)
     states = [(i.s, i.sides.states(3).tolist(), nodes_of(i.sides.touching)) for i in found]
     assert states == [
         (0.0, [STICK, FORWARD, SEPARATION], []),
         (0.2, [BACKWARD, STICK, SEPARATION], []),
         (0.5, [BACKWARD, FORWARD, STICK], [2]),
     ]
-    assert legs.new(b"x", start, events) == []
-    assert len(legs.new(b"another direction", start, events)) == 3
+    assert legs.new(b"x", start, events, none) == []
+    assert len(legs.new(b"another direction", start, events, none)) == 3
     judge = Certificate(system)
     assert len(list(found[2].sides.explicit(judge.rubbing))) == 3
     # a tie counts as much as a change, and so do changes within round-off of one another
     ties = [(0.2, 2, SEPARATION, SEPARATION), (0.5 - 1e-12, 0, BACKWARD, SEPARATION)]
-    found = legs.new(b"x", start, events, ties)
+    found = legs.new(b"x", start, events, Changes.of(ties))
     states = [(i.s, i.sides.states(3).tolist(), nodes_of(i.sides.touching)) for i in found]
     assert states == [
         (0.2, [BACKWARD, STICK, STICK], [2]),
@@ -248,8 +250,8 @@ def test_slip_that_turns_round_at_one_place_leaves_its_node_touching_in_any_numb
     ends: tuple[int, int], between: tuple[int, ...]
 ) -> None:
     states = [ends[0], *between, ends[1]]
-    events = [(0.3, 0, old, new) for old, new in pairwise(states)]
-    _, found = InstantsOfLegs().new(b"x", one(ends[0]), events)
+    events = Changes.of((0.3, 0, old, new) for old, new in pairwise(states))
+    _, found = InstantsOfLegs().new(b"x", one(ends[0]), events, Changes.none())
     assert nodes_of(found.sides.touching) == [0]
 
 

@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.accumulate import Rates, Sums
 from receding_fenicsx.interface.exact.segments import Following, Segment, Segments
-from receding_fenicsx.interface.exact.ties import Ties, tied
+from receding_fenicsx.interface.exact.ties import tied
 
 KEPT_CHAINS = 8
 """Chains that are kept."""
@@ -96,9 +97,15 @@ class Chain:
         return at
 
     def ties(
-        self, segments: Segments, y: Array, h: Array, on_limit: Array, near: NDArray[np.bool_]
-    ) -> list[Ties]:
-        """Return the ties at the events of several passages; a row of theirs is an event.
+        self,
+        segments: Segments,
+        y: Array,
+        h: Array,
+        on_limit: Array,
+        near: NDArray[np.bool_],
+        s: float = 0.0,
+    ) -> list[Changes]:
+        """Return the ties at the events of several passages.
 
         Args:
             segments: of the contact.
@@ -106,6 +113,7 @@ class Chain:
             h: (c, m) lengths of the segments passed.
             on_limit: (4N,) distance from a limit up to which a node sits on it.
             near: (c, m) whether the quantities ``low`` come that near before they rise.
+            s: place of the start.
         """
         n, begin = segments.system.n, self.following[0].state.copy()
         for i, old, _ in self.following[0].changes:
@@ -114,18 +122,19 @@ class Chain:
         stays = (y + h[:, :1] * self.segments[0].q <= on_limit)[:, n:]
         stays[:, self.labels[0] - n] = False
         nodes = [set((self.low[row] % n).tolist()) for row in near]
-        for c, i, *_ in tied(segments, np.broadcast_to(begin, (len(y), n)), stays):
-            nodes[c].add(i)
-        found = list[Ties]()
+        passages = np.arange(len(y), dtype=float)
+        for c, i, *_ in tied(segments, passages, np.broadcast_to(begin, (len(y), n)), stays):
+            nodes[int(c)].add(i)
+        found = list[Changes]()
         for c, chosen in enumerate(nodes):
             if not chosen:
-                found.append([])
+                found.append(Changes.none())
                 continue
             columns = np.add.outer(n * np.arange(1, 4), sorted(chosen)).ravel()
             on = np.zeros((h.shape[1], 3 * n), dtype=bool)
             on[:, columns - n] = self.quantities(y[c], h[c], columns) <= on_limit[columns]
             states = [begin, *(step.state for step in self.following[: len(on) - 1])]
-            found.append(tied(segments, np.array(states), on))
+            found.append(tied(segments, s + h[c].cumsum(), np.array(states), on))
         return found
 
 

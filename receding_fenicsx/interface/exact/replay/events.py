@@ -115,8 +115,9 @@ class Replay:
         if course.stops:
             self._note(chain, h, places, course)
         on_limit = self._on_limit[: len(point.y)]
-        (ties,) = chain.ties(self._segments, point.y[None], h[None], on_limit, self._near[None])
-        sums.ties += [(places.item(k), i, state, other) for k, i, state, other in ties]
+        sums.ties += chain.ties(
+            self._segments, point.y[None], h[None], on_limit, self._near[None], point.s
+        )
         of = chain.event_of[: chain.event_of.searchsorted(m)]
         course.events += zip(places[of].tolist(), *chain.changes, strict=False)
         point.s, point.state, point.y[:] = float(places[-1]), last.state, y[: len(point.y)]

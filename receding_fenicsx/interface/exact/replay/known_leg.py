@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.linalg.lapack import dtrtrs
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.accumulate import Rates, sum_rows
 from receding_fenicsx.interface.exact.reduction import Reduction
 from receding_fenicsx.interface.exact.replay.chain import Chain
@@ -21,7 +22,6 @@ from receding_fenicsx.interface.exact.segments import (
     Segment,
     Segments,
 )
-from receding_fenicsx.interface.exact.ties import Ties
 from receding_fenicsx.interface.exact.walk import END_TOLERANCE, Walk
 from receding_fenicsx.interface.system import Leg
 
@@ -39,7 +39,7 @@ class KnownLeg:
         imbalance, stroke: rates along the chain's segments and the last one, as in ``Rates``.
         slipping: active nodes that slip against friction on it.
         slip, resisting: their rates, as in ``Rates``.
-        changes: number in the whole contact, old and new state, of all changes in order.
+        changes: of the whole contact.
     """
 
     ends: tuple[Array, Array]
@@ -54,7 +54,7 @@ class KnownLeg:
     slipping: NDArray[np.intp]
     slip: Array
     resisting: Array
-    changes: tuple[list[int], ...]
+    changes: Changes
 
 
 class Played(NamedTuple):
@@ -114,7 +114,7 @@ def known_leg(walk: Walk, following: list[Following], leg: Leg) -> KnownLeg:
         slipping=slipping,
         slip=rates.slip[:, slipping],
         resisting=rates.resisting[:, slipping],
-        changes=tuple(list(part) for part in list(zip(*leg.events, strict=True))[1:]),
+        changes=leg.events,
     )
 
 
@@ -153,7 +153,7 @@ def play(
 
 def keeps_law(
     reduction: Reduction, one: KnownLeg, played: Played, force_scale: float
-) -> tuple[NDArray[np.bool_], list[Ties]]:
+) -> tuple[NDArray[np.bool_], list[Changes]]:
     """Return which passages of a leg are its path, event for event, and the ties on each."""
     segments, chain = reduction.segments, one.chain
     (a, b), h, g0 = one.ends, played.h[:, :-1], segments.system.g0

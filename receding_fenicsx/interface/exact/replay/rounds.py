@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections import deque
 from contextlib import suppress
+from dataclasses import replace
 from operator import is_
 
 import numpy as np
@@ -178,7 +179,7 @@ class Rounds:
             dissipation[reduction.nodes[one.slipping]] = slipped
             middle = a + (places - 0.5 * h)[:, None] * (b - a)
             work = (h @ (one.stroke * middle))[:-1].sum() + swing
-            at = [0.0] * one.turned + places[one.chain.event_of].tolist()
+            at = np.append(np.zeros(one.turned), places[one.chain.event_of])
             legs.append(
                 Leg(
                     end=ContactState(u[c], r[c], state.copy()),
@@ -186,11 +187,8 @@ class Rounds:
                     work=float(work),
                     residual=float(error[c]),
                     force_scale=max(force_scale, float(np.abs(r[c]).max())),
-                    events=list(zip(at, *one.changes, strict=True)),
-                    ties=[
-                        (places.item(k), int(reduction.nodes[i]), state, other)
-                        for k, i, state, other in ties[c]
-                    ],
+                    events=replace(one.changes, s=at),
+                    ties=replace(ties[c], node=reduction.nodes[ties[c].node]),
                 )
             )
         return legs
