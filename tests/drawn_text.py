@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import matplotlib as mpl
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from receding_fenicsx.output.plots import saving
+from receding_fenicsx.output.plots import style
 
 
 def check_texts(figure: Figure, name: str) -> None:
@@ -24,8 +25,7 @@ def check_texts(figure: Figure, name: str) -> None:
 
 def text_boxes(figure: Figure) -> list:
     """Return every text that is drawn with its box in dots."""
-    with saving.drawing():
-        saving.lay_out(figure)
+    with mpl.rc_context(style.RC):
         figure.draw_without_rendering()
     hidden = {id(label) for axes in figure.axes for label in labels_beyond(axes)}
     found = []

@@ -26,7 +26,7 @@ from receding_fenicsx.joints.backbone import NO_DISSIPATION, Backbone, first_loa
 from receding_fenicsx.joints.figure import joint_figure
 from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.modal.modes import mode_number, mode_system, preload_path
-from receding_fenicsx.output.plots.saving import drawing, save
+from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.parameter_sweep.measure import Cell
 from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
@@ -289,6 +289,5 @@ def _write(folder: Path, title: str, curve: JointCurve) -> None:
         },
         "versions": versions(),
     }
-    with drawing():
-        save(joint_figure(curve), folder / PICTURE)
+    save(joint_figure(curve), folder / PICTURE)
     write_summary(folder / SUMMARY, content, True)

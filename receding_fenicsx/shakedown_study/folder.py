@@ -13,7 +13,7 @@ import numpy as np
 from receding_fenicsx.atomic import check_folder, make_folder, publish_folder, unwritable
 from receding_fenicsx.environment import versions
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.output.plots.saving import save
+from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml

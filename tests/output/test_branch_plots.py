@@ -10,8 +10,6 @@ from small import small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.output.plots.saving import save
-from receding_fenicsx.output.snapshots import mode
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 
@@ -58,13 +56,14 @@ def test_a_mode_is_drawn_in_the_colours_of_its_assumed_directions() -> None:
 def test_body_in_a_slip_mode_has_its_picture(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    drawn = []
+    drawn: list[Figure] = []
+    save = rf.style.save
 
     def kept(figure: Figure, path: Path) -> None:
         drawn.append(figure)
         save(figure, path)
 
-    monkeypatch.setattr(mode, "save", kept)
+    monkeypatch.setattr(rf.style, "save", kept)
     scene = rf.read_scene(BLOCK, ["mesh.contact_elements=8", "history.cycles=1"])
     system, critical = rf.condense(scene), None
     if system is not None:

@@ -19,7 +19,7 @@ from PIL import Image
 from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx.output.plots import saving, series
+from receding_fenicsx.output.plots import series
 from receding_fenicsx.output.plots.descriptions import describe_factors
 from receding_fenicsx.output.plots.load_names import load_symbol
 from receding_fenicsx.output.plots.series import first_unloading, slip_lines
@@ -697,13 +697,6 @@ def test_legs_are_counted_from_0_as_in_the_record() -> None:
     found = rf.evolve(system, history, output=rf.OutputOptions(cycles="all"))
     titles = [axes.get_title() for axes in rf.figures.zone_maps(found, 2).axes[:3]]
     assert [re.findall(r"cycle 2, leg (\d): ", title) for title in titles] == [["0"], ["1"], ["2"]]
-
-
-def test_png_holds_every_pixel_and_the_size_on_paper() -> None:
-    pixels = np.random.default_rng(1).integers(0, 256, (37, 23, 3), dtype=np.uint8)
-    with Image.open(io.BytesIO(saving.png_of(pixels, rf.style.DPI))) as image:
-        assert image.info["dpi"] == pytest.approx((rf.style.DPI, rf.style.DPI), rel=1e-4)
-        assert np.array_equal(np.asarray(image), pixels)
 
 
 def test_the_legend_of_the_density_names_the_first_and_the_last_cycle() -> None:

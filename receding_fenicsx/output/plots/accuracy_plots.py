@@ -7,13 +7,13 @@ from itertools import cycle
 from pathlib import Path
 from typing import Any
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter
 
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.saving import drawing, save
 
 MARKERS = "os^vDP"
 HEIGHT, LEGEND_ROW = 2.5, 0.15
@@ -28,8 +28,8 @@ def draw_search(search: Mapping[str, Any], folder: Path) -> Path:
     """Draw a search, the key "accuracy" of a summary, as ``accuracy.png`` in a folder."""
     make_folder(folder)
     path = folder / "accuracy.png"
-    with drawing():
-        save(error_over_time(search), path)
+    with mpl.rc_context(style.RC):
+        style.save(error_over_time(search), path)
     return path
 
 

@@ -33,8 +33,8 @@ from receding_fenicsx.output.plots.loops import (
     shown_cycles,
 )
 from receding_fenicsx.output.plots.probe_plots import probe_stresses
-from receding_fenicsx.output.plots.saving import drawing, lay_out, save
 from receding_fenicsx.output.plots.series import first_unloading, legs_of, slip_lines
+from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.output.plots.traction_plots import tractions
 from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zones.cycle_maps import cycle_maps
@@ -115,22 +115,20 @@ def plot_all(
             raise InputError(f"format '{ending}': is unknown; use some of {', '.join(known)}")
     made: list[Path] = []
     edges = record.by_edge()
-    with drawing():
-        for edge, part in edges.items():
-            alone = len(edges) == 1
-            for name, figure in draw_all(part, unloading, stepped):
-                whole = alone or name.endswith(ALL_EDGES) or name.startswith(PROBE)
-                place = folder if whole else folder / edge.replace("/", "_")
-                make_folder(place)
-                files = [place / f"{name}.{ending}" for ending in formats]
-                if set(files) <= set(made):
-                    continue
-                if tell is not None:
-                    tell(name, len(made) // len(formats))
-                lay_out(figure)
-                for path in files:
-                    save(figure, path)
-                made += files
+    for edge, part in edges.items():
+        alone = len(edges) == 1
+        for name, figure in draw_all(part, unloading, stepped):
+            whole = alone or name.endswith(ALL_EDGES) or name.startswith(PROBE)
+            place = folder if whole else folder / edge.replace("/", "_")
+            make_folder(place)
+            files = [place / f"{name}.{ending}" for ending in formats]
+            if set(files) <= set(made):
+                continue
+            if tell is not None:
+                tell(name, len(made) // len(formats))
+            for path in files:
+                save(figure, path)
+            made += files
     return made
 
 

@@ -7,25 +7,26 @@ distinguish; stick and separation are greys. The four differ in greyscale print 
 from __future__ import annotations
 
 import io
+import logging
 import re
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 from string import ascii_lowercase
 from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from matplotlib.axis import Axis
-from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.cbook import is_math_text
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties
-from matplotlib.mathtext import MathTextParser
 from matplotlib.patches import Patch
 from matplotlib.textpath import text_to_path
 from matplotlib.ticker import MaxNLocator, MultipleLocator
 from numpy.typing import ArrayLike
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.atomic import new_file
 from receding_fenicsx.evolution import description
 from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
@@ -117,28 +118,17 @@ class PaperFigure(Figure):
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of this size in inches."""
-    figure = PaperFigure(figsize=(width, height), layout="constrained")
-    FigureCanvasAgg(figure)
-    return figure
+    return PaperFigure(figsize=(width, height), layout="constrained")
 
 
-def agg_canvas(figure: Figure) -> FigureCanvasAgg:
-    """Return the canvas on which a figure is drawn as pixels.
-
-    Its renderer keeps the mathematics that were set for the figures before.
-    """
-    canvas = figure.canvas
-    if not isinstance(canvas, FigureCanvasAgg):
-        canvas = FigureCanvasAgg(figure)
-    renderer = canvas.get_renderer()
-    _parsers.append(renderer.mathtext_parser)
-    renderer.mathtext_parser = _parsers[0]
-    del _parsers[1:]
-    return canvas
-
-
-_parsers: list[MathTextParser] = []
-"""The parser of mathematics that all renderers share, which has their cache."""
+def save(figure: Figure, path: Path) -> None:
+    """Save a figure in the format of the path's ending, without the date."""
+    ending = path.suffix[1:]
+    date = {"pdf": "CreationDate", "svg": "Date"}.get(ending)
+    # the PDF writer warns about the dates inside some systems' fonts
+    logging.getLogger("fontTools").setLevel(logging.ERROR)
+    with mpl.rc_context(RC), new_file(path, overwrite=True) as beside:
+        figure.savefig(beside, format=ending, metadata={date: None} if date else None)
 
 
 def ticks(axis: Axis, most: int = 5) -> None:

@@ -13,7 +13,9 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import matplotlib as mpl
 import numpy as np
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
@@ -26,7 +28,6 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.load_names import load_symbol, peak
-from receding_fenicsx.output.plots.saving import drawing
 from receding_fenicsx.output.plots.units import pressure_of
 from receding_fenicsx.output.snapshots.colours import Quantity
 from receding_fenicsx.output.snapshots.draw import draw_sheets, sheets_of
@@ -146,11 +147,11 @@ def draw_frames(
     ]
     frames: list[Frame] = []
     tell = Countdown(say, "frames", len(views))
-    with drawing():
+    with mpl.rc_context(style.RC):
         layout = layout_of(*views, dpi=FILM_DPI)
         for page in draw_sheets(sheets_of(views, quantity, layout, clocks)):
             tell(f"time {clocks[len(frames)].now:.2f} of 1", len(frames))
-            canvas = style.agg_canvas(page)
+            canvas = FigureCanvasAgg(page)
             canvas.draw()
             frames.append(np.array(canvas.buffer_rgba())[:, :, :3])
     return frames

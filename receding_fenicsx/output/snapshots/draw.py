@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -20,7 +21,7 @@ from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.bulk.fields import gather_cell_stresses, gather_fields, solve_fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.output.plots.saving import drawing, save
+from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots import paraview
 from receding_fenicsx.output.snapshots.colours import (
     QUANTITIES,
@@ -85,10 +86,10 @@ def snapshots(
                 sheets += sheets_of([given(view)], quantity, layout)
                 paths.append(folder / f"{_name(now)}_{quantity.name}.png")
         tell = Countdown(say, "pictures of the body", len(paths))
-        with drawing():
+        with mpl.rc_context(style.RC):
             for path, page in zip(paths, draw_sheets(sheets), strict=True):
                 tell(path.stem, len(made))
-                save(page, path)
+                style.save(page, path)
                 made.append(path)
         return [*made, *[beside / f"{_name(now)}.xdmf" for now in instants]]
 

@@ -6,6 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import matplotlib as mpl
 import numpy as np
 
 from receding_fenicsx.bulk.fields import gather_fields, solve_fields
@@ -15,7 +16,7 @@ from receding_fenicsx.interface.branches.critical_friction import CriticalFricti
 from receding_fenicsx.interface.law import Friction, State
 from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.output.plots.saving import drawing, save
+from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.colours import quantity_of
 from receding_fenicsx.output.snapshots.draw import draw_sheets, sheets_of
 from receding_fenicsx.output.snapshots.layout import layout_of
@@ -65,9 +66,9 @@ def draw(bulk: Bodies, critical: CriticalFriction | None, file: Path) -> Path | 
         sheets = sheets_of(
             [replace(view, caption=text, f=Friction(*f))], quantity_of("von_mises"), layout_of(view)
         )
-        with drawing():
+        with mpl.rc_context(style.RC):
             for sheet in draw_sheets(sheets):
-                save(sheet, file)
+                style.save(sheet, file)
         return file
 
     return on_root(bulk.comm, page)

@@ -143,7 +143,6 @@ def test_record_files_and_figures_know_the_edges(
         read.at(cycle=1)
     assert read.by_edge()["left"].at(cycle=1).x[0] == pytest.approx(-0.5)
     # what the figures show is tested elsewhere
-    monkeypatch.setattr(figures, "lay_out", lambda figure: None)
     monkeypatch.setattr(figures, "save", lambda figure, path: path.touch())
     made = figures.plot_all(read, shared_tmp_path / "figures", formats=("png",))
     whole, *each = sorted({file.parent.name for file in made}, key=lambda name: name != "figures")
