@@ -9,9 +9,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from nodal import nodal_forces, with_middles
 
 import receding_fenicsx as rf
-from receding_fenicsx.interface.measures.zone_ends import kolosov
+from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
+from receding_fenicsx.interface.measures.zone_ends import Tractions, kolosov
 from receding_fenicsx.output.report.corner_stress import corner_lines, corners_of
 from receding_fenicsx.reference.corners import corner_exponent
 
@@ -86,6 +88,23 @@ def test_wrong_corners_are_refused() -> None:
     for angle, kappa in ((0.0, 1.8), (181.0, 1.8), (90.0, 0.5), (math.nan, 1.8)):
         with pytest.raises(rf.InputError, match="corner of"):
             corner_exponent(angle, kappa)
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("side", [-1, 1])
+@pytest.mark.parametrize("m", [-0.4, -0.1, 0.2, 0.5, 0.8])
+def test_fit_takes_no_power_for_the_second_term_of_that_below_it(m: float, side: int) -> None:
+    sizes = 1.2 ** np.arange(60.0)
+    x = with_middles(np.append(0.0, np.cumsum(sizes)) / sizes.sum())
+    weight, state = nodal_forces(x, 2, np.ones_like), np.full(len(x), rf.State.STICK)
+    for slope in (-2.0, 0.0, 1e-3, 2.0):
+        P = nodal_forces(x, 2, lambda d, a=slope: d**m * (1.0 + a * d))  # type: ignore[misc]
+        for noise in (0.0, 1e-4, -1e-4):
+            force = P * (1.0 + noise * np.cos(np.arange(len(x))))
+            at = Tractions(x if side < 0 else -x, weight, force, 0.0 * x, state, 0.3 + 0.0 * x)
+            if side > 0:
+                at = replace(at, x=at.x[::-1], weight=weight[::-1], P=force[::-1])
+            assert corner_exponent_fit(at, side) == pytest.approx(m, abs=0.01)
 
 
 def sheared(f: float) -> rf.Record | None:

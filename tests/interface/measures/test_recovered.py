@@ -86,6 +86,22 @@ def test_friction_that_varies_keeps_both_resultants_of_a_sliding_contact() -> No
     assert weight @ q == pytest.approx(-(f * P).sum(), rel=1e-14)
 
 
+@pytest.mark.parametrize("slip", [[(0, 9)], [(24, 33)], [(12, 21)], [(0, 6), (14, 20)]])
+def test_slip_with_stick_on_any_side_keeps_both_resultants(slip: list[tuple[int, int]]) -> None:
+    x, weight, P = nodal(np.linspace(-1.0, 1.0, 17), lambda at: np.sqrt(1.2 - at**2))
+    state = np.full(len(x), STICK)
+    for begin, end in slip:
+        state[begin:end] = FORWARD
+    f = np.full(len(x), 0.3)
+    Q = -f * P * np.where(state == STICK, 0.6, 1.0)
+    p, q = recover(Tractions(x, weight, P, Q, state, f))
+    assert np.abs(p - P / weight).max() > 1e-5
+    assert weight @ p == pytest.approx(P.sum(), rel=1e-14)
+    assert weight @ q == pytest.approx(Q.sum(), rel=1e-14)
+    assert np.abs(q + f * p)[state == FORWARD].max() < 1e-15
+    assert np.all(np.abs(q) <= f * p + 1e-15)
+
+
 def test_order_one_and_beside_ends_the_nodal_values_remain() -> None:
     x = np.linspace(0.0, 1.0, 9)
     weight = np.full(9, 0.125)
