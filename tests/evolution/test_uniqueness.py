@@ -46,6 +46,20 @@ def test_the_node_of_three_solutions_is_told_to_have_three() -> None:
     )
 
 
+@pytest.mark.parametrize("proved", [True, False])
+def test_a_certificate_says_where_the_first_loading_is_not_proved(proved: bool) -> None:
+    system = block_system(8, 4, f=0.35)
+    record = evolve(system, cyclic(1))
+    unique = record.uniqueness
+    assert unique is not None and unique.certified and unique.first_loading == 1
+    record.uniqueness = replace(unique, first_loading_proved=proved)
+    lines = dict(uniqueness_lines({"method": "events", **uniqueness_summary(record)}))
+    words = lines["only path from its start"]
+    assert words.startswith("certified") and ("not proved" in words) != proved
+    rest = "proved to be all" if proved else "others not excluded"
+    assert lines["first loading"] == f"1 solution found, {rest}"
+
+
 def test_two_uncoupled_nodes_that_branch_at_their_first_load() -> None:
     K = np.kron([[2.0, 1.5], [1.5, 2.0]], np.eye(2))
     system = small_system(K, {"a": [1.0, 2.0, 0.5, 2.0], "b": [0.5, 0.0, 0.0, 0.0]}, 2.0)

@@ -133,6 +133,9 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     unit = damping if drive == "mode:1" else 1.0
     assert points == pytest.approx(D / unit)
     assert lines["Masing's rule"].get_ydata() == pytest.approx(masing / unit)
+    (bars,) = left.collections
+    ends = np.array([np.asarray(path.vertices)[:, 1] for path in bars.get_paths()]).T
+    assert ends == pytest.approx(np.stack([0.9 * D, 1.1 * D]) / unit)
     assert right.lines[0].get_ydata() == pytest.approx(omega if drive == "mode:1" else k)
     assert curve.masing_defect == pytest.approx([1 / 3, 1 / 9, 1 / 7])
     line = linregress(np.log(a), np.log(D))

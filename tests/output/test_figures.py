@@ -161,6 +161,20 @@ def test_timeline_leaves_out_states_that_do_not_last() -> None:
     assert line.s.tolist() == [0.0, 0.5, 1.0]
 
 
+@pytest.mark.parametrize("states", [[1, 3], [1, 3, 1], [2, 1, 3, 4]])
+def test_changes_that_neighbours_share_are_joined_by_straight_lines(states: list[int]) -> None:
+    at = np.linspace(0.0, 0.9, len(states))[1:]
+    a, b = (
+        Timeline(np.array(states, np.int8), np.array([0.0, *(at + delay), 1.0]))
+        for delay in (0.0, 0.05)
+    )
+    strip = fill_strip(a, b, 0.0, 2.0)
+    assert np.array(strip.lines) == pytest.approx(
+        np.array([[[0.0, s], [2.0, s + 0.05]] for s in at])
+    )
+    assert [int(state) for state, _ in strip.pieces] == states
+
+
 def test_change_of_one_node_only_tapers_midway_to_its_neighbour() -> None:
     alone = Timeline(np.array([1, 3, 1], np.int8), np.array([0.0, 0.2, 0.6, 1.0]))
     never = Timeline(np.array([1], np.int8), np.array([0.0, 1.0]))
@@ -403,6 +417,19 @@ def test_colours_and_numbers_of_the_band_are_those_of_the_legend() -> None:
     labels = {text.get_text() for legend in figure.legends for text in legend.get_texts()}
     for text in band.texts:
         assert f"{text.get_text()}  {name_at(text.get_position()[0])}" in labels
+
+
+def test_nodes_that_slip_are_on_the_edge_of_the_cone_of_either_direction() -> None:
+    system = models.block_system(80, 20, half=False)
+    found = rf.evolve(replace(system, f_backward=2.0 * system.f), cyclic(1))
+    moment = found.at(1, "minimum")
+    axes = rf.figures.tractions(found, moment).axes[1]
+    (cone,) = (np.asarray(c.get_paths()[0].vertices) for c in axes.collections)
+    x, q = np.array(axes.lines[-1].get_data(), dtype=float)
+    for state, edge in ((FORWARD, np.min), (BACKWARD, np.max)):
+        slips = moment.state == state
+        ends = [edge(cone[np.abs(cone[:, 0] - place) < 1e-12, 1]) for place in x[slips]]
+        assert slips.sum() > 3 and q[slips] == pytest.approx(ends, abs=1e-12)
 
 
 def test_zone_map_shows_half_of_a_symmetric_contact_against_the_load() -> None:

@@ -142,6 +142,11 @@ def test_stresses_on_the_edge_balance_the_tractions(half: dict[float, tuple[Grid
         assert abs(force) > 0.02
         assert resultant(value[stress][right], end.x[right]) == pytest.approx(-force, rel=0.12)
     assert resultant(value["p"], end.x) == pytest.approx(2.0 / 3.0, rel=0.02)
+    # cells of the contact are between its nodes
+    for name in ("sxx", "syy", "sxy", "von_mises"):
+        means = 0.5 * (value[name][1:] + value[name][:-1])
+        found = grid.in_cells[f"{name}_cell"][grid.in_cells["part"] == 0]
+        assert sorted(found) == pytest.approx(sorted(means)), name
 
 
 def test_completed_half_is_the_whole_body(half: dict[float, tuple[Grid, Moment]]) -> None:

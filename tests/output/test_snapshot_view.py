@@ -15,6 +15,7 @@ import pytest
 from matplotlib.axes import Axes
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import to_hex, to_rgba_array
+from matplotlib.contour import ContourSet
 from matplotlib.figure import Figure
 from pictured import instant_of_row, view_at
 
@@ -264,14 +265,14 @@ def made_up(rigid: bool = True) -> View:
     )
 
 
-def page_of(view: View) -> Figure:
-    """The page around an empty field."""
+def page_of(view: View, contours: tuple[np.ndarray, np.ndarray] | None = None) -> Figure:
+    """The page around an empty field, with the contour lines of a field."""
     fringes = next(q for q in QUANTITIES if q.name == "max_shear")
     colours, _ = colours_of(scaled(view, fringes), fringes, view.pressure_symbol)
     with mpl.rc_context(rf.style.RC):
         layout = layout_of(view, dpi=50.0)
         empty = np.zeros((*layout.pixels[::-1], 4), dtype=np.uint8)
-        return compose(view, layout, empty, colours)
+        return compose(view, layout, empty, colours, contours=contours)
 
 
 def hexes(colours: Any) -> list[str]:
@@ -384,6 +385,23 @@ def test_plane_lies_an_exaggerated_gap_below_the_edge_as_it_was() -> None:
 
 
 @pytest.mark.one_rank
+@pytest.mark.parametrize("quadrilaterals", [True, False])
+def test_contour_of_a_field_that_is_linear_is_a_straight_line(quadrilaterals: bool) -> None:
+    view = made_up()
+    if not quadrilaterals:
+        view = replace(view, cells=np.array([[0, 1, 2], [0, 2, 3]]))
+    field = view.moved @ [1.0, 2.0]
+    level = 0.3 * field.min() + 0.7 * field.max()
+    page = page_of(view, (field, np.array([level, 2.0 * field.max()])))
+    (lines,) = [c for c in page.axes[0].collections if isinstance(c, ContourSet)]
+    (line,) = [p for p in (np.asarray(path.vertices) for path in lines.get_paths()) if len(p)]
+    assert line @ [1.0, 2.0] == pytest.approx(level)
+    # from one side of the block to the other
+    (x, y), ends = view.moved.max(axis=0), line[[0, -1]]
+    assert sorted(ends[:, 0]) == pytest.approx([level - 2.0 * y, x])
+
+
+@pytest.mark.one_rank
 @pytest.mark.parametrize("scale", [1.0, 1e6])
 def test_fringes_are_white_at_whole_orders_and_black_halfway(scale: float) -> None:
     """Photoelasticity: light of a crossed polariscope counts 2 tau_max, the stress difference."""
@@ -432,3 +450,15 @@ def test_small_contact_is_shown_from_near_by() -> None:
     assert length > 0.3 * (right - left)
     assert np.ptp(view.points, axis=0).max() > 10.0 * length
     assert left < view.x[0] and view.x[-1] < right and top - bottom < 4.0 * length
+
+
+def test_close_up_of_a_completed_half_body_is_that_of_the_whole() -> None:
+    contact = rf.Contact(friction=0.35, span=(-HEIGHT / 8.0, HEIGHT / 8.0))
+    scene = replace(BLOCK, contacts=(contact,), mesh=rf.MeshOptions(64, degree=1, growth=1.4))
+    made = [seen(replace(scene, solver=rf.SolverOptions(symmetry=s))) for s in ("auto", "none")]
+    if made[0] is None or made[1] is None:
+        return
+    (half, _, of_half), (whole, _, of_whole) = made[0], made[1]
+    assert of_half.half and not of_whole.half and half.near and whole.near
+    assert half.size == pytest.approx(whole.size) and half.factor == whole.factor
+    assert layout_of(half).window == pytest.approx(layout_of(whole).window, abs=1e-6)

@@ -65,7 +65,9 @@ def drawn_in(figure: Figure) -> tuple[list[str], list[np.ndarray]]:
         shapes += [np.asarray(line.get_xydata(), dtype=float) for line in axes.lines]
         for collection in axes.collections:
             shapes += [np.asarray(path.vertices) for path in collection.get_paths()]
-        shapes += [np.asarray(patch.get_path().vertices) for patch in axes.patches]
+        for patch in axes.patches:
+            # the path of a rectangle is that of the unit square
+            shapes += [patch.get_patch_transform().transform(patch.get_path().vertices)]
     return texts, shapes
 
 
