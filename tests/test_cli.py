@@ -1,3 +1,4 @@
+import errno
 import json
 import os
 import re
@@ -11,6 +12,7 @@ from mpi4py import MPI
 import pytest
 
 from receding_fenicsx import cli, cli_commands, environment, read_scene, run
+from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.output.storage.hdf5 import read_system
 
 DEMOS = Path(__file__).parents[1] / "demos"
@@ -174,6 +176,36 @@ def test_solver_failure_ends_with_code_1(
         assert "residual" in captured.err and captured.err.count("\n") == 1
     MPI.COMM_WORLD.Barrier()
     assert os.listdir(shared_tmp_path) == []
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "line"),
+    [
+        (KeyboardInterrupt(), 130, "receding-fenicsx: interrupted\n"),
+        (InputError("a: b"), 2, "receding-fenicsx: error: a: b\n"),
+        (SolveError("c\nd"), 1, "receding-fenicsx: error: c d\n"),
+        (MemoryError(), 1, "receding-fenicsx: error: out of memory; use fewer contact_elements"),
+        (OSError(errno.ENOSPC, "full", "f"), 1, "receding-fenicsx: error: f: cannot be written"),
+        (PermissionError(errno.EACCES, "no", "f"), 2, "receding-fenicsx: error: f: cannot be used"),
+        (BrokenPipeError(), 0, ""),
+    ],
+)
+@pytest.mark.one_rank
+def test_each_end_has_its_exit_code(
+    error: BaseException,
+    code: int,
+    line: str,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    def broken(*_: object) -> None:
+        raise error
+
+    monkeypatch.setitem(cli_commands.COMMANDS, "check", broken)
+    monkeypatch.setattr(sys, "stdout", sys.stdout)
+    assert cli.main(["check", BLOCK]) == code
+    told = capsys.readouterr().err
+    assert told.startswith(line) and told.count("\n") == bool(line)
 
 
 def test_internal_errors_show_where_they_came_from(

@@ -120,6 +120,16 @@ def test_a_mesh_file_is_refined_and_is_its_own_coarser_partner(shared_tmp_path: 
         assert found["error"] > 0.0
 
 
+def test_a_mesh_file_that_cannot_be_graded_is_refused_where_that_is_asked(
+    shared_tmp_path: Path,
+) -> None:
+    scene = searching(own_msh(shared_tmp_path), 0.5)
+    scene = replace(scene, accuracy=replace(scene.accuracy, grading=True))
+    with pytest.raises(InputError, match="grading: this mesh file is refined uniformly"):
+        study.run(scene, shared_tmp_path / "run", PLAIN, COMM)
+    assert not (shared_tmp_path / "run").exists()
+
+
 def test_limits_that_nodes_of_unsymmetric_meshes_pass_by_little_are_taken(
     shared_tmp_path: Path,
 ) -> None:
