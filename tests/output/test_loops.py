@@ -100,18 +100,23 @@ def test_force_that_a_prescribed_displacement_takes_is_drawn_over_it() -> None:
     assert loop.area() == pytest.approx(-rf.loop_of(record(), loop.cycle).area())
 
 
-def test_trajectories_stay_in_the_friction_cone_that_is_drawn() -> None:
-    found = record()
+@pytest.mark.parametrize("backward", [None, 0.6])
+def test_trajectories_stay_in_the_friction_cone_that_is_drawn(backward: float | None) -> None:
+    system = models.block_system(40, 20)
+    if backward is not None:
+        system = dataclasses.replace(system, f_backward=np.full(system.n, backward))
+    found = rf.evolve(system, cyclic(2))
     figure = rf.figures.trajectories(found)
     for axes in figure.axes[:4]:
         (cone,) = axes.collections
         assert np.allclose(np.asarray(cone.get_facecolor())[0, :3], to_rgb(rf.style.CONE["fc"]))
         corners = np.asarray(cone.get_paths()[0].vertices)
-        slope = np.abs(corners[:, 0]).max() / corners[:, 1].max()
-        assert slope == pytest.approx(found.f[0], rel=1e-9)
+        ends = [side(corners[:, 0]) / corners[:, 1].max() for side in (np.min, np.max)]
+        assert ends == pytest.approx([-0.35, backward or 0.35], rel=1e-9)
         for line in axes.lines:
-            q, p = line.get_data()
-            assert np.all(np.abs(q) <= slope * np.asarray(p) * (1.0 + 1e-9) + 1e-12)
+            q, p = np.array(line.get_data())
+            for side, end in zip((-1.0, 1.0), ends, strict=True):
+                assert np.all(side * q <= side * end * p * (1.0 + 1e-9) + 1e-12)
 
 
 def test_the_plane_of_a_node_with_a_gap_is_drawn_where_it_touches() -> None:

@@ -355,12 +355,16 @@ def lines_by_label(axes: Axes) -> dict[str, np.ndarray]:
 
 @pytest.mark.one_rank
 def test_tractions_stand_below_their_places_and_are_named_by_their_colours() -> None:
-    view = made_up()
+    view = replace(made_up(), f=Friction(np.full(9, 0.3), np.full(9, 0.5)))
     figure = page_of(view)
     body, tractions, bar = figure.axes
     lines = lines_by_label(tractions)
     assert lines["$p/p_{0}$"] == pytest.approx(np.stack([view.x, view.p], axis=1))
     assert lines["$q/p_{0}$"] == pytest.approx(np.stack([view.x, view.q], axis=1))
+    (cone,) = (np.asarray(c.get_paths()[0].vertices) for c in tractions.collections)
+    for x, p in zip(view.x, view.p, strict=True):
+        at = cone[np.abs(cone[:, 0] - x) < 1e-12, 1]
+        assert (at.min(), at.max()) == pytest.approx((-0.3 * p, 0.5 * p))
     assert tractions.get_xlim() == pytest.approx(body.get_xlim())
     assert (tractions.get_xlabel(), tractions.get_ylabel()) == ("$x/h$", "$p/p_{0}$,  $q/p_{0}$")
     assert bar.get_ylabel() == r"$2\tau_\mathrm{max}/p_{0}$"
