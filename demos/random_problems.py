@@ -14,8 +14,9 @@ which ``tests/replay.py`` solves anew. All inequalities, slip directions, events
 must hold there, and the record must agree. Where a path is refused, ``tests/ways.py`` tries all
 states of all nodes on limits: a refusal is right if no state continues the path.
 
-Three families follow from the same numbers: "plain"; "directed" with other friction forward than
-backward; "oblique" with bodies that are guided or hinged, on two edges oblique to each other.
+Families follow from the same numbers: "plain"; "directed" with other friction forward than
+backward; "oblique" with bodies that are guided or hinged, on two edges oblique to each other;
+"limit" until the limit of infinitely many cycles; "sprung" on ground springs of 1e-4 to 1e-9 of K.
 
 **What to look for.** How many problems were accepted, refused for which reason, and wrong (0).
 

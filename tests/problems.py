@@ -157,7 +157,30 @@ def limited(p: Problem) -> Problem:
     return replace(p, history=history, solver=solver, tags=(*p.tags, "limit"))
 
 
-FAMILIES = {"plain": lambda p: p, "directed": directed, "oblique": oblique, "limit": limited}
+def sprung(p: Problem, soft: tuple[float, float] = (4.0, 9.0)) -> Problem:
+    """Return a problem whose body soft springs hold where only its contact or guides did.
+
+    Args:
+        p: the problem; a body that is not free, and every second one, is guided or hinged first.
+        soft: range of -log10 of the springs' stiffness over the largest of the body.
+    """
+    if p.number % 2 or not p.system.rigid.shape[1]:
+        p = oblique(p)
+    rng, system = np.random.default_rng([p.number, 3]), p.system
+    basis = np.linalg.qr(system.rigid)[0]
+    springs = 10.0 ** -rng.uniform(*soft) * np.abs(system.K).max() * basis @ basis.T
+    K = system.K + springs
+    system = replace(system, K=0.5 * (K + K.T), rigid=np.zeros((len(K), 0)))
+    return replace(p, system=system, tags=(*p.tags, "sprung"))
+
+
+FAMILIES = {
+    "plain": lambda p: p,
+    "directed": directed,
+    "oblique": oblique,
+    "limit": limited,
+    "sprung": sprung,
+}
 """What becomes of the problem of a number, by name."""
 
 

@@ -22,6 +22,7 @@ from problems import (
     oblique,
     play,
     problem,
+    sprung,
     table_of,
 )
 from problems import verdict as verdict_of
@@ -174,6 +175,12 @@ def test_an_unloaded_free_body_does_not_float_off_in_load_steps() -> None:
 def test_a_near_singular_body_that_was_displaced_far_comes_to_rest_unloaded() -> None:
     """It needs more than one step of refinement to do so."""
     assert judge(limited(problem(1200155))).verdict == ACCEPTED
+
+
+@pytest.mark.parametrize("number", [60000067, 60000434, 60000475, 60000604, 60000629, 60001026])
+def test_bodies_lifted_off_soft_springs_are_solved(number: int) -> None:
+    """Springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts."""
+    assert judge(sprung(problem(number))).verdict == ACCEPTED
 
 
 @pytest.mark.parametrize("number", [464364, 621228])

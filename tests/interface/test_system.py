@@ -121,6 +121,15 @@ def test_a_body_far_away_excuses_no_residual() -> None:
     assert reachable(whole, 1e16 * moved, 1.0) <= 1e-6
 
 
+def test_a_millionth_of_what_soft_springs_carry_may_be_round_off() -> None:
+    lift, turn = np.array([[0.0, 0, 1, 1], [0, 0, 1, -1]]) / np.sqrt(2.0)
+    system = small_system(1e-9 * np.outer(lift, lift) + np.outer(turn, turn), {"a": lift}, 0.2)
+    force, u = 100.0, 100.0 / 1e-9 * lift
+    noise = 32.0 * round_off(system, u, 1.0)
+    assert 1e-6 < reachable(system, u, 1.0) <= 1e-6 * force < noise
+    assert reachable(system, u, force) == 1e-6
+
+
 def test_frictionless_contact_needs_no_tangential_freedoms() -> None:
     whole = block_system(40, 10, f=0.0, half=False)
     # without friction, three-point bending of an off-centre pressure would rotate but not slide

@@ -17,7 +17,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
 from receding_fenicsx.interface.exact.legs import Event, PathPoint
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments
-from receding_fenicsx.interface.residual import REACHABLE_AT_MOST, ROUND_OFFS, residual_at_rest
+from receding_fenicsx.interface.residual import ROUND_OFFS, limit_excuse, residual_at_rest
 from receding_fenicsx.interface.system import ContactState
 
 MEASURING_INTERVAL = 16
@@ -180,4 +180,5 @@ def displacement_uncertainty(
             change = tableau.correction(error)[: 2 * n] * weight[: 2 * n]
             largest = max(largest, float(np.abs(change).max()))
     inherited = INHERITED_RESIDUAL * residual_at_rest(segments.system, ends[0], force_scale)
-    return min(max(inherited, ROUND_OFFS * largest / force_scale), REACHABLE_AT_MOST)
+    excused = max(inherited, ROUND_OFFS * largest / force_scale)
+    return limit_excuse(segments.system, excused, [end.u for end in ends], force_scale)

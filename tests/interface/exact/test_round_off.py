@@ -223,6 +223,24 @@ def test_a_node_with_a_soft_direction_is_unloaded_and_loaded_again(
     assert record.energy_error_max <= max(1e-10, allowed)
 
 
+@pytest.mark.parametrize("g0", [0.0, 0.3])
+@pytest.mark.parametrize("k", [1e-4, 1e-8, 1e-9])
+def test_soft_springs_carry_a_body_that_is_lifted_off_and_put_back(k: float, g0: float) -> None:
+    """They lift by the load over k, with round-off of K times that; it is small beside the load."""
+    lift, turn = np.array([[0.0, 0, 1, 1], [0, 0, 1, -1]]) / np.sqrt(2.0)
+    K = np.diag([1.0, 1.0, 0.0, 0.0]) + k * np.outer(lift, lift) + 0.7 * np.outer(turn, turn)
+    pull = np.array([0.0, 0.0, -1.3, -0.4])
+    system = small_system(K, {"pull": pull}, 0.3, g0)
+    record = evolve(system, table(system, [[0.0], [1.0], [-1.0], [1.0]]))
+    ends = record.turning_points
+    w = -(lift @ pull / k * lift + turn @ pull / 0.7 * turn)[2:]
+    assert ends.w[[0, 2]] == pytest.approx(np.array([w, w]), rel=1e-15 / k)
+    assert np.abs(ends.P[[0, 2]]).max() <= 1e-14 / k
+    # put back, it is pressed on through its gaps
+    assert ends.P[1] == pytest.approx(-pull[2:] - k * g0, rel=1e-12)
+    assert ends.w[1].tolist() == [-g0, -g0]
+
+
 def test_a_stiffness_that_is_round_off_carries_no_load() -> None:
     # a body that is free to lift and to turn about its two nodes: it tips where P of node 0 is gone
     K = np.diag([10.0, 6.0, 8.6e-31, 5.2e-31])
