@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -255,6 +256,14 @@ def test_block_on_a_half_plane(degree: int) -> None:
 def test_what_a_half_plane_cannot_be_is_told_in_one_line(change: str, told: str) -> None:
     with pytest.raises(rf.InputError, match=told) as caught:
         rf.condense(rf.from_toml(PAIR, [change]))
+    assert "\n" not in str(caught.value)
+
+
+def test_both_surfaces_of_a_half_plane_are_refused() -> None:
+    scene = rf.from_toml(ONE)
+    contacts = tuple(replace(scene.contacts[0], edge=edge) for edge in ("bottom", "top"))
+    with pytest.raises(rf.InputError, match=r"has the surfaces bottom and top; use one") as caught:
+        rf.condense(replace(scene, contacts=contacts))
     assert "\n" not in str(caught.value)
 
 

@@ -1,5 +1,7 @@
+from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
@@ -25,3 +27,11 @@ def test_edges_are_measured_from_the_centre() -> None:
         assert (float(x), float(y)) == point
     with pytest.raises(InputError, match="no edge"):
         edge_range(scene, "roof")
+
+
+def test_edges_move_with_their_body() -> None:
+    scene, offset = read_scene(DEMOS / "block.toml"), (3.0, -7.0)
+    moved = replace(scene, body=replace(scene.body, position=offset))
+    for edge in ("bottom", "top", "left", "right"):
+        before, after = (np.stack(edge_points(s, edge, [-0.5, 0.25])) for s in (scene, moved))
+        assert np.array_equal(after, before + np.array(offset)[:, None]), edge

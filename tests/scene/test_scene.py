@@ -18,6 +18,7 @@ from receding_fenicsx.scene.model import (
     Support,
 )
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
+from receding_fenicsx.scene.toml_tables import TABLES
 from receding_fenicsx.scene.validate import validate, warnings
 
 pytestmark = pytest.mark.one_rank
@@ -84,6 +85,23 @@ def test_one_table_or_an_array_of_one_are_the_same() -> None:
     assert single != BLOCK
     assert from_toml(single) == block()
     assert from_toml(BLOCK.replace("[contact]", "[[contact]]")) == block()
+
+
+@pytest.mark.parametrize("name", TABLES)
+@pytest.mark.parametrize("value", ["0", "false", '""', "[]", "3"])
+def test_a_value_in_the_place_of_a_table_is_refused(name: str, value: str) -> None:
+    load = '[[load]]\nname = "p"\nedge = "top"\npressure = 1.0\n'
+    with pytest.raises(InputError, match=f"'{name}' must be a table"):
+        from_toml(f"{name} = {value}\n{load}")
+
+
+def test_few_cycles_may_have_as_many_samples_by_default_as_where_all_are_named() -> None:
+    rows = tuple((1.0 + k,) for k in range(20))
+    history = rf.HistoryOptions("table", columns=("p0",), rows=rows)
+    scene = dataclasses.replace(block(), history=history)
+    for cycles in ("all", None):
+        output = rf.OutputOptions(samples_per_leg=1_000_000, cycles=cycles)
+        validate(dataclasses.replace(scene, output=output))
 
 
 def test_overrides_change_one_value() -> None:
