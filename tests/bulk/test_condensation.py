@@ -17,7 +17,8 @@ from receding_fenicsx.bulk import condensation, schur
 from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.elimination import BLOCK_COLUMNS, Elimination
-from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
+from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Body, Contact, Load, Material, Scene, Support
@@ -368,9 +369,22 @@ def test_negative_friction_is_refused_on_all_ranks() -> None:
         study.condense(block(contacts=(Contact(friction="x + 1"),)), comm)
 
 
-def test_unknown_route_is_refused() -> None:
+@pytest.mark.parametrize("bodies", [1, 2])
+def test_unknown_route_is_refused(bodies: int) -> None:
+    scene = block()
+    if bodies == 2:
+        scene = replace(
+            scene,
+            body=Body("a", width=4.0, position=(0.0, 1.0)),
+            others=(Body("b", width=4.0),),
+            contacts=(Contact("a.bottom", against="b.top"),),
+            loads=(Load("p", "a.top", pressure=1.0),),
+            supports=(Support("xy", edge="b.bottom"),),
+        )
+    bulk = build_all(scene, make_meshes(comm, scene, False))
     with pytest.raises(InputError, match="route = 'magic'"):
-        system_of(block(), route="magic")
+        condense(bulk, "magic")
+    bulk.destroy()
 
 
 def test_a_wrong_triangle_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:

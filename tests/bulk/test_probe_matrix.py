@@ -18,6 +18,7 @@ from receding_fenicsx.bulk.half_planes.body import HalfPlane
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.probes.matrix import probe_matrix
 from receding_fenicsx.bulk.probes.points import point_values
+from receding_fenicsx.bulk.probes.shape_functions import reference, shape_functions, touches
 from receding_fenicsx.bulk.stack import Bodies, build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import (
@@ -180,6 +181,29 @@ def test_polynomials_of_the_element_are_exact_at_any_point(cell: str, degree: in
     known = [inner**degree, -inner, lam * (exx + eyy) + 2 * mu * exx]
     known += [lam * (exx + eyy) + 2 * mu * eyy, lam * (exx + eyy), mu * shear]
     assert np.abs(found - np.transpose(known)).max() < 1e-12
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("corners", [3, 4])
+@pytest.mark.parametrize("degree", [1, 2])
+def test_shape_functions_carry_linear_fields_in_cells_of_any_shape(
+    corners: int, degree: int
+) -> None:
+    random = np.random.default_rng(3)
+    unit = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])[:corners]
+    for _ in range(20):
+        cell = unit + random.uniform(-0.2, 0.2, unit.shape)
+        sides = [(0, 1), (0, 2), (1, 2)] if corners == 3 else [(0, 1), (0, 2), (1, 3), (2, 3)]
+        middles = [cell[list(side)].mean(axis=0) for side in sides]
+        middles += [cell.mean(axis=0)] if corners == 4 else []
+        nodes = cell if degree == 1 else np.vstack([cell, middles])
+        inner = random.dirichlet(np.ones(corners)) @ cell
+        at = reference(cell, inner)
+        assert touches(at, corners)
+        shape, gradient = shape_functions(cell, nodes, at)
+        slope = random.standard_normal(2)
+        assert shape @ (1.0 + nodes @ slope) == pytest.approx(1.0 + inner @ slope, abs=1e-12)
+        assert gradient.T @ (1.0 + nodes @ slope) == pytest.approx(slope, abs=1e-11)
 
 
 def test_point_outside_a_meshed_body_is_refused_on_all_ranks() -> None:

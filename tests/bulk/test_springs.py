@@ -224,6 +224,36 @@ def test_springs_between_bodies_balance_whichever_edge_names_them() -> None:
 
 
 @pytest.mark.one_rank
+def test_what_springs_between_bodies_hold_does_not_depend_on_the_unit_of_length() -> None:
+    """Powers of two leave K, a force over a displacement for unit thickness, to the bit."""
+    scene, unit = tied(E), 2.0**-40
+    bodies = [
+        replace(
+            b, width=b.width * unit, height=b.height * unit, position=(0.0, b.position[1] * unit)
+        )
+        for b in scene.bodies
+    ]
+    small = replace(
+        scene,
+        body=bodies[0],
+        others=(bodies[1],),
+        contacts=(replace(scene.contacts[0], span=(-0.5 * unit, 0.5 * unit)),),
+        springs=tuple(
+            replace(
+                s,
+                span=(given(s.span)[0] * unit, given(s.span)[1] * unit),
+                normal=s.normal / unit,
+                tangential=s.tangential / unit,
+            )
+            for s in scene.springs
+        ),
+    )
+    a, b = (given(condense(s, comm)) for s in (scene, small))
+    assert a.rigid.shape == b.rigid.shape == (2 * a.n, 0)
+    assert np.abs(a.K - b.K).max() <= 1e-12 * np.abs(a.K).max()
+
+
+@pytest.mark.one_rank
 def test_springs_to_a_stiff_body_are_springs_to_the_ground() -> None:
     stiff = (Material(E, 0.3, name="a"), Material(1e9, 0.3, name="b"))
     scene = tied(E, 2, materials=stiff)

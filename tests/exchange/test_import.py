@@ -161,7 +161,7 @@ def test_a_block_of_own_elements_is_condensed(write: Writer, tmp_path: Path) -> 
 HISTORY = np.array([[1.0, 0.0], [1.0, 1.0], [1.0, -1.0], [1.0, 1.0]])
 
 
-@pytest.mark.parametrize("form", ["market", "abaqus", "calculix"])
+@pytest.mark.parametrize("form", ["market", "abaqus", "lower case", "calculix"])
 def test_an_imported_system_has_the_path_of_the_arrays_bit_by_bit(
     form: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -181,6 +181,8 @@ def test_an_imported_system_has_the_path_of_the_arrays_bit_by_bit(
     else:
         local = K[np.ix_(by_node, by_node)]
         name = write_user_element(tmp_path, local, freedoms, form == "calculix")
+        if form == "lower case":  # Abaqus' keywords have any case
+            (tmp_path / name).write_text((tmp_path / name).read_text().lower())
     block.freedoms, block.forces = freedoms, {k: -r[by_node] for k, r in r_star.items()}
     path = specification(tmp_path, name, block)
     assert cli.main(["import", str(path), "--out", str(tmp_path / "system.h5")]) == 0
