@@ -177,6 +177,9 @@ def test_dots_of_the_dial_lie_on_no_number(now: float) -> None:
         canvas.draw()
     dots = [line for line in axes.lines if line.get_marker() == "o"]
     assert len(dots) == 2
+    for dot, curve in zip(dots, axes.lines[0::2], strict=True):
+        assert dot.get_color() == curve.get_color()
+        assert dot.get_ydata() == pytest.approx(np.interp(now, *np.asarray(curve.get_xydata()).T))
     for dot in dots:
         x, y = axes.transData.transform(dot.get_xydata())[0]
         radius = 0.5 * dot.get_markersize() * figure.dpi / 72.0

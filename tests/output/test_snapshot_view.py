@@ -25,6 +25,7 @@ from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, scaled
+from receding_fenicsx.output.snapshots.draw import sheets_of
 from receding_fenicsx.output.snapshots.layout import layout_of
 from receding_fenicsx.output.snapshots.load_arrows import Arrows, _traction
 from receding_fenicsx.output.snapshots.page import compose
@@ -86,6 +87,18 @@ def test_view_is_over_the_height_and_the_pressure_that_acts(symmetry: str) -> No
     )
     # forward is where the record slips forward
     assert np.array_equal(view.state, table.state[1])
+
+
+def test_a_pull_by_a_pressure_with_a_negative_factor_is_a_tension_in_the_picture() -> None:
+    history = rf.HistoryOptions("table", columns=("p0",), rows=((LARGEST,), (-LARGEST,)))
+    supports = tuple(rf.Support("xy", edge=edge) for edge in ("left", "right"))
+    made = seen(replace(BLOCK, history=history, supports=supports))
+    if made is None:
+        return
+    view, *_ = made
+    assert np.all(view.state == rf.State.SEPARATION)
+    above = np.isclose(view.points[:, 1], 1.0) & (np.abs(view.points[:, 0]) < 0.8)
+    assert view.stress["syy"][above] == pytest.approx(1.0, abs=0.1)
 
 
 def test_pictures_are_in_the_units_of_the_scene() -> None:
@@ -287,6 +300,24 @@ def names_of_colours(figure: Figure) -> dict[str, str]:
         to_hex(patch.get_facecolor()): text.get_text()[3:]
         for patch, text in zip(legend.get_patches(), legend.get_texts(), strict=True)
     }
+
+
+@pytest.mark.one_rank
+@pytest.mark.parametrize("name", ["max_shear", "syy"])
+def test_colours_are_those_of_the_part_of_the_body_that_is_seen(name: str) -> None:
+    view, quantity = made_up(), next(q for q in QUANTITIES if q.name == name)
+    stress = np.array([0.0, 1.0, 0.5, 0.25])
+    view, layout = replace(view, stress={name: stress}), layout_of(view)
+    beyond = replace(
+        view,
+        points=np.vstack([view.points, view.points + 50.0]),
+        moved=np.vstack([view.moved, view.moved + 50.0]),
+        cells=np.vstack([view.cells, view.cells + 4]),
+        stress={name: np.concatenate([stress, 100.0 + stress])},
+    )
+    (plain,), (same,) = (sheets_of([v], quantity, layout) for v in (view, beyond))
+    assert same.colours.limits == plain.colours.limits
+    assert np.array_equal(same.levels, plain.levels)
 
 
 @pytest.mark.one_rank

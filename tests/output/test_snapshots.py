@@ -64,6 +64,15 @@ def test_fields_of_the_half_body_mirrored_are_those_of_the_whole_body() -> None:
             assert difference.max() < 1e-9 * np.abs(b[name]).max()
 
 
+@pytest.mark.parametrize("symmetry", ["auto", "none"])
+def test_cells_of_pictures_run_counter_clockwise(symmetry: str) -> None:
+    found = fields(symmetry)
+    if found is not None:
+        corners = found.points[found.cells]
+        sides = corners[:, 1:] - corners[:, :1]
+        assert np.linalg.det(sides[:, :2]).min() > 0.0
+
+
 def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Path) -> None:
     chosen = tuple(q for q in QUANTITIES if q.name in ("syy", "max_shear"))
     scene = small_block()
@@ -93,6 +102,19 @@ def test_pictures_of_an_instant_show_the_body_and_the_states(shared_tmp_path: Pa
     for name in ("displacement", "von_mises", "max_shear"):
         assert name in text
     assert not any(name.startswith("vtkmodules") for name in sys.modules)
+
+
+@pytest.mark.one_rank
+def test_a_picture_does_not_depend_on_the_others_drawn_with_it(tmp_path: Path) -> None:
+    scene, chosen = small_block(), tuple(q for q in QUANTITIES if q.name == "syy")
+    instants = [instant_of_row(scene, row)[1] for row in (0, 1)]
+    with picture_body(scene, COMM) as bulk:
+        both = snapshots(bulk, instants, tmp_path / "both" / "snapshots", chosen)
+        alone = snapshots(bulk, instants[1:], tmp_path / "alone" / "snapshots", chosen)
+    assert both is not None and alone is not None
+    (found,) = [path for path in alone if path.suffix == ".png"]
+    (other,) = [path for path in both if path.name == found.name]
+    assert found.read_bytes() == other.read_bytes()
 
 
 @pytest.mark.one_rank
