@@ -46,7 +46,7 @@ def main() -> None:
 
     # 1. First loading, then cycles between p0 and p0/3 until the state is steady
     scene = rf.read_scene(HERE / "block.toml")
-    rf.run(scene, folder, rf.RunOptions(overwrite=True, progress=show))
+    rf.run(scene, folder, rf.RunOptions(overwrite=True, all_pictures=True, progress=show))
     rf.on_root(comm, lambda: compare(scene, folder))
 
 

@@ -86,6 +86,7 @@ def _run(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
                 overwrite=options.overwrite,
                 pictures=pictures != "none",
                 snapshots=None if pictures is None else pictures == "all",
+                all_pictures=pictures in ("all", "figures"),
                 resume=options.resume,
                 system_file=options.system,
                 pdf=options.pdf,

@@ -58,8 +58,9 @@ def _run(added: argparse.ArgumentParser) -> None:
     added.add_argument(
         "--pictures",
         choices=("all", "figures", "none"),
-        help="figures: plots of the contact; all: snapshots of the body too, which needs its mesh. "
-        "Default: all, or figures with --system",
+        help="all: every figure, and snapshots of the body at the turning points of the first and "
+        "the last cycles; figures: every figure, no snapshots, which need the body's mesh. "
+        "Default: the few that answer the scene's question, without the body with --system",
     )
     added.add_argument("--pdf", action="store_true", help="draw the figures as PDF too")
     added.add_argument(

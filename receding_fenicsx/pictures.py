@@ -155,7 +155,14 @@ class Drawing:
     """
 
     def __init__(
-        self, comm: MPI.Comm, say: Say | None, *, figures: bool, body: bool, pdf: bool
+        self,
+        comm: MPI.Comm,
+        say: Say | None,
+        *,
+        figures: bool,
+        body: bool,
+        everything: bool,
+        pdf: bool,
     ) -> None:
         """Start no process yet.
 
@@ -164,10 +171,12 @@ class Drawing:
             say: called on rank 0 with the progress.
             figures: draw figures of the contact; without them nothing is drawn.
             body: draw snapshots of the body too.
+            everything: draw all pictures, not only those that answer the scene's question.
             pdf: draw the figures as PDF too.
         """
         self.comm, self.say = comm, say
         self.figures, self.body, self.pdf = figures, body, pdf
+        self.everything = everything
         self.beside: FigureProcess | None = None
 
     def __enter__(self) -> Drawing:
@@ -212,11 +221,16 @@ class Drawing:
                 from receding_fenicsx.output.snapshots.draw import snapshots
 
             def choose() -> list[Instant]:
-                return default_instants(scene, mpi.given(system), mpi.given(record))
+                return default_instants(
+                    scene, mpi.given(system), mpi.given(record), self.everything
+                )
 
             instants, place = comm.bcast((mpi.on_root(comm, choose), folder))
             with picture_body(scene, comm) as fine:
-                snapshots(fine, instants, place / "snapshots", colours.DEFAULT_QUANTITIES, self.say)
+                quantities = colours.DEFAULT_QUANTITIES
+                if not self.everything:
+                    quantities = (colours.quantity_of("max_shear"),)
+                snapshots(fine, instants, place / "snapshots", quantities, self.say)
         mpi.on_root(comm, self._finish_figures)
 
     def _begin_figures(self, record: Record, folder: Path) -> None:
@@ -225,9 +239,9 @@ class Drawing:
             from receding_fenicsx.output.plots import figures
         place, formats = folder / "figures", figures.FORMATS if self.pdf else ("png",)
         if self.beside is None:
-            figures.plot_all(record, place, formats=formats, tell=self._tell)
+            figures.plot_all(record, place, None, None, formats, self._tell, self.everything)
         else:
-            self.beside.begin((folder / "record.h5", place, formats))
+            self.beside.begin((folder / "record.h5", place, formats, self.everything))
 
     def _finish_figures(self) -> None:
         """Wait for figures drawn beside."""
@@ -257,13 +271,25 @@ def picture_body(scene: Scene, comm: MPI.Comm) -> Iterator[Bodies]:
         bulk.destroy()
 
 
-def default_instants(scene: Scene, system: ContactSystem, record: Record) -> list[Instant]:
-    """Return up to ``MAX_INSTANTS`` loaded turning points of each of cycles 0, 1 and the last."""
+def default_instants(
+    scene: Scene, system: ContactSystem, record: Record, everything: bool = True
+) -> list[Instant]:
+    """Return the turning points at which a run draws the body.
+
+    With ``everything`` up to ``MAX_INSTANTS`` loaded ones of each of cycles 0, 1 and the last, else
+    the one of the last loaded cycle with the largest loads.
+    """
     table = record.turning_points
+    loaded = np.any(table.load != 0.0, axis=1)
     chosen = []
-    for cycle in sorted({0, 1, int(table.cycle.max(initial=0))}):
-        rows = np.flatnonzero((table.cycle == cycle) & np.any(table.load != 0.0, axis=1))
-        chosen += spread(rows, MAX_INSTANTS).tolist()
+    if everything:
+        for cycle in sorted({0, 1, int(table.cycle.max(initial=0))}):
+            chosen += spread(np.flatnonzero((table.cycle == cycle) & loaded), MAX_INSTANTS).tolist()
+    elif np.any(loaded):
+        largest = np.abs(table.load).max(axis=0)
+        size = np.abs(table.load / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+        here = loaded & (table.cycle == table.cycle[loaded].max())
+        chosen = [int(np.argmax(np.where(here, size, 0.0)))]
     return [
         shown_instant(scene, system, record, (int(table.cycle[i]), str(int(table.leg[i])), 1.0))
         for i in chosen

@@ -46,13 +46,16 @@ class RunOptions:
 
     Attributes:
         overwrite: replace the folder of an earlier run.
-        pictures: draw figures and snapshots; needs an output folder.
+        pictures: draw figures and snapshots that answer the scene's question; needs an output
+            folder.
         snapshots: draw the body too, which needs it meshed and factored; None draws it unless there
             is a ``system_file``.
         resume: continue from the last checkpoint of an interrupted run in ``OUT.part``, or of a
             finished one in ``OUT`` for more cycles; start from rest where there is none.
         system_file: a saved system of the same body, material, mesh, contact edges, loads and
             supports, used instead of condensing again; the body is not meshed.
+        all_pictures: draw all figures, and snapshots at the turning points of the first and the
+            last cycles.
         pdf: draw the figures as PDF too.
         error: solve on coarser meshes too, and estimate the space errors of the headline numbers.
         starts: number of initial slips from which the limit is found too; 0: only the scene's own.
@@ -64,6 +67,7 @@ class RunOptions:
     overwrite: bool = False
     pictures: bool = True
     snapshots: bool | None = None
+    all_pictures: bool = False
     resume: bool = False
     system_file: str | Path | None = None
     pdf: bool = False
@@ -111,11 +115,11 @@ def run(
         scene = space_errors.with_coarser_partner(scene)
     comm = comm or world()
     timer = Timer(options.progress if comm.rank == 0 else None)
-    figures = out is not None and options.pictures
+    chosen = {"figures": out is not None and options.pictures, "everything": options.all_pictures}
     body = options.system_file is None if options.snapshots is None else options.snapshots
     with (
         shared_folder(comm, out, scene, options.overwrite, options.resume) as folder,
-        Drawing(comm, timer.say, figures=figures, body=body, pdf=options.pdf) as drawing,
+        Drawing(comm, timer.say, **chosen, body=body, pdf=options.pdf) as drawing,
     ):
         found = _found(scene, comm, timer, folder, options)
         if options.starts and found.failure is None:

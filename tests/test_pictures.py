@@ -30,7 +30,7 @@ def test_pictures_of_a_run_are_the_same_on_one_core_and_on_two(
     heard: list[str] = []
     for cores in (1, 2):
         monkeypatch.setattr(pictures, "cores", lambda cores=cores: cores)
-        options = study.RunOptions(pdf=cores == 2, progress=heard.append)
+        options = study.RunOptions(all_pictures=True, pdf=cores == 2, progress=heard.append)
         study.run(read_scene(BLOCK, SMALL), shared_tmp_path / str(cores), options, COMM)
 
     def compare() -> None:
@@ -57,14 +57,14 @@ def test_errors_of_the_process_that_draws_arrive_in_one_line(tmp_path: Path) -> 
     study.run(read_scene(BLOCK, SMALL), out, study.RunOptions(pictures=False), COMM)
     (out / "figures").write_text("no folder")
     process = FigureProcess()
-    process.begin((out / "record.h5", out / "figures", ("png",)))
+    process.begin((out / "record.h5", out / "figures", ("png",), True))
     with pytest.raises(InputError, match="figures") as refused:
         process.finish(None)
     assert "\n" not in str(refused.value)
     process.child.process.kill()
     process.child.process.wait()
     with pytest.raises(RecedingError, match=r"drawing failed .*status -9"):
-        process.begin((out / "record.h5", out / "more", ("png",)))
+        process.begin((out / "record.h5", out / "more", ("png",), True))
         process.finish(None)
     process.close()
 

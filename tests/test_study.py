@@ -255,6 +255,8 @@ def test_instants_are_found_by_the_names_of_legs(finished: Finished) -> None:
         np.testing.assert_allclose(middle.load, [0.5], rtol=1e-14)
         chosen = default_instants(scene, system, record)
         assert [(i.cycle, i.leg) for i in chosen] == [(0, 0), (1, 0), (1, 1), (2, 0), (2, 1)]
+        (largest,) = default_instants(scene, system, record, everything=False)
+        assert largest.cycle == 2 and largest.load == pytest.approx([scene.history.maximum])
         slipped = dataclasses.replace(
             scene, history=dataclasses.replace(scene.history, initial_slip="0.001*x")
         )
@@ -268,7 +270,9 @@ def test_only_loaded_turning_points_are_drawn() -> None:
     system = rf.given(study.condense(scene, MPI.COMM_SELF))
     record = rf.evolve(system, scene)
     assert record.turning_points.load[:, 0].tolist() == [1.0, 0.0]
-    assert [instant.load.tolist() for instant in default_instants(scene, system, record)] == [[1.0]]
+    for everything in (True, False):
+        chosen = default_instants(scene, system, record, everything)
+        assert [instant.load.tolist() for instant in chosen] == [[1.0]]
 
 
 @pytest.mark.one_rank

@@ -492,11 +492,16 @@ NUMBERED = [
 
 
 def test_figures_are_those_that_the_record_holds_something_for() -> None:
-    def names(found: rf.Record, *others: rf.Record) -> list[str]:
-        return [name for name, _ in rf.figures.draw_all(found, *others)]
+    def names(found: rf.Record, everything: bool = True) -> list[str]:
+        return [name for name, _ in rf.figures.draw_all(found, everything=everything)]
 
     assert names(record("monotonic")) == NUMBERED[:1]
     assert names(record("unloading")) == NUMBERED[:3]
+    # of the first loading its tractions and zones, of cycles the last one
+    assert names(record("monotonic"), False) == NUMBERED[:1]
+    assert names(record("unloading"), False) == NUMBERED[:2]
+    few = ["zones_last_cycle", "dissipation_per_cycle", "hysteresis", "tractions_last_cycle"]
+    assert [re.sub(r"fig\d+_", "", name) for name in names(record(), False)] == few
     wide = {"zones_by_cycle", "hysteresis", "trajectories"}
     drawn = dict(rf.figures.draw_all(record(), record("unloading"), record(method="gauss-seidel")))
     assert list(drawn) == NUMBERED

@@ -10,8 +10,8 @@ from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.output.plots.child_process import ChildProcess, Work
 from receding_fenicsx.timing import Tell
 
-Request = tuple[Path, Path, tuple[str, ...]]
-"""File of the record, folder of the figures, formats."""
+Request = tuple[Path, Path, tuple[str, ...], bool]
+"""File of the record, folder of the figures, formats, whether all figures are drawn."""
 
 
 class FigureProcess:
@@ -63,8 +63,11 @@ def prepare() -> Work:
     from receding_fenicsx.output.storage import hdf5
 
     def draw(request: Request, send: Callable[[Any], None]) -> None:
-        file, folder, formats = request
+        file, folder, formats, everything = request
         record = hdf5.read_record(file)
-        send(figures.plot_all(record, folder, formats=formats, tell=lambda *told: send(told)))
+        made = figures.plot_all(
+            record, folder, None, None, formats, lambda *told: send(told), everything
+        )
+        send(made)
 
     return draw

@@ -5,7 +5,8 @@ A figure without data is omitted: a monotonic history has no slip per cycle.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -58,6 +59,8 @@ __all__ = [
 ]
 
 FORMATS = ("png", "pdf")
+Draw = Callable[[], Figure]
+"""Draws a figure."""
 FIG7_CYCLE = 9
 """Cycle of the paper's Fig. 7."""
 FIG6_LOAD = 1.0 / 3.0
@@ -87,8 +90,9 @@ def plot_all(
     stepped: Record | None = None,
     formats: str | Iterable[str] = FORMATS,
     tell: Tell | None = None,
+    everything: bool = True,
 ) -> list[Path]:
-    """Draw and save all figures that a record has data for.
+    """Draw and save the figures that a record has data for.
 
     With several contact edges the figures of each edge are in a folder of its name.
 
@@ -100,6 +104,7 @@ def plot_all(
         stepped: record of the same history by another method, marked in Fig. 10.
         formats: file formats, as endings.
         tell: called with the name of each figure before it is drawn.
+        everything: draw all figures, not only those of :func:`main_figures`.
 
     Returns:
         The files.
@@ -117,7 +122,7 @@ def plot_all(
     edges = record.by_edge()
     for edge, part in edges.items():
         alone = len(edges) == 1
-        for name, figure in draw_all(part, unloading, stepped):
+        for name, figure in draw_all(part, unloading, stepped, everything):
             whole = alone or name.endswith(ALL_EDGES) or name.startswith(PROBE)
             place = folder if whole else folder / edge.replace("/", "_")
             make_folder(place)
@@ -133,52 +138,67 @@ def plot_all(
 
 
 def draw_all(
-    record: Record, unloading: Record | None = None, stepped: Record | None = None
+    record: Record,
+    unloading: Record | None = None,
+    stepped: Record | None = None,
+    everything: bool = True,
 ) -> Iterator[tuple[str, Figure]]:
     """Yield the name and the figure of everything that :func:`plot_all` writes.
 
     Figures of the paper's block have the paper's numbers in their names.
     """
     scales = scales_of(record)
-    for name, figure in _every_figure(record, scales, unloading, stepped):
-        number = PAPER_FIGURES.get(name) if scales.paper else None
-        yield f"fig{number:02d}_{name}" if number else name, figure
+    for name, draw in _every_figure(record, scales, unloading, stepped):
+        if everything or name.startswith(PROBE) or name in main_figures(record):
+            number = PAPER_FIGURES.get(name) if scales.paper else None
+            yield f"fig{number:02d}_{name}" if number else name, draw()
+
+
+def main_figures(record: Record) -> tuple[str, ...]:
+    """Return the names of the figures that answer a scene's question, besides its probes.
+
+    Cycles are run for their end, everything else for the first loading and unloading.
+    """
+    last = int(record.turning_points.cycle.max(initial=0))
+    zones = "zones_last_cycle" if last > 1 else "zones_first_unloading"
+    tractions_at = "tractions_last_cycle" if last > 0 else "tractions_first_loading"
+    return (tractions_at, zones, "dissipation_per_cycle", "hysteresis")
 
 
 def _every_figure(
     record: Record, scales: Scales, unloading: Record | None, stepped: Record | None
-) -> Iterator[tuple[str, Figure]]:
+) -> Iterator[tuple[str, Draw]]:
     yield from _first_loading(record, scales)
     yield from _first_unloading([unloading or record, record])
     last = int(record.turning_points.cycle.max(initial=0))
     if scales.paper and legs_of(record, FIG7_CYCLE) and last > FIG7_CYCLE:
-        yield f"zones_cycle_{FIG7_CYCLE}", zone_maps(record, FIG7_CYCLE, scales)
+        yield f"zones_cycle_{FIG7_CYCLE}", partial(zone_maps, record, FIG7_CYCLE, scales)
     if slip_lines(record, scales.length):
-        yield "slip_per_cycle", slip_per_cycle(record, scales)
+        yield "slip_per_cycle", partial(slip_per_cycle, record, scales)
     if legs_of(record, last) and last > 1:
-        yield "zones_last_cycle", zone_maps(record, last, scales)
+        yield "zones_last_cycle", partial(zone_maps, record, last, scales)
     yield from _sampled_zones(record, scales)
     if len(record.cycles.dissipation) > 1 and record.dissipates:
-        yield "dissipation_per_cycle", dissipation_per_cycle(record, scales, stepped)
+        yield "dissipation_per_cycle", partial(dissipation_per_cycle, record, scales, stepped)
     if np.any(record.cycles.dissipation_density > 0.0):
-        yield "dissipation_density", dissipation_density(record, scales)
+        yield "dissipation_density", partial(dissipation_density, record, scales)
     if last > 0 and shown_cycles(record):
         paths = [loop_of(record, cycle) for cycle in shown_cycles(record)]
         if moving_loads(paths):
-            yield "hysteresis", hysteresis(record, scales=scales)
+            yield "hysteresis", partial(hysteresis, record, scales=scales)
         if representative_nodes(record):
-            yield "trajectories", trajectories(record, scales=scales)
+            yield "trajectories", partial(trajectories, record, scales=scales)
     if last > 0:
         table = record.turning_points
         rows = np.flatnonzero((table.cycle == last) & np.any(table.P > 0.0, axis=1))
         if len(rows):
             chosen = [moment_of(record, table, int(row)) for row in spread(rows, MAX_PANELS)]
-            yield "tractions_last_cycle", tractions(record, chosen, scales)
+            yield "tractions_last_cycle", partial(tractions, record, chosen, scales)
     for name in probe_names(record) if len(record.turning_points.s) else ():
-        yield f"{PROBE}{name}", probe_stresses(record, name, scales)
+        yield f"{PROBE}{name}", partial(probe_stresses, record, name, scales)
 
 
-def _sampled_zones(record: Record, scales: Scales) -> Iterator[tuple[str, Figure]]:
+def _sampled_zones(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]:
     """Yield the zones of several sampled cycles, as panels or, of many legs, as continuous maps."""
     sampled = [cycle for cycle in sampled_cycles(record) if cycle]
     if len(sampled) < 2:
@@ -186,35 +206,33 @@ def _sampled_zones(record: Record, scales: Scales) -> Iterator[tuple[str, Figure
     legs = len(legs_of(record, sampled[0]))
     if legs > MAX_PANELS:
         several = sorted({sampled[0], sampled[len(sampled) // 2], sampled[-1]})
-        yield "zones_by_cycle", cycle_maps(record, several, scales)
+        yield "zones_by_cycle", partial(cycle_maps, record, several, scales)
         return
     columns = 2 if legs == 4 else min(legs, 3)
     most = MAX_ROWS // -(-legs // columns)
     several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
     shown = [leg for cycle in several for leg in legs_of(record, cycle)]
-    yield "zones_by_cycle", zone_maps(record, shown, scales, columns=columns)
+    yield "zones_by_cycle", partial(zone_maps, record, shown, scales, columns=columns)
 
 
-def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Figure]]:
+def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]:
     """Yield Fig. 4, at the turning point of cycle 0 with the largest loads."""
     table = record.turning_points
     rows = np.flatnonzero((table.cycle == 0) & np.any(table.P > 0.0, axis=1))
     if len(rows):
         size = np.abs(table.load[rows] / scales.load_max).sum(axis=1)
         row = int(rows[np.argmax(size)])
-        yield (
-            "tractions_first_loading",
-            tractions(record, [moment_of(record, table, row)], scales),
-        )
+        moment = moment_of(record, table, row)
+        yield "tractions_first_loading", partial(tractions, record, [moment], scales)
 
 
-def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
+def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Draw]]:
     """Yield Figs. 5 and 6: zones along the first unloading, tractions at a third of the load."""
     places = [(record, first_unloading(record)) for record in records]
     found = [(record, where) for record, where in places if where is not None]
     for record, where in found[:1]:
         if where in legs_of(record, where[0]):
-            yield "zones_first_unloading", zone_maps(record, [where])
+            yield "zones_first_unloading", partial(zone_maps, record, [where])
     instants: list[tuple[float, int, Record, States, int]] = []
     for record, (cycle, leg) in found:
         largest = scales_of(record).load_max
@@ -225,4 +243,7 @@ def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Figure]]:
                 instants.append((off, len(instants), record, table, int(row)))
     if instants:
         _, _, record, table, row = min(instants, key=lambda instant: instant[:2])
-        yield "tractions_first_unloading", tractions(record, [moment_of(record, table, row)])
+        yield (
+            "tractions_first_unloading",
+            partial(tractions, record, [moment_of(record, table, row)]),
+        )
