@@ -1,14 +1,12 @@
 """Films of one cycle as MP4 and GIF: a stress on the body, states and tractions, loads over time.
 
-All frames have the same units and colours. FFmpeg (of imageio-ffmpeg) writes the MP4, Pillow the
-GIF.
+All frames have the same units and colours. FFmpeg (of imageio-ffmpeg) writes both.
 """
 
 from __future__ import annotations
 
 import subprocess
 import tempfile
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +14,6 @@ from typing import TYPE_CHECKING
 import matplotlib as mpl
 import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.colors import to_rgb
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
@@ -44,10 +41,18 @@ if TYPE_CHECKING:
 FILM_DPI = 171.0
 """Dots per inch of a frame, for a width of 1280 pixels."""
 GIF_WIDTH = 800
-GIF_COLOURS = 96
 FRAMES_PER_SECOND = 12
 LAST_FRAME_REPEATS = 6
 """Number of times that the last frame is repeated before the film starts again."""
+CODING = {
+    ".mp4": "-c:v libx264 -crf 20 -pix_fmt yuv420p -movflags +faststart -f mp4".split(),
+    ".gif": [
+        *("-f", "gif", "-filter_complex"),
+        f"scale=min({GIF_WIDTH}\\,iw):-1:flags=lanczos,split[a][b];[a]palettegen[c];"
+        "[b][c]paletteuse=dither=none",
+    ],
+}
+"""Options of FFmpeg by the file's ending."""
 TIMEOUT = 300.0
 """Largest time of FFmpeg in seconds."""
 
@@ -107,10 +112,8 @@ def animate(
         made = [path.with_name(f"{path.name}{ending}") for ending in (".mp4", ".gif")]
         if say is not None:
             say("coding the film")
-        with ThreadPoolExecutor(1) as beside:
-            coded = beside.submit(write_mp4, made[0], frames)
-            write_gif(made[1], frames)
-            coded.result()
+        for film_file in made:
+            write_film(film_file, frames)
         return made
 
     return on_root(bulk.comm, write)
@@ -169,8 +172,8 @@ def free_place(x: Array, p: Array) -> str:
     return ("upper right", "upper left", "upper center")[int(np.argmin(highest))]
 
 
-def write_mp4(path: Path, frames: list[Frame]) -> None:
-    """Write frames as an MP4 file, coded as H.264.
+def write_film(path: Path, frames: list[Frame]) -> None:
+    """Write frames as an MP4 file, coded as H.264, or as an endless GIF with one palette.
 
     Raises:
         RecedingError: FFmpeg is missing or failed.
@@ -189,8 +192,7 @@ def write_mp4(path: Path, frames: list[Frame]) -> None:
         raw.seek(0)
         command = [program, "-y", "-v", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"]
         command += ["-s", f"{width}x{height}", "-r", str(FRAMES_PER_SECOND), "-i", "pipe:0"]
-        command += ["-c:v", "libx264", "-crf", "20", "-pix_fmt", "yuv420p"]
-        command += ["-movflags", "+faststart", "-f", "mp4", str(beside)]
+        command += [*CODING[path.suffix], str(beside)]
         # FFmpeg reads a file, not a pipe: PETSc would end the job at a broken pipe
         done = subprocess.run(
             command, stdin=raw, capture_output=True, env=child_environment(), timeout=TIMEOUT
@@ -198,33 +200,3 @@ def write_mp4(path: Path, frames: list[Frame]) -> None:
         if done.returncode != 0:
             last = (done.stderr.decode(errors="replace").strip().splitlines() or ["no message"])[-1]
             raise RecedingError(f"film: FFmpeg failed ({last})")
-
-
-def write_gif(path: Path, frames: list[Frame]) -> None:
-    """Write frames as an endless GIF with one colour palette."""
-    from PIL import Image
-
-    height, width = frames[0].shape[:2]
-    size = min(width, GIF_WIDTH), round(height * min(width, GIF_WIDTH) / width)
-    small = [Image.fromarray(frame).resize(size, Image.Resampling.LANCZOS) for frame in frames]
-    sheet = Image.new("RGB", (size[0], size[1] * 3))
-    for n, k in enumerate((0, len(small) // 2, len(small) - 1)):
-        sheet.paste(small[k], (0, n * size[1]))
-    # colours of states and curves are kept exactly, the others share the rest of the palette
-    kept = [*style.STATE_COLOURS.values(), style.SHEAR_COLOUR]
-    others = sheet.quantize(GIF_COLOURS - len(kept), method=Image.Quantize.MEDIANCUT).getpalette()
-    palette = Image.new("P", (1, 1))
-    palette.putpalette(
-        [round(255.0 * part) for colour in kept for part in to_rgb(colour)] + list(others or [])
-    )
-    pages = [page.quantize(palette=palette, dither=Image.Dither.NONE) for page in small]
-    step = 1000 / FRAMES_PER_SECOND
-    with new_file(path, overwrite=True) as beside:
-        pages[0].save(
-            beside,
-            format="GIF",
-            save_all=True,
-            append_images=pages[1:],
-            duration=[round(step)] * (len(pages) - 1) + [round(step * (LAST_FRAME_REPEATS + 1))],
-            loop=0,
-        )
