@@ -6,10 +6,17 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
-from receding_fenicsx.evolution.instants import Event, Instant
+from receding_fenicsx.evolution.cycle_data import (
+    FinishedCycle,
+    Samples,
+    Totals,
+    events_of,
+    steady_watch,
+)
+from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.probing import probes_table
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import Cycles, Events, PathUniqueness, States, Steady
@@ -45,7 +52,6 @@ def record_of(
     totals, unique = unfinished[1:]
     if cycles and not unfinished[0]:
         totals, unique = cycles[-1].totals, cycles[-1].uniqueness
-    events = [event for part in samples for event in part.events]
     return Record(
         **_nodes(system, mirror),
         load_names=system.load_names,
@@ -58,7 +64,7 @@ def record_of(
         load_sign=system.load_sign if system.load_sign.size else -np.ones(len(system.load_names)),
         turning_points=states_table(system, mirror, corners),
         samples=states_table(system, mirror, [i for part in samples for i in part.instants]),
-        events=events_table(mirror, events, len(system.load_names)),
+        events=events_table(mirror, events_of(system, samples)),
         cycles=_cycles_table(system, mirror, cycles),
         dissipation_first_loading=mirror.factor
         * sum(float(c.dissipation.sum()) for c in cycles[:1]),
@@ -76,7 +82,7 @@ def record_of(
 
 def _uniqueness(mirror: Mirror, found: Uniqueness) -> PathUniqueness:
     """Return the uniqueness of the path, with nodes of the whole contact."""
-    nodes = sorted(j for i in found.nodes if i >= 0 for j, _ in mirror.nodes(i))
+    _, nodes = mirror.nodes(np.array([i for i in found.nodes if i >= 0], dtype=np.intp))
     known = found.certified or found.cycle >= 0
     return PathUniqueness(
         certified=found.certified,
@@ -85,7 +91,7 @@ def _uniqueness(mirror: Mirror, found: Uniqueness) -> PathUniqueness:
         cycle=found.cycle,
         leg=found.leg,
         s=found.s,
-        nodes=np.array(nodes, dtype=np.int64),
+        nodes=np.sort(nodes),
         first_loading=found.static,
         first_loading_proved=found.proved,
     )
@@ -176,19 +182,16 @@ def load_displacement(system: ContactSystem, load: Array, u: Array) -> Array:
     return load @ system.load_compliance.T + system.load_sign * (moved @ system.r_star.T)
 
 
-def events_table(mirror: Mirror, events: list[Event], n_loads: int) -> Events:
-    """Return the events as the record's table; a mirror pair has two rows."""
-    rows = [
-        (c, j, int(MIRRORED[c.old]) if left else c.old, int(MIRRORED[c.new]) if left else c.new)
-        for c in events
-        for j, left in mirror.nodes(c.node)
-    ]
+def events_table(mirror: Mirror, events: NDArray[np.void]) -> Events:
+    """Return rows of events as the record's table; a mirror pair has two rows."""
+    rows, node = mirror.nodes(events["node"])
+    events, left = events[rows], mirror.left[node]
     return Events(
-        cycle=np.array([c.cycle for c, *_ in rows], dtype=np.int64),
-        leg=np.array([c.leg for c, *_ in rows], dtype=np.int64),
-        s=np.array([c.s for c, *_ in rows], dtype=float),
-        load=np.array([c.load for c, *_ in rows]).reshape(-1, n_loads),
-        node=np.array([j for _, j, _, _ in rows], dtype=np.int64),
-        old=np.array([old for *_, old, _ in rows], dtype=np.int8),
-        new=np.array([new for *_, new in rows], dtype=np.int8),
+        cycle=events["cycle"].astype(np.int64),
+        leg=events["leg"].astype(np.int64),
+        s=events["s"].copy(),
+        load=events["load"].copy(),
+        node=node.astype(np.int64),
+        old=np.where(left, MIRRORED[events["old"]], events["old"]),
+        new=np.where(left, MIRRORED[events["new"]], events["new"]),
     )

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.evolution.instants import Event, Instant
+from receding_fenicsx.evolution.instants import Instant, event_rows
 from receding_fenicsx.interface.measures.steady import CycleEnd, SteadyWatch
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactSystem
@@ -21,10 +23,16 @@ STEADY_TOLERANCE, LIMIT_TOLERANCE = 1e-8, 1e-10
 
 @dataclass
 class Samples:
-    """Instants and events along the legs of one cycle."""
+    """Instants and events along the legs of one cycle; rows of events in parts, as `event_rows`."""
 
     instants: list[Instant] = field(default_factory=list)
-    events: list[Event] = field(default_factory=list)
+    events: list[NDArray[np.void]] = field(default_factory=list)
+
+
+def events_of(system: ContactSystem, samples: Iterable[Samples]) -> NDArray[np.void]:
+    """Return all rows of events."""
+    parts = [part for one in samples for part in one.events]
+    return np.concatenate([event_rows(system), *parts])
 
 
 class Totals(NamedTuple):

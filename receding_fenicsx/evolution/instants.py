@@ -34,24 +34,18 @@ class Instant(NamedTuple):
     shown: NDArray[np.int8] | None = None
 
 
-class Event(NamedTuple):
-    """Change of state of one modelled node.
+def event_rows(system: ContactSystem, count: int = 0) -> NDArray[np.void]:
+    """Return rows for so many changes of state of modelled nodes.
 
-    Attributes:
-        cycle, leg, s, load: place on the load path, as in :class:`Instant`.
-        node: the modelled node.
-        old, new: its states before and after.
-        probed: displacements and stresses at the probes, (6 m,); None without probes.
+    Their fields are cycle, leg, s and load, as in :class:`Instant`, the node, its old and new
+    state, and the displacements and stresses (6 m,) at the m points of the probes, NaN where they
+    are not known.
     """
-
-    cycle: int
-    leg: int
-    s: float
-    load: Array
-    node: int
-    old: int
-    new: int
-    probed: Array | None = None
+    probed = 0 if system.probes is None else 6 * len(system.probes.names)
+    whole = [(key, "<i4") for key in ("cycle", "node", "leg")]
+    loads = ("load", "<f8", (len(system.load_names),))
+    states = [("old", "i1"), ("new", "i1")]
+    return np.zeros(count, [*whole, *states, ("s", "<f8"), loads, ("probed", "<f8", (probed,))])
 
 
 def instant(

@@ -15,8 +15,8 @@ from typing import BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals
-from receding_fenicsx.evolution.instants import Event, Instant
+from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, events_of
+from receding_fenicsx.evolution.instants import Instant, event_rows
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 
@@ -31,7 +31,6 @@ TOTALS = np.dtype([(k, np.asarray(v).dtype) for k, v in Totals._field_defaults.i
 UNIQUENESS = np.dtype(
     [(k, np.asarray(v).dtype, np.shape(v)) for k, v in dataclasses.asdict(Uniqueness()).items()]
 )
-EVENT = np.dtype([("cycle", "<i4"), ("node", "<i4"), ("leg", "<i4"), ("old", "i1"), ("new", "i1")])
 
 
 class JournalFormat:
@@ -44,6 +43,7 @@ class JournalFormat:
     def __init__(self, system: ContactSystem) -> None:
         """Lay out the tables for a system."""
         n, loads = system.n, len(system.load_names)
+        self._system = system
         self.title = MAGIC + np.array((n, loads), "<i8").tobytes()
         self._cycle = np.dtype(
             [
@@ -70,36 +70,28 @@ class JournalFormat:
                 ("state", "i1", (n,)),
             ]
         )
-        event = [*EVENT.descr, ("s", "<f8"), ("load", "<f8", (loads,))]
-        if system.probes is not None:
-            event.append(("probed", "<f8", (6 * len(system.probes.names),)))
-        self._event = np.dtype(event)
+        self._event = event_rows(system).dtype
 
     def pack(self, cycles: list[FinishedCycle]) -> bytes:
         """Return the block of some cycles."""
         rows = np.zeros(len(cycles), self._cycle)
         instants: list[Instant] = []
-        events: list[Event] = []
-        for row, cycle in zip(rows, cycles, strict=True):
-            samples = cycle.samples or Samples()
+        sampled = [cycle.samples or Samples() for cycle in cycles]
+        for row, cycle, samples in zip(rows, cycles, sampled, strict=True):
             instants += cycle.corners + samples.instants
-            events += samples.events
             for key in ("dissipation", "slip"):
                 row[key] = getattr(cycle, key)
             row["totals"] = tuple(cycle.totals)
             row["uniqueness"] = dataclasses.astuple(cycle.uniqueness)
             row["kept"] = cycle.samples is not None
             row["corners"], row["samples"] = len(cycle.corners), len(samples.instants)
-            row["changes"] = len(samples.events)
+            row["changes"] = sum(map(len, samples.events))
         points = np.zeros(len(instants), self._instant)
         for key in ("cycle", "leg", "s", "load", "v"):
             points[key] = [getattr(i, key) for i in instants]
         for key in ("u", "r", "state"):
             points[key] = [getattr(i.state, key) for i in instants]
-        changes = np.zeros(len(events), self._event)
-        if events:
-            for key in self._event.fields or ():
-                changes[key] = [getattr(event, key) for event in events]
+        changes = events_of(self._system, sampled)
         data = rows.tobytes() + points.tobytes() + changes.tobytes()
         head = np.array([(len(rows), len(points), len(changes), 0)], HEAD)
         head["crc"] = zlib.crc32(data, zlib.crc32(head.tobytes()))
@@ -124,7 +116,7 @@ class JournalFormat:
         cycles, points, changes = (
             np.frombuffer(data[a:b], t) for a, b, t in zip(ends[:-1], ends[1:], tables, strict=True)
         )
-        return _cycles(cycles, [_instant(i) for i in points], [_event(e) for e in changes])
+        return _cycles(cycles, [_instant(i) for i in points], changes)
 
 
 def _instant(row: np.void) -> Instant:
@@ -138,19 +130,6 @@ def _instant(row: np.void) -> Instant:
     )
 
 
-def _event(row: np.void) -> Event:
-    return Event(
-        cycle=int(row["cycle"]),
-        leg=int(row["leg"]),
-        s=float(row["s"]),
-        load=row["load"].copy(),
-        node=int(row["node"]),
-        old=int(row["old"]),
-        new=int(row["new"]),
-        probed=row["probed"].copy() if "probed" in (row.dtype.fields or ()) else None,
-    )
-
-
 def _uniqueness(cycle: np.void) -> Uniqueness:
     row = cycle["uniqueness"]
     values = {key: row[key].tolist() for key in UNIQUENESS.names or ()}
@@ -158,13 +137,13 @@ def _uniqueness(cycle: np.void) -> Uniqueness:
 
 
 def _cycles(
-    rows: NDArray[np.void], instants: list[Instant], events: list[Event]
+    rows: NDArray[np.void], instants: list[Instant], events: NDArray[np.void]
 ) -> list[FinishedCycle]:
     """Return the cycles of a block; its instants and events are taken in their order."""
     cycles = []
     for row in rows:
         corners, sampled, count = (int(row[key]) for key in ("corners", "samples", "changes"))
-        samples = Samples(instants[corners : corners + sampled], events[:count])
+        samples = Samples(instants[corners : corners + sampled], [events[:count]])
         cycles.append(
             FinishedCycle(
                 instants[:corners],
@@ -175,5 +154,6 @@ def _cycles(
                 _uniqueness(row),
             )
         )
-        del instants[: corners + sampled], events[:count]
+        events = events[count:]
+        del instants[: corners + sampled]
     return cycles

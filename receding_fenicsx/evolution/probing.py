@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.evolution.cycle_data import Samples
-from receding_fenicsx.evolution.instants import Event, Instant
+from receding_fenicsx.evolution.cycle_data import Samples, events_of
+from receding_fenicsx.evolution.instants import Instant, event_rows
 from receding_fenicsx.evolution.record_data import Probes
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, ProbeMatrix
 
@@ -27,7 +27,7 @@ def known_places(start: ContactState, ends: tuple[Array, Array], leg: Leg) -> Pl
     return s, np.array([u for _, u in places]), load
 
 
-def probed_at(system: ContactSystem, known: Places | None, wanted: Array) -> list[Array | None]:
+def probed_at(system: ContactSystem, known: Places | None, wanted: Array) -> Array:
     """Return displacements and stresses (6 m,) at the probes, at places along a leg.
 
     Between two events the path is straight, so that values at an event itself are exact; where a
@@ -39,10 +39,10 @@ def probed_at(system: ContactSystem, known: Places | None, wanted: Array) -> lis
         wanted: (k,) places of events.
 
     Returns:
-        The values at each place; None without probes, or where nothing is known.
+        The values (k, 6 m) at each place, NaN where nothing is known; m = 0 without probes.
     """
     if system.probes is None or known is None or not len(wanted):
-        return [None] * len(wanted)
+        return np.full((len(wanted), event_rows(system)["probed"].shape[1]), np.nan)
     s, u, load = known
     v, w = u[:, : system.n], u[:, system.n :]
     if system.slip_map is not None:
@@ -53,7 +53,8 @@ def probed_at(system: ContactSystem, known: Places | None, wanted: Array) -> lis
     after = np.minimum(before + 1, len(s) - 1)
     length = s[after] - s[before]
     part = np.divide(wanted - s[before], length, out=np.zeros(len(wanted)), where=length > 0.0)
-    return list(values[before] + part[:, None] * (values[after] - values[before]))
+    found: Array = values[before] + part[:, None] * (values[after] - values[before])
+    return found
 
 
 def probes_table(
@@ -76,23 +77,20 @@ def probes_table(
     if probes is None:
         return None
     sampled = [instant for part in samples for instant in part.instants]
-    events = [event for part in samples for event in part.events if event.probed is not None]
-    every: list[Instant | Event] = [*corners, *sampled, *events]
-    counts = len(corners), len(sampled), len(events)
-    kind = np.repeat(np.array([TURNING_POINT, SAMPLE, EVENT], dtype=np.int8), counts)
-    cycle = np.array([i.cycle for i in every], dtype=np.int64)
-    leg = np.array([i.leg for i in every], dtype=np.int64)
-    s: Array = np.array([i.s for i in every], dtype=float)
-    load: Array = np.array([i.load for i in every]).reshape(len(every), len(system.load_names))
-    instants = corners + sampled
-    values = np.empty((len(every), 6 * len(probes.names)))
+    events, instants = events_of(system, samples), corners + sampled
+    events = events[~np.isnan(events["probed"]).any(axis=1)]
+    known = event_rows(system, len(instants))
+    for key in ("cycle", "leg", "s", "load"):
+        known[key] = np.array([getattr(i, key) for i in instants]).reshape(known[key].shape)
     if instants:
         v, w = np.array([i.v for i in instants]), np.array([i.state.w for i in instants])
-        values[: len(instants)] = _values(probes, v, w, load[: len(instants)])
-    for row, event in zip(values[len(instants) :], events, strict=True):
-        row[:] = event.probed
+        known["probed"] = _values(probes, v, w, known["load"])
+    every = np.concatenate([known, events])
+    counts = len(corners), len(sampled), len(events)
+    kind = np.repeat(np.array([TURNING_POINT, SAMPLE, EVENT], dtype=np.int8), counts)
+    cycle, leg, s = every["cycle"].astype(np.int64), every["leg"].astype(np.int64), every["s"]
     rows = _in_order(kind, cycle, leg, s)
-    values = values[rows].reshape(len(rows), -1, 6)
+    values = every["probed"][rows].reshape(len(rows), -1, 6)
     return Probes(
         names=probes.names,
         points=probes.points,
@@ -100,7 +98,7 @@ def probes_table(
         cycle=cycle[rows],
         leg=leg[rows],
         s=s[rows],
-        load=load[rows],
+        load=every["load"][rows],
         displacement=np.ascontiguousarray(values[..., :2]),
         stress=np.ascontiguousarray(values[..., 2:]),
     )

@@ -18,7 +18,7 @@ from receding_fenicsx.evolution.checks import (
     energy_error,
 )
 from receding_fenicsx.evolution.cycle_data import FinishedCycle, Samples, Totals, steady_watch
-from receding_fenicsx.evolution.instants import Event, Instant, instant, rest_state
+from receding_fenicsx.evolution.instants import Instant, event_rows, instant, rest_state
 from receding_fenicsx.evolution.probing import known_places, probed_at
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
@@ -200,11 +200,12 @@ class RunState:
                 for s, sampled in leg.samples
             ]
             known = None if static else known_places(state, ends, leg)
-            probed = probed_at(self.problem.system, known, leg.events.s)
-            samples.events += [
-                Event(number, k, s, (1 - s) * a + s * b, node, old, new, values)
-                for (s, node, old, new), values in zip(leg.events, probed, strict=True)
-            ]
+            events, rows = leg.events, event_rows(self.problem.system, len(leg.events))
+            rows["cycle"], rows["leg"], rows["s"], rows["node"] = number, k, events.s, events.node
+            rows["old"], rows["new"] = events.old, events.new
+            rows["load"] = (1 - events.s[:, None]) * a + events.s[:, None] * b
+            rows["probed"] = probed_at(self.problem.system, known, events.s)
+            samples.events.append(rows)
         return leg
 
     def _totals_after(self, ends: tuple[Array, Array], leg: Leg, is_static: bool) -> Totals:

@@ -65,9 +65,13 @@ class Mirror:
             np.where(self.left, reflected.backward, here.backward),
         )
 
-    def nodes(self, i: int) -> list[tuple[int, bool]]:
-        """Return the whole-contact nodes of modelled node i, each with whether it is reflected."""
-        return [(int(j), bool(self.left[j])) for j in np.flatnonzero(self.index == i)]
+    def nodes(self, i: NDArray[np.intp]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+        """Return the whole-contact nodes of modelled nodes (k,), each after the row of its i."""
+        order, count = np.argsort(self.index, kind="stable"), np.bincount(self.index)
+        rows = np.repeat(np.arange(len(i)), count[i])
+        first = np.cumsum(count[i]) - count[i]
+        begin = np.cumsum(count) - count
+        return rows, order[begin[i[rows]] + np.arange(len(rows)) - first[rows]]
 
 
 def mirror_of(system: ContactSystem) -> Mirror:

@@ -17,7 +17,10 @@ import pytest
 import receding_fenicsx as rf
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
+from receding_fenicsx.evolution.evolve import continue_history
+from receding_fenicsx.evolution.journal import Journal, JournalFile
 from receding_fenicsx.evolution.probe_history import probe_names
+from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.output.storage.probe_files import write_probes
 from receding_fenicsx.timing import Timer
 
@@ -252,6 +255,28 @@ def test_resumed_run_and_saved_system_give_the_same_bits(tmp_path: Path) -> None
         assert rf.read_record(out / "other" / "record.h5").probe("other").stress.any()
         assert (out / "other" / "probes" / "other.csv").is_file()
     comm.barrier()
+
+
+def test_changes_under_an_initial_slip_have_no_probe_values_before_and_after_a_checkpoint(
+    tmp_path: Path,
+) -> None:
+    """The first leg is one static problem: what lies within it is not known."""
+    slipped = ["history.initial_slip='0.05*x*(1-x)'", "output.cycles='all'"]
+    scenes = [small(*slipped, f"history.cycles={cycles}") for cycles in (1, 4)]
+    system = rf.condense(scenes[1])
+    if system is None:
+        return
+    whole = continue_history(problem_of_scene(system, scenes[1]), Journal(1), None)
+    records = []
+    for problem in (problem_of_scene(system, scene) for scene in scenes):
+        journal = JournalFile(tmp_path / "journal", problem.system, 1)
+        records.append(continue_history(problem, journal, None))
+        journal.close()
+    assert whole.probes is not None
+    for key in ("kind", "cycle", "leg", "s", "displacement", "stress"):
+        assert np.array_equal(getattr(records[1].probes, key), getattr(whole.probes, key)), key
+    first = (whole.events.cycle == 0) & (whole.events.leg == 0)
+    assert first.any() and np.isfinite(whole.probes.stress).all()
 
 
 def test_system_with_other_probes_is_refused() -> None:

@@ -34,8 +34,10 @@ def test_slip_directions_change_places_on_the_reflected_side() -> None:
     states = np.array([STICK, FORWARD, BACKWARD, OPEN], dtype=np.int8)
     expected = [OPEN, FORWARD, BACKWARD, STICK, FORWARD, BACKWARD, OPEN]
     assert mirror.states(states).tolist() == expected
-    assert mirror.nodes(0) == [(3, False)]
-    assert mirror.nodes(2) == [(1, True), (5, False)]
+    rows, nodes = mirror.nodes(np.array([2, 0, 2]))
+    assert rows.tolist() == [0, 0, 1, 2, 2]
+    assert nodes.tolist() == [1, 5, 3, 1, 5]
+    assert mirror.left[[1, 5, 3]].tolist() == [True, False, False]
 
 
 def test_a_half_without_a_node_on_the_axis_doubles_nothing() -> None:
