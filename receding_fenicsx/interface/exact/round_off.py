@@ -120,8 +120,11 @@ class RoundOff:
         self.remove()
         self._sums.restart(point.s, point.y, self._sums.state)
 
-    def remove(self, steps: int = 1) -> ContactState:
-        """Correct the displacements by iterative refinement; return the state."""
+    def remove(self, steps: int = 4) -> ContactState:
+        """Correct the displacements by iterative refinement; return the state.
+
+        On soft springs a step may leave a large part of the error, that of the tableau's pivots.
+        """
         refined = self.refined(self._point.s, self._point.y, steps)
         self._point.y[:] = self._segments.values(refined)
         self._after_refinement = self.imbalance()

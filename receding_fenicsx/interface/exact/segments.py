@@ -289,6 +289,10 @@ class Segments:
             if left >= imbalance:
                 break
             q, imbalance = better, left
+        if imbalance > accepted and tableau.matrix.age and not self.is_special:
+            # pivots on soft springs may leave round-off that refining does not reduce
+            self.refinements = 2 * len(state)
+            return self._rates(state, direction)
         return q
 
     def balances(self, q: Array, direction: Array, forces: Array) -> bool:

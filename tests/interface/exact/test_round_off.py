@@ -241,6 +241,20 @@ def test_soft_springs_carry_a_body_that_is_lifted_off_and_put_back(k: float, g0:
     assert ends.w[1].tolist() == [-g0, -g0]
 
 
+@pytest.mark.parametrize("k", [1.3e-5, 1.80972838e-7, 2.55640e-8])
+def test_exchanges_on_a_soft_spring_leave_no_round_off_in_rates(k: float) -> None:
+    """Lifted, pressed, slipping and lifted: open, v = -Q*/9.1 and w = -P*/k, between ends too."""
+    loads = {"a": [-2.0, 2.0], "b": [0.0, -1.0], "c": [-2.0, 0.0]}
+    system = small_system(np.diag([9.1, k]), loads, 2.0, 0.0625)
+    loop = [[1.25, -0.5, 1], [1.25, 1, 1.25], [-0.5, 1.25, 1], [-0.25, 0.5, -0.5], [1.25, -0.5, 1]]
+    record = evolve(system, table(system, [[0.0] * 3, [1.0, 0, 0], loop[0]], loop, 2), output=ALL)
+    rows, held = record.samples, record.samples.load @ system.r_star
+    open_ = rows.state[:, 0] == SEPARATION
+    assert open_.any() and not open_.all()
+    assert rows.w[open_, 0] == pytest.approx(-held[open_, 1] / k, rel=1e-12, abs=1e-14 / k)
+    assert rows.v[open_, 0] == pytest.approx(-held[open_, 0] / 9.1, rel=1e-9, abs=1e-12)
+
+
 def test_a_stiffness_that_is_round_off_carries_no_load() -> None:
     # a body that is free to lift and to turn about its two nodes: it tips where P of node 0 is gone
     K = np.diag([10.0, 6.0, 8.6e-31, 5.2e-31])
