@@ -133,14 +133,18 @@ class RoundOff:
     def refined(self, s: float, y: Array, steps: int = 1) -> ContactState:
         """Return the state for quantities y (4N,) at s after iterative refinement.
 
-        Fewer steps are taken where the displacements no longer change.
+        Fewer steps are taken where corrections become negligible or no longer smaller.
         """
         point, segments = self._point, self._segments
-        n, now = segments.system.n, point.extrapolated(s, y)
+        n, now, last = segments.system.n, point.extrapolated(s, y), np.inf
+        before = now
         for _ in range(steps):
             change = segments.tableau(point.state).correction(now.r)[: 2 * n]
+            largest = float(np.abs(change * segments.weight[: 2 * n]).max())
+            if largest >= last:
+                return before
+            before, last = now, largest
             now = point.with_displacements(s, now.u + change)
-            largest = np.abs(change * segments.weight[: 2 * n]).max()
             if largest <= EPSILON * self._sums.force_scale:
                 break
         return now
