@@ -101,9 +101,8 @@ class Player:
         return time.perf_counter() - begin, events, self.trials() - trials
 
     def trials(self) -> int:
-        """Return how many sets of rates were worked out for what is not left out."""
-        reduction = self.path.reduction
-        return (reduction.segments if reduction else self.path.segments).trials
+        """Return how many sets of rates were worked out."""
+        return self.path.trials
 
 
 def event_rows(sizes: list[int], costs: list[float]) -> Iterable[Row]:

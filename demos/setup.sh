@@ -16,12 +16,14 @@ debian_packages=(
     "${graphics_packages[@]}"
 )
 
-# Test of a new environment: imports, and compilation of a form.
+# Test of a new environment: imports, and compilation of a form and of the event loop of the exact path.
 works='
 from receding_fenicsx.bulk.elasticity import warm_up
+from receding_fenicsx.interface.exact.compilation import warm_up as compile_path
 import PIL, gmsh, h5py, matplotlib, pandas, pytest, scipy, vtk, xarray
 from mpi4py import MPI
-warm_up(MPI.COMM_SELF, "triangle", 1)'
+warm_up(MPI.COMM_SELF, "triangle", 1)
+compile_path()'
 
 say() { printf '%s: %s\n' "$(basename "$0")" "$*" >&2; }
 
@@ -180,7 +182,7 @@ build_environment() {
     trap 'exit 130' INT
     trap 'exit 143' TERM
     if [ -e "$venv" ] || [ -L "$venv" ]; then mv "$venv" "$spare"; fi
-    say "creating the Python environment ${venv##*/} (1 GB from the network, about half a minute)"
+    say "creating the Python environment ${venv##*/} (1 GB from the network, about a minute)"
     "$base_python" -I -m venv "${venv_options[@]}" "$venv" || die "could not create $venv; is the disk full?"
     mkdir "$venv/tmp"
     log=$venv/tmp/pip.log

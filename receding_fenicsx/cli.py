@@ -78,7 +78,11 @@ def _log_to_terminal(comm: MPI.Comm | None, verbose: int) -> None:
         logger.removeHandler(handler)
     logger.propagate = False
     logger.addHandler(logging.StreamHandler() if is_root(comm) else logging.NullHandler())
-    logger.handlers[0].setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    # on a terminal in place of the progress line
+    clear = "\r\033[K" if sys.stderr.isatty() else ""
+    logger.handlers[0].setFormatter(
+        logging.Formatter(f"{clear}%(asctime)s %(message)s", "%H:%M:%S")
+    )
     logger.setLevel((logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)])
 
 

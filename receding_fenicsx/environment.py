@@ -135,6 +135,7 @@ def _modules() -> list[Finding]:
         ("receding_fenicsx", lambda: str(import_module("receding_fenicsx").__version__), ""),
         ("numpy", lambda: _module_version("numpy"), pip.format("numpy")),
         ("scipy", lambda: _module_version("scipy"), pip.format("scipy")),
+        ("numba", lambda: metadata.version("numba"), pip.format("numba")),
         (
             "h5py",
             lambda: _module_version("h5py"),

@@ -14,6 +14,11 @@ from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 
+def cold(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let paths be followed without the compiled loop from now on."""
+    monkeypatch.setattr(EventPath, "_compiled", lambda *_: None)
+
+
 def play(path: EventPath, loads: Sequence[Sequence[float]], samples: int = 0) -> list[Leg]:
     """Follow a polyline of load factors from rest."""
     n = path.system.n

@@ -26,7 +26,10 @@ CHECKERS = {
 }
 """Modules of ``tests/`` that demos use."""
 NEEDED = {"matplotlib", "mpi4py", "numpy", "petsc4py", "scipy", "h5py"}
-LATE = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "pyvista", "vtk", "matplotlib", "numpy", "h5py")
+LATE = (
+    *("dolfinx", "petsc4py", "mpi4py", "gmsh", "pyvista", "vtk", "matplotlib", "numpy", "h5py"),
+    "numba",
+)
 DEMOS = sorted((ROOT / "demos").glob("*.py"))
 DOCUMENTS = [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *sorted((ROOT / "docs").glob("*.md"))]
 

@@ -41,5 +41,6 @@ the consistent mass matrix does not. Calls that differ between versions of DOLFI
 import contextlib
 
 with contextlib.suppress(ImportError):
-    # PyPI's stack has to be loaded before mpi4py and petsc4py
+    # h5py's HDF5 does not start after that of PyPI's stack, which has to be loaded before mpi4py
+    import h5py  # noqa: F401, I001
     import dolfinx_solver  # noqa: F401

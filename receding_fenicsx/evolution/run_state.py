@@ -251,9 +251,14 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
     still &= (np.abs(leg.end.v - start.v) <= none) & (leg.dissipation <= limit * none)
     still[leg.events.node[leg.events.new == SEPARATION]] = False
     if still.any():
-        leg.end = replace(leg.end, state=np.where(still, STICK, leg.end.state).astype(np.int8))
         leg.events = leg.events.select(~still[leg.events.node])
-        leg.samples = [(s, leg.end if s == 1.0 else state) for s, state in leg.samples]
+        states = [(1.0, leg.end), *leg.samples]
+        stuck = [
+            replace(one, state=np.where(still, STICK, one.state).astype(np.int8))
+            for _, one in states
+        ]
+        leg.end = stuck[0]
+        leg.samples = [(s, one) for (s, _), one in zip(leg.samples, stuck[1:], strict=True)]
 
 
 def _log_leg(leg: Leg, error: float) -> None:

@@ -22,6 +22,7 @@ from hard_block import body
 from hard_bodies import CASES as BODY_CASES
 from hard_trials import CASES as TRIAL_CASES
 from law import worst_slip, worst_violation
+from legs import cold
 from small import cyclic
 
 from receding_fenicsx.errors import NoEquilibrium
@@ -75,9 +76,10 @@ def test_a_way_on_that_is_denied_is_found(monkeypatch: pytest.MonkeyPatch) -> No
     system = body("mesh.contact_elements=12")
     events = Tally().solve(system, cyclic(1)).events
     denied = events.load[np.flatnonzero((events.cycle == 1) & (events.s > 0.0))[4], 0]
+    cold(monkeypatch)
     pass_event = walk.Walk._event
 
-    def deny(self: walk.Walk, label: int, segment: Segment) -> tuple[Segment, bool]:
+    def deny(self: walk.Walk, label: int, segment: Segment) -> Segment:
         if abs(self.point.load[0] - denied) <= 1e-12:
             raise self.states.error(self.point.state, np.array([label % self.system.n]))
         return pass_event(self, label, segment)

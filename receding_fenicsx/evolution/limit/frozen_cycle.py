@@ -49,7 +49,6 @@ class TracedWalk(Walk):
         """Start at the beginning of a leg."""
         super().__init__(segments, problem)
         self.trace: list[Stop] = []
-        self.replay.active = False
 
     def _advance(self, segment: Segment, ds: float) -> None:
         super()._advance(segment, ds)
@@ -57,7 +56,7 @@ class TracedWalk(Walk):
         u = point.displacements(point.y)
         self.trace.append(Stop(point.load, way, u, segment.q, -1, point.state))
 
-    def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
+    def _event(self, label: int, segment: Segment) -> Segment:
         self.trace[-1] = self.trace[-1]._replace(label=label)
         return super()._event(label, segment)
 

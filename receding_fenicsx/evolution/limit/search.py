@@ -15,8 +15,8 @@ from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
 from receding_fenicsx.evolution.limit.frozen_cycle import MovedCycle
 from receding_fenicsx.evolution.limit.newton import REPEATS, Solution, approach
 from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
+from receding_fenicsx.interface.exact.legs import widen
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.reduction import widen
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.law import SLIP_SIGN, STICK
 from receding_fenicsx.interface.measures.steady import SLIP_ROUND_OFF

@@ -4,10 +4,12 @@ With the load factors $\lambda(s) = (1 - s)\, a + s\, b$, $0 \le s \le 1$, eq. (
 \sum_k \lambda_k r^*_k + K u$. In given states of all nodes it is linear in the load, so that there
 are no load steps. The method, from top to bottom:
 
-1. **What kind of leg** (`path`: `EventPath.trace_leg`). A leg from rest is solved as in 10, one
-   through complete unloading is cut there, as in 11. A body with gaps that carries nothing first
-   rolls to where it rests under the load (`rolling.at_rest`). All others are followed by
-   `walk.Walk`.
+1. **What kind of leg** (`path`: `EventPath.trace_leg`). A leg from rest is solved as in 9, one
+   through complete unloading is cut there, as in 10. A body with gaps that carries nothing first
+   rolls to where it rests under the load (`rolling.at_rest`). All others are followed from event to
+   event: by one compiled loop (`kernel.follow`, driven by `compiled.CompiledPath`), and by
+   `walk.Walk`, which does the same one event at a time in NumPy, where the loop gives up (motions
+   without stiffness, states without end, inaccuracy), where legs end unloaded or a path branches.
 2. **Quantities** (`segments`: `Segments.values`). Each node has $v$, the gap $g = g_0 + w$ and the
    margins to both friction limits,
    $$A = Q + f_\mathrm{forward} P, \qquad B = f_\mathrm{backward} P - Q ,$$
@@ -26,43 +28,41 @@ are no load steps. The method, from top to bottom:
    exchanges an input with an output, a rank-one update of `pivot_matrix.PivotMatrix`: with the
    column $C$, the row $R$ and the pivot $D$ where they meet,
    $$T \leftarrow T - (C + e_i)(R - e_j) / D .$$
+   Columns of nodes that stick throughout are left out, and added when one is to be exchanged.
    `balance.BalanceCheck` measures whether the rates satisfy the equation above; if not, they are
-   refined. Rates of known states are stored, and turn round with the loads.
-4. **Consistent states** (`consistency`: `ConsistentStates.find`). At the start of a leg and after
-   an event, nodes on a limit may go either way. Nodes whose rates violate a condition change state,
-   all at first, then the worst one; if a set of states returns, the linear complementarity problem
-   of the rates decides (`interface.lcp`). Along rigid motions that the states leave free the body
-   drifts as little as the conditions allow (`drift`).
-5. **Next event** (`Walk.run`). A quantity $y_j \ge 0$ that falls reaches zero after
+   refined. Rates of known states are stored (`kernel.Memory`), and turn round with the loads.
+4. **Consistent states** (`kernel.turned`, `consistency`: `ConsistentStates.find`). At the start of
+   a leg and after an event, nodes on a limit may go either way. Nodes whose rates violate a
+   condition change state, all at first, then the worst one; if a set of states returns, the linear
+   complementarity problem of the rates decides (`interface.lcp`). Along rigid motions that
+   the states leave free the body drifts as little as the conditions allow (`drift`).
+5. **Next event** (`kernel.looked`, `Walk.run`). A quantity $y_j \ge 0$ that falls reaches zero
+   after
    $$\Delta s_j = -y_j / \dot y_j .$$
    The smallest one is the event: $y \leftarrow y + \dot y\, \Delta s$, the node changes state
    (`Walk._event`), and 4 is checked. The leg ends at $s = 1$.
-   Events that have followed one another before are foreseen and passed many at once
-   (`replay.events`): their places from one triangular system, the lowest value of each quantity
-   from one product. They are accepted as far as no quantity has passed its limit. Cycles whose
-   legs keep their events are foreseen whole, and verified together (`replay.rounds`).
-6. **Integrals** (`accumulate`: `Sums`). Between two events $a$ and $b$ forces and displacements are
-   linear, so that the dissipation and the work of the loads are exactly
+   In states that have been left by an event before, that one is tried first: all other quantities
+   must stay positive up to it.
+6. **Integrals** (`kernel.advanced`, `accumulate`: `Sums`). Between two events $a$ and $b$ forces
+   and displacements are linear, so that the dissipation and the work of the loads are exactly
    $$D = -\sum_i \tfrac12 (Q_i^a + Q_i^b)(v_i^b - v_i^a), \qquad
      W = \sum_k \tfrac12 (\lambda_k^a + \lambda_k^b)\, r^*_k \cdot (u^b - u^a) .$$
-   The residual of the contact law is checked at every event.
-7. **Round-off** (`round_off`: `RoundOff`). The imbalance of $y$ is measured every few events and
-   removed by one step of iterative refinement where it has grown, and at ends of legs where
-   the tableau is near or it is not small. `Walk.finish` evaluates the reactions afresh and checks
-   the residual.
-8. **Nodes that keep their state** (`reduction`: `reduce`). Deep in a stick or separation zone nodes
-   keep their states through whole cycles. They are eliminated, and watched at every event.
-9. **No continuation** (`failures`, `jumps`). Where no states are consistent, `failures.explain`
+   The balance of forces is followed from event to event.
+7. **Round-off** (`round_off`: `RoundOff`, `compiled`). Where the imbalance of $y$ has grown it is
+   removed by one step of iterative refinement, and at the end of each leg, by the tableau or by a
+   factor of the states there (`compiled.ActiveSets`). The reactions of the end are evaluated afresh
+   and its residual is checked.
+8. **No continuation** (`failures`, `jumps`). Where no states are consistent, `failures.explain`
    says whether the body lifts off, slides or jumps. A jump is an error, or (`on_jump = "static"`) a
    static problem at a load just beyond, which releases the energy
    $$E = -\Delta (\tfrac12 u^T K u) - \sum_k \lambda_k\, r^*_k \cdot \Delta u .$$
    How far equilibrium exists at all is a linear program (`interface.equilibrium`), solved where
    rates alone do not decide or the contact forces of the end do not prove equilibrium.
-10. **First loading** (`first_loading.load_from_rest`). From rest without gaps all grows in
+9. **First loading** (`first_loading.load_from_rest`). From rest without gaps all grows in
     proportion to the load: one static problem, with the slip counted from the start
     (`static.solve_static`: Newton's method on sets of states, Gauss-Seidel, linear
     complementarity, Newton's method from several starts), dissipation $-\tfrac12 Q \cdot \Delta v$.
-11. **Complete unloading** (`unloading`). Where all loads vanish on a free body without gaps, $P = Q
+10. **Complete unloading** (`unloading`). Where all loads vanish on a free body without gaps, $P = Q
     = 0$ and $K u = 0$: all nodes reach all limits together. The leg stops at a remaining load of
     $10^{-9}$, its end is set to the rigid sliding reached, and the next leg is a first loading.
 """

@@ -10,20 +10,14 @@ are exact. Stops are collected and added up many at once, to save time.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from itertools import pairwise
-from typing import NamedTuple
-
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.exact.balance import RANDOM_SUMS
 from receding_fenicsx.interface.exact.legs import PathPoint
-from receding_fenicsx.interface.exact.segments import Segment, Segments, States
-from receding_fenicsx.interface.exact.ties import tied
-from receding_fenicsx.interface.law import FORWARD
+from receding_fenicsx.interface.exact.segments import Segments, States
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.residual import law_residual, reachable
 
 EVENT_RESIDUAL = 1e-11
@@ -31,41 +25,6 @@ EVENT_RESIDUAL = 1e-11
 
 STOPS_AT_ONCE = 128
 """Stops after which they are added up: enough to spare calls, few enough to stay in the cache."""
-
-
-class Watch(NamedTuple):
-    """Quantities outside the contact of a path that have to stay positive.
-
-    Attributes:
-        rows: (k, 2N + n_loads) the quantities, as forces, from displacements and load factors.
-        reached: returns nodes to report, from displacements (k, 2N), load factors (k, n_loads) and
-            the force scale.
-    """
-
-    rows: Array
-    reached: Callable[[Array, Array, float], NDArray[np.intp]]
-
-
-class Rates(NamedTuple):
-    """Rates of what is summed along k segments.
-
-    Attributes:
-        slip: (k, N) of v.
-        resisting: (k, N) of -Q at nodes with friction, 0 at others.
-        stroke: (k, n_loads) of r*_k . u.
-        imbalance: (k, sums) of the sums of :class:`BalanceCheck`.
-    """
-
-    slip: Array
-    resisting: Array
-    stroke: Array
-    imbalance: Array
-
-
-def sum_rows(rows: Array) -> None:
-    """Add to each row all rows before it, in less time than ``cumsum`` takes."""
-    for before, row in pairwise(rows):
-        np.add(row, before, out=row)
 
 
 class Sums:
@@ -78,30 +37,25 @@ class Sums:
         start: (2N,) displacements at the leg's start.
         excess: largest amount by which a residual exceeded what is accepted there.
         force_scale: largest nodal force of the history so far.
-        watched: nodes that ``watch`` has reported.
         ties: nodes on limits at the stops, see :attr:`Leg.ties`, in parts.
     """
 
-    def __init__(
-        self, segments: Segments, point: PathPoint, check_all: bool, watch: Watch | None
-    ) -> None:
+    def __init__(self, segments: Segments, point: PathPoint, check_all: bool) -> None:
         """Start at the beginning of a leg.
 
         Args:
             segments: rates in known sets of states.
             point: the start.
             check_all: evaluate the residual afresh at every stop.
-            watch: looks at every stop.
         """
         n = segments.system.n
         self.segments, self.system, self.problem = segments, segments.system, point.problem
-        self.force_scale, self.check_all, self.watch = point.problem.force_scale, check_all, watch
+        self.force_scale, self.check_all = point.problem.force_scale, check_all
         self.stiffness = segments.stiffness
         self.gaps = bool(np.any(self.system.g0))
         self.dissipation, self.residual, self.excess = np.zeros(n), 0.0, 0.0
         self.work = np.zeros(len(self.system.r_star))
         self.start = point.y[: 2 * n] - np.concatenate([np.zeros(n), self.system.g0])
-        self.watched = np.zeros(0, dtype=np.intp)
         self.ties = list[Changes]()
         self._y = np.empty((STOPS_AT_ONCE + 1, 4 * n))
         self._begin(point.s, point.y, point.state)
@@ -136,54 +90,6 @@ class Sums:
         if len(places) == len(self._y):
             self.add_up()
 
-    def rates(self, segments: list[Segment]) -> tuple[Array, Rates]:
-        """Return the rates of the quantities, and of the integrals, along k segments.
-
-        What is watched and the imbalance are computed once and kept.
-
-        Returns:
-            (k, 4N + watched) rates of y and of the watched quantities, and those of the integrals.
-        """
-        n, (a, b) = self.system.n, self.problem.ends
-        new = [segment for segment in segments if segment.checked is None]
-        if new:
-            q = np.array([segment.q for segment in new])
-            made = self.segments.balance.errors(q, b - a, of_rates=True)
-            if self.watch is not None:
-                on_u, on_load = self.watch.rows[:, : 2 * n], self.watch.rows[:, 2 * n :]
-                made = np.hstack([q[:, : 2 * n] @ on_u.T + on_load @ (b - a), made])
-            for segment, row in zip(new, made, strict=True):
-                segment.checked = row
-        checked = np.array([segment.checked for segment in segments], dtype=float)
-        table = np.empty((len(segments), 4 * n + checked.shape[1]))
-        y, table[:, 4 * n :] = table[:, : 4 * n], checked
-        y[:] = np.array([segment.q for segment in segments])
-        rows, imbalance = table[:, :-RANDOM_SUMS], table[:, -RANDOM_SUMS:]
-        stroke = y[:, : 2 * n] @ self.system.r_star.T
-        return rows, Rates(y[:, :n], self._resisting(y), stroke, imbalance)
-
-    def add_segments(self, h: Array, s: Array, y: Array, rates: Rates) -> None:
-        """Add segments at whose ends nothing is suspected, nor any watched quantity near its limit.
-
-        The last stop is to be restarted from their end.
-
-        Args:
-            h: (m,) their lengths, from the last stop.
-            s: (m,) places of their ends.
-            y: (4N,) quantities at the last stop.
-            rates: of m segments or more.
-        """
-        m, (a, b) = len(h), self.problem.ends
-        middle = h[:, None] * rates.resisting[:m]
-        half = 0.5 * middle
-        sum_rows(middle)
-        middle -= half
-        middle += self._resisting(y)
-        middle *= rates.slip[:m]
-        self.dissipation += h @ middle
-        middle_load = a + (s - 0.5 * h)[:, None] * (b - a)
-        self.work += h @ (rates.stroke[:m] * middle_load)
-
     def add_up(self, at_end: bool = False) -> None:
         """Add up the stops since the last time, and check their residuals.
 
@@ -198,10 +104,6 @@ class Sums:
         places = np.array(self._places)
         self.ties.append(tied(self.segments, places, np.array(self._states[:-1]), on))
         u, load, slip = self._integrate(places[:, None], y)
-        if self.watch is not None:
-            reported = self.watch.reached(u[1:], load[1:], self.force_scale)
-            if len(reported):
-                self.watched = np.union1d(self.watched, reported)
         if at_end:
             y, u, load, slip = y[:-1], u[:-1], load[:-1], slip[:-1]
         if len(slip) and (self.check_all or self._suspected_error(y, load) > EVENT_RESIDUAL):
@@ -257,3 +159,30 @@ class Sums:
         self.residual = max(self.residual, float(residuals.max()))
         for k in np.flatnonzero(residuals > EVENT_RESIDUAL):
             self.excess = max(self.excess, float(residuals[k]) - self.accepted(u[k]))
+
+
+def tied(
+    segments: Segments, places: Array, states: NDArray[np.int8], on: NDArray[np.bool_]
+) -> Changes:
+    """Return the ties of several instants, as changes to the state that a node may take as well.
+
+    That is a direction of slip, or SEPARATION where it has neither gap nor pressure and may take
+    any.
+
+    Args:
+        segments: of the condensed body.
+        places: (k,) of the instants.
+        states: (k, N) states.
+        on: (k, 3N) gap, A and B that are within round-off of zero, B of nodes without friction too.
+    """
+    n, frictional = segments.system.n, segments.frictional
+    gap, A, B = on[:, :n], on[:, n : 2 * n], on[:, 2 * n :]
+    touches = np.where(states == SEPARATION, gap, A & B)
+    near = touches | (A | B) & (states == STICK) & frictional
+    near &= frictional | segments.smooth
+    rows, nodes = near.nonzero()
+    if not len(rows):
+        return Changes.none()
+    side = np.where(A[rows, nodes], FORWARD, BACKWARD)
+    other = np.where(touches[rows, nodes], SEPARATION, side)
+    return Changes(places[rows], nodes, states[rows, nodes], other.astype(np.int8))

@@ -45,8 +45,8 @@ class BalanceCheck:
         on_B[~frictional] = 0.0
         on_r = np.vstack([on_Q, on_P])
         on_u = system.K @ on_r
-        self._on_y = np.asfortranarray(np.vstack([on_u, -on_A, -on_B]))
-        self._on_load = system.r_star @ on_r
+        self.on_y = np.asfortranarray(np.vstack([on_u, -on_A, -on_B]))
+        self.on_load = system.r_star @ on_r
         self._of_gaps = system.g0 @ on_u[n:]
 
     def error(self, y: Array, load: Array, of_rates: bool = False) -> float:
@@ -63,6 +63,6 @@ class BalanceCheck:
             load: (n_loads,) or (k, n_loads) load factors.
             of_rates: y and load are rates.
         """
-        errors: Array = y.dot(self._on_y)
-        errors += load.dot(self._on_load)
+        errors: Array = y.dot(self.on_y)
+        errors += load.dot(self.on_load)
         return errors if of_rates else errors - self._of_gaps

@@ -53,12 +53,7 @@ EquilibriumEnd = Callable[[tuple[Array, Array]], float]
 
 
 class ConsistentStates:
-    """Finds consistent states at the present point of a path.
-
-    Attributes:
-        by_rates: the last ones were found by their rates alone, and not chosen.
-        rounds: rounds of changes this took.
-    """
+    """Finds consistent states at the present point of a path."""
 
     def __init__(
         self,
@@ -82,7 +77,6 @@ class ConsistentStates:
         self.direction = b - a
         self.on_limit = segments.limit * point.problem.force_scale
         self._highest_limit = float(self.on_limit.max())
-        self.by_rates, self.rounds = False, 0
 
     def find(
         self,
@@ -99,7 +93,6 @@ class ConsistentStates:
             SolveError: there are no such states.
         """
         before, chooser = self.point.state, self.point.problem.chooser
-        self.by_rates = chooser is None
         segment = self._find(before, hit, rates)
         return segment if chooser is None else chooser.choose(self, before, segment)
 
@@ -115,7 +108,6 @@ class ConsistentStates:
                 segment = segments.at(state, self.direction)
                 violating = self.violations(segment)
                 if len(violating) == 0:
-                    self.rounds = rounds
                     return segment
                 seen.add(state.tobytes())
                 rounds += 1
@@ -182,7 +174,7 @@ class ConsistentStates:
 
     def _decide(self, before: States) -> Segment:
         """Decide the nodes on limits by linear complementarity."""
-        segments, point, self.by_rates = self.segments, self.point, False
+        segments, point = self.segments, self.point
         if point.s >= self.equilibrium_ends(point.problem.ends) - LIMIT_APPROACH:
             raise self.error(before)
         segment, exhausted = self._pivoted(before)

@@ -10,8 +10,14 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.law import FORWARD, STICK
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
+
+END_TOLERANCE = 1e-13
+"""Part of the leg before its end in which events are left to the next leg: round-off decides there
+whether a closed cycle returns to where it reversed or just past it."""
+
+EVENTS_WITHOUT_PROGRESS = 20
+"""Events per node within ``SIMULTANEOUS`` of one place after which there is no end of them."""
 
 SIMULTANEOUS = 1e-9
 """Part of the leg within which events count as simultaneous: all nodes on limits are looked at."""
@@ -186,9 +192,16 @@ def changed_nodes(old: NDArray[np.int8], new: NDArray[np.int8]) -> list[Change]:
     return list(zip(nodes.tolist(), old[nodes].tolist(), new[nodes].tolist(), strict=True))
 
 
-def only_stick(made: list[Change], besides: int = -1) -> bool:
-    """Return whether all changes are from slip to stick, ``besides`` one node left out."""
-    return all((old >= FORWARD and new == STICK) or i == besides for i, old, new in made)
+WIDENING = 0.01
+"""Part of all nodes by which zones of nodes that changed are widened on both sides."""
+
+
+def widen(changed: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return the nodes that changed and those within ``WIDENING`` of them along the contact."""
+    n = len(changed)
+    reach = max(2, int(WIDENING * n))
+    window = np.ones(2 * reach + 1)
+    return np.convolve(changed, window, mode="full")[reach : reach + n] > 0.5
 
 
 def unchanged(problem: LegProblem) -> Leg:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,7 +13,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
-from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.first_loading import load_from_rest
 from receding_fenicsx.interface.exact.jumps import (
     JUMP_STEP,
@@ -28,8 +28,6 @@ from receding_fenicsx.interface.exact.legs import (
     unchanged,
 )
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.reduction import Reduction, reduce, widen
-from receding_fenicsx.interface.exact.replay.rounds import Rounds
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.unloading import (
@@ -42,9 +40,12 @@ from receding_fenicsx.interface.exact.unloading import (
     zero_crossing,
 )
 from receding_fenicsx.interface.exact.walk import Walk
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION
-from receding_fenicsx.interface.residual import largest_force, reachable
+from receding_fenicsx.interface.law import SEPARATION
+from receding_fenicsx.interface.residual import largest_force
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
+
+if TYPE_CHECKING:
+    from receding_fenicsx.interface.exact.compiled import CompiledPath
 
 LOW_FRICTION = 1e-5
 """Coefficient of friction below which a path that ends may have been lost in round-off of f P."""
@@ -59,16 +60,12 @@ round-off of none: such a leg changes nothing."""
 BEYOND_EQUILIBRIUM = 1e-7
 """Part of a leg by which a path may pass the place where equilibrium ends: round-off."""
 
-MAX_REDUCTIONS = 3
-"""Choices of the nodes left out that are tried on a leg."""
-
 
 class EventPath:
     """Follows legs exactly; keeps the tableau and the rates of known states from leg to leg.
 
     Attributes:
         segments: rates of the whole contact.
-        reduction: the system without the nodes that keep their states, None when there is none.
         changed: (N,) nodes that have changed state, by the direction of the leg.
     """
 
@@ -91,17 +88,21 @@ class EventPath:
         self.system, self.check_all, self.on_jump = system, check_all, on_jump
         self.chooser = chooser
         self.segments = Segments(system)
-        self.reduction: Reduction | None = None
-        self._rounds: Rounds | None = None
+        self._loop: CompiledPath | None = None
         self._low_friction_node = _low_friction_node(self.segments)
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
         self._opened = np.zeros(system.n, dtype=bool)
         self._limits: dict[tuple[bytes, bytes], Limit | None] = {}
 
+    @property
+    def trials(self) -> int:
+        """Sets of states whose rates were computed."""
+        return self.segments.trials + (0 if self._loop is None else self._loop.trials)
+
     def expect(self, loop: Array, changing: NDArray[np.bool_], opening: NDArray[np.bool_]) -> None:
         """Expect only some nodes to change their states on the legs of a loop of load factors.
 
-        The others are left out from the start; where one of them changes, its leg is traced again.
+        The columns of the others are left out of the tableau until one of them changes after all.
         """
         for a, b in pairwise(loop):
             self.changed[(b - a).tobytes()] = changing.copy()
@@ -126,10 +127,6 @@ class EventPath:
             NoQuasiStaticContinuation: the rate problem has no solution.
             SolveError: the residual of the contact law is above its tolerance.
         """
-        if self._rounds is not None and not (samples or self.check_all):
-            known = self._rounds.leg(start, ends, force_scale)
-            if known is not None:
-                return known
         places = evenly_spaced(samples)
         return self._trace(LegProblem(start, ends, force_scale, places, chooser=self.chooser))
 
@@ -183,7 +180,7 @@ class EventPath:
         scale = max(largest_force(self.system, load, start.r, scale) for load in (a, b))
         problem = problem.piece(start, (a, b), scale, (0.0, 1.0))
         try:
-            leg = self._walk_reduced(problem) or self._walk(problem)
+            leg = self._compiled(problem) or self._walk(problem)
         except SingularExchange as error:
             raise SolveError(
                 f"the exact path is lost on the way to load factors {b.tolist()}: a motion of the "
@@ -261,44 +258,23 @@ class EventPath:
         changed[events.node] = True
         self._opened[events.node[(events.old == SEPARATION) | (events.new == SEPARATION)]] = True
 
-    def _walk_reduced(self, problem: LegProblem) -> Leg | None:
-        """Follow a leg without the nodes that have kept their states on every such leg before.
+    def _compiled(self, problem: LegProblem) -> Leg | None:
+        """Follow a leg by the compiled loop; None where it is left to the walk."""
+        (a, b), segments = problem.ends, self.segments
+        if problem.chooser is not None or self.check_all or segments.is_special or not np.any(b):
+            return None
+        if self._loop is None:
+            # loads Numba, which takes longer than all the rest
+            from receding_fenicsx.interface.exact.compilation import compiled_path
 
-        Returns:
-            The leg; None where there is nothing to leave out, or where that has failed.
-        """
-        (a, b), start = problem.ends, problem.start
-        if problem.chooser is not None:
-            return None
-        if is_at_rest(self.system, b) or (b - a).tobytes() not in self.changed:
-            return None
-        for _ in range(MAX_REDUCTIONS):
-            if self.reduction is None or not self.reduction.fits(start):
-                changed = np.logical_or.reduce(list(self.changed.values()))
-                slips = (start.state == FORWARD) | (start.state == BACKWARD)
-                active, opening = widen(changed | slips), widen(self._opened)
-                self.reduction = reduce(self.segments, start, active, opening)
-            if self.reduction is None:
-                return None
-            if self._rounds is None or self._rounds.reduction is not self.reduction:
-                self._rounds = Rounds(self.reduction)
-            try:
-                walk = self.reduction.follow(problem, self.check_all)
-                found = self.reduction.finish(problem, walk)
-            except (SolveError, SingularExchange):
-                # the error of the whole contact comes from the walk without reduction
-                return None
-            if isinstance(found, Leg):
-                self._remember(b - a, found)
-                residual, scale = found.residual, found.force_scale
-                if residual <= EVENT_RESIDUAL:
-                    self._rounds.note(problem, walk, found)
-                    return found
-                return found if residual <= reachable(self.system, found.end.u, scale) else None
-            for nodes in self.changed.values():
-                nodes[found] = True
-            self.reduction = None
-        return None
+            self._loop = compiled_path(segments)
+        if (b - a).tobytes() in self.changed:
+            changed = np.logical_or.reduce(list(self.changed.values()))
+            self._loop.leave_out(problem.start.state, changed, self._opened)
+        leg = self._loop.follow(problem)
+        if leg is not None:
+            self._remember(b - a, leg)
+        return leg
 
     def _limit(self, a: Array, b: Array) -> Limit | None:
         """Return where equilibrium ends on a leg, None where it does not."""

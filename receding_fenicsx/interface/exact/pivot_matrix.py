@@ -80,11 +80,11 @@ class PivotMatrix:
     def __init__(self, data: PivotData, n_labels: int, singular: float = SINGULAR_PIVOT) -> None:
         """Take over ``data``, whose labels are below ``n_labels``; see ``SINGULAR_PIVOT``."""
         m, k = data.T.shape
-        self._singular = singular
+        self.singular = singular
         self.T = np.empty((m, k))
         self._flat = self.T.ravel()
-        self._U, self._V = np.zeros((m, MAX_PENDING), order="F"), np.zeros((MAX_PENDING, k))
-        self._pending = 0
+        self.U, self.V = np.zeros((m, MAX_PENDING), order="F"), np.zeros((MAX_PENDING, k))
+        self.pending = 0
         self.row_of = np.full(n_labels, -1, dtype=np.intp)
         self.column_of = np.full(n_labels, -1, dtype=np.intp)
         self.restore(data)
@@ -94,14 +94,14 @@ class PivotMatrix:
         np.copyto(self.T, data.T)
         self.row_label, self.column_label = data.row_label.copy(), data.column_label.copy()
         self.age = data.age
-        self._pending = 0
+        self.pending = 0
         self.row_of[:] = self.column_of[:] = -1
         self.row_of[self.row_label] = np.arange(len(self.row_label))
         self.column_of[self.column_label] = np.arange(len(self.column_label))
 
     def copy(self) -> PivotData:
         """Return a copy of everything, pending updates applied."""
-        self._apply_pending()
+        self.apply_pending()
         return PivotData(
             self.T.copy(),
             self.row_label.copy(),
@@ -115,13 +115,13 @@ class PivotMatrix:
         Returns:
             False where that is singular, or the column of the input is left out.
         """
-        i, j, k = self.row_of.item(out), self.column_of.item(into), self._pending
+        i, j, k = self.row_of.item(out), self.column_of.item(into), self.pending
         if j < 0:
             return False
         if k == MAX_PENDING:
-            self._apply_pending()
+            self.apply_pending()
             k = 0
-        U, V = self._U, self._V
+        U, V = self.U, self.V
         R, C, T = V[k], U[:, k], self.T
         U[i, :k].dot(V[:k], out=R)
         U[:, :k].dot(V[:k, j], out=C)
@@ -129,12 +129,12 @@ class PivotMatrix:
         daxpy(T[i], R)
         daxpy(self._flat, C, n=len(T), offx=j, incx=T.shape[1])
         D = R.item(j)
-        if -self._singular <= D <= self._singular:
+        if -self.singular <= D <= self.singular:
             return False
         C[i] = C.item(i) + 1.0
         R[j] = D - 1.0
         dscal(-1.0 / D, C)
-        self._pending = k + 1
+        self.pending = k + 1
         self.row_label[i], self.column_label[j] = into, out
         self.row_of[into], self.row_of[out] = i, -1
         self.column_of[out], self.column_of[into] = j, -1
@@ -150,12 +150,12 @@ class PivotMatrix:
         i, j, e = self.row_of[outputs], self.column_of[inputs], len(outputs)
         if np.any(j < 0):
             return False
-        self._apply_pending()
+        self.apply_pending()
         T = self.T
         R, C = T[i], T.take(j, axis=1)
         lu, piv, _ = dgetrf(R[:, j])
         size = np.abs(lu.diagonal())
-        if size.min() <= self._singular * max(1.0, size.max()):
+        if size.min() <= self.singular * max(1.0, size.max()):
             return False
         inverse = dgetrs(lu, piv, np.eye(e))[0]
         if e <= MANY * min(T.shape):
@@ -179,26 +179,27 @@ class PivotMatrix:
 
     def of_loads(self, loads: Array) -> Array:
         """Return the outputs (m,) from loads (n_loads,)."""
-        k, pending = len(self.column_label), self._pending
+        k, pending = len(self.column_label), self.pending
         out: Array = self.T[:, k:].dot(loads)
         if pending:
-            out += self._U[:, :pending].dot(self._V[:pending, k:].dot(loads))
+            out += self.U[:, :pending].dot(self.V[:pending, k:].dot(loads))
         return out
 
     def response(self, inputs: Indices, change: Array) -> Array:
         """Return the change (m,) of the outputs when the labelled inputs change, or several."""
-        columns, k = self.column_of[inputs], self._pending
+        columns, k = self.column_of[inputs], self.pending
         if change.ndim > 1:
-            small: Array = self._V[:k].take(columns, axis=1) @ change
-            return self.T.take(columns, axis=1) @ change + self._U[:, :k] @ small
+            small: Array = self.V[:k].take(columns, axis=1) @ change
+            return self.T.take(columns, axis=1) @ change + self.U[:, :k] @ small
         x = np.zeros(self.T.shape[1])
         x[columns] = change
-        return self.T @ x + self._U[:, :k] @ (self._V[:k] @ x)
+        return self.T @ x + self.U[:, :k] @ (self.V[:k] @ x)
 
-    def _apply_pending(self) -> None:
-        k = self._pending
+    def apply_pending(self) -> None:
+        """Apply the pending updates."""
+        k = self.pending
         if k:
             # T is row-major: its transpose is what BLAS sees as a column-major matrix
-            V_t, U = self._V[:k].T, self._U[:, :k]
+            V_t, U = self.V[:k].T, self.U[:, :k]
             dgemm(1.0, V_t, U, beta=1.0, c=self.T.T, trans_b=1, overwrite_c=1)
-            self._pending = 0
+            self.pending = 0

@@ -11,10 +11,9 @@ from collections.abc import Iterable
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
+from receding_fenicsx.interface.exact.accumulate import Sums
 from receding_fenicsx.interface.exact.legs import Event, PathPoint
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments
 from receding_fenicsx.interface.residual import ROUND_OFFS, limit_excuse, residual_at_rest
@@ -82,24 +81,6 @@ class RoundOff:
         self._events += 1
         if self._events >= self._interval:
             self.remove_if_grown()
-
-    def balanced(self, h: Array, rates: Array) -> NDArray[np.bool_]:
-        """Return at which of the next events there is no suspicion and nothing would be removed.
-
-        Args:
-            h: (m,) lengths of the segments up to them, from the present point.
-            rates: (m or more, sums) of the imbalance along each.
-        """
-        point = self._point
-        errors = (h * rates[: len(h)].T).cumsum(axis=1)  # along rows, which takes less time
-        errors += self._segments.balance.errors(point.y, point.load)[:, None]
-        accepted = min(self._accepted(), EVENT_RESIDUAL * self._sums.force_scale)
-        holds: NDArray[np.bool_] = np.abs(errors).max(axis=0, initial=0.0) <= accepted
-        return holds
-
-    def note_balanced(self) -> None:
-        """Note that the imbalance has been measured at the last event, and is accepted."""
-        self._events, self._interval = 0, min(2 * self._interval, MEASURING_INTERVAL)
 
     def _accepted(self) -> float:
         """Return the imbalance up to which none is removed."""

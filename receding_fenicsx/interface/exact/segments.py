@@ -8,16 +8,14 @@ Quantities are kept in one vector y = [v, gap, A, B] with the margins A and B of
 from __future__ import annotations
 
 from collections import OrderedDict
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from math import sqrt
-from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.balance import BalanceCheck
-from receding_fenicsx.interface.exact.legs import Change
 from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_ON_SPRINGS, SingularExchange
 from receding_fenicsx.interface.exact.tableau import ONE_BY_ONE, A, B, Tableau
 from receding_fenicsx.interface.law import (
@@ -69,16 +67,7 @@ CACHE_BYTES = 2**28
 """Memory for the rates of sets of states that have been met before."""
 
 
-class Following(NamedTuple):
-    """What came of an event: label of the quantity at its limit, states and rates after it."""
-
-    label: int
-    state: States
-    segment: Segment
-    changes: list[Change]
-
-
-@dataclass(slots=True)
+@dataclass(frozen=True, slots=True)
 class Segment:
     """Rates along a leg in one set of states, ready for the event search.
 
@@ -87,20 +76,12 @@ class Segment:
         falling: labels of quantities that must stay >= 0 and fall.
         time: (len(falling),) -1 / rate of each.
         reversed_nodes: slipping nodes whose rate contradicts their state.
-        next: what came of the events met here by their labels, of the start of a leg by -1.
-        last: what came of the event met last.
-        reach: events passed by the last replay from here.
-        checked: rates of the watched quantities and of the imbalance, where they were asked for.
     """
 
     q: Array
     falling: NDArray[np.intp]
     time: Array
     reversed_nodes: NDArray[np.intp]
-    next: dict[int, Following] = field(default_factory=dict)
-    last: Following | None = None
-    reach: int = 8
-    checked: Array | None = None
 
 
 class Segments:
@@ -118,8 +99,6 @@ class Segments:
         balance: check that forces and displacements belong together.
         trials: sets of states whose rates were computed.
         refinements: refinements of rates since the tableau was made.
-        pause: events to pass one by one after a replay that was not worth while.
-        chains: stacked chains of segments, see :mod:`.replay.chain`.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
     """
@@ -159,8 +138,6 @@ class Segments:
         self.lifts_freely = has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
         self.trials = self.refinements = 0
-        self.pause = 0
-        self.chains: Any = None
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
         self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
@@ -187,6 +164,16 @@ class Segments:
             self._tableau = None
             return self._pinned(state)
         return self._tableau
+
+    def tableau_at_hand(self, state: States) -> Tableau:
+        """Return the tableau in whatever states it is, made for the given ones if there is none."""
+        return self.tableau(state) if self._tableau is None else self._tableau
+
+    def leave_out(self, state: States, inputs: NDArray[np.intp]) -> None:
+        """Leave columns of displacements out of the tableau, see :meth:`Tableau.leave_out`."""
+        tableau = self.tableau_at_hand(state)
+        if not self.is_loose:
+            tableau.leave_out(state, inputs)
 
     def _pinned(self, state: States) -> Tableau:
         """Return a tableau in which the rigid motions are pinned that the states leave free.
@@ -232,9 +219,7 @@ class Segments:
         self.trials += 1
         made = self._known[key] = self._make(state, direction)
         if len(self._known) * 2 * made.q.nbytes > CACHE_BYTES:  # forget the oldest ones
-            oldest = self._known.popitem(last=False)[1]
-            oldest.next.clear()
-            oldest.last = None
+            self._known.popitem(last=False)
         return made
 
     def known(self, state: States, direction: Array) -> Segment | None:

@@ -195,6 +195,26 @@ class Tableau:
         self._copies.clear()
         self.rebuilds += 1
 
+    @property
+    def left_out(self) -> int:
+        """Number of inputs whose columns are left out."""
+        return len(self._left_out)
+
+    def leave_out(self, state: NDArray[np.int8], inputs: NDArray[np.intp]) -> None:
+        """Make the tableau for ``state`` without the columns of some displacements.
+
+        They stay inputs as long as their nodes stick; when one is to be exchanged after all, the
+        tableau is made anew with all columns.
+
+        Args:
+            state: (N,) states.
+            inputs: labels of the displacements.
+        """
+        self._left_out = inputs
+        data = self._all_stuck.without(inputs)
+        self.matrix = PivotMatrix(data, 5 * len(state), self._singular)
+        self.build(state)
+
     def _different(self, one: NDArray[np.int8], other: NDArray[np.int8]) -> NDArray[np.intp]:
         """Return the nodes that are in different states, those without any limit left out."""
         different = one != other

@@ -8,20 +8,19 @@ from scipy.linalg.blas import daxpy
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums, Watch
+from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
 from receding_fenicsx.interface.exact.consistency import ConsistentStates, EquilibriumEnd
 from receding_fenicsx.interface.exact.legs import (
+    END_TOLERANCE,
+    EVENTS_WITHOUT_PROGRESS,
     SIMULTANEOUS,
     Course,
     LegProblem,
     PathPoint,
     changed_nodes,
-    only_stick,
 )
-from receding_fenicsx.interface.exact.replay.events import START_OF_LEG, Replay
 from receding_fenicsx.interface.exact.round_off import RoundOff, displacement_uncertainty
-from receding_fenicsx.interface.exact.segments import Following, Segment, Segments, States
-from receding_fenicsx.interface.exact.tableau import A
+from receding_fenicsx.interface.exact.segments import Segment, Segments
 from receding_fenicsx.interface.exact.unloading import (
     UNLOADING_EVENTS,
     UNLOADING_REFINEMENTS,
@@ -29,16 +28,8 @@ from receding_fenicsx.interface.exact.unloading import (
     displacements_at_rest,
     keeps_limits,
 )
-from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
 from receding_fenicsx.interface.residual import residual_at_rest
 from receding_fenicsx.interface.system import ContactState, Leg
-
-END_TOLERANCE = 1e-13
-"""Part of the leg before its end in which events are left to the next leg: round-off decides there
-whether a closed cycle returns to where it reversed or just past it."""
-
-EVENTS_WITHOUT_PROGRESS = 20
-"""Events per node within ``SIMULTANEOUS`` of one place after which an error is raised."""
 
 
 class Walk:
@@ -50,13 +41,7 @@ class Walk:
         sums: dissipation, work and residual so far.
         round_off: imbalance of displacements and forces.
         course: samples, events and stops so far.
-        replay: passes known events many at once.
-        first: rates at the start, and the number of changes of state there.
-        last: rates at the end.
     """
-
-    first: tuple[Segment, int]
-    last: Segment
 
     def __init__(
         self,
@@ -65,7 +50,6 @@ class Walk:
         check_all: bool = False,
         equilibrium_ends: EquilibriumEnd = lambda ends: np.inf,
         accept_round_off: bool = True,
-        watch: Watch | None = None,
     ) -> None:
         """Start at the beginning of a leg.
 
@@ -76,20 +60,17 @@ class Walk:
             equilibrium_ends: place on the leg beyond which there is no equilibrium.
             accept_round_off: accept a residual that round-off of the displacements explains; not
                 where only friction too low to be resolved holds them.
-            watch: looks for nodes on limits at every event and at the end; see ``sums.watched``.
         """
         self.segments, self.system, self.problem = segments, segments.system, problem
         start = problem.start
         y = segments.values(start)
         self.point = PathPoint(problem, self.system, problem.s_start, y, start.state.copy())
-        self.sums = Sums(segments, self.point, check_all, watch)
+        self.sums = Sums(segments, self.point, check_all)
         self.states = ConsistentStates(segments, self.point, self.sums, equilibrium_ends)
         self.round_off = RoundOff(segments, self.point, self.sums)
         self.course = Course(problem)
-        self.replay = Replay(segments, self.point, self.sums, self.round_off)
         self._accept_round_off = accept_round_off
         self._unloading = not np.any(problem.ends[1])
-        self._trials_before = segments.trials
         self._progress_at, self._events_here = problem.s_start, 0
 
     def run(self, s_end: float) -> None:
@@ -100,17 +81,8 @@ class Walk:
         """
         point, y = self.point, self.point.y
         segment = self._consistent()
-        self.first = segment, len(self.course.events)
         looked_at = True
-        # towards complete unloading every event is looked at
-        replayed_to = s_end - (UNLOADING_EVENTS if self._unloading else END_TOLERANCE)
         while True:
-            at = point.s
-            following = self.replay.follow(segment, replayed_to, self.course)
-            if following is not None:
-                segment, looked_at = following, False
-                if point.s - at <= SIMULTANEOUS:
-                    self._check_progress()
             times = y[segment.falling] * segment.time
             k = int(times.argmin()) if len(times) else -1
             first = float(times[k]) if k >= 0 else np.inf
@@ -122,25 +94,19 @@ class Walk:
                 unloaded = self._unloaded(segment, first, s_end)
                 if unloaded is not None:
                     self._end_at(unloaded, segment, s_end)
-                    self.last = segment
                     return
             ds = s_end - point.s if last else max(first, 0.0)
             if self.course.sample_at:
                 self.course.sample(point, segment.q, point.s + ds)
             self._advance(segment, ds)
             if last:
-                point.s, self.last = s_end, segment
+                point.s = s_end
                 return
             if self.problem.samples:
                 self.course.stops.append((point.s, point.displacements(y)))
             if ds <= SIMULTANEOUS:
                 self._check_progress()
-            segment, looked_at = self._event(int(segment.falling[k]), segment)
-
-    @property
-    def is_known(self) -> bool:
-        """Whether no rates were made by the tableau on the way."""
-        return self.segments.trials == self._trials_before
+            segment, looked_at = self._event(int(segment.falling[k]), segment), True
 
     def _unloaded(self, segment: Segment, first: float, s_end: float) -> Array | None:
         """Return the (4N,) quantities at the end of unloading.
@@ -173,56 +139,21 @@ class Walk:
         point.s += ds
         self.sums.add_stop(point.s, y, point.state)
 
-    def _event(self, label: int, segment: Segment) -> tuple[Segment, bool]:
-        """Pass an event; return the rates after it, and whether all on limits were looked at."""
+    def _event(self, label: int, segment: Segment) -> Segment:
+        """Pass an event; return the rates after it."""
         point, states = self.point, self.states
         point.y[label] = 0.0
-        known = segment.next.get(label)
-        segment.last = known
-        if known is not None:
-            point.state = known.state
-            self.course.add_events(point.s, known.changes)
-            self.round_off.count_event()
-            return known.segment, False
-        before, i = point.state, label % len(point.state)
+        before = point.state
         following = states.find(label, segment.q)
-        alone = states.by_rates and states.rounds == 0
-        if alone:
-            made = [(i, int(before[i]), int(point.state[i]))]
-        else:
-            made = changed_nodes(before, point.state)
-        self.course.add_events(point.s, made)
-        # what sits on another limit by chance is not to be repeated, what ceases to slip is
-        if alone or (
-            states.by_rates and only_stick(made, i) and not self._needs_both(label, before)
-        ):
-            segment.next[label] = segment.last = Following(label, point.state, following, made)
+        self.course.add_events(point.s, changed_nodes(before, point.state))
         self.round_off.count_event()
-        return following, True
-
-    def _needs_both(self, label: int, before: States) -> bool:
-        """Return whether a node that stuck before has changed as only one on both limits can."""
-        kind, i = divmod(label, len(before))
-        if before[i] != STICK or not self.segments.frictional[i]:
-            return False
-        return int(self.point.state[i]) not in (STICK, FORWARD if kind == A else BACKWARD)
+        return following
 
     def _consistent(self) -> Segment:
         """Bring the states to consistent ones; return their rates."""
-        point, states, before = self.point, self.states, self.point.state
-        afresh = self.problem.chooser is None
-        first = self.segments.known(before, states.direction) if afresh else None
-        if first is not None and len(first.reversed_nodes):
-            turned = first.next.get(START_OF_LEG)
-            if turned is not None and len(states.violations(turned.segment)) == 0:
-                point.state = turned.state
-                self.course.add_events(point.s, turned.changes)
-                return turned.segment
-        segment = states.find()
-        made = changed_nodes(before, point.state)
-        self.course.add_events(point.s, made)
-        if first is not None and states.by_rates and only_stick(made):
-            first.next[START_OF_LEG] = Following(START_OF_LEG, point.state, segment, made)
+        before = self.point.state
+        segment = self.states.find()
+        self.course.add_events(self.point.s, changed_nodes(before, self.point.state))
         return segment
 
     def _check_progress(self) -> None:
@@ -303,10 +234,10 @@ class Walk:
         return self.round_off.remove(UNLOADING_REFINEMENTS)
 
     def _residual(self, end: ContactState) -> float:
-        """Return the residual at one instant; 0 for a part of a contact, which is checked whole."""
+        """Return the residual at one instant."""
         scale = max(self.sums.force_scale, float(np.abs(end.r).max(initial=0.0)))
         self.sums.force_scale = scale
-        return residual_at_rest(self.system, end, scale) if self.sums.watch is None else 0.0
+        return residual_at_rest(self.system, end, scale)
 
     def _exceeds(self, residual: float, end: ContactState) -> bool:
         """Return whether a residual is above what is accepted at one instant."""

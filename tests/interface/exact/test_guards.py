@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from law import random_system
+from legs import cold
 from models import block_system
 from small import small_system, table
 
@@ -96,6 +97,7 @@ def test_a_path_whose_forces_do_not_balance_is_refused(
         # on the second leg, from 1 to 2, at whose end the largest force is 2
         q[W * 2] = part * EVENT_RESIDUAL * 2.0 / 3.0
 
+    cold(monkeypatch)
     history = table(system, [0.0, 1.0, 2.0])
     assert evolve(system, history).residual_max < 1e-15
     spoil_rates(monkeypatch, lift)
@@ -119,6 +121,7 @@ def test_round_off_of_a_walk_is_cleared_on_the_way(monkeypatch: pytest.MonkeyPat
         error = np.where(np.arange(BLOCK.n) % 2, error, -error) / self.segments.weight[: BLOCK.n]
         self.point.y[: BLOCK.n] += np.where(slips, error, 0.0)
 
+    cold(monkeypatch)
     history = table(BLOCK, [0.0, 1.0, 1.0 / 3.0])
     exact = evolve(BLOCK, history)
     assert exact.n_events > 60

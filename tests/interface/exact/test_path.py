@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from enumeration import confirmed
 from law import random_system, worst_violation
+from legs import cold
 from models import block_system, pushed_block
 from replay import objections
 from small import cyclic, small_system, table, walker
@@ -453,6 +454,7 @@ def spoil(rates: Rates, node: int) -> Rates:
 
 @pytest.mark.parametrize("node", [20, 25])
 def test_rates_spoilt_by_round_off_are_refined(node: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    cold(monkeypatch)
     exact = evolve(SMALL, cyclic(2))
     monkeypatch.setattr(Tableau, "rates", spoil(Tableau.rates, node))
     healed = evolve(SMALL, cyclic(2))
@@ -470,6 +472,7 @@ def test_a_wrong_rate_does_not_pass_unnoticed(node: int, monkeypatch: pytest.Mon
         q[2 * self.system.n + node] *= 1.0001  # of A
         return q
 
+    cold(monkeypatch)
     monkeypatch.setattr(Segments, "_rates", spoiled)
     with pytest.raises(SolveError, match="lost accuracy"):
         evolve(SMALL, cyclic(1))
@@ -559,6 +562,7 @@ def test_nodes_of_small_friction_among_others_are_followed() -> None:
 
 @pytest.mark.parametrize("stops", [1, 2, 3, 7])
 def test_a_leg_may_end_where_its_last_sum_did(stops: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    cold(monkeypatch)
     whole = evolve(SMALL, cyclic(2))
     monkeypatch.setattr("receding_fenicsx.interface.exact.accumulate.STOPS_AT_ONCE", stops)
     parts = evolve(SMALL, cyclic(2))

@@ -1,0 +1,650 @@
+"""The event loop of the exact path, compiled: from event to event along one leg.
+
+:func:`follow` is steps 3 to 6 of :mod:`receding_fenicsx.interface.exact` in one loop. It stands at
+a place s of a leg, with quantities y = [v, gap, A, B] and states, and repeats
+
+1. the rates of the present states are looked up among those that have been met, or made by
+   exchanges in the tableau (:func:`made`);
+2. quantities on their limit that are driven across it change the states of their nodes, all at
+   first, then the worst one (:func:`turned`);
+3. the next event is the first quantity that falls to zero (:func:`looked`). Where these states have
+   been left by an event before, that one is tried first: it is the next one if all margins and gaps
+   stay positive up to it;
+4. y, dissipation and work are carried there (:func:`advanced`), and its node changes state.
+
+What it cannot do by itself it returns as a request, and goes on where it stopped once that has been
+answered. Signs, states and exchanges are those of the modules that know them.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from hashlib import sha256
+from inspect import getsource
+from types import CellType, FunctionType
+from typing import Any, NamedTuple, TypeVar
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.interface import law
+from receding_fenicsx.interface.exact import consistency, legs, tableau
+from receding_fenicsx.interface.exact.legs import (
+    END_TOLERANCE,
+    EVENTS_WITHOUT_PROGRESS,
+    SIMULTANEOUS,
+)
+from receding_fenicsx.interface.exact.tableau import A, B, V
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+DONE, RATES, PENDING, MEMORY, ROOM, BALANCE, CYCLING = range(7)
+"""What :func:`follow` returns: the end of the leg is reached; or what it asks for: rates in the
+present states, pending updates of the tableau to be applied, a larger memory, room for more events,
+round-off to be removed; or that states follow one another without end."""
+
+HALF_WAY = 0
+"""State in the tableau of a node whose exchanges could be made by half only."""
+
+SOURCES = tuple(
+    sha256(getsource(module).encode()).hexdigest() for module in (consistency, legs, tableau, law)
+)
+"""Other modules whose functions and constants are compiled into the machine code."""
+
+
+def compiled(function: F) -> F:
+    """Compile a function at its first call; keep the machine code on disk where that is allowed.
+
+    Numba takes it from there while this file, and what the function encloses, are the same.
+    """
+    code = function.__code__.replace(co_freevars=("sources",))
+    enclosing = FunctionType(code, function.__globals__, closure=(CellType(SOURCES),))
+    enclosing.__doc__ = function.__doc__
+    try:
+        made: F = njit(cache=True, error_model="numpy", _nrt=False)(enclosing)
+    except RuntimeError:  # neither the package nor the user's cache folder can be written
+        made = njit(error_model="numpy", _nrt=False)(enclosing)
+    return made
+
+
+state_after = compiled(consistency.state_after)
+
+
+class Contact(NamedTuple):
+    """What does not change along a path.
+
+    Attributes:
+        frictional, smooth: (N,) nodes with the full contact law, and those with P alone.
+        weight: (4N,) brings every entry of y to the size of a nodal force.
+        share_A, share_B: (N,) factors a, b of Q = a A - b B.
+        sums_of_y, sums_of_load: (sums, 4N) and (sums, n_loads) of the balance check.
+        r_star: (n_loads, 2N) held reactions of unit loads.
+        exchanges: (2, 5, 5, 4) kinds (output, input, output, input) to exchange, -1 for none, of
+            smooth and frictional nodes, by the old and the new state.
+        marks: (N, 5) random number of each state of each node.
+        stiffness: unit in which the tableau measures displacements.
+        rate_tolerance: rate over the norm of all rates below which it counts as zero.
+        imbalances: imbalance of rates that is accepted, over the norms of all rates and of forces.
+    """
+
+    frictional: NDArray[np.bool_]
+    smooth: NDArray[np.bool_]
+    weight: Array
+    share_A: Array
+    share_B: Array
+    sums_of_y: Array
+    sums_of_load: Array
+    r_star: Array
+    exchanges: Ints
+    marks: NDArray[np.uint64]
+    stiffness: float
+    rate_tolerance: float
+    imbalances: tuple[float, float]
+
+
+class Matrix(NamedTuple):
+    """Arrays of a tableau, see :class:`~receding_fenicsx.interface.exact.pivot_matrix.PivotMatrix`.
+
+    Attributes:
+        T, U, V: the matrix without, and the factors of, its pending updates.
+        counts: number of pending updates, exchanges in all, and whether ``rate`` is up to date.
+        rate: (m,) rates of the outputs along the leg.
+        row_label, column_label, row_of, column_of: labels and where they are.
+        state: (N,) states of the tableau.
+        singular: smallest pivot.
+        oldest: exchanges after which it is to be made anew.
+    """
+
+    T: Array
+    U: Array
+    V: Array
+    counts: Ints
+    rate: Array
+    row_label: Ints
+    column_label: Ints
+    row_of: Ints
+    column_of: Ints
+    state: NDArray[np.int8]
+    singular: float
+    oldest: int
+
+
+class Memory(NamedTuple):
+    """Rates of the sets of states met, by direction of the leg.
+
+    Attributes:
+        table: entry by hash, -1 where there is none.
+        used: number of entries.
+        mark: (k,) hash of each.
+        state: (k, N) states.
+        rates: (k, 4N) rates of y.
+        threshold: (k,) rate, as a force, below which a quantity falls.
+        reversed_nodes: (k,) number of slipping nodes whose rate contradicts their state.
+        hit: (k,) quantity that reached its limit last time, -1 where the leg ended.
+        stroke: (k, n_loads) rates of r*_k . u.
+        imbalance: (k, sums) rates of the sums of the balance check.
+        resting: (k,) number of gaps and margins that are zero in these states.
+    """
+
+    table: NDArray[np.int32]
+    used: Ints
+    mark: NDArray[np.uint64]
+    state: NDArray[np.int8]
+    rates: Array
+    threshold: Array
+    reversed_nodes: NDArray[np.int32]
+    hit: NDArray[np.int32]
+    stroke: Array
+    imbalance: Array
+    resting: NDArray[np.int32]
+
+
+class Way(NamedTuple):
+    """A leg.
+
+    Attributes:
+        start, direction: (n_loads,) load factors at its start, and their change.
+        mark, back: number of its direction, and of the opposite one.
+        on_limit: (4N,) distance from a limit up to which a node is on it.
+        accepted: imbalance that need not be removed.
+        sample_at: (k,) places of samples.
+    """
+
+    start: Array
+    direction: Array
+    mark: np.uint64
+    back: np.uint64
+    on_limit: Array
+    accepted: float
+    sample_at: Array
+
+
+class Path(NamedTuple):
+    """Path along a leg under way.
+
+    Attributes:
+        y, state: (4N,) quantities and (N,) states.
+        place: s, and where the last events without progress began.
+        counts: events, the first of those at the present instant, ties, stops, samples, rounds of
+            changes, events without progress.
+        dissipation: (N,) frictional dissipation.
+        work: (n_loads,) integral of lambda_k r*_k . du.
+        imbalance: (sums,) of the balance check.
+        violated: (N,) scratch: 1 << kind of the violated quantities of each node, added up.
+        event_at, event: (k,) places and (k, 3) node, old state, new state.
+        tie_at, tie: likewise: node, state, other state.
+        stop_at, stop: (k,) places and (k, 4N) quantities at events, where asked for.
+        sample, sample_state: (k, 4N) and (k, N) at the places of samples.
+    """
+
+    y: Array
+    state: NDArray[np.int8]
+    place: Array
+    counts: Ints
+    dissipation: Array
+    work: Array
+    imbalance: Array
+    violated: Ints
+    event_at: Array
+    event: Ints
+    tie_at: Array
+    tie: Ints
+    stop_at: Array
+    stop: Array
+    sample: Array
+    sample_state: NDArray[np.int8]
+
+
+EVENTS, FIRST, TIES, STOPS, SAMPLES, ROUNDS, HERE = range(7)
+"""Places in ``Path.counts``."""
+
+
+@compiled
+def exchanged(matrix: Matrix, out: int, into: int) -> int:
+    """Exchange an output with an input; return DONE, or RATES where it is singular or left out.
+
+    Room for one more pending update is the caller's concern.
+    """
+    T, U, V, row_of, column_of = matrix.T, matrix.U, matrix.V, matrix.row_of, matrix.column_of
+    i, j, k = row_of[out], column_of[into], matrix.counts[0]
+    if j < 0:
+        return RATES
+    column, row = U[k], V[k]
+    for a in range(len(column)):
+        column[a] = T[a, j]
+    for b in range(len(row)):
+        row[b] = T[i, b]
+    for past in range(k):
+        on_column, on_row = V[past, j], U[past, i]
+        for a in range(len(column)):
+            column[a] += on_column * U[past, a]
+        for b in range(len(row)):
+            row[b] += on_row * V[past, b]
+    pivot = row[j]
+    if abs(pivot) <= matrix.singular:
+        return RATES
+    column[i] += 1.0
+    row[j] -= 1.0
+    scale, rate, now = -1.0 / pivot, matrix.rate, matrix.rate[i]
+    for a in range(len(column)):
+        column[a] *= scale
+        rate[a] += now * column[a]
+    matrix.row_label[i], matrix.column_label[j] = into, out
+    row_of[into], row_of[out] = i, -1
+    column_of[out], column_of[into] = j, -1
+    matrix.counts[0] += 1
+    matrix.counts[1] += 1
+    return DONE
+
+
+@compiled
+def carried_to(contact: Contact, matrix: Matrix, state: NDArray[np.int8]) -> int:
+    """Bring the tableau to the given states by single exchanges; return DONE or a request."""
+    n = len(state)
+    for i in range(n):
+        old, new = matrix.state[i], state[i]
+        if old == new or not (contact.frictional[i] or contact.smooth[i]):
+            continue
+        kinds = contact.exchanges[1 if contact.frictional[i] else 0, old, new]
+        # both exchanges of a node, or none
+        if matrix.counts[0] + 2 > len(matrix.U):
+            return PENDING
+        if matrix.counts[1] > matrix.oldest:
+            return RATES
+        for pair in range(2):
+            if kinds[2 * pair] >= 0:
+                request = exchanged(matrix, kinds[2 * pair] * n + i, kinds[2 * pair + 1] * n + i)
+                if request != DONE:
+                    if pair:
+                        matrix.state[i] = HALF_WAY
+                    return request
+        matrix.state[i] = new
+    return DONE
+
+
+@compiled
+def found(memory: Memory, mark: np.uint64, state: NDArray[np.int8]) -> int:
+    """Return the entry of a set of states; -1 - its place in the table where there is none."""
+    last = len(memory.table) - 1
+    place = np.int64(mark & np.uint64(last))
+    while True:
+        entry = memory.table[place]
+        if entry < 0:
+            return int(-1 - place)
+        if memory.mark[entry] == mark:
+            same = True
+            for i in range(len(state)):
+                same &= memory.state[entry, i] == state[i]
+            if same:
+                return int(entry)
+        place = (place + 1) & last
+
+
+@compiled
+def kept(
+    contact: Contact, memory: Memory, way: Way, mark: np.uint64, state: NDArray[np.int8]
+) -> bool:
+    """Keep the rates in the next free entry; return False where they are not in balance."""
+    n, entry = len(state), memory.used[0]
+    q, weight = memory.rates[entry], contact.weight
+    displacements = forces = 0.0
+    for a in range(2 * n):
+        displacements += (q[a] * weight[a]) ** 2
+    for a in range(2 * n, 4 * n):
+        forces += (q[a] * weight[a]) ** 2
+    size = np.sqrt(displacements + forces)
+    threshold = contact.rate_tolerance * size
+    against = 0
+    for i in range(n):
+        slip = q[i] * weight[i]
+        if (state[i] == FORWARD and slip < -threshold) or (
+            state[i] == BACKWARD and slip > threshold
+        ):
+            against += 1
+    worst = 0.0
+    for k in range(len(contact.sums_of_y)):
+        error = 0.0
+        for a in range(4 * n):
+            error += contact.sums_of_y[k, a] * q[a]
+        for load in range(len(way.direction)):
+            error += contact.sums_of_load[k, load] * way.direction[load]
+        memory.imbalance[entry, k] = error
+        worst = max(worst, abs(error))
+    for load in range(len(way.direction)):
+        stroke = 0.0
+        for a in range(2 * n):
+            stroke += contact.r_star[load, a] * q[a]
+        memory.stroke[entry, load] = stroke
+    resting = 0
+    for i in range(n):
+        if contact.frictional[i] and state[i] == STICK:
+            resting += 1
+        elif contact.frictional[i] or contact.smooth[i]:
+            resting += 2  # a smooth node has no B
+    memory.resting[entry] = resting
+    memory.threshold[entry] = threshold
+    memory.reversed_nodes[entry] = against
+    memory.hit[entry] = -1
+    for i in range(n):
+        memory.state[entry, i] = state[i]
+    memory.mark[entry] = mark
+    memory.table[-1 - found(memory, mark, state)] = entry
+    of_all, of_forces = contact.imbalances
+    return bool(worst <= max(of_all * size, of_forces * np.sqrt(forces)))
+
+
+@compiled
+def made(
+    contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Path, mark: np.uint64
+) -> int:
+    """Make the rates of the present states, the next entry of the memory, or return a request.
+
+    Where the loads turn back the rates do so too.
+    """
+    n, entry = len(path.state), memory.used[0]
+    if entry == len(memory.rates):
+        return MEMORY
+    q = memory.rates[entry]
+    back = found(memory, mark ^ way.mark ^ way.back, path.state)
+    if back >= 0:
+        for a in range(4 * n):
+            q[a] = 0.0 - memory.rates[back, a]
+    else:
+        T, columns, rate = matrix.T, len(matrix.column_label), matrix.rate
+        if matrix.counts[2] == 0:
+            for a in range(len(rate)):
+                rate[a] = 0.0
+                for load in range(len(way.direction)):
+                    rate[a] += T[a, columns + load] * way.direction[load]
+            for past in range(matrix.counts[0]):
+                moved = 0.0
+                for load in range(len(way.direction)):
+                    moved += matrix.V[past, columns + load] * way.direction[load]
+                for a in range(len(rate)):
+                    rate[a] += moved * matrix.U[past, a]
+            matrix.counts[2] = 1
+        request = carried_to(contact, matrix, path.state)
+        if request != DONE:
+            return request
+        for a in range(4 * n):
+            q[a] = 0.0
+        for a in range(len(rate)):
+            label = matrix.row_label[a]
+            if label < 2 * n:
+                q[label] = rate[a] / contact.stiffness
+            elif label < 4 * n:
+                q[label] = rate[a]
+    if not kept(contact, memory, way, mark, path.state):
+        # of no use: the table forgets it
+        memory.table[found_place(memory, mark, entry)] = -1
+        return RATES
+    memory.used[0] += 1
+    return DONE
+
+
+@compiled
+def found_place(memory: Memory, mark: np.uint64, entry: int) -> int:
+    """Return the place in the table of the entry made last."""
+    last = len(memory.table) - 1
+    place = np.int64(mark & np.uint64(last))
+    while memory.table[place] != entry:
+        place = (place + 1) & last
+    return int(place)
+
+
+@compiled
+def passed(y: Array, q: Array, h: float, hit: int) -> bool:
+    """Return whether a margin or gap, that of the event at h left out, is below zero after h."""
+    n, below = len(y) // 4, 0
+    # views from 0 on are compiled to vector instructions
+    limited, rates = y[n:], q[n:]
+    for a in range(len(limited)):
+        below += limited[a] + h * rates[a] < 0.0
+    if hit >= 0:
+        below -= y[hit] + h * q[hit] < 0.0
+    return below > 0
+
+
+@compiled
+def looked(
+    contact: Contact, memory: Memory, way: Way, path: Path, entry: int
+) -> tuple[int, float, int]:
+    """Look at all quantities; note those on their limit that are driven across it.
+
+    Returns:
+        Label of the first to reach zero, -1 for none, the way to there, the number of violations.
+    """
+    n, y, q, weight = len(path.state), path.y, memory.rates[entry], contact.weight
+    threshold, label, first, violations = memory.threshold[entry], -1, np.inf, 0
+    for i in range(n):
+        path.violated[i] = 0
+    for a in range(n, 4 * n):
+        if q[a] * weight[a] < -threshold:
+            time = -y[a] / q[a]
+            if time < first:
+                label, first = a, time
+            if y[a] <= way.on_limit[a]:
+                path.violated[a % n] |= 1 << (a // n)
+                violations += 1
+    if memory.reversed_nodes[entry]:
+        for i in range(n):
+            slip = q[i] * weight[i]
+            if (path.state[i] == FORWARD and slip < -threshold) or (
+                path.state[i] == BACKWARD and slip > threshold
+            ):
+                path.violated[i] |= 1 << V
+                violations += 1
+    return label, first, violations
+
+
+@compiled
+def noted(path: Path, i: int, old: int, new: int) -> None:
+    """Note a change of state at the present instant: the net change of each node, by node."""
+    at, event, count = path.event_at, path.event, path.counts
+    k = count[FIRST]
+    while k < count[EVENTS] and event[k, 0] < i:
+        k += 1
+    if k < count[EVENTS] and event[k, 0] == i:
+        event[k, 2] = new
+        if event[k, 1] == new:
+            for later in range(k, count[EVENTS] - 1):
+                for part in range(3):
+                    event[later, part] = event[later + 1, part]
+            count[EVENTS] -= 1
+        return
+    for later in range(count[EVENTS], k, -1):
+        for part in range(3):
+            event[later, part] = event[later - 1, part]
+    event[k, 0], event[k, 1], event[k, 2] = i, old, new
+    at[count[EVENTS]] = path.place[0]
+    count[EVENTS] += 1
+
+
+@compiled
+def put(contact: Contact, way: Way, path: Path, i: int, new: int, mark: np.uint64) -> np.uint64:
+    """Change the state of a node; what the new one fixes is zero. Return the new hash."""
+    y, old, a, b = path.y, path.state[i], A * len(path.state) + i, B * len(path.state) + i
+    if new == SEPARATION or y[a] <= way.on_limit[a]:
+        y[a] = 0.0
+    if new == SEPARATION or y[b] <= way.on_limit[b]:
+        y[b] = 0.0
+    path.state[i] = new
+    noted(path, i, old, new)
+    return mark ^ contact.marks[i, old] ^ contact.marks[i, new]
+
+
+@compiled
+def turned(
+    contact: Contact, memory: Memory, way: Way, path: Path, entry: int, mark: np.uint64
+) -> np.uint64:
+    """Change the states of the nodes whose quantities are violated; return the new hash.
+
+    All of them in the first rounds, later the one with the largest rate.
+    """
+    n, q, weight, worst = len(path.state), memory.rates[entry], contact.weight, -1
+    if path.counts[ROUNDS] > consistency.SIMULTANEOUS_ROUNDS:
+        largest, kind = 0.0, 0
+        for i in range(n):
+            for k in range(4):
+                if path.violated[i] & 1 << k and abs(q[k * n + i]) * weight[k * n + i] > largest:
+                    largest, worst, kind = abs(q[k * n + i]) * weight[k * n + i], i, k
+        if worst >= 0:
+            path.violated[worst] = 1 << kind
+    for i in range(n):
+        if path.violated[i] and (worst < 0 or i == worst):
+            new = state_after(path.state[i], path.violated[i], contact.frictional[i], 0.0)
+            mark = put(contact, way, path, i, new, mark)
+    return mark
+
+
+@compiled
+def advanced(contact: Contact, memory: Memory, way: Way, path: Path, entry: int, ds: float) -> None:
+    """Carry quantities, dissipation, work and imbalance on by ds."""
+    n, y, q, s = len(path.state), path.y, memory.rates[entry], path.place[0]
+    share_A, share_B = contact.share_A, contact.share_B
+    margin_A, margin_B, rate_A, rate_B = y[2 * n : 3 * n], y[3 * n :], q[2 * n : 3 * n], q[3 * n :]
+    for i in range(n):
+        Q = share_A[i] * margin_A[i] - share_B[i] * margin_B[i]
+        rate = share_A[i] * rate_A[i] - share_B[i] * rate_B[i]
+        path.dissipation[i] -= (Q + 0.5 * ds * rate) * (ds * q[i])
+    for a in range(4 * n):
+        y[a] += ds * q[a]
+    for load in range(len(path.work)):
+        middle = way.start[load] + (s + 0.5 * ds) * way.direction[load]
+        path.work[load] += ds * memory.stroke[entry, load] * middle
+    for k in range(len(path.imbalance)):
+        path.imbalance[k] += ds * memory.imbalance[entry, k]
+
+
+@compiled
+def sampled(memory: Memory, way: Way, path: Path, entry: int, s_to: float) -> None:
+    """Store the samples up to a place."""
+    k, q = path.counts[SAMPLES], memory.rates[entry]
+    while k < len(way.sample_at) and way.sample_at[k] <= s_to:
+        ds = way.sample_at[k] - path.place[0]
+        for a in range(len(q)):
+            path.sample[k, a] = path.y[a] + ds * q[a]
+        for i in range(len(path.state)):
+            path.sample_state[k, i] = path.state[i]
+        k += 1
+    path.counts[SAMPLES] = k
+
+
+@compiled
+def on_limits(y: Array, on: Array) -> int:
+    """Return the number of gaps and margins on their limit."""
+    n, count = len(y) // 4, 0
+    limited, up_to = y[n:], on[n:]
+    for a in range(len(limited)):
+        count += limited[a] <= up_to[a]
+    return count
+
+
+@compiled
+def tied(contact: Contact, way: Way, path: Path, hit: int) -> None:
+    """Note nodes on a limit besides the one that has reached its own, see ``accumulate.tied``."""
+    n, y, on, state = len(path.state), path.y, way.on_limit, path.state
+    for i in range(n):
+        on_A, on_B = y[A * n + i] <= on[A * n + i], y[B * n + i] <= on[B * n + i]
+        opened, stuck = state[i] == SEPARATION, state[i] == STICK
+        touches = y[n + i] <= on[n + i] if opened else on_A and on_B
+        if not (touches or (stuck and (on_A or on_B) and contact.frictional[i])):
+            continue
+        # the change of the one that has reached its limit is an event
+        if not (contact.frictional[i] or contact.smooth[i]) or (
+            i == hit and not (stuck and touches)
+        ):
+            continue
+        k = path.counts[TIES]
+        path.tie_at[k] = path.place[0]
+        path.tie[k, 0], path.tie[k, 1] = i, state[i]
+        path.tie[k, 2] = SEPARATION if touches else FORWARD if on_A else BACKWARD
+        path.counts[TIES] += 1
+
+
+@compiled
+def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Path) -> int:
+    """Follow a leg up to its end; return DONE or a request."""
+    n, y, state, count = len(path.state), path.y, path.state, path.counts
+    mark = way.mark
+    for i in range(n):
+        mark ^= contact.marks[i, state[i]]
+    while True:
+        if count[EVENTS] + 2 * n > len(path.event_at) or count[TIES] + n > len(path.tie_at):
+            return ROOM
+        entry = found(memory, mark, state)
+        if entry < 0:
+            request = made(contact, matrix, memory, way, path, mark)
+            if request != DONE:
+                return request
+            entry = found(memory, mark, state)
+        q, s, label = memory.rates[entry], path.place[0], memory.hit[entry]
+        left = 1.0 - s
+        first = np.inf
+        if label >= 0:
+            first = -y[label] / q[label]
+        if (
+            memory.reversed_nodes[entry]
+            or not first >= SIMULTANEOUS
+            or passed(y, q, min(first, left), label if first < left else -1)
+        ):
+            label, first, violations = looked(contact, memory, way, path, entry)
+            if violations:
+                count[ROUNDS] += 1
+                if count[ROUNDS] > n + consistency.SIMULTANEOUS_ROUNDS:
+                    return CYCLING
+                mark = turned(contact, memory, way, path, entry, mark)
+                continue
+        for k in range(len(path.imbalance)):
+            if abs(path.imbalance[k]) > way.accepted:
+                return BALANCE
+        ends = first >= left - END_TOLERANCE
+        ds = left if ends else max(first, 0.0)
+        sampled(memory, way, path, entry, 1.0 if ends else s + ds)
+        advanced(contact, memory, way, path, entry, ds)
+        if ends:
+            path.place[0] = 1.0
+            memory.hit[entry] = -1
+            return DONE
+        memory.hit[entry] = label
+        path.place[0] = s + ds
+        if path.place[0] - path.place[1] > SIMULTANEOUS:
+            path.place[1], count[HERE] = path.place[0], 0
+        count[HERE] += 1
+        if count[HERE] > EVENTS_WITHOUT_PROGRESS * n:
+            return CYCLING
+        if len(path.stop_at):
+            path.stop_at[count[STOPS]] = path.place[0]
+            for a in range(4 * n):
+                path.stop[count[STOPS], a] = y[a]
+            count[STOPS] += 1
+        i, kind = label % n, label // n
+        if on_limits(y, way.on_limit) != memory.resting[entry] + 1:
+            tied(contact, way, path, i)
+        count[FIRST], count[ROUNDS] = count[EVENTS], 0
+        y[label] = 0.0
+        new = state_after(state[i], 1 << kind, contact.frictional[i], q[i])
+        mark = put(contact, way, path, i, new, mark)

@@ -1,1 +1,0 @@
-"""Events, and whole cycles, that have come before: foreseen and verified many at once."""
