@@ -45,6 +45,10 @@ ENDS_KEPT = 4
 SINGULAR_FACTOR = 1e-9
 """Pivot of a factor over the largest one up to which it is singular."""
 
+UNBALANCED = 100.0
+"""Imbalance at the end of a leg, over a negligible one, from which it is not taken: nodal forces
+are wrong by more than the residual that is accepted, before the last refinement."""
+
 IMBALANCE_GROWTH = 2.0
 """Growth of the imbalance since it was removed, as a factor, below which it is not removed."""
 
@@ -126,6 +130,7 @@ class CompiledPath:
         self._unlimited = np.tile(~(segments.frictional | segments.smooth), 4)
         self._accepted = 2.0 * negligible_imbalance(n)
         self._factors = ActiveSets(segments)
+        self._asked: set[bytes] = set()
         self._room = 8 * n
         self._rate_of_rows: Array | None = None
 
@@ -221,14 +226,15 @@ class CompiledPath:
         try:
             path = self._run(problem, way, path)
             load = problem.ends[1]
-            if self.segments.balance.error(path.y, load) > EVENT_RESIDUAL * problem.force_scale:
+            error = self.segments.balance.error(path.y, load)
+            if error > UNBALANCED * negligible_imbalance(self.system.n) * problem.force_scale:
                 return None
             end = self._refined(self._at(path, load), load)
         except (SingularExchange, _GivenUp):
             return None
         scale = max(problem.force_scale, float(np.abs(end.r).max(initial=0.0)))
         residual = residual_at_rest(self.system, end, scale)
-        if residual > max(EVENT_RESIDUAL, reachable(self.system, end.u, scale)):
+        if residual > EVENT_RESIDUAL and residual > reachable(self.system, end.u, scale):
             return None
         return self._leg(problem, path, end, residual, scale)
 
@@ -242,6 +248,10 @@ class CompiledPath:
             changed: (N,) nodes that have changed their states.
             opened: (N,) those that have opened or closed.
         """
+        asked = state.tobytes() + changed.tobytes() + opened.tobytes()
+        if asked in self._asked:
+            return
+        self._asked.add(asked)
         stay_v = (state == STICK) & ~widen(changed)
         stay_w = (state != SEPARATION) & ~widen(opened)
         inputs = np.flatnonzero(np.concatenate([stay_v, stay_w]))

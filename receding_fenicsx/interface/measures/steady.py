@@ -152,6 +152,8 @@ class SteadyWatch:
             friction: (N,) coefficients of friction.
         """
         self.tolerance, self.friction, self._terms = tolerance, friction, np.abs(K)
+        coupled = self._terms[:, : len(K)] > 0.0
+        self._coupled = None if coupled.all() else coupled
         self.ends: list[CycleEnd] = []
         self.slips: list[Array] = []
         self.change: list[float] = []
@@ -164,8 +166,10 @@ class SteadyWatch:
         largest = max(float(np.abs(end.r).max(initial=0.0)), UNLOADED_FORCE * end.force)
         terms, stiffness = self._terms @ end.reach, self._terms.diagonal()
         # round-off of all nodes to which one is coupled reaches it
-        coupled = self._terms[:, : len(terms)] > 0.0
-        terms = np.maximum(terms, np.where(coupled, terms, 0.0).max(axis=1, initial=0.0))
+        if self._coupled is None:
+            terms = np.full_like(terms, terms.max(initial=0.0))
+        else:
+            terms = np.maximum(terms, np.where(self._coupled, terms, 0.0).max(axis=1, initial=0.0))
         limit = self.friction * np.maximum(end.pressed, FAINT * terms)
         slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)
         least = np.maximum(NO_SLIP * terms, end.residual * end.force)
