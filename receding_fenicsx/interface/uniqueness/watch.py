@@ -116,6 +116,7 @@ class UniquenessWatch:
         self._solved: set[bytes] = set()
         self._jumps: list[float] = []
         self._last: dict[bytes, tuple[bytes, ...]] = {}
+        self._begun: dict[bytes, tuple[bytes, ...]] = {}
         self._doubtful: list[tuple[bytes, Instant]] = []
         self._left = COUNTED
 
@@ -126,6 +127,7 @@ class UniquenessWatch:
         self._doubtful, self._left = [], COUNTED
         self._solved.clear()
         self._last.clear()
+        self._begun.clear()
 
     def add(
         self,
@@ -231,6 +233,11 @@ class UniquenessWatch:
             state[made.node] = made.new
             if self._whole_legs.hold(way, state, others, later[first:]):
                 events, ties = made, begun.select(at_start)
+                parts = start, made.node, made.new, ties.node, ties.new
+                beginning = tuple(part.tobytes() for part in parts)
+                if self._begun.get(way) == beginning:
+                    return
+                self._begun[way] = beginning
         instants = self._instants.new(way, start, events, ties, self._is_finite)
         if not instants:
             return
