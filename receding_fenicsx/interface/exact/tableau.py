@@ -229,7 +229,8 @@ class Tableau:
             candidates.append((np.full(len(state), STICK, dtype=np.int8), self._all_stuck))
         distances = [len(self._different(state, stored)) for stored, _ in candidates]
         if min(distances, default=changes) < changes:
-            self.state, data = candidates[distances.index(min(distances))]
+            nearest, data = candidates[distances.index(min(distances))]
+            self.state = nearest.copy()  # changed in place by the compiled loop
             first = data is self._all_stuck
             self.matrix.restore(data.without(self._left_out) if first else data)
 
@@ -255,7 +256,7 @@ class Tableau:
         if done:
             self.state = state.copy()
             if changes > ONE_BY_ONE:
-                self._copies.append((self.state, matrix.copy()))
+                self._copies.append((self.state.copy(), matrix.copy()))
         else:
             # exchanges one by one may pass singular states on the way to regular ones
             self.build(state)

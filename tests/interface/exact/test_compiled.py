@@ -15,6 +15,8 @@ from receding_fenicsx.interface.exact import compiled, kernel
 from receding_fenicsx.interface.exact.compiled import CompiledPath
 from receding_fenicsx.interface.exact.legs import widen
 from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.exact.tableau import Tableau
+from receding_fenicsx.interface.law import FORWARD, STICK
 from receding_fenicsx.interface.system import ContactSystem, Leg
 
 CYCLES = [[0.0], [1.0], *[[0.6], [1.0]] * 6]
@@ -103,6 +105,25 @@ def test_columns_that_are_left_out_come_back() -> None:
         [path.trace_leg(legs[-1].end, (np.ones(1), np.full(1, 0.6)), 1.0, 3)], expected[5:6]
     )
     assert tableau.left_out == 0
+
+
+def test_the_loop_leaves_stored_copies_of_the_tableau_alone() -> None:
+    system = block_system(64, 16)
+    path = EventPath(system)
+    legs = play(path, CYCLES[:3])
+    tableau = path.segments.tableau_at_hand(legs[-1].end.state)
+    # more changes at once than are made one by one: a copy is stored
+    slipping = np.where(np.arange(system.n) < 40, FORWARD, STICK).astype(np.int8)
+    path.segments.tableau(slipping)
+    ends = np.array([0.6]), np.array([1.0])
+    path.trace_leg(legs[-1].end, ends, legs[-1].force_scale)
+    reached = tableau.state.copy()
+    assert not np.array_equal(reached, slipping)
+    path.segments.tableau(np.full(system.n, STICK, dtype=np.int8))
+    rates, expected = (
+        one.rates(np.ones(1)) for one in (path.segments.tableau(reached), Tableau(system, reached))
+    )
+    assert np.abs(rates - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
 @pytest.mark.parametrize("request_", [kernel.CYCLING, kernel.RATES])
