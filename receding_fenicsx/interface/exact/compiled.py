@@ -20,7 +20,7 @@ from receding_fenicsx.interface.exact import kernel
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.legs import LegProblem, widen
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.round_off import negligible_imbalance
+from receding_fenicsx.interface.exact.round_off import IMBALANCE_GROWTH, negligible_imbalance
 from receding_fenicsx.interface.exact.segments import (
     CACHE_BYTES,
     EPSILON,
@@ -48,9 +48,6 @@ SINGULAR_FACTOR = 1e-9
 UNBALANCED = 100.0
 """Imbalance at the end of a leg, over a negligible one, from which it is not taken: nodal forces
 are wrong by more than the residual that is accepted, before the last refinement."""
-
-IMBALANCE_GROWTH = 2.0
-"""Growth of the imbalance since it was removed, as a factor, below which it is not removed."""
 
 
 class ActiveSets:
@@ -255,8 +252,7 @@ class CompiledPath:
         stay_v = (state == STICK) & ~widen(changed)
         stay_w = (state != SEPARATION) & ~widen(opened)
         inputs = np.flatnonzero(np.concatenate([stay_v, stay_w]))
-        tableau = self.segments.tableau_at_hand(state)
-        if len(inputs) > tableau.left_out + WORTH_LEAVING_OUT * 2 * self.system.n:
+        if len(inputs) > self.segments.left_out + WORTH_LEAVING_OUT * 2 * self.system.n:
             self.segments.leave_out(state, inputs)
 
     def _run(self, problem: LegProblem, way: kernel.Way, path: kernel.Path) -> kernel.Path:

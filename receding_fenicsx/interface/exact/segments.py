@@ -169,11 +169,20 @@ class Segments:
         """Return the tableau in whatever states it is, made for the given ones if there is none."""
         return self.tableau(state) if self._tableau is None else self._tableau
 
+    @property
+    def left_out(self) -> int:
+        """Number of displacements whose columns are left out of the tableau."""
+        return 0 if self._tableau is None else self._tableau.left_out
+
     def leave_out(self, state: States, inputs: NDArray[np.intp]) -> None:
         """Leave columns of displacements out of the tableau, see :meth:`Tableau.leave_out`."""
-        tableau = self.tableau_at_hand(state)
-        if not self.is_loose:
-            tableau.leave_out(state, inputs)
+        try:
+            tableau = self.tableau_at_hand(state)
+            if not self.is_loose:
+                tableau.leave_out(state, inputs)
+        except SingularExchange:
+            # it may stand half-way; whoever follows the leg makes another one
+            self._tableau = None
 
     def _pinned(self, state: States) -> Tableau:
         """Return a tableau in which the rigid motions are pinned that the states leave free.

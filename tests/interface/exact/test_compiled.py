@@ -16,7 +16,7 @@ from receding_fenicsx.interface.exact.compiled import CompiledPath
 from receding_fenicsx.interface.exact.legs import widen
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.tableau import Tableau
-from receding_fenicsx.interface.law import FORWARD, STICK
+from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactSystem, Leg
 
 CYCLES = [[0.0], [1.0], *[[0.6], [1.0]] * 6]
@@ -105,6 +105,15 @@ def test_columns_that_are_left_out_come_back() -> None:
         [path.trace_leg(legs[-1].end, (np.ones(1), np.full(1, 0.6)), 1.0, 3)], expected[5:6]
     )
     assert tableau.left_out == 0
+
+
+def test_columns_cannot_be_left_out_of_a_tableau_without_stiffness() -> None:
+    system = block_system(16, 4)
+    lifted = np.full(system.n, SEPARATION, dtype=np.int8)  # free to move up
+    path = EventPath(system)
+    path.segments.tableau(np.full(system.n, STICK, dtype=np.int8))
+    path.segments.leave_out(lifted, np.zeros(0, dtype=np.intp))
+    assert_same(play(path, CYCLES, 3), play(Cold(system), CYCLES, 3))
 
 
 def test_the_loop_leaves_stored_copies_of_the_tableau_alone() -> None:
