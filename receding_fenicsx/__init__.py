@@ -52,6 +52,9 @@ if TYPE_CHECKING:
     from receding_fenicsx.accuracy.numbers import headline as headline
     from receding_fenicsx.accuracy.space_errors import level_of as level_of
     from receding_fenicsx.accuracy.space_errors import space_errors as space_errors
+    from receding_fenicsx.accuracy.zone_end_mesh import (
+        refined_at_zone_ends as refined_at_zone_ends,
+    )
     from receding_fenicsx.environment import child_environment as child_environment
     from receding_fenicsx.errors import InputError as InputError
     from receding_fenicsx.errors import Interrupted as Interrupted
@@ -102,20 +105,17 @@ if TYPE_CHECKING:
     from receding_fenicsx.joints.fits import fit_iwan as fit_iwan
     from receding_fenicsx.joints.fits import fit_jenkins as fit_jenkins
     from receding_fenicsx.joints.result import JointCurve as JointCurve
+    from receding_fenicsx.measures.half_widths import estimates as half_width_estimates
+    from receding_fenicsx.measures.half_widths import half_widths as half_widths
     from receding_fenicsx.mpi import given as given
     from receding_fenicsx.mpi import on_all as on_all
     from receding_fenicsx.mpi import on_root as on_root
     from receding_fenicsx.output.plots import figures as figures
     from receding_fenicsx.output.plots import style as style
     from receding_fenicsx.output.plots.loops import loop_of as loop_of
-    from receding_fenicsx.output.report.half_widths import estimates as half_width_estimates
-    from receding_fenicsx.output.report.half_widths import half_widths as half_widths
     from receding_fenicsx.output.report.html import write_report as write_report
     from receding_fenicsx.output.report.summary import summarise as summarise
     from receding_fenicsx.output.report.text import run_table as run_table
-    from receding_fenicsx.output.report.zone_end_mesh import (
-        refined_at_zone_ends as refined_at_zone_ends,
-    )
     from receding_fenicsx.output.storage.fclib import export as export
     from receding_fenicsx.output.storage.hdf5 import read_record as read_record
     from receding_fenicsx.output.storage.hdf5 import read_system as read_system
@@ -253,13 +253,13 @@ _PUBLIC: dict[str, dict[str, tuple[str, str]]] = {
         "zones": ("interface.measures.zones", "Zones of equal state along the contact edge"),
         "contact_half_width": ("interface.measures.zones", "Contact half width, to node spacing"),
         "stick_half_width": ("interface.measures.zones", "Stick half width, to node spacing"),
-        "half_widths": ("output.report.half_widths", "Both half widths at a turning point"),
-        "half_width_estimates": ("output.report.half_widths:estimates", "Fitted, with intervals"),
+        "half_widths": ("measures.half_widths", "Both half widths at a turning point"),
+        "half_width_estimates": ("measures.half_widths:estimates", "Fitted, with intervals"),
         "dundurs_beta": ("interface.measures.zone_ends", "Dundurs' constant beta of two materials"),
         "recovered_tractions": ("evolution.moment", "Tractions without the zigzag of order 2"),
         "traction_at": ("interface.measures.tractions", "Traction between the nodes"),
         "loop_of": ("output.plots.loops", "Hysteresis loop of each load in a cycle, and its area"),
-        "refined_at_zone_ends": ("output.report.zone_end_mesh", "Scene with mesh graded by record"),
+        "refined_at_zone_ends": ("accuracy.zone_end_mesh", "Scene with mesh graded by record"),
         "headline": ("accuracy.numbers", "Headline numbers of a record"),
         "HEADLINE_NAMES": ("scene.options:NUMBERS", "Headline numbers in words"),
         "Number": ("accuracy.numbers", "Headline number, and what it is known to"),

@@ -301,7 +301,7 @@ def shown_instant(
 ) -> Instant:
     """Return an instant with the states that zone maps show; ``where`` is cycle, leg and s."""
     with drawing_modules():
-        from receding_fenicsx.output.plots.touching import as_shown
+        from receding_fenicsx.measures.limit_nodes import as_shown
     return as_shown(record, system, instant_of(scene, system, record, *where))
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import long_run, mpi
 from receding_fenicsx.accuracy import meshes, space_errors
-from receding_fenicsx.accuracy.in_folder import Solved, draw_way, within_tolerance
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.bulk.from_scene import condensed, is_small, probes_of
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
@@ -18,17 +17,18 @@ from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
-from receding_fenicsx.output.report.starts import (
-    check_landings,
-    check_starts,
-    limit_with_starts,
-)
 from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
 from receding_fenicsx.output.storage.run_folder import SEARCH, SYSTEM, shared_folder
 from receding_fenicsx.pictures import Drawing, drawing_modules
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.studies.starts import (
+    check_landings,
+    check_starts,
+    limit_with_starts,
+)
+from receding_fenicsx.studies.tolerance import Solved, draw_way, within_tolerance
 from receding_fenicsx.timing import Say, Timer
 
 if TYPE_CHECKING:

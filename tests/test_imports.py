@@ -21,9 +21,10 @@ FLOORS = (
     ("bulk", "evolution"),
     ("modal",),
     ("reference",),
-    ("output",),
+    ("measures",),
+    ("accuracy", "output"),
     ("pictures", "long_run"),
-    ("accuracy",),
+    ("studies",),
     ("study",),
     ("parameter_sweep", "shakedown_study", "exchange"),
     ("joints",),
@@ -63,6 +64,19 @@ FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")
 
 SOLVING = ("back_substitution", "condensation", "elasticity", "schur", "from_scene")
 """Modules of the bulk that assemble, factorise and condense."""
+
+MECHANICS = (
+    "evolution.evolve",
+    "evolution.limit",
+    "evolution.problem",
+    "interface.equilibrium",
+    "interface.exact",
+    "interface.lcp",
+    "interface.measures.corner_fit",
+    "interface.measures.zone_ends",
+    "reference.corners",
+)
+"""What computes histories, exponents and ends of zones."""
 
 MODULES_IN_ROOT, MODULES_IN_FOLDER = 12, 20
 
@@ -162,6 +176,15 @@ def test_output_neither_condenses_nor_solves_for_fields() -> None:
     solving = {f"bulk.{name}" for name in SOLVING}
     found = [f"{name} imports {other}" for name, other in ARROWS if other in solving]
     assert [line for line in found if line.startswith("output.")] == []
+
+
+def test_output_computes_no_mechanics() -> None:
+    found = [
+        f"{name} imports {other}"
+        for name, other in ARROWS
+        if name.startswith("output.") and f"{other}.".startswith(tuple(f"{m}." for m in MECHANICS))
+    ]
+    assert found == []
 
 
 def test_folders_are_small() -> None:

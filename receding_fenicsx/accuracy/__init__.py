@@ -13,7 +13,6 @@ A family (``meshes``) holds the meshes of a scene whose sizes are all enlarged o
    mesh ``search.next_elements`` chooses the next one by the errors and orders found so far; it ends
    when twice the estimate of each asked number is within the tolerance, when a number does not
    converge, or when the next mesh would exceed the budget or the memory.
-5. ``in_folder.within_tolerance`` keeps a search in the run's working folder: ``search.json`` has
-   the meshes left behind, the other files belong to the mesh at hand. An interrupted search goes on
-   within that mesh.
+   ``studies.tolerance.within_tolerance`` runs it in a folder, where it can be interrupted.
+5. ``zone_end_mesh.refined_at_zone_ends`` places smaller elements where zones of a coarse run end.
 """

@@ -18,8 +18,8 @@ from receding_fenicsx.evolution.record import DISSIPATION_ROUND_OFF, Record
 from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.interface.measures.zone_ends import zone_end
 from receding_fenicsx.interface.measures.zones import NO_NODES, contact_zone, stick_zone
-from receding_fenicsx.output.report.corner_stress import corners_of
-from receding_fenicsx.output.report.half_widths import contact_betas, estimates_at, tractions
+from receding_fenicsx.measures.corner_exponents import corners_of
+from receding_fenicsx.measures.half_widths import contact_betas, estimates_at, tractions
 
 FITTED_PART = 1.0 / 3.0
 """Part of half its interval that a fitted end is known to: a tenth of the node spacing or more. The

@@ -10,7 +10,7 @@ import numpy as np
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import extreme_row
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.output.report.half_widths import half_widths
+from receding_fenicsx.measures.half_widths import half_widths
 
 Cell = float | int | str | bool | None
 """Value in a table; None where a case has no such number."""

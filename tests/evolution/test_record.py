@@ -22,9 +22,9 @@ from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.measures.limit_nodes import LimitNodes
 from receding_fenicsx.output.plots.descriptions import describe_factors
 from receding_fenicsx.output.plots.series import slip_lines
-from receding_fenicsx.output.plots.touching import Still
 from receding_fenicsx.output.report import summary as summary_module
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import summarise
@@ -376,8 +376,8 @@ def test_limit_reached_without_slip_is_told_zone_by_zone(
     record: Record, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     nodes = np.array([3, 4, 5, 7, 40])
-    still = Still(np.zeros(0, bool), nodes, 0 * nodes, 0.0 * nodes, True)
-    monkeypatch.setattr(summary_module, "limit_without_slip", lambda *_: still)
+    still = LimitNodes(np.zeros(0, bool), nodes, 0 * nodes, 0.0 * nodes, True)
+    monkeypatch.setattr(summary_module, "limit_nodes", lambda *_: still)
     found = summarise(record)["limit_without_slip"]
     assert found == [[record.x[a], record.x[b]] for a, b in ((3, 5), (7, 7), (40, 40))]
 

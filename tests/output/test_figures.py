@@ -19,11 +19,11 @@ from PIL import Image
 from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
+from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots import series
 from receding_fenicsx.output.plots.descriptions import describe_factors
 from receding_fenicsx.output.plots.load_names import load_symbol
 from receding_fenicsx.output.plots.series import first_unloading, slip_lines
-from receding_fenicsx.output.plots.touching import limit_without_slip
 from receding_fenicsx.output.plots.units import scales_of
 from receding_fenicsx.output.plots.zones.timelines import Timeline, timeline, without_flicker
 from receding_fenicsx.output.plots.zones.zone_labels import MAX_NUMBERS
@@ -220,7 +220,7 @@ def test_node_at_the_limit_that_never_moves_is_found_where_it_reaches_it() -> No
     v[rows, 0] += np.linspace(0.0, 1.0, len(rows))
     Q[rows] = 0.5 * found.f * table.P[rows]
     Q[when, node] = found.f[node] * table.P[when, node]
-    still = limit_without_slip(replace(found, samples=replace(table, state=state, Q=Q, v=v)), 10)
+    still = limit_nodes(replace(found, samples=replace(table, state=state, Q=Q, v=v)), 10)
     assert still.node.tolist() == [node]
     assert still.leg.tolist() == [table.leg[when]]
     assert still.s.tolist() == [table.s[when]]

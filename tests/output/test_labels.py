@@ -14,9 +14,9 @@ from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
 import receding_fenicsx as rf
+from receding_fenicsx.measures.limit_nodes import LimitNodes
 from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.output.plots.load_kinds import kind_of
-from receding_fenicsx.output.plots.touching import Still
 from receding_fenicsx.output.plots.zones.zone_axes import add_legends
 from receding_fenicsx.output.plots.zones.zone_map import stacked_map
 from receding_fenicsx.output.report.bolts import force_lines
@@ -216,7 +216,7 @@ def test_the_dashed_line_says_whether_any_of_its_nodes_slips(
     strict: tuple[bool, ...], label: str
 ) -> None:
     found, none = fretting("table"), np.zeros(0, dtype=int)
-    stills = [Still(found.weight > 0.0, none, none, np.zeros(0), each) for each in strict]
+    stills = [LimitNodes(found.weight > 0.0, none, none, np.zeros(0), each) for each in strict]
     figure = rf.style.new_figure(3.0, 3.0)
     add_legends(figure, found, {1}, stills, wide=False)
     assert label in figure.legends[0].get_texts()[0].get_text()

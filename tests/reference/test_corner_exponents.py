@@ -14,7 +14,8 @@ from nodal import nodal_forces, with_middles
 import receding_fenicsx as rf
 from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
 from receding_fenicsx.interface.measures.zone_ends import Tractions, kolosov
-from receding_fenicsx.output.report.corner_stress import corner_lines, corners_of
+from receding_fenicsx.measures.corner_exponents import corners_of
+from receding_fenicsx.output.report.text import corner_lines
 from receding_fenicsx.reference.corners import corner_exponent
 
 DEMOS = Path(__file__).parents[2] / "demos"

@@ -17,9 +17,9 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.moment import Moment, recovered_tractions
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import zones
+from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.descriptions import describe_load
-from receding_fenicsx.output.plots.touching import shown_states
 from receding_fenicsx.output.plots.units import Scales, scales_of
 
 MAX_LABEL_LENGTH = 28
@@ -42,7 +42,7 @@ def tractions(
 
     Returns:
         The figure. States are those of
-        :func:`~receding_fenicsx.output.plots.touching.shown_states`.
+        :func:`~receding_fenicsx.measures.limit_nodes.shown_states`.
 
     Raises:
         InputError: the argument is not one or several instants.

@@ -10,9 +10,9 @@ from typing import Any
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.output.report import accuracy, html_pictures
 from receding_fenicsx.output.report import html_elements as html
-from receding_fenicsx.output.report.corner_stress import corner_lines
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.text import (
+    corner_lines,
     extremes_of,
     fitted,
     headline_points,

@@ -12,15 +12,15 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.interface.measures.steady import limit_of_decay
 from receding_fenicsx.interface.measures.zones import contact_zones
-from receding_fenicsx.output.plots.touching import limit_without_slip
-from receding_fenicsx.output.report.bolts import bolt_summary, force_summary, loose_warnings
-from receding_fenicsx.output.report.corner_stress import corners_of
-from receding_fenicsx.output.report.half_widths import (
+from receding_fenicsx.measures.corner_exponents import corners_of
+from receding_fenicsx.measures.half_widths import (
     contact_betas,
     estimated_ends,
     estimates,
     half_widths,
 )
+from receding_fenicsx.measures.limit_nodes import limit_nodes
+from receding_fenicsx.output.report.bolts import bolt_summary, force_summary, loose_warnings
 from receding_fenicsx.output.report.limit import limit_summary
 from receding_fenicsx.output.report.surface_ends import cut_off_warnings
 from receding_fenicsx.output.report.uniqueness import uniqueness_summary
@@ -168,7 +168,7 @@ def _limit_ranges(record: Record) -> list[list[Any]]:
     edges = record.by_edge()
     ranges: list[list[Any]] = []
     for name, part in edges.items():
-        nodes = limit_without_slip(part, last).node
+        nodes = limit_nodes(part, last).node
         groups = np.split(nodes, np.flatnonzero(np.diff(nodes) > 1) + 1) if len(nodes) else []
         behind = [name] if len(edges) > 1 else []
         ranges += [[float(part.x[g[0]]), float(part.x[g[-1]]), *behind] for g in groups]

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 from receding_fenicsx.arrays import aligned
+from receding_fenicsx.measures.corner_exponents import is_singular
 from receding_fenicsx.output.report.accuracy import error_rows, way_lines
 from receding_fenicsx.output.report.bolts import force_lines
-from receding_fenicsx.output.report.corner_stress import corner_lines
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.uniqueness import uniqueness_lines
 from receding_fenicsx.scene.units import in_unit
@@ -261,3 +261,27 @@ def _value(value: object) -> str:
     if value is None:
         return "-"
     return f"{value:z.4g}" if isinstance(value, float) else str(value)
+
+
+def corner_lines(points: Iterable[Mapping[str, Any]]) -> list[str]:
+    """Return a line for each different corner and state at turning points of the summary."""
+    last: dict[tuple[str, str], Mapping[str, Any]] = {}
+    for point in points:
+        for corner in point.get("corners") or []:
+            last[f"{corner['x']:z.4g}", corner["state"]] = corner
+    return [
+        f"corner at {x}, {state}: stresses like d^m, m = {_exponent(corner['exponent'])} "
+        f"({_origin(corner)}), fitted {_exponent(corner['fitted'])}"
+        + ("; singular" if is_singular(corner) else "")
+        for (x, state), corner in last.items()
+    ]
+
+
+def _origin(corner: Mapping[str, Any]) -> str:
+    if corner["exponent"] is None:
+        return "no closed form here"
+    return f"closed form, {corner['angle']:g} degrees"
+
+
+def _exponent(value: float | None) -> str:
+    return "-" if value is None else f"{value:z.4f}"

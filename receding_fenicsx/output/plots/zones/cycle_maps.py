@@ -12,10 +12,10 @@ from matplotlib.ticker import MaxNLocator
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.measures.limit_nodes import LimitNodes, limit_nodes_of_cycles
 from receding_fenicsx.output.plots import selection, style
 from receding_fenicsx.output.plots.load_names import load_text
 from receding_fenicsx.output.plots.series import leg_ends, legs_of, phases
-from receding_fenicsx.output.plots.touching import Still, stills_of
 from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zones.zone_axes import add_legends, draw_limit, draw_map
 from receding_fenicsx.output.plots.zones.zone_map import FLICKER, stacked_map
@@ -58,7 +58,7 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
     """
     scales = scales or scales_of(record)
     chosen = selection.cycles(record, cycles)
-    stills = stills_of(record, chosen)
+    stills = limit_nodes_of_cycles(record, chosen)
     legs = [leg for _, leg in legs_of(record, chosen[-1])]
     angles = phases(record) if chosen[0] else None
     height = float(np.clip(LEG_HEIGHT * len(legs), LEAST_HEIGHT, MOST_HEIGHT))
@@ -71,7 +71,7 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
             1, len(ratios), sharey=True, gridspec_kw={"width_ratios": ratios}
         )
         shown: set[int] = set()
-        dashed: list[Still] = []
+        dashed: list[LimitNodes] = []
         for n, (axes, cycle) in enumerate(zip(panels, chosen, strict=True)):
             still = stills.get(cycle)
             drawn = stacked_map(record, cycle, still.stuck if still else None, FLICKER)

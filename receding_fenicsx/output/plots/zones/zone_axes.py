@@ -13,8 +13,8 @@ from matplotlib.lines import Line2D
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.measures.limit_nodes import NEGLIGIBLE_SLIP, LimitNodes
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.touching import NEGLIGIBLE_SLIP, Still
 from receding_fenicsx.output.plots.units import Scales
 from receding_fenicsx.output.plots.zones.zone_labels import Label, place_labels
 from receding_fenicsx.output.plots.zones.zone_map import ZoneMap
@@ -34,7 +34,7 @@ DASHED: dict[str, Any] = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
 
 
 def add_legends(
-    figure: Figure, record: Record, shown: set[int], dashed: Sequence[Still], wide: bool
+    figure: Figure, record: Record, shown: set[int], dashed: Sequence[LimitNodes], wide: bool
 ) -> None:
     """Name the states shown below the panels, the dashed lines above them."""
     if dashed:
@@ -48,7 +48,7 @@ def add_legends(
     )
 
 
-def _limit_label(dashed: Sequence[Still]) -> str:
+def _limit_label(dashed: Sequence[LimitNodes]) -> str:
     """Return the label of the dashed lines."""
     if all(still.strict for still in dashed):
         return "reaches the friction limit, does not slip"
@@ -130,7 +130,7 @@ def _write_number(
 def draw_limit(
     axes: Axes,
     record: Record,
-    still: Still,
+    still: LimitNodes,
     legs: Sequence[int],
     ends: Sequence[float] | Array,
     scales: Scales,

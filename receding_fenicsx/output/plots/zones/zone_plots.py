@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.measures.limit_nodes import LimitNodes, limit_nodes_of_cycles
 from receding_fenicsx.output.plots import selection, style
 from receding_fenicsx.output.plots.descriptions import describe_leg
 from receding_fenicsx.output.plots.series import leg_ends
-from receding_fenicsx.output.plots.touching import Still, stills_of
 from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zones.cycle_maps import cycle_maps
 from receding_fenicsx.output.plots.zones.zone_axes import add_legends, draw_limit, draw_map
@@ -57,7 +57,7 @@ def zone_maps(
     shown_legs = selection.legs(record, legs)
     if not isinstance(legs, list) and len(shown_legs) > MAX_PANELS:
         return cycle_maps(record, [shown_legs[0][0]], scales)
-    stills = stills_of(record, [cycle for cycle, _ in shown_legs])
+    stills = limit_nodes_of_cycles(record, [cycle for cycle, _ in shown_legs])
     with mpl.rc_context(style.RC):
         places = _places(shown_legs, columns)
         rows = places[-1][0] + 1
@@ -71,7 +71,7 @@ def zone_maps(
         for place in set(np.ndindex(grid.shape)) - set(places):
             grid[place].set_axis_off()
         shown: set[int] = set()
-        dashed: list[Still] = []
+        dashed: list[LimitNodes] = []
         sides = [load_axis(record, *where, scales) for where in shown_legs]
         for n, ((row, column), (cycle, leg)) in enumerate(zip(places, shown_legs, strict=True)):
             axes, still = grid[row, column], stills.get(cycle)

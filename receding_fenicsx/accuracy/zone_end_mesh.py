@@ -10,7 +10,7 @@ from receding_fenicsx.arrays import Ints
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.output.report.half_widths import contact_betas, estimated_ends
+from receding_fenicsx.measures.half_widths import contact_betas, estimated_ends
 from receding_fenicsx.scene.model import Refinement, Scene
 from receding_fenicsx.scene.rectangle_edges import is_cylinder, is_horizontal
 

@@ -1,8 +1,8 @@
-"""Stress exponents at corners that touch: closed form, fit, and what is singular there."""
+"""Stress exponents at corners in contact: closed form, fit, and where stresses are infinite."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import cache
 from typing import Any
 
@@ -14,7 +14,7 @@ from receding_fenicsx.interface.law import STATE_NAMES, State
 from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
 from receding_fenicsx.interface.measures.zone_ends import kolosov
 from receding_fenicsx.interface.measures.zones import FRICTIONLESS_CONTACT
-from receding_fenicsx.output.report.half_widths import tractions
+from receding_fenicsx.measures.half_widths import tractions
 from receding_fenicsx.reference.corners import corner_exponent
 from receding_fenicsx.scene.rectangle_edges import edge_range
 
@@ -58,10 +58,11 @@ def corners_of(record: Record, row: int) -> dict[str, Any]:
         )
     if not found:
         return {}
-    return {"corners": found, "p_max_singular": any(map(_is_singular, found))}
+    return {"corners": found, "p_max_singular": any(map(is_singular, found))}
 
 
-def _is_singular(corner: Mapping[str, Any]) -> bool:
+def is_singular(corner: Mapping[str, Any]) -> bool:
+    """Return whether stresses are infinite at a corner of :func:`corners_of`."""
     exact, fitted = corner["exponent"], corner["fitted"]
     if exact is None:
         return fitted is not None and fitted < SINGULAR
@@ -110,27 +111,3 @@ def _real_part(angle: float, kappa: float, slip: float | None) -> float | None:
         return corner_exponent(angle, kappa, slip).real
     except SolveError:
         return None
-
-
-def corner_lines(points: Iterable[Mapping[str, Any]]) -> list[str]:
-    """Return a line for each different corner and state at turning points of the summary."""
-    last: dict[tuple[str, str], Mapping[str, Any]] = {}
-    for point in points:
-        for corner in point.get("corners") or []:
-            last[f"{corner['x']:z.4g}", corner["state"]] = corner
-    return [
-        f"corner at {x}, {state}: stresses like d^m, m = {_shown(corner['exponent'])} "
-        f"({_origin(corner)}), fitted {_shown(corner['fitted'])}"
-        + ("; singular" if _is_singular(corner) else "")
-        for (x, state), corner in last.items()
-    ]
-
-
-def _origin(corner: Mapping[str, Any]) -> str:
-    if corner["exponent"] is None:
-        return "no closed form here"
-    return f"closed form, {corner['angle']:g} degrees"
-
-
-def _shown(value: float | None) -> str:
-    return "-" if value is None else f"{value:z.4f}"

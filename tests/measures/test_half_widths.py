@@ -13,8 +13,8 @@ from receding_fenicsx import study
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
+from receding_fenicsx.measures.half_widths import contact_betas, estimates
 from receding_fenicsx.output.plots.series import slip_lines
-from receding_fenicsx.output.report.half_widths import contact_betas, estimates
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import FITTED_CYCLES, summarise
 from receding_fenicsx.output.report.text import run_table

@@ -15,7 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.limit import limit_lines
-from receding_fenicsx.output.report.starts import starts_summary
+from receding_fenicsx.studies.starts import starts_summary
 
 SCENE = """
 [body]

@@ -1,8 +1,8 @@
-"""Nodes that touch the friction limit without slip: one decision for all pictures.
+"""Nodes at the friction limit without slip: contact states with negligible slip shown as stick.
 
 Where slip has decayed, the exact path still finds changes between stick and slip with slips of
 1e-9 of the largest. :func:`shown_states` shows them as stick: in zone maps, above the tractions and
-under the fringes. Zone maps mark with a dashed line where :func:`limit_without_slip` finds them.
+under the fringes. Zone maps mark with a dashed line where :func:`limit_nodes` finds them.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ SLIP = (State.FORWARD_SLIP, State.BACKWARD_SLIP)
 
 
 @dataclass(frozen=True)
-class Still:
+class LimitNodes:
     """Nodes that reach the friction limit within a cycle and do not slip.
 
     Attributes:
@@ -90,16 +90,12 @@ def without_slip(state: NDArray[np.int8], stuck: NDArray[np.bool_]) -> NDArray[n
     return np.where(np.isin(state, SLIP) & stuck, State.STICK, state).astype(np.int8)
 
 
-def stills_of(record: Record, cycles: Iterable[int]) -> dict[int, Still]:
-    """Return :func:`limit_without_slip` of each settled cycle."""
-    return {
-        cycle: limit_without_slip(record, cycle)
-        for cycle in set(cycles)
-        if is_settled(record, cycle)
-    }
+def limit_nodes_of_cycles(record: Record, cycles: Iterable[int]) -> dict[int, LimitNodes]:
+    """Return :func:`limit_nodes` of each settled cycle."""
+    return {cycle: limit_nodes(record, cycle) for cycle in set(cycles) if is_settled(record, cycle)}
 
 
-def limit_without_slip(record: Record, cycle: int) -> Still:
+def limit_nodes(record: Record, cycle: int) -> LimitNodes:
     """Find the nodes that reach |Q| = f P within a sampled cycle and yet do not slip.
 
     Slip that is a negligible part of the largest counts as none, because slip decays to zero only
@@ -125,7 +121,7 @@ def limit_without_slip(record: Record, cycle: int) -> Still:
             found = _first_slip(record, cycle, int(i))
             if found is not None:
                 leg[k], s[k] = found
-    return Still(stuck, node, leg, s, not bool(np.any(slips[node])))
+    return LimitNodes(stuck, node, leg, s, not bool(np.any(slips[node])))
 
 
 def _is_at_limit(record: Record, Q: Array, P: Array) -> NDArray[np.bool_]:

@@ -54,7 +54,7 @@ def check_landings(system: ContactSystem, scene: Scene, starts: int) -> None:
 def limit_with_starts(
     system: ContactSystem, scene: Scene, record: Record, starts: int
 ) -> dict[str, Any]:
-    """Return the key "limit" of a run's summary with the limits from many initial slips added.
+    """Evolve a history from many initial slips; return the summary's key "limit" with the results.
 
     Args:
         system: the condensed body.
