@@ -39,7 +39,7 @@ from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.scene.history import History, from_scene
+from receding_fenicsx.scene.history import History, history_from_scene
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene
 
@@ -361,7 +361,7 @@ def size_rows() -> Iterable[Row]:
             seconds = []
             for _ in range(3):
                 begin = time.process_time()
-                record = evolve(system, from_scene(scene), output=NO_SAMPLES)
+                record = evolve(system, history_from_scene(scene), output=NO_SAMPLES)
                 seconds.append(time.process_time() - begin)
             cost, power = statistics.median(seconds), float("nan")
             if before is not None:

@@ -7,6 +7,7 @@ from the syntax tree; nothing is imported.
 import ast
 import re
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 PACKAGE = "receding_fenicsx"
@@ -71,27 +72,42 @@ def _module_name(package: Path, path: Path) -> str:
 
 
 def _public_names(package: Path) -> Iterator[str]:
-    """Yield a table of the public names for each of their groups."""
-    tree = ast.parse((package / "__init__.py").read_text(encoding="utf-8"))
-    (table,) = (
-        node.value
-        for node in tree.body
-        if isinstance(node, ast.AnnAssign) and ast.unparse(node.target) == "_PUBLIC"
-    )
-    assert table is not None
-    for group, names in ast.literal_eval(table).items():
+    """Yield a table of the public names for each group of ``__init__.pyi``."""
+    text = (package / "__init__.pyi").read_text(encoding="utf-8")
+    _, *parts = re.split(r"^# (.+)$", text, flags=re.MULTILINE)
+    for group, block in zip(parts[::2], parts[1::2], strict=True):
         rows = [f"**{group}**", "", "| name | |", "| --- | --- |"]
-        for name, (place, text) in names.items():
-            module, colon, inner = place.partition(":")
-            target = f"{PACKAGE}.{module}" + ("" if colon and not inner else f".{inner or name}")
-            told = text.replace("|", r"\|")
-            rows.append(f"| {{py:obj}}`rf.{name} <{target}>` | {told} |")
+        for node in ast.parse(block).body:
+            assert isinstance(node, ast.ImportFrom)
+            for name in (alias.name for alias in node.names):
+                target = ".".join([PACKAGE, *filter(None, [node.module]), name])
+                told = _first_line(package, node.module or "", name).replace("|", r"\|")
+                rows.append(f"| {{py:obj}}`rf.{name} <{target}>` | {told} |")
         yield "\n".join(rows)
+
+
+def _first_line(package: Path, module: str, name: str) -> str:
+    """Return the first line of a docstring: of a module, or of what one defines or passes on."""
+    place = package.joinpath(*module.split("."))
+    for path in (place / f"{name}.py", place / name / "__init__.py"):
+        if path.exists():
+            return str(ast.get_docstring(_parsed(path))).split("\n")[0]
+    for path in (place.with_suffix(".py"), *sorted(package.rglob("*.py"))):
+        body = _parsed(path).body if path.exists() else []
+        for node, following in zip(body, [*body[1:], None], strict=False):
+            if _name(node) == name and (doc := _doc(node, following)):
+                return markdown(doc).split("\n")[0]
+    raise LookupError(f"{module}.{name} has no docstring")
+
+
+@cache
+def _parsed(path: Path) -> ast.Module:
+    return ast.parse(path.read_text(encoding="utf-8"))
 
 
 def _module(path: Path, name: str) -> str:
     """Return the section of one module; the room's own is the head of its page."""
-    tree = ast.parse(path.read_text(encoding="utf-8"))
+    tree = _parsed(path)
     head = path.stem == "__init__"
     title = name.removeprefix(f"{PACKAGE}.") if head else path.stem
     parts = [f"{'#' if head else '##'} {title}", f"```{{py:module}} {name}\n```"]
@@ -107,12 +123,7 @@ def _members(body: list[ast.stmt], fence: str) -> Iterator[str]:
         name = _name(node)
         if name.startswith("_") or not name or name in seen:
             continue
-        if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            doc = ast.get_docstring(node)
-        elif isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant):
-            doc = str(following.value.value)
-        else:
-            doc = None
+        doc = _doc(node, following)
         if doc is None:
             continue
         seen.add(name)
@@ -120,6 +131,15 @@ def _members(body: list[ast.stmt], fence: str) -> Iterator[str]:
         if isinstance(node, ast.ClassDef):
             inner += _members(node.body, fence[1:])
         yield "\n".join([fence + _directive(node, name), "", "\n\n".join(inner), fence])
+
+
+def _doc(node: ast.stmt, following: ast.stmt | None) -> str | None:
+    """Return the docstring of a definition; that of a constant follows it."""
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        return ast.get_docstring(node)
+    if isinstance(following, ast.Expr) and isinstance(following.value, ast.Constant):
+        return str(following.value.value)
+    return None
 
 
 def _name(node: ast.stmt) -> str:

@@ -281,10 +281,10 @@ def _import(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
 
 
 def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
-    from receding_fenicsx.scene.history import from_scene
+    from receding_fenicsx.scene.history import history_from_scene
     from receding_fenicsx.scene.symmetry import is_mirror_symmetric
     from receding_fenicsx.scene.toml_file import read_scene
-    from receding_fenicsx.scene.validate import warnings
+    from receding_fenicsx.scene.validate import scene_warnings
     from receding_fenicsx.study import check
 
     scene = read_scene(options.scene, options.overrides)
@@ -295,9 +295,9 @@ def _check(options: argparse.Namespace, comm: MPI.Comm | None) -> None:
         print(
             f"{options.scene}: can be modelled; {nodes} contact nodes, "
             f"{'half of the' if half else 'the whole'} body, loads {loads}, "
-            f"{from_scene(scene).cycles} cycles"
+            f"{history_from_scene(scene).cycles} cycles"
         )
-        for text in warnings(scene):
+        for text in scene_warnings(scene):
             print(f"warning: {text}")
 
 

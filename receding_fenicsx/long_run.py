@@ -85,7 +85,7 @@ def run_history(
         if folder is None or not journal.cycles:
             raise
         code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
-        last, cycles = len(journal.cycles) - 1, history.from_scene(scene).cycles
+        last, cycles = len(journal.cycles) - 1, history.history_from_scene(scene).cycles
         text = f"interrupted after cycle {last} of {cycles}"
         journal.write()
         record = record_of(system, scene.solver, journal.cycles)

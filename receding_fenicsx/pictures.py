@@ -108,7 +108,7 @@ def animate(
 
     def find() -> tuple[Scene, Any]:
         scene, system, record = read_run(folder)
-        legs, at, time = history.evenly_spaced(history.from_scene(scene), cycle, frames)
+        legs, at, time = history.evenly_spaced(history.history_from_scene(scene), cycle, frames)
         instants = [
             shown_instant(scene, system, record, (cycle, str(leg), float(s)))
             for leg, s in zip(legs, at, strict=True)

@@ -119,6 +119,7 @@ def test_an_installed_wheel_made_from_the_sdist_has_all_it_needs(tmp_path: Path)
     assert shipped == {path.relative_to(site) for path in (site / "receding_fenicsx").rglob("*.py")}
     # without it type checkers take nothing of the package's annotations
     assert (site / "receding_fenicsx" / "py.typed").is_file()
+    assert (site / "receding_fenicsx" / "__init__.pyi").is_file()  # the names that are loaded
     for path in (ROOT / "meshes").glob("*.geo"):
         assert (site / "receding_fenicsx" / "meshes" / path.name).read_text() == path.read_text()
     assert os.access(site / "bin" / "receding-fenicsx", os.X_OK)

@@ -51,7 +51,7 @@ def is_graded(scene: Scene) -> bool:
     return any(place.at == "ends" for place in scene.mesh.refine)
 
 
-def scaled(scene: Scene, elements: int) -> Scene:
+def scaled_mesh(scene: Scene, elements: int) -> Scene:
     """Return the scene on a mesh of so many contact elements, all sizes changed alike.
 
     Of a mesh file that is refined, they are the scene's number of elements doubled or halved.
@@ -161,7 +161,7 @@ def first_that_fits(
     misfit = None
     for elements in numbers:
         try:
-            return elements, solve(scaled(scene, elements), elements)
+            return elements, solve(scaled_mesh(scene, elements), elements)
         except refused as error:
             misfit = error
     if misfit is not None:

@@ -20,7 +20,7 @@ from receding_fenicsx.accuracy.meshes import (
     first_that_fits,
     is_graded,
     is_refined,
-    scaled,
+    scaled_mesh,
     to_limit,
 )
 from receding_fenicsx.accuracy.space_errors import shown
@@ -126,7 +126,7 @@ def search(
     assert tolerance is not None
     scene, own = to_limit(scene), scene.mesh.contact_elements
     if levels and levels[0].sharp and not is_graded(scene):
-        scene = graded(scaled(scene, levels[0].elements)) or scene
+        scene = graded(scaled_mesh(scene, levels[0].elements)) or scene
     found, known = Search(scene, list(levels)), len(levels)
     for k in range(len(found.levels)):
         found.way.append(asked_numbers(scene, found.levels[: k + 1]))
@@ -146,7 +146,7 @@ def search(
             # a mesh as coarse as this may have no answer
             found.failures.append((wanted, str(error)))
             continue
-        found.scene = scaled(scene, level.elements)
+        found.scene = scaled_mesh(scene, level.elements)
         anew = level.sharp and not found.levels and not is_graded(scene)
         finer = graded(found.scene) if anew else None
         if finer is not None:

@@ -16,7 +16,7 @@ from receding_fenicsx.accuracy.meshes import (
     first_that_fits,
     is_graded,
     is_refined,
-    scaled,
+    scaled_mesh,
     to_limit,
 )
 from receding_fenicsx.accuracy.numbers import headline
@@ -72,7 +72,9 @@ def with_coarser_partner(scene: Scene) -> Scene:
         InputError: the mesh is too coarse for an estimate.
     """
     if is_refined(scene):
-        return scene if scene.mesh.refinements else scaled(scene, 2 * scene.mesh.contact_elements)
+        return (
+            scene if scene.mesh.refinements else scaled_mesh(scene, 2 * scene.mesh.contact_elements)
+        )
     if scene.mesh.contact_elements < FACTORS[0] * MIN_ELEMENTS:
         raise InputError(
             f"--error: mesh.contact_elements = {scene.mesh.contact_elements} is too coarse for an "

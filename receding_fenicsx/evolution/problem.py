@@ -13,7 +13,7 @@ from receding_fenicsx.evolution.prepare import has_probes_of, system_for
 from receding_fenicsx.interface.branches.choice import FIRST, Chooser, chooser_for
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import LARGEST, check_range, check_system
-from receding_fenicsx.scene.history import History, check_history, from_scene
+from receding_fenicsx.scene.history import History, check_history, history_from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene.profiles import evaluate_checked
@@ -101,7 +101,7 @@ def problem_of_scene(system: ContactSystem, scene: Scene) -> Problem:
     initial_slip = None
     if slip is not None:
         initial_slip = evaluate_checked(slip, system.x, None, "[history] initial_slip")
-    return _checked(system, from_scene(scene), scene.solver, scene.output, initial_slip)
+    return _checked(system, history_from_scene(scene), scene.solver, scene.output, initial_slip)
 
 
 def problem_of_history(

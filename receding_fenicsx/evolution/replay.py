@@ -18,7 +18,7 @@ from receding_fenicsx.interface.measures.steady import RATCHETTING
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
-from receding_fenicsx.scene.history import History, from_scene, leg_number
+from receding_fenicsx.scene.history import History, history_from_scene, leg_number
 from receding_fenicsx.scene.model import Scene, SolverOptions
 
 
@@ -133,7 +133,7 @@ def instant_of(
     Returns:
         The instant, replayed from the turning point before it.
     """
-    path = from_scene(scene)
+    path = history_from_scene(scene)
     number = leg_number(path, leg, cycle)
     if scene.history.initial_slip is not None and (cycle, number) == (0, 0) and at < 1.0:
         raise InputError(

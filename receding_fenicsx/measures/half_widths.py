@@ -22,7 +22,7 @@ AGAINST_X = ("top", "left")
 """Edges of a rectangle whose x is opposite to the tangential direction t = (n_y, -n_x)."""
 
 
-def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[str, Any]:
+def half_width_estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[str, Any]:
     """Estimate the half widths at a turning point.
 
     Args:
@@ -40,7 +40,7 @@ def estimates(record: Record, row: int, betas: tuple[float, ...] = ()) -> dict[s
 
 
 def estimates_at(record: Record, row: int, found: Sequence[Tractions]) -> dict[str, Any]:
-    """Return :func:`estimates` from the tractions for each value of Dundurs' constant."""
+    """Return :func:`half_width_estimates` of tractions, one for each value of Dundurs' constant."""
     widths = {
         "contact_half_width_estimate": [contact_half_width_estimate(at) for at in found],
         "stick_half_width_estimate": [stick_half_width_estimate(at) for at in found],
@@ -79,7 +79,7 @@ def _bears(record: Record, row: int) -> bool:
 def estimated_ends(record: Record, row: int, betas: tuple[float, ...] = ()) -> list[dict[str, Any]]:
     """Estimate the boundaries between zones, from left to right.
 
-    Arguments and values are those of :func:`estimates`.
+    Arguments and values are those of :func:`half_width_estimates`.
     """
     found = [zone_ends(tractions(record, row, beta)) for beta in betas or (None,)]
     return [_shown(ends) for ends in zip(*found, strict=True)]

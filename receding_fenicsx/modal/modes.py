@@ -38,7 +38,7 @@ from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given
-from receding_fenicsx.scene.history import History, from_scene
+from receding_fenicsx.scene.history import History, history_from_scene
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.timing import Timer
 
@@ -63,7 +63,7 @@ def mode_number(drive: str) -> int:
 
 def preload_path(system: ContactSystem, scene: Scene, drive: str) -> Array:
     """Return the load factors (k, n_loads) of a scene from rest to its preload."""
-    path = from_scene(tightened(system, scene)).path
+    path = history_from_scene(tightened(system, scene)).path
     return path[path[:, system.load_names.index(drive)] == 0.0]
 
 

@@ -15,9 +15,9 @@ nothing of finite elements. From a file to a history:
    Python. Its parts are :mod:`~receding_fenicsx.scene.validate_bodies`,
    :mod:`~receding_fenicsx.scene.validate_contacts`, :mod:`~receding_fenicsx.scene.validate_loads`
    and :mod:`~receding_fenicsx.scene.validate_options`.
-   :func:`~receding_fenicsx.scene.validate.warnings` lists options that make results inaccurate.
-4. :func:`~receding_fenicsx.scene.history.kinds.from_scene` makes the load history, a polyline of
-   load factors.
+   :func:`~receding_fenicsx.scene.validate.scene_warnings` lists inaccurate options.
+4. :func:`~receding_fenicsx.scene.history.kinds.history_from_scene` makes the load history, a
+   polyline of load factors.
 5. :func:`~receding_fenicsx.scene.symmetry.is_mirror_symmetric` decides whether half of the body is
    modelled. :func:`~receding_fenicsx.scene.one_body.part_of` gives each of several bodies its
    own scene.

@@ -11,7 +11,7 @@ SAMPLES_PER_LEG, SAMPLES_PER_CYCLE = 40, 800
 """Default numbers of samples: per leg, and at most per cycle where it has many legs."""
 
 
-NUMBERS = {
+HEADLINE_NAMES = {
     "centre_pressure": "pressure at the centre of a contact edge",
     "largest_pressure": "largest pressure",
     "contact_half_width": "contact half-width",

@@ -9,7 +9,7 @@ import math
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import check_count, check_size
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import TABLE_OF, Harmonic, Load, Scene
 from receding_fenicsx.scene.units import check_units
 from receding_fenicsx.scene.validate_bodies import check_bodies, check_half_planes, check_mesh
@@ -60,12 +60,12 @@ def validate(scene: Scene) -> None:
     check_shakedown(scene)
     check_count(scene.mode.count, MAX_MODES, "[mode] count")
     check_units(scene.units)
-    history = from_scene(scene)
+    history = history_from_scene(scene)
     check_initial_slip(scene)
     check_output(scene, history)
 
 
-def warnings(scene: Scene) -> list[str]:
+def scene_warnings(scene: Scene) -> list[str]:
     """Return one line for each option that makes the results inaccurate without any error."""
     lines = []
     largest = max(

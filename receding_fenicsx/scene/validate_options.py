@@ -14,7 +14,7 @@ from receding_fenicsx.scene.checks import (
 )
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
-from receding_fenicsx.scene.options import NUMBERS
+from receding_fenicsx.scene.options import HEADLINE_NAMES
 
 MAX_STEPS = 1_000_000
 """Largest number of load steps or samples of a leg."""
@@ -103,10 +103,10 @@ def check_accuracy(scene: Scene) -> None:
     }
     for name in options.numbers:
         base, bracket, owner = name.removesuffix("]").partition("[")
-        if base not in NUMBERS:
-            close = nearest(base, NUMBERS)
+        if base not in HEADLINE_NAMES:
+            close = nearest(base, HEADLINE_NAMES)
             hint = f"did you mean '{close}'? " if close else ""
-            known = ", ".join(NUMBERS)
+            known = ", ".join(HEADLINE_NAMES)
             raise InputError(
                 f"[accuracy] numbers: unknown number '{name}'; {hint}known are {known}"
             )

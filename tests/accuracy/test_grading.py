@@ -13,7 +13,7 @@ import pytest
 
 import receding_fenicsx as rf
 from receding_fenicsx import study
-from receding_fenicsx.accuracy.meshes import graded_at_ends, scaled
+from receding_fenicsx.accuracy.meshes import graded_at_ends, scaled_mesh
 from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
 from receding_fenicsx.errors import InputError, ToleranceNotMet
 from receding_fenicsx.scene.model import Scene
@@ -80,7 +80,7 @@ def test_sizes_of_a_graded_family_are_in_proportion() -> None:
     graded = graded_at_ends(scene, [size])
     (place,) = graded.mesh.refine
     assert place.at == "ends" and place.size == pytest.approx(size / 100.0)
-    coarse = scaled(graded, 24).mesh.refine[0]
+    coarse = scaled_mesh(graded, 24).mesh.refine[0]
     assert coarse.growth == pytest.approx(2.0) and coarse.size == pytest.approx(2.0 / 2400)
     assert graded_at_ends(graded, [size]) == graded
     inclined = read_scene(DEMOS / "dovetail.toml")

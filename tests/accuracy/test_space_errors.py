@@ -11,7 +11,7 @@ import pytest
 from receding_fenicsx import study
 from receding_fenicsx.accuracy import space_errors
 from receding_fenicsx.accuracy.estimate import Level, estimated_error, estimates_of, observed_order
-from receding_fenicsx.accuracy.meshes import OVERSHOOT, scaled, to_limit
+from receding_fenicsx.accuracy.meshes import OVERSHOOT, scaled_mesh, to_limit
 from receding_fenicsx.accuracy.numbers import Number, headline
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution.evolve import evolve_bare
@@ -32,7 +32,7 @@ from receding_fenicsx.scene.model import (
     Scene,
     Support,
 )
-from receding_fenicsx.scene.options import NUMBERS
+from receding_fenicsx.scene.options import HEADLINE_NAMES
 from receding_fenicsx.scene.toml_file import read_scene
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -107,12 +107,12 @@ def test_a_number_that_moves_on_without_end_is_called_singular(
 
 
 def test_all_sizes_of_a_coarser_mesh_are_enlarged_alike() -> None:
-    coarse = scaled(scene_of(64, "mesh.growth=1.3"), 32).mesh
+    coarse = scaled_mesh(scene_of(64, "mesh.growth=1.3"), 32).mesh
     # dx + (growth - 1) y
     assert (coarse.contact_elements, coarse.growth) == (32, pytest.approx(1.6))
-    assert scaled(scene_of(64, "mesh.growth=1.0"), 16).mesh.growth == 1.0
+    assert scaled_mesh(scene_of(64, "mesh.growth=1.0"), 16).mesh.growth == 1.0
     # gmsh's geometry ends at 3
-    assert scaled(scene_of(64, "mesh.growth=2.5"), 16).mesh.growth == 3.0
+    assert scaled_mesh(scene_of(64, "mesh.growth=2.5"), 16).mesh.growth == 3.0
 
 
 @pytest.fixture
@@ -354,7 +354,7 @@ def test_a_run_writes_and_prints_its_errors(shared_tmp_path: Path) -> None:
     for name, found in summary["errors"].items():
         assert found["value"] == numbers[name].value
         assert 0.0 < found["error"] < abs(found["value"])
-        assert name.partition("[")[0] in NUMBERS
+        assert name.partition("[")[0] in HEADLINE_NAMES
     D = record.cycles.dissipation
     assert summary["errors"]["dissipation_ratio"]["value"] == D[-1] / D[0]
     assert summary["timings"]["errors"] > 0.0

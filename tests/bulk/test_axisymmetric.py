@@ -23,7 +23,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import (
     Body,
     Contact,
@@ -290,7 +290,7 @@ def test_cyclic_dissipation_by_loop_area_and_by_load_steps() -> None:
     assert exact.energy_error_max < 1e-10
     assert loop.area().sum() == pytest.approx(D[-1], rel=1e-3)
     solver = SolverOptions(method="gauss-seidel", steps_per_leg=80)
-    history = replace(from_scene(scene), cycles=1)
+    history = replace(history_from_scene(scene), cycles=1)
     stepped = evolve(system, history, solver)
     assert stepped.cycles.dissipation[0] == pytest.approx(D[0], rel=2e-3)
 

@@ -18,7 +18,7 @@ from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.output.storage.hdf5 import read_system, write_system
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import (
     Body,
     Bolt,
@@ -246,7 +246,7 @@ def lap(**parts: Any) -> Scene:
 @pytest.mark.one_rank
 def test_lap_joint_fields_probes_and_work() -> None:
     scene = lap(output=OutputOptions(samples_per_leg=200))
-    history = from_scene(scene)
+    history = history_from_scene(scene)
     assert history.load_names == ("pull", "one", "two")
     rows: Any = [[0, 0, 0], [0, 0.01, 0], [0, 0.01, 0.01], [1, 0.01, 0.01]]
     np.testing.assert_allclose(history.path, rows)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx.measures.half_widths import contact_betas, estimates
+from receding_fenicsx.measures.half_widths import contact_betas, half_width_estimates
 
 closed_forms = rf.reference.closed_forms
 HERTZ = closed_forms.Hertz(force=1.0, radius=100.0, modulus=0.5 * 200.0 / (1.0 - 0.3**2))
@@ -316,7 +316,7 @@ def test_cylinders_of_different_materials_stick_by_dundurs_beta() -> None:
     spacing = record.x[1] - record.x[0]
     assert abs(stick / touching - PUNCH_STICK[0.3, 0.2]) < 1.5 * spacing
     # the zone has grown with the load: between nodes its end is known by its own power
-    found = estimates(record, 0, contact_betas(record))
+    found = half_width_estimates(record, 0, contact_betas(record))
     a, c = (found[f"{name}_half_width_estimate"] for name in ("contact", "stick"))
     assert c["fitted"] and abs(c["value"] - PUNCH_STICK[0.3, 0.2] * a["value"]) < 0.2 * spacing
     low, high = c["interval"]

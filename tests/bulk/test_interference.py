@@ -20,7 +20,7 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.output.plots.loops import loop_of
 from receding_fenicsx.output.storage.hdf5 import read_system, write_system
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import (
     Body,
@@ -148,7 +148,7 @@ def wedged(**parts: Any) -> Scene:
 
 @pytest.mark.one_rank
 def test_first_leg_closes_the_interference_alone() -> None:
-    history = from_scene(wedged(history=replace(wedged().history, cycles=2)))
+    history = history_from_scene(wedged(history=replace(wedged().history, cycles=2)))
     assert history.load_names == ("P", "interference")
     assert history.path.tolist() == [[0.0, 0.0], [0.0, 1.0], [1.0, 1.0]]
     assert history.loop.tolist() == [[1.0, 1.0], [-1.0, 1.0], [1.0, 1.0]]

@@ -18,7 +18,7 @@ from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import (
     Contact,
     HistoryOptions,
@@ -92,7 +92,7 @@ def sheared(shear: float, poisson: float, loads: tuple[Load, ...], cell: str, de
 def sliding_factors(system: ContactSystem, scene: Scene, solver: SolverOptions) -> Array:
     """Load factors at which gross sliding is reported."""
     with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
-        evolve(system, from_scene(scene), solver)
+        evolve(system, history_from_scene(scene), solver)
     found = re.search(r"load factors \[([^]]*)\]", str(caught.value))
     assert found is not None
     return np.array([float(text) for text in found[1].split(",")])

@@ -21,7 +21,7 @@ from receding_fenicsx.evolution.prepare import system_for
 from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.snapshots.load_arrows import load_arrows
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.validate import validate
 
 comm = MPI.COMM_WORLD
@@ -177,7 +177,7 @@ def test_the_record_of_a_stack_keeps_the_laws_by_code_that_shares_nothing() -> N
     solver, mesh = rf.SolverOptions(symmetry="none"), rf.MeshOptions(4, degree=2)
     scene = layers(loads=STRIP, solver=solver, mesh=mesh)
     system = system_for(scene, rf.given(rf.condense(scene, comm)))
-    assert objections(system, from_scene(scene), rf.evolve(system, scene)) == []
+    assert objections(system, history_from_scene(scene), rf.evolve(system, scene)) == []
 
 
 def test_a_plane_is_a_very_stiff_third_body() -> None:

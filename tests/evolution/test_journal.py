@@ -299,13 +299,13 @@ def test_output_options_change_no_bit_of_the_path(tmp_path: Path) -> None:
 
 def test_block_renewed_near_its_steady_state_keeps_its_accuracy() -> None:
     # where round-off cleared on the way counts as slip, this ends in cycle 371
-    from receding_fenicsx.scene.history import from_scene
+    from receding_fenicsx.scene.history import history_from_scene
     from receding_fenicsx.scene.toml_file import read_scene
     from receding_fenicsx.study import condense
 
     settings = ["mesh.contact_elements=160", "mesh.growth=1.3", "history.cycles=375"]
     scene = read_scene(Path(__file__).parents[2] / "demos" / "block.toml", settings)
-    history = replace(from_scene(scene), until_steady=False)
+    history = replace(history_from_scene(scene), until_steady=False)
     system = condense(scene, MPI.COMM_SELF)
     assert system is not None
     record = play(system, history, scene.solver, journal=Journal(10))

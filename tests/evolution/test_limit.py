@@ -24,7 +24,7 @@ from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.storage.hdf5 import read_record, write_record
-from receding_fenicsx.scene.history import ended_by, from_scene
+from receding_fenicsx.scene.history import ended_by, history_from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -164,7 +164,7 @@ def test_bad_input_is_refused_in_one_line() -> None:
         (HistoryOptions(until="lmit"), 'use "steady", "limit"'),
     ):
         with pytest.raises(InputError, match=words) as caught:
-            from_scene(replace(scene, history=options))
+            history_from_scene(replace(scene, history=options))
         assert "\n" not in str(caught.value)
     with pytest.raises(InputError, match="below the round-off"):
         evolve(BLOCK, cyclic(50), SolverOptions(steady_tolerance=1e-15), until="limit")

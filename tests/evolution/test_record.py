@@ -40,7 +40,7 @@ from receding_fenicsx.output.storage.hdf5 import (
 from receding_fenicsx.output.storage.hdf5_file import new_hdf5
 from receding_fenicsx.output.storage.summary_file import read_summary, write_summary
 from receding_fenicsx.reference.ahn_barber import is_papers_block, paper_table
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
 pytestmark = pytest.mark.one_rank
@@ -574,7 +574,7 @@ def test_replayed_states_are_the_recorded_ones(method: str, half: bool) -> None:
     assert len(table.s) >= 7 * 8
     for i in range(len(table.s)):
         where = int(table.cycle[i]), int(table.leg[i]), float(table.s[i])
-        found = state_at(record, system, from_scene(scene), scene.solver, where)
+        found = state_at(record, system, history_from_scene(scene), scene.solver, where)
         np.testing.assert_array_equal(found.state.state, table.state[i][right])
         scale = np.abs(table.v[i]).max()
         np.testing.assert_allclose(found.v, table.v[i][right], atol=1e-11 * scale)
@@ -587,7 +587,9 @@ def test_replay_begins_at_rest_and_goes_from_turning_point_to_turning_point() ->
     scene = from_toml(record.scene_toml)
 
     def at(cycle: int, leg: int, s: float) -> np.ndarray:
-        return state_at(record, system, from_scene(scene), scene.solver, (cycle, leg, s)).state.u
+        return state_at(
+            record, system, history_from_scene(scene), scene.solver, (cycle, leg, s)
+        ).state.u
 
     assert not np.any(at(0, 0, 0.0))
     np.testing.assert_array_equal(at(0, 0, 1.0), at(1, 0, 0.0))

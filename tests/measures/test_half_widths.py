@@ -13,7 +13,7 @@ from receding_fenicsx import study
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
-from receding_fenicsx.measures.half_widths import contact_betas, estimates
+from receding_fenicsx.measures.half_widths import contact_betas, half_width_estimates
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import FITTED_CYCLES, summarise
@@ -49,8 +49,8 @@ def test_a_block_hanging_from_the_plane_has_the_widths_of_one_lying_on_it() -> N
     assert contact_betas(lying) == pytest.approx((BETA,))
     assert contact_betas(hanging) == pytest.approx((-BETA,))
     for key in KEYS:
-        one = estimates(lying, 0, contact_betas(lying))[key]
-        other = estimates(hanging, 0, contact_betas(hanging))[key]
+        one = half_width_estimates(lying, 0, contact_betas(lying))[key]
+        other = half_width_estimates(hanging, 0, contact_betas(hanging))[key]
         assert one["fitted"] and other["fitted"]
         assert other["value"] == pytest.approx(one["value"], abs=1e-9)
         assert other["interval"] == pytest.approx(one["interval"], abs=1e-9)
@@ -67,8 +67,8 @@ def test_two_signs_of_beta_give_an_interval_that_holds_both() -> None:
     if record is None:
         return
     for key in KEYS:
-        each = [estimates(record, 0, (beta,))[key] for beta in (BETA, -BETA)]
-        both = estimates(record, 0, (BETA, -BETA))[key]
+        each = [half_width_estimates(record, 0, (beta,))[key] for beta in (BETA, -BETA)]
+        both = half_width_estimates(record, 0, (BETA, -BETA))[key]
         assert each[0]["value"] != each[1]["value"]
         assert both["interval"] == [
             min(one["interval"][0] for one in each),
@@ -162,7 +162,10 @@ def test_intervals_on_a_coarse_mesh_hold_the_widths_of_a_fine_one_under_friction
     # loaded, unloaded to a third, loaded again
     for row in range(3):
         for key in KEYS:
-            one, other = estimates(coarse, row, betas)[key], estimates(fine, row, betas)[key]
+            one, other = (
+                half_width_estimates(coarse, row, betas)[key],
+                half_width_estimates(fine, row, betas)[key],
+            )
             assert one["fitted"] and other["fitted"]
             low, high = one["interval"]
             assert low <= other["value"] <= high

@@ -4,7 +4,7 @@ import pytest
 from demo_runs import demo, sheared_cylinders
 from scipy.optimize import brentq
 
-from receding_fenicsx.measures.half_widths import estimates
+from receding_fenicsx.measures.half_widths import half_width_estimates
 from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.reference.layer import contact_half_width
 from receding_fenicsx.study import condense
@@ -49,7 +49,7 @@ def test_interval_of_the_half_width_holds_the_known_one_and_shrinks_with_the_ele
         record = block["solve"](closed_forms.BLOCK, 4.0, nodes * 2 // degree, growth, *changes)
         if record is None:
             continue
-        found = estimates(record, -1)["contact_half_width_estimate"]
+        found = half_width_estimates(record, -1)["contact_half_width_estimate"]
         spacing = record.x[1] - record.x[0]
         low, high = found["interval"]
         assert low <= closed_forms.BLOCK.half_width <= high

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.history import History, from_scene
+from receding_fenicsx.scene.history import History, history_from_scene
 from receding_fenicsx.scene.model import Harmonic, HistoryOptions
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
@@ -39,7 +39,7 @@ phase = 110
 def made(history: str, *changes: str) -> History:
     scene = from_toml(f"{BODY}{history}", changes)
     assert from_toml(to_toml(scene)) == scene
-    return from_scene(scene)
+    return history_from_scene(scene)
 
 
 def test_corners_lie_on_the_ellipse_and_hold_the_extremes_of_each_load() -> None:

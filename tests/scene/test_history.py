@@ -6,7 +6,7 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.history import History, evenly_spaced, from_scene, leg_number
+from receding_fenicsx.scene.history import History, evenly_spaced, history_from_scene, leg_number
 from receding_fenicsx.scene.toml_file import from_toml
 
 pytestmark = pytest.mark.one_rank
@@ -17,7 +17,7 @@ SHEAR = '[[load]]\nname = "shear"\nedge = "top"\ntraction = [1.0, 0.0]\n'
 
 
 def made(history: str, extra: str = "") -> History:
-    return from_scene(from_toml(f"{BODY}{extra}[history]\n{history}"))
+    return history_from_scene(from_toml(f"{BODY}{extra}[history]\n{history}"))
 
 
 def test_cyclic_history_runs_maximum_minimum_maximum() -> None:

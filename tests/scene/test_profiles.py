@@ -10,7 +10,7 @@ import pytest
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
-from receding_fenicsx.scene.validate import warnings
+from receding_fenicsx.scene.validate import scene_warnings
 
 pytestmark = pytest.mark.one_rank
 
@@ -131,7 +131,7 @@ def test_a_curved_gap_of_fewer_points_than_nodes_is_warned_of() -> None:
         value = np.broadcast_to(evaluate(gap, x), x.shape)
         table = f"{{x = {x.tolist()}, value = {value.tolist()}}}"
         changes = ["mesh.contact_elements=80", f"contact.initial_gap={table}"]
-        return warnings(from_toml(BLOCK, changes))
+        return scene_warnings(from_toml(BLOCK, changes))
 
     # 161 nodes, 0.025 apart
     (line,) = found(51)

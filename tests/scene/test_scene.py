@@ -19,7 +19,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
 from receding_fenicsx.scene.toml_tables import TABLES
-from receding_fenicsx.scene.validate import validate, warnings
+from receding_fenicsx.scene.validate import scene_warnings, validate
 
 pytestmark = pytest.mark.one_rank
 
@@ -409,7 +409,7 @@ def test_elements_that_lock_are_warned_of(
     poisson: float, degree: int, kinematics: str, warned: bool
 ) -> None:
     scene = Scene(material=Material(1.0, poisson, kinematics), mesh=MeshOptions(degree=degree))
-    found = warnings(scene)
+    found = scene_warnings(scene)
     assert bool(found) == warned
     assert all("order 1 lock" in text and "degree = 2" in text for text in found)
 
@@ -438,5 +438,5 @@ def test_elements_of_either_body_that_lock_are_warned_of(first: bool) -> None:
         materials=(dataclasses.replace(b, name="b"),),
         mesh=MeshOptions(degree=1),
     )
-    (text,) = warnings(scene)
+    (text,) = scene_warnings(scene)
     assert "Poisson's ratio 0.49" in text

@@ -11,7 +11,7 @@ import pytest
 from receding_fenicsx import cli
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.identity import difference
 from receding_fenicsx.scene.model import HistoryOptions, Scene
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
@@ -62,7 +62,7 @@ def read(folder: Path, history: str = FILE, body: str = BODY) -> Scene:
 )
 def test_every_format_gives_the_same_rows(text: str, shared_tmp_path: Path) -> None:
     put(shared_tmp_path, text)
-    history = from_scene(read(shared_tmp_path))
+    history = history_from_scene(read(shared_tmp_path))
     assert history.load_names == ("P", "Q")
     assert history.path.tolist() == [[0.0, 0.0], *map(list, ROWS)]
 
@@ -88,22 +88,22 @@ def test_load_of_the_name_t_is_no_time(shared_tmp_path: Path) -> None:
 
 def test_dwell_of_a_signal_is_one_row(shared_tmp_path: Path) -> None:
     put(shared_tmp_path, "time,P,Q\n0,0,0\n1,0,0\n2,1,0\n3,1,0\n4,1,0\n5,1,0.5\n6,1,0.5\n")
-    assert from_scene(read(shared_tmp_path)).path.tolist() == [[0, 0], [1, 0], [1, 0.5]]
+    assert history_from_scene(read(shared_tmp_path)).path.tolist() == [[0, 0], [1, 0], [1, 0.5]]
 
 
 def test_measured_block_is_closed_from_its_end_to_its_beginning(shared_tmp_path: Path) -> None:
     put(shared_tmp_path, "P,Q\n1,0.25\n1.5,-0.5\n1.25,0.5\n")
-    history = from_scene(read(shared_tmp_path, 'cycle_rows = {file = "signal.csv"}\n'))
+    history = history_from_scene(read(shared_tmp_path, 'cycle_rows = {file = "signal.csv"}\n'))
     assert history.path.tolist() == [[0, 0], [1.25, 0.5]]
     assert history.loop.tolist() == [[1.25, 0.5], [1, 0.25], [1.5, -0.5], [1.25, 0.5]]
     both = read(shared_tmp_path, FILE + 'cycle_rows = {file = "signal.csv"}\n')
-    assert from_scene(both).path.shape == (4, 2) and both.history.columns == ("P", "Q")
+    assert history_from_scene(both).path.shape == (4, 2) and both.history.columns == ("P", "Q")
 
 
 def test_constant_load_stands_beside_a_measured_one(shared_tmp_path: Path) -> None:
     put(shared_tmp_path, "Q\n0\n0.5\n-0.5\n0\n")
     scene = read(shared_tmp_path, f"constant = {{P = 2}}\n{FILE.replace('rows', 'cycle_rows')}")
-    history = from_scene(scene)
+    history = history_from_scene(scene)
     assert history.path.tolist() == [[0, 0], [2, 0]]
     assert history.loop.tolist() == [[2, 0], [2, 0.5], [2, -0.5], [2, 0]]
 

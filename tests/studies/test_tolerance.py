@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx import cli, study
-from receding_fenicsx.accuracy.meshes import OVERSHOOT, is_refined, scaled, to_limit
+from receding_fenicsx.accuracy.meshes import OVERSHOOT, is_refined, scaled_mesh, to_limit
 from receding_fenicsx.accuracy.numbers import headline
 from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
 from receding_fenicsx.mpi import on_root
@@ -152,7 +152,7 @@ def test_refinements_belong_to_mesh_files() -> None:
         block("mesh.refinements=1")
     with pytest.raises(InputError, match="from 0 to 6, not 7"):
         block("mesh.refinements=7")
-    assert scaled(block(), 32).mesh.refinements is None
+    assert scaled_mesh(block(), 32).mesh.refinements is None
 
 
 def test_probes_have_errors_too(shared_tmp_path: Path) -> None:
@@ -344,7 +344,7 @@ def test_sharp_corners_in_contact_are_graded_unasked(shared_tmp_path: Path) -> N
     elements = record.scene.mesh.contact_elements
     finest, equal = (
         headline(study.run(each, None, PLAIN, MPI.COMM_SELF))  # type: ignore[arg-type]
-        for each in (scaled(record.scene, 2 * elements), scaled(scene, elements))
+        for each in (scaled_mesh(record.scene, 2 * elements), scaled_mesh(scene, elements))
     )
     for name in ("centre_pressure", "load_displacement[P]", "dissipation_first_loading"):
         exact, found = finest[name].value, summary["errors"][name]

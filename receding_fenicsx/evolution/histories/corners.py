@@ -25,7 +25,7 @@ from receding_fenicsx.evolution.histories.tightening import tightened
 from receding_fenicsx.evolution.problem import Problem, problem_of_scene
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import ended_by, from_scene
+from receding_fenicsx.scene.history import ended_by, history_from_scene
 from receding_fenicsx.scene.history.harmonic import DEFAULT_TOLERANCE, MOST_CORNERS, is_straight
 from receding_fenicsx.scene.model import OutputOptions, Scene
 
@@ -95,7 +95,7 @@ def with_corners(
 def _dissipation(problem: Problem, scene: Scene) -> tuple[Array, float]:
     """Return the dissipation of the first cycles, and the largest energy of a leg."""
     cycles = min(scene.history.cycles, COMPARED_CYCLES)
-    history = replace(ended_by(from_scene(scene), None), cycles=cycles)
+    history = replace(ended_by(history_from_scene(scene), None), cycles=cycles)
     bare = OutputOptions(samples_per_leg=1, cycles=())
     finished: list[FinishedCycle] = []
     run = RunState(replace(problem, history=history, output=bare, judged=False), finished)

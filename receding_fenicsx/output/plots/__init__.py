@@ -9,3 +9,7 @@
 4. ``units.scales_of`` chooses units and labels, with ``load_kinds`` and ``load_names``;
    ``descriptions`` writes titles, ``style`` has colours, fonts and sizes.
 """
+
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach(__name__, ["figures", "style"])

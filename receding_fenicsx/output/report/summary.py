@@ -16,7 +16,7 @@ from receding_fenicsx.measures.corner_exponents import corners_of
 from receding_fenicsx.measures.half_widths import (
     contact_betas,
     estimated_ends,
-    estimates,
+    half_width_estimates,
     half_widths,
 )
 from receding_fenicsx.measures.limit_nodes import limit_nodes
@@ -25,10 +25,10 @@ from receding_fenicsx.output.report.limit import limit_summary
 from receding_fenicsx.output.report.surface_ends import cut_off_warnings
 from receding_fenicsx.output.report.uniqueness import uniqueness_summary
 from receding_fenicsx.reference.ahn_barber import paper_table
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.history.harmonic import DEFAULT_TOLERANCE, is_straight
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.validate import warnings
+from receding_fenicsx.scene.validate import scene_warnings
 
 FITTED_LEGS = 32
 """Largest number of legs of a cycle at whose turning points ends of zones are fitted."""
@@ -87,7 +87,7 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "sweeps": int(record.sweeps),
         "paper": paper_table(record),
         "warnings": [
-            *(warnings(scene) if scene else []),
+            *(scene_warnings(scene) if scene else []),
             *cut_off_warnings(record),
             *loose_warnings(record),
         ],
@@ -131,7 +131,7 @@ def _polygon(record: Record) -> dict[str, Any]:
     scene, doubling = record.scene, record.doubling
     if scene is None or scene.history.kind != "harmonic":
         return {}
-    found: dict[str, Any] = {"corners": len(from_scene(scene).loop) - 1}
+    found: dict[str, Any] = {"corners": len(history_from_scene(scene).loop) - 1}
     if is_straight(scene.history):
         return {"harmonic": {**found, "error_estimate": 0.0}}
     if doubling is None:
@@ -208,7 +208,7 @@ def _is_fitted(record: Record, i: int) -> bool:
 
 def _below_spacing(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
     return {
-        **estimates(record, i, betas),
+        **half_width_estimates(record, i, betas),
         "zone_ends": estimated_ends(record, i, betas),
         **corners_of(record, i),
     }

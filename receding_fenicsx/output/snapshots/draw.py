@@ -36,7 +36,7 @@ from receding_fenicsx.output.snapshots.render import Picture, Pixels, find_rende
 from receding_fenicsx.output.snapshots.vertices import merge_axis, vertex_areas
 from receding_fenicsx.output.snapshots.view import View, view_of
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
@@ -108,7 +108,7 @@ def _solve(bulk: Bodies, now: Instant, file: Path) -> View | None:
 
     def write() -> View:
         assert fields is not None and cell_stress is not None
-        history = from_scene(bulk.scene)
+        history = history_from_scene(bulk.scene)
         legs = len(history.path if now.cycle == 0 else history.loop) - 1
         merged = merge_axis(fields) if bulk.body.half else fields
         grid = paraview.grid_of(merged, cell_stress, whole_contact(bulk, now))

@@ -87,7 +87,7 @@ def load_arrows(
 
 def largest_factors(scene: Scene) -> Array:
     """Return (n_loads,) the largest absolute load factors over the history, 1 in place of 0."""
-    path = history.from_scene(scene)
+    path = history.history_from_scene(scene)
     largest = np.abs(np.vstack([path.path, path.loop])).max(axis=0)
     return np.where(largest > 0.0, largest, 1.0)
 

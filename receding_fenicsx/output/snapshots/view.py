@@ -243,7 +243,7 @@ def _round_down(value: float) -> float:
 
 def _caption(scene: Scene, names: tuple[str, ...], instant: Instant) -> str:
     """Describe an instant: its leg and its load factors."""
-    path = history.from_scene(scene)
+    path = history.history_from_scene(scene)
     legs = [(0, k, a, b) for k, (a, b) in enumerate(zip(path.path, path.path[1:], strict=False))]
     legs += [(1, k, a, b) for k, (a, b) in enumerate(zip(path.loop, path.loop[1:], strict=False))]
     falling = [(c, k) for c, k, a, b in legs if np.abs(b).sum() < np.abs(a).sum()]

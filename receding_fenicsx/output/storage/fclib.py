@@ -79,7 +79,7 @@ def _step(
 ) -> tuple[ContactSystem, Array, ContactState | None, str]:
     """Return system, load at the end, state at the start and description of a step of a run."""
     scene, system, record = read_run(folder)
-    path = history.from_scene(scene)
+    path = history.history_from_scene(scene)
     cycle, name, at = where
     number = history.leg_number(path, name, cycle)
     if not 0.0 < at <= 1.0:

@@ -9,7 +9,7 @@
 
 from receding_fenicsx.scene.history.kinds import KINDS as KINDS
 from receding_fenicsx.scene.history.kinds import MAX_CYCLES as MAX_CYCLES
-from receding_fenicsx.scene.history.kinds import from_scene as from_scene
+from receding_fenicsx.scene.history.kinds import history_from_scene as history_from_scene
 from receding_fenicsx.scene.history.polyline import History as History
 from receding_fenicsx.scene.history.polyline import check_history as check_history
 from receding_fenicsx.scene.history.polyline import ended_by as ended_by

@@ -33,7 +33,7 @@ KEYS_OF_KIND = {
 """Keys that have a meaning for some kinds of history only."""
 
 
-def from_scene(scene: Scene) -> History:
+def history_from_scene(scene: Scene) -> History:
     """Return the load history of a scene.
 
     * "monotonic": path from 0 to ``maximum``, no cycles.

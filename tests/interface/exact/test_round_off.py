@@ -25,7 +25,7 @@ from receding_fenicsx.interface.exact.tableau import Tableau
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.residual import reachable
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.scene.history import from_scene
+from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene
 
@@ -39,7 +39,7 @@ def condensed(name: str, *overrides: str) -> tuple[ContactSystem, Record]:
     scene = read_scene(TRIALS / name, overrides)
     system = study.condense(scene, MPI.COMM_SELF)
     assert system is not None
-    return system, evolve(system, from_scene(scene))
+    return system, evolve(system, history_from_scene(scene))
 
 
 # -- nodes that supports hold ---------------------------------------------------------------------

@@ -1,0 +1,140 @@
+"""Public names of ``import receding_fenicsx as rf``, each loaded when it is first used."""
+
+__version__: str
+__all__: list[str]
+
+# Scene
+from .scene.model import (
+    Scene as Scene,
+    Body as Body,
+    Material as Material,
+    MeshOptions as MeshOptions,
+    Refinement as Refinement,
+    Contact as Contact,
+    Load as Load,
+    Bolt as Bolt,
+    Spring as Spring,
+    Support as Support,
+    Probe as Probe,
+    HistoryOptions as HistoryOptions,
+    Harmonic as Harmonic,
+    SolverOptions as SolverOptions,
+    AccuracyOptions as AccuracyOptions,
+    ModeOptions as ModeOptions,
+    OutputOptions as OutputOptions,
+)
+from .scene.units import Units as Units
+from .scene.toml_file import read_scene as read_scene, from_toml as from_toml, to_toml as to_toml
+from .scene.validate import validate as validate, scene_warnings as scene_warnings
+from .scene.history import History as History, history_from_scene as history_from_scene
+
+# Contact system
+from .study import condense as condense
+from .interface.system import (
+    ContactSystem as ContactSystem,
+    ContactState as ContactState,
+    reactions as reactions,
+)
+from .interface.law import State as State, STATE_NAMES as STATE_NAMES
+from .output.storage.hdf5 import read_system as read_system, write_system as write_system
+from .exchange.importing import import_system as import_system
+from .exchange.reduced import reduced_model as reduced_model, ReducedModel as ReducedModel
+
+# Run
+from .study import run as run, RunOptions as RunOptions
+from .evolution.evolve import evolve as evolve
+from .interface.solver import Solver as Solver
+from .evolution.solvers import SOLVERS as SOLVERS
+from .interface.system import Leg as Leg
+from .evolution.record import Record as Record
+from .evolution.probe_history import ProbeHistory as ProbeHistory
+from .output.storage.hdf5 import read_record as read_record, write_record as write_record
+from .evolution.replay import instant_of as instant_of, state_at as state_at
+
+# Several continuations
+from .evolution.branching.tree import (
+    branches as branches,
+    BranchTree as BranchTree,
+    Branch as Branch,
+)
+from .interface.branches.critical_friction import (
+    critical_friction as critical_friction,
+    CriticalFriction as CriticalFriction,
+)
+
+# Sweep
+from .parameter_sweep.sweep import sweep as sweep, SweepOptions as SweepOptions
+from .parameter_sweep.table import SweepTable as SweepTable
+
+# Joints
+from .joints.curve import joint_curve as joint_curve
+from .joints.result import JointCurve as JointCurve
+from .joints.fits import fit_iwan as fit_iwan, fit_jenkins as fit_jenkins, JointFit as JointFit
+from .joints.figure import joint_figure as joint_figure
+
+# Evaluation
+from .interface.measures.zones import (
+    zones as zones,
+    contact_half_width as contact_half_width,
+    stick_half_width as stick_half_width,
+)
+from .measures.half_widths import (
+    half_widths as half_widths,
+    half_width_estimates as half_width_estimates,
+)
+from .interface.measures.zone_ends import dundurs_beta as dundurs_beta
+from .evolution.moment import recovered_tractions as recovered_tractions
+from .interface.measures.tractions import traction_at as traction_at
+from .output.plots.loops import loop_of as loop_of
+from .accuracy.zone_end_mesh import refined_at_zone_ends as refined_at_zone_ends
+from .accuracy.numbers import headline as headline, Number as Number
+from .scene.options import HEADLINE_NAMES as HEADLINE_NAMES
+from .accuracy.space_errors import space_errors as space_errors, level_of as level_of
+from .accuracy.meshes import scaled_mesh as scaled_mesh, graded_at_ends as graded_at_ends
+from .accuracy.estimate import Level as Level, estimates_of as estimates_of, Estimate as Estimate
+
+# Report and pictures
+from .output.report.summary import summarise as summarise
+from .output.storage.summary_file import read_summary as read_summary
+from .output.report.text import run_table as run_table
+from .output.report.html import write_report as write_report
+from .output.plots import figures as figures, style as style
+from .pictures import (
+    plot as plot,
+    snapshot as snapshot,
+    draw_slip_mode as draw_slip_mode,
+    animate as animate,
+)
+from .output.storage.fclib import export as export
+
+# Shakedown and other starts
+from .interface.shakedown.limits import (
+    shakedown_limits as shakedown_limits,
+    ShakedownLimits as ShakedownLimits,
+)
+from .scene.model import ShakedownOptions as ShakedownOptions
+from .shakedown_study.study import shakedown as shakedown
+from .shakedown_study.result import ShakedownStudy as ShakedownStudy
+from .shakedown_study.opening import opening_limit as opening_limit
+from .shakedown_study.cycles import range_history as range_history
+from .evolution.limit.starts import steady_states as steady_states, SteadyStates as SteadyStates
+from .shakedown_study.figures import steady_states_figure as steady_states_figure
+
+# Known solutions
+from . import reference as reference
+
+# Errors
+from .errors import (
+    RecedingError as RecedingError,
+    InputError as InputError,
+    SolveError as SolveError,
+    ToleranceNotMet as ToleranceNotMet,
+    NotConverged as NotConverged,
+    NoEquilibrium as NoEquilibrium,
+    NoQuasiStaticContinuation as NoQuasiStaticContinuation,
+    Interrupted as Interrupted,
+)
+
+# MPI
+from .mpi import on_root as on_root, on_all as on_all, given as given
+from .environment import child_environment as child_environment
