@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import re
 from collections.abc import Iterable
 from dataclasses import replace
@@ -11,23 +10,18 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import tomli_w
+
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.history.signal_file import with_signals
-from receding_fenicsx.scene.model import (
-    RECTANGLE_KEYS,
-    AccuracyOptions,
-    Body,
-    ModeOptions,
-    Scene,
-    ShakedownOptions,
-)
+from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, Scene
 from receding_fenicsx.scene.profiles import inline_files
 from receding_fenicsx.scene.toml_overrides import apply_override
-from receding_fenicsx.scene.toml_tables import ARRAYS, ATTRIBUTE, scene_of
+from receding_fenicsx.scene.toml_tables import ARRAYS, ATTRIBUTE, TABLES, scene_of
 from receding_fenicsx.scene.toml_values import parse_toml
-from receding_fenicsx.scene.units import Units
 from receding_fenicsx.scene.validate import validate
 
 
@@ -103,59 +97,51 @@ def _with_path(body: Body, folder: Path) -> Body:
 
 def to_toml(scene: Scene) -> str:
     """Return the TOML text of a scene with all values; reading it gives an equal scene."""
-    lines = [f"title = {_text(scene.title)}"]
-    for body in scene.bodies:
-        lines += ["", "[[body]]" if scene.others else "[body]", *_lines(body)]
-    lines += ["", "[material]", *_lines(scene.material)]
-    for material in scene.materials:
-        lines += ["", f"[material.{_text(material.name)}]", *_lines(replace(material, name=""))]
-    lines += ["", "[mesh]", *_lines(scene.mesh)]
+    # no table fits into a line of this indent, so that each gets a header of its own
+    text = re.sub(r"(?m)^ +", "    ", tomli_w.dumps(tables_of(scene), indent=100))
+    # strings hold no line breaks; lists without brackets in them fit on one line
+    return re.sub(
+        r"\[\n    ((?:[^\n\[\]{}]*,\n *)+)\]",
+        lambda found: f"[{found[1].strip()[:-1]}]".replace(",\n    ", ", "),
+        text,
+    )
+
+
+def tables_of(scene: Scene) -> dict[str, Any]:
+    """Return a scene as the tables of its file, as parsed TOML has them.
+
+    Empty values and tables of options that are not used are left out.
+    """
+    tables: dict[str, Any] = {"title": scene.title}
+    bodies = [_plain(body) for body in scene.bodies]
+    tables["body"] = bodies if scene.others else bodies[0]
+    named = {material.name: _plain(replace(material, name="")) for material in scene.materials}
+    tables["material"] = _plain(scene.material) | named
+    tables["mesh"] = _plain(scene.mesh)
     for name in ARRAYS:
-        for item in getattr(scene, ATTRIBUTE[name]):
-            lines += ["", f"[[{name}]]", *_lines(item)]
-    for name in ("history", "solver", "output"):
-        lines += ["", f"[{name}]", *_lines(getattr(scene, name))]
-    options = {"units": Units(), "shakedown": ShakedownOptions(), "accuracy": AccuracyOptions()}
-    options["mode"] = ModeOptions()
-    for name, default in options.items():
-        if getattr(scene, name) != default:
-            lines += ["", f"[{name}]", *_lines(getattr(scene, name))]
-    return "\n".join(lines) + "\n"
+        tables[name] = [_plain(item) for item in getattr(scene, ATTRIBUTE[name])]
+    for name, kind in TABLES.items():
+        value = getattr(scene, name)
+        if name in ("history", "solver", "output") or (name not in tables and value != kind()):
+            tables[name] = _plain(value)
+    return {name: table for name, table in tables.items() if table != []}
 
 
-def _lines(table: Any) -> list[str]:
-    """Return one line per field; None, empty names and edges, empty defaults are omitted."""
-    fields = [(f.name, getattr(table, f.name), f.default) for f in dataclasses.fields(table)]
-    if isinstance(table, Body) and table.mesh is not None:
-        fields = [field for field in fields if field[0] not in RECTANGLE_KEYS]
-    return [
-        f"{name} = {_text(value)}"
-        for name, value, default in fields
-        if value is not None
-        and value != {}
-        and (value != () or default is None)
-        and (name, value) not in (("name", ""), ("edge", ""))
-    ]
-
-
-def _text(value: object) -> str:
-    """Return a value as TOML."""
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, str):
-        # a TOML basic string is a JSON string except for DEL, which JSON does not escape
-        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+def _plain(value: Any) -> Any:
+    """Return a value, or a dataclass without None, empty names, edges and defaults, for TOML."""
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(_text(item) for item in value) + "]"
+        return [_plain(item) for item in value]
     if isinstance(value, dict):
-        return "{" + ", ".join(f"{_key(k)} = {_text(item)}" for k, item in value.items()) + "}"
-    if dataclasses.is_dataclass(value):
-        return "{" + ", ".join(_lines(value)) + "}"
-    if isinstance(value, int):
-        return str(int(value))
-    return repr(float(value))  # type: ignore[arg-type]
-
-
-def _key(name: str) -> str:
-    """Return a key as TOML, in quotes where it is not bare."""
-    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else _text(name)
+        return {str(key): _plain(item) for key, item in value.items()}
+    if not dataclasses.is_dataclass(value):
+        return value.item() if isinstance(value, np.generic) else value
+    omitted = RECTANGLE_KEYS if getattr(value, "mesh", None) is not None else ()
+    fields = [(f.name, getattr(value, f.name), f.default) for f in dataclasses.fields(value)]
+    return {
+        name: _plain(item)
+        for name, item, default in fields
+        if name not in omitted
+        and item not in (None, {})
+        and (item != () or default is None)
+        and (name, item) not in (("name", ""), ("edge", ""))
+    }
