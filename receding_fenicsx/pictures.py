@@ -239,7 +239,7 @@ class Drawing:
             from receding_fenicsx.output.plots import figures
         place, formats = folder / "figures", figures.FORMATS if self.pdf else ("png",)
         if self.beside is None:
-            figures.plot_all(record, place, None, None, formats, self._tell, self.everything)
+            figures.plot_all(record, place, formats, self._tell, self.everything)
         else:
             self.beside.begin((folder / "record.h5", place, formats, self.everything))
 

@@ -5,10 +5,8 @@
 * :mod:`layer`: contact half widths of a layer on a half-plane and of two layers on a plane, by
   singular integral equations.
 * :mod:`fretting`: dissipation of sheared cylinders under any history of both forces.
-* :mod:`ahn_barber`: the paper's statements beside those of a record.
 """
 
-from receding_fenicsx.reference import ahn_barber as ahn_barber
 from receding_fenicsx.reference import closed_forms as closed_forms
 from receding_fenicsx.reference import fretting as fretting
 from receding_fenicsx.reference import layer as layer

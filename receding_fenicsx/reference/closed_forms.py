@@ -2,8 +2,7 @@
 
 The tables were computed by integral equations, boundary collocation and complementarity solvers,
 independent of this program and without finite elements; their digits are converged and were
-cross-checked. How a record compares with Ahn & Barber (2008) is in
-:mod:`receding_fenicsx.reference.ahn_barber`.
+cross-checked.
 """
 
 from __future__ import annotations

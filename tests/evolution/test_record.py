@@ -11,6 +11,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
+from demo_runs import demo
 from models import block_system
 from small import cyclic, small_system, table
 
@@ -39,7 +40,6 @@ from receding_fenicsx.output.storage.hdf5 import (
 )
 from receding_fenicsx.output.storage.hdf5_file import new_hdf5
 from receding_fenicsx.output.storage.summary_file import read_summary, write_summary
-from receding_fenicsx.reference.ahn_barber import is_papers_block, paper_table
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 
@@ -497,67 +497,18 @@ def test_table_shows_as_many_figures_in_any_units(
 
 def test_papers_block_shows_the_papers_behaviour() -> None:
     # an independent finite-element block: the paper's numbers, not this package's
-    _, record = evolved("history.cycles=20", elements=160)
-    rows = {row["quantity"].split(" ")[0]: row for row in paper_table(record)}
-    assert len(paper_table(record)) == 4
-    assert rows["dissipation"]["paper"] == 0.56
-    assert rows["exponent"]["paper"] == -3.1
-    assert all(row["agrees"] for row in paper_table(record)), paper_table(record)
-    table = run_table(summarise(record))
-    assert table.count("agrees") == 4 and "DIFFERS" not in table
-    assert "stick to" in table and "not reached" in table
-
-
-def test_disagreement_with_the_paper_is_said(record: Record) -> None:
-    half = dataclasses.replace(
-        record.cycles,
+    _, found = evolved("history.cycles=20", elements=160)
+    rows = demo("block")["comparison"](found)
+    assert [row[1] for row in rows[2:]] == ["0.56", "-3.1"]
+    assert [agrees for *_, agrees in rows] == [True] * 4, rows
+    slower = dataclasses.replace(
+        found.cycles,
         dissipation=np.linspace(1.0, 0.5, 20),
-        slip_increment=np.outer(np.arange(1.0, 21.0) ** -2.0, np.ones(81)),
+        slip_increment=np.outer(np.arange(1.0, 21.0) ** -2.0, np.ones(len(found.x))),
     )
-    rows = paper_table(dataclasses.replace(record, cycles=half))
-    np.testing.assert_allclose([rows[2]["ours"], rows[3]["ours"]], [0.5, -2.0], rtol=1e-12)
-    assert [row["agrees"] for row in rows] == [True, True, False, False]
-
-
-def test_too_few_cycles_are_not_compared(record: Record) -> None:
-    rows = paper_table(record)
-    assert [row["agrees"] for row in rows] == [True, True, None, None]
-    assert "too few cycles" in run_table(summarise(record))
-
-
-@pytest.mark.parametrize(
-    "override",
-    [
-        "contact.friction=0.5",
-        "material.poisson=0.2",
-        "material.kinematics=plane stress",
-        "body.width=5",
-        "load.p0.span=[-0.5, 0.5]",
-        "load.p0.pressure=1 - x**2",
-        "history.minimum=0.5",
-        "history.kind=monotonic",
-        "contact.initial_gap=0.01",
-        "history.initial_slip=0.01*x",
-    ],
-)
-def test_other_scenes_are_not_compared_with_the_paper(record: Record, override: str) -> None:
-    scene = from_toml(BLOCK, [override])
-    assert not is_papers_block(scene)
-    assert paper_table(dataclasses.replace(record, scene_toml=to_toml(scene))) == []
-    assert paper_table(dataclasses.replace(record, scene_toml="")) == []
-
-
-def test_papers_block_is_known_in_any_units() -> None:
-    scaled = (
-        "body.width=0.08",
-        "body.height=0.02",
-        "load.p0.span=[-0.02, 0.02]",
-        "load.p0.pressure=1e6",
-        "material.young=210e9",
-        "history.maximum=3",
-        "history.minimum=1",
-    )
-    assert is_papers_block(from_toml(BLOCK, scaled))
+    rows = demo("block")["comparison"](dataclasses.replace(found, cycles=slower))
+    assert [row[2] for row in rows[2:]] == ["0.5000", "-2.000"]
+    assert [agrees for *_, agrees in rows] == [True, True, False, False]
 
 
 # -- replay --------------------------------------------------------------------------------------

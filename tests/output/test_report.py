@@ -92,11 +92,10 @@ def test_captions_claim_no_load_that_other_histories_do_not_have() -> None:
 
 
 PICTURES = {
-    "figures/fig04_tractions_first_loading": "Tractions, friction cone and states",
-    "figures/fig05_zones_first_unloading": "Zones",
-    "figures/fig07_zones_cycle_9": "Zones along the ninth cycle",
-    "figures/fig08_slip_per_cycle": "power of N",
-    "figures/fig10_dissipation_per_cycle": "Dissipation",
+    "figures/tractions_first_loading": "Tractions, friction cone and states",
+    "figures/zones_first_unloading": "Zones",
+    "figures/slip_per_cycle": "power of N",
+    "figures/dissipation_per_cycle": "Dissipation",
     "figures/zones_by_cycle": "all sampled cycles",
     "figures/dissipation_density": "along the contact edge",
     "figures/hysteresis": "work-conjugate displacements",
@@ -138,12 +137,9 @@ def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
         assert np.abs(pixels.astype(int) - shades[name]).max() <= 2, name
         assert words[name] in unescape(caption), name
         assert bool(wide) == (kind == "jpeg" or name == "hysteresis"), name
-        if name.startswith("fig") and name[3:5] != "zo":
-            assert caption.endswith(f"The paper&#x27;s Fig. {int(name[3:5])}."), name
     assert {kind for _, name, kind, *_ in shown if name.startswith("cycle0022")} == {"jpeg"}
     assert not re.search(r"https?://|@import|url\(|<script|<link", text)
-    assert page.headings[:5] == [
-        "Comparison with the paper",
+    assert page.headings[:4] == [
         "Turning points",
         "Figures",
         "Stresses in the body",
@@ -177,11 +173,6 @@ def test_numbers_of_the_report_are_those_of_the_summary(tmp_path: Path) -> None:
         keys = {2: "contact_half_width", 4: "stick_half_width", 6: "p_max", 7: "q_min", 8: "q_max"}
         for column, key in keys.items():
             assert float(row[column]) == pytest.approx(point[key], rel=1e-4)
-    for row in written["paper"]:
-        verdict = {True: "agrees", False: "differs", None: "too few cycles"}[row["agrees"]]
-        assert rows[row["quantity"]][3] == verdict
-        if isinstance(row["ours"], float):
-            assert float(rows[row["quantity"]][2]) == pytest.approx(row["ours"], rel=1e-4)
     assert float(rows["largest relative error of a leg's energy balance"][1]) == pytest.approx(
         written["energy_error_max"], rel=0.01
     )
@@ -230,7 +221,6 @@ def test_every_edge_of_several_has_its_rows_and_its_figures(tmp_path: Path) -> N
         "turning_points": points,
         "limit_without_slip": limits,
         "errors": errors,
-        "paper": [],
     }
     write_summary(tmp_path / "summary.json", several)
     page = Page(rf.write_report(tmp_path, "").read_text(encoding="utf-8"))
@@ -240,7 +230,6 @@ def test_every_edge_of_several_has_its_rows_and_its_figures(tmp_path: Path) -> N
         # all zones of the edge, not those of one half
         assert row[-1].split()[0] == f"{points[0]['zones'][0][1]:.4f}"
     assert page.text.count("On left: Zones of stick") == 1
-    assert "the paper" not in page.text.lower()
     rows = {row[0]: row[1] for row in page.rows if len(row) == 2}
     limit = "friction limit reached without slip in the last cycle, x from"
     assert rows[limit] == "-0.5 to 0.25 on left"

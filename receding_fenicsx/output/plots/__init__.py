@@ -1,4 +1,4 @@
-"""Matplotlib figures of a record (Figs. 4 to 10 of the paper, loops and paths of nodes).
+"""Matplotlib figures of a record (tractions, zones, cycles, loops and paths of nodes).
 
 1. ``figures.plot_all`` chooses the figures that a record has data for and saves them.
 2. ``traction_plots.tractions``, ``zones.zone_plots.zone_maps``, ``zones.cycle_maps.cycle_maps``,

@@ -65,9 +65,7 @@ def prepare() -> Work:
     def draw(request: Request, send: Callable[[Any], None]) -> None:
         file, folder, formats, everything = request
         record = hdf5.read_record(file)
-        made = figures.plot_all(
-            record, folder, None, None, formats, lambda *told: send(told), everything
-        )
+        made = figures.plot_all(record, folder, formats, lambda *told: send(told), everything)
         send(made)
 
     return draw

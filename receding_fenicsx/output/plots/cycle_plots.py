@@ -1,4 +1,4 @@
-"""Figures of slip and dissipation per cycle (Figs. 8 and 10) and of the dissipation density."""
+"""Figures of slip and dissipation per cycle and of the dissipation density."""
 
 from __future__ import annotations
 
@@ -14,16 +14,14 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.series import fitted_cycles, slip_lines
 from receding_fenicsx.output.plots.units import Scales, scales_of
-from receding_fenicsx.reference.ahn_barber import DISSIPATION_RATIO, SLIP_EXPONENT
 
 METHODS = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
 MAX_LINEAR_CYCLES = 40
 """Largest number of cycles on a linear axis; more are on a logarithmic one."""
-PAPER = "Ahn & Barber (2008)"
 
 
 def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
-    """Draw the slip increment of each cycle at some nodes, with fitted powers of N (Fig. 8).
+    """Draw the slip increment of each cycle at some nodes, with fitted powers of N.
 
     Raises:
         InputError: the record has too few cycles, or no node slips in all of them.
@@ -41,16 +39,6 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
             label = f"{scales.position(line.x, '.2f')}:  $N^{{{line.fit.exponent:.2f}}}$"
             axes.loglog(line.N, line.slip, "o", color=colour, ms=2.4, label=label)
             axes.loglog(fitted, line.at(fitted), color=colour, lw=0.8)
-        if scales.paper:
-            top = max(float(line.at(fitted[:1])[0]) for line in lines)
-            axes.loglog(
-                fitted,
-                4.0 * top * (fitted / fitted[0]) ** SLIP_EXPONENT,
-                label=f"{PAPER}:  $N^{{{SLIP_EXPONENT}}}$",
-                color="black",
-                dashes=(4, 2),
-                lw=0.9,
-            )
         axes.set_xlabel("cycle $N$")
         # a word for the pressure needs its own line
         between = "\n" if scales.pressure_symbol.startswith(r"\mathrm") else " "
@@ -68,7 +56,7 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
 def dissipation_per_cycle(
     record: Record, scales: Scales | None = None, stepped: Record | None = None
 ) -> Figure:
-    """Draw the dissipation of each cycle over that of the first (Fig. 10).
+    """Draw the dissipation of each cycle over that of the first.
 
     Args:
         record: the record.
@@ -85,16 +73,6 @@ def dissipation_per_cycle(
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.COLUMN, 2.4)
         axes = figure.subplots()
-        if scales.paper:
-            axes.axhline(DISSIPATION_RATIO, **style.GUIDE)
-            axes.annotate(
-                f"{100 * DISSIPATION_RATIO:.0f} %, {PAPER}",
-                (0.98, DISSIPATION_RATIO),
-                xycoords=("axes fraction", "data"),
-                xytext=(0, -4),
-                va="top",
-                **small,
-            )
         label = METHODS.get(record.method, record.method)
         axes.plot(N, ratio, "o-", color=style.SERIES_COLOURS[0], ms=2.4, lw=0.8, label=label)
         if stepped is not None and len(stepped.cycles.dissipation):

@@ -1,4 +1,4 @@
-"""All figures of a record (Figs. 4 to 10 of the paper), as PNG and PDF, one journal column wide.
+"""All figures of a record, as PNG and PDF, one journal column or a page wide.
 
 A figure without data is omitted: a monotonic history has no slip per cycle.
 """
@@ -61,33 +61,19 @@ __all__ = [
 FORMATS = ("png", "pdf")
 Draw = Callable[[], Figure]
 """Draws a figure."""
-FIG7_CYCLE = 9
-"""Cycle of the paper's Fig. 7."""
-FIG6_LOAD = 1.0 / 3.0
-"""Part of the largest load in the paper's Fig. 6."""
+UNLOADED_TO = 1.0 / 3.0
+"""Part of the largest load at which the tractions of the first unloading are drawn."""
 MAX_ROWS = 6
 """Largest number of rows of the overview of sampled cycles; each cycle begins a row."""
 ALL_EDGES = ("dissipation_per_cycle", "hysteresis")
 """Figures of all contact edges together."""
 PROBE = "probe_"
 """Beginning of the names of probes' figures."""
-PAPER_FIGURES = {
-    "tractions_first_loading": 4,
-    "zones_first_unloading": 5,
-    "tractions_first_unloading": 6,
-    "zones_cycle_9": 7,
-    "slip_per_cycle": 8,
-    "zones_last_cycle": 9,
-    "dissipation_per_cycle": 10,
-}
-"""Numbers of the paper's figures; only figures of the paper's block have them in their names."""
 
 
 def plot_all(
     record: Record,
     folder: str | Path,
-    unloading: Record | None = None,
-    stepped: Record | None = None,
     formats: str | Iterable[str] = FORMATS,
     tell: Tell | None = None,
     everything: bool = True,
@@ -99,9 +85,6 @@ def plot_all(
     Args:
         record: the record.
         folder: folder of the files, created if necessary; existing files are replaced.
-        unloading: record of first loading and complete unloading, for Figs. 5 and 6, which by
-            default show the first unloading of ``record``.
-        stepped: record of the same history by another method, marked in Fig. 10.
         formats: file formats, as endings.
         tell: called with the name of each figure before it is drawn.
         everything: draw all figures, not only those of :func:`main_figures`.
@@ -122,7 +105,7 @@ def plot_all(
     edges = record.by_edge()
     for edge, part in edges.items():
         alone = len(edges) == 1
-        for name, figure in draw_all(part, unloading, stepped, everything):
+        for name, figure in draw_all(part, everything):
             whole = alone or name.endswith(ALL_EDGES) or name.startswith(PROBE)
             place = folder if whole else folder / edge.replace("/", "_")
             make_folder(place)
@@ -139,19 +122,12 @@ def plot_all(
 
 def draw_all(
     record: Record,
-    unloading: Record | None = None,
-    stepped: Record | None = None,
     everything: bool = True,
 ) -> Iterator[tuple[str, Figure]]:
-    """Yield the name and the figure of everything that :func:`plot_all` writes.
-
-    Figures of the paper's block have the paper's numbers in their names.
-    """
-    scales = scales_of(record)
-    for name, draw in _every_figure(record, scales, unloading, stepped):
+    """Yield the name and the figure of everything that :func:`plot_all` writes."""
+    for name, draw in _every_figure(record, scales_of(record)):
         if everything or name.startswith(PROBE) or name in main_figures(record):
-            number = PAPER_FIGURES.get(name) if scales.paper else None
-            yield f"fig{number:02d}_{name}" if number else name, draw()
+            yield name, draw()
 
 
 def main_figures(record: Record) -> tuple[str, ...]:
@@ -165,21 +141,17 @@ def main_figures(record: Record) -> tuple[str, ...]:
     return (tractions_at, zones, "dissipation_per_cycle", "hysteresis")
 
 
-def _every_figure(
-    record: Record, scales: Scales, unloading: Record | None, stepped: Record | None
-) -> Iterator[tuple[str, Draw]]:
+def _every_figure(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]:
     yield from _first_loading(record, scales)
-    yield from _first_unloading([unloading or record, record])
+    yield from _first_unloading(record, scales)
     last = int(record.turning_points.cycle.max(initial=0))
-    if scales.paper and legs_of(record, FIG7_CYCLE) and last > FIG7_CYCLE:
-        yield f"zones_cycle_{FIG7_CYCLE}", partial(zone_maps, record, FIG7_CYCLE, scales)
     if slip_lines(record, scales.length):
         yield "slip_per_cycle", partial(slip_per_cycle, record, scales)
     if legs_of(record, last) and last > 1:
         yield "zones_last_cycle", partial(zone_maps, record, last, scales)
     yield from _sampled_zones(record, scales)
     if len(record.cycles.dissipation) > 1 and record.dissipates:
-        yield "dissipation_per_cycle", partial(dissipation_per_cycle, record, scales, stepped)
+        yield "dissipation_per_cycle", partial(dissipation_per_cycle, record, scales)
     if np.any(record.cycles.dissipation_density > 0.0):
         yield "dissipation_density", partial(dissipation_density, record, scales)
     if last > 0 and shown_cycles(record):
@@ -216,7 +188,7 @@ def _sampled_zones(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]
 
 
 def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]:
-    """Yield Fig. 4, at the turning point of cycle 0 with the largest loads."""
+    """Yield the tractions at the turning point of cycle 0 with the largest loads."""
     table = record.turning_points
     rows = np.flatnonzero((table.cycle == 0) & np.any(table.P > 0.0, axis=1))
     if len(rows):
@@ -226,24 +198,21 @@ def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]
         yield "tractions_first_loading", partial(tractions, record, [moment], scales)
 
 
-def _first_unloading(records: list[Record]) -> Iterator[tuple[str, Draw]]:
-    """Yield Figs. 5 and 6: zones along the first unloading, tractions at a third of the load."""
-    places = [(record, first_unloading(record)) for record in records]
-    found = [(record, where) for record, where in places if where is not None]
-    for record, where in found[:1]:
-        if where in legs_of(record, where[0]):
-            yield "zones_first_unloading", partial(zone_maps, record, [where])
-    instants: list[tuple[float, int, Record, States, int]] = []
-    for record, (cycle, leg) in found:
-        largest = scales_of(record).load_max
-        for table in (record.samples, record.turning_points):
-            here = (table.cycle == cycle) & (table.leg == leg) & np.any(table.P > 0.0, axis=1)
-            for row in np.flatnonzero(here):
-                off = abs(np.abs(table.load[row] / largest).max() - FIG6_LOAD)
-                instants.append((off, len(instants), record, table, int(row)))
+def _first_unloading(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]:
+    """Yield the zones along the first unloading, and the tractions at a third of the load."""
+    where = first_unloading(record)
+    if where is None:
+        return
+    cycle, leg = where
+    if where in legs_of(record, cycle):
+        yield "zones_first_unloading", partial(zone_maps, record, [where], scales)
+    instants: list[tuple[float, int, States, int]] = []
+    for table in (record.samples, record.turning_points):
+        here = (table.cycle == cycle) & (table.leg == leg) & np.any(table.P > 0.0, axis=1)
+        for row in np.flatnonzero(here):
+            off = abs(np.abs(table.load[row] / scales.load_max).max() - UNLOADED_TO)
+            instants.append((off, len(instants), table, int(row)))
     if instants:
-        _, _, record, table, row = min(instants, key=lambda instant: instant[:2])
-        yield (
-            "tractions_first_unloading",
-            partial(tractions, record, [moment_of(record, table, row)]),
-        )
+        _, _, table, row = min(instants, key=lambda instant: instant[:2])
+        moment = moment_of(record, table, row)
+        yield "tractions_first_unloading", partial(tractions, record, [moment], scales)

@@ -9,9 +9,14 @@ import numpy as np
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.steady import PowerLaw, fit_power_law
-from receding_fenicsx.reference.ahn_barber import SLIP_CYCLES, SLIP_FLOOR, SLIP_NODES
 from receding_fenicsx.scene.history.harmonic import corner_angles, is_straight
 
+SLIP_CYCLES = (4, 20)
+"""Cycles N of the fit: earlier ones do not follow a power law, later increments are small."""
+SLIP_NODES = (0.5, 0.8)
+"""Range of |x| over the length scale of nodes that are drawn before others."""
+SLIP_FLOOR = 1e-9
+"""Part of the largest increment below which an increment is round-off."""
 POSITION_TOLERANCE = 1e-6
 """Round-off of the representative nodes' positions, over the length scale."""
 MIN_CYCLES = 5
@@ -101,7 +106,7 @@ def phases(record: Record) -> Array | None:
 
 
 def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[SlipLine]:
-    """Return slip per cycle at representative nodes with fitted powers of N (Fig. 8).
+    """Return slip per cycle at representative nodes with fitted powers of N.
 
     Args:
         record: the record.
@@ -139,7 +144,7 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
 
 
 def fitted_cycles(record: Record) -> Ints:
-    """Return the cycles of the fits: those of the paper's comparison, or the later half."""
+    """Return the cycles of the fits: ``SLIP_CYCLES``, or the later half."""
     n = len(record.cycles.slip_increment)
     first, last = SLIP_CYCLES
     return np.arange(first, last + 1) if n >= last else np.arange(n // 2, n + 1)[n // 2 == 0 :]

@@ -46,7 +46,7 @@ STATE_OF_NAME = {name: state for state, name in STATE_NAMES.items()}
 """States by the names that zones have."""
 
 STATE_LABELS = {state: f"{state.value}  {STATE_NAMES[state]}" for state in State}
-"""Number (section 2 of the paper) and name of each state."""
+"""Number and name of each state."""
 
 PRESSURE_COLOUR = "#000000"
 SHEAR_COLOUR = "#d55e00"
@@ -106,7 +106,7 @@ RC: dict[Any, Any] = {
 """Settings of Matplotlib; the fonts are part of Matplotlib, so figures are the same everywhere."""
 
 
-class PaperFigure(Figure):
+class NotebookFigure(Figure):
     """A figure that needs no window system and that a notebook displays."""
 
     def _repr_png_(self) -> bytes:
@@ -118,7 +118,7 @@ class PaperFigure(Figure):
 
 def new_figure(width: float, height: float) -> Figure:
     """Return an empty figure of this size in inches."""
-    return PaperFigure(figsize=(width, height), layout="constrained")
+    return NotebookFigure(figsize=(width, height), layout="constrained")
 
 
 def save(figure: Figure, path: Path) -> None:

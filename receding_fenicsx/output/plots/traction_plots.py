@@ -1,4 +1,4 @@
-"""Figures of tractions, friction limit and states along the contact edge (Figs. 4 and 6)."""
+"""Figures of tractions, friction limit and states along the contact edge."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ MIN_NUMBERED_ZONE = 0.03
 def tractions(
     record: Record, moments: Moment | Sequence[Moment], scales: Scales | None = None
 ) -> Figure:
-    """Draw tractions, the friction cone and the states along the contact edge (Figs. 4 and 6).
+    """Draw tractions, the friction cone and the states along the contact edge.
 
     Args:
         record: the record.

@@ -18,7 +18,6 @@ from receding_fenicsx.output.plots.load_names import (
     peak,
     shown_name,
 )
-from receding_fenicsx.reference.ahn_barber import is_papers_block
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.units import Units, in_unit
 
@@ -59,7 +58,6 @@ class Scales:
         pressure_symbol: its symbol; "" if tractions are not divided by it.
         load_max: (n_loads,) largest absolute factor of each load over the history, or 1.
         young: Young's modulus; 0 if unknown.
-        paper: whether block and history are those of the paper.
         symmetric: whether all states are mirror-symmetric about x = 0.
         axisymmetric: whether forces and work are those of the full circle.
         radial: whether positions are radii.
@@ -75,7 +73,6 @@ class Scales:
     pressure_symbol: str
     load_max: Array
     young: float
-    paper: bool
     symmetric: bool
     axisymmetric: bool = False
     radial: bool = False
@@ -210,7 +207,7 @@ def three_digits(value: float) -> str:
 
 
 def scales_of(record: Record) -> Scales:
-    """Return the units of a record: height and pressure as in the paper where they exist."""
+    """Return the units of a record: those of the scene, else its height and pressure."""
     scene = record.scene
     length = length_of(scene)
     pressure, symbol = pressure_of(scene, record.load_names)
@@ -222,7 +219,6 @@ def scales_of(record: Record) -> Scales:
         pressure_symbol=symbol,
         load_max=np.where(largest > 0.0, largest, 1.0),
         young=scene.material_of(scene.body).young if scene is not None else 0.0,
-        paper=scene is not None and is_papers_block(scene),
         symmetric=_is_symmetric(record),
         axisymmetric=record.axisymmetric,
         radial=record.radius is not None and np.allclose(record.x, record.radius),

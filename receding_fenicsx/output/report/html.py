@@ -75,12 +75,9 @@ def report_html(
     if summary.get("failure"):
         parts.append(f'<p class="failure">The run ended early: {escape(summary["failure"])}</p>')
     parts.append(_cards(summary))
-    parts += html.section("Comparison with the paper", _paper(summary))
     parts += html.section("Turning points", _turning_points(summary))
     edges = {row["edge"] for row in summary["turning_points"] if "edge" in row}
-    parts += html.section(
-        "Figures", html_pictures.figures(figures, edges, bool(summary.get("paper")))
-    )
+    parts += html.section("Figures", html_pictures.figures(figures, edges))
     parts += html.section("Stresses in the body", html_pictures.snapshots(snapshots))
     parts += html.section("Cycles", _cycles(summary))
     parts += html.section("Checks", _checks(summary))
@@ -123,19 +120,6 @@ def _cards(summary: Mapping[str, Any]) -> str:
         f"<div><dt>{escape(name)}</dt><dd>{escape(value)}</dd></div>" for name, value in cards
     )
     return f'<dl class="cards">{items}</dl>'
-
-
-def _paper(summary: Mapping[str, Any]) -> str:
-    """Return the comparison with the paper; "" without one."""
-    rows = summary.get("paper") or []
-    verdict = {True: ("agrees", "yes"), False: ("differs", "no"), None: ("too few cycles", "")}
-    lines = []
-    for row in rows:
-        text, kind = verdict[row["agrees"]]
-        cells = [row["quantity"], row["paper"], row["ours"]]
-        shown = "".join(f"<td>{escape(html.value(cell))}</td>" for cell in cells)
-        lines.append(f'<tr>{shown}<td class="{kind}">{text}</td></tr>')
-    return html.table_of_lines(["quantity", "paper", "here", ""], lines) if rows else ""
 
 
 def _turning_points(summary: Mapping[str, Any]) -> str:

@@ -27,7 +27,6 @@ CAPTIONS = (
         "tractions_first_unloading",
         "Tractions during the first unloading; the load is given above the states.",
     ),
-    ("zones_cycle_9", "Zones along the ninth cycle."),
     ("slip_per_cycle", "Slip increment of each cycle at some nodes, with fitted power of N."),
     (
         "zones_last_cycle",
@@ -55,7 +54,7 @@ CAPTIONS = (
 """Captions of pictures, by a part of the file name."""
 
 
-def figures(paths: Sequence[Path], edges: set[str], paper: bool) -> str:
+def figures(paths: Sequence[Path], edges: set[str]) -> str:
     """Return figures in the order of their captions; name the edge of those in an edge's folder."""
     parts = [part for part, _ in CAPTIONS]
 
@@ -70,9 +69,6 @@ def figures(paths: Sequence[Path], edges: set[str], paper: bool) -> str:
             wide = image.width > WIDE_FIGURE
         caption = f"On {path.parent.name}: " if path.parent.name in edges else ""
         caption += _caption(path)
-        number = re.match(r"fig(\d+)_", path.stem)
-        if number and paper:
-            caption += f" The paper's Fig. {int(number[1])}."
         shown.append(html.figure(path.stem, caption, "png", path.read_bytes(), wide))
     return f'<div class="figures">{"".join(shown)}</div>' if shown else ""
 

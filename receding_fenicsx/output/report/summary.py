@@ -24,7 +24,6 @@ from receding_fenicsx.output.report.bolts import bolt_summary, force_summary, lo
 from receding_fenicsx.output.report.limit import limit_summary
 from receding_fenicsx.output.report.surface_ends import cut_off_warnings
 from receding_fenicsx.output.report.uniqueness import uniqueness_summary
-from receding_fenicsx.reference.ahn_barber import paper_table
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.history.harmonic import DEFAULT_TOLERANCE, is_straight
 from receding_fenicsx.scene.model import Scene
@@ -85,7 +84,6 @@ def summarise(record: Record, extra: Mapping[str, Any] | None = None) -> dict[st
         "events": int(record.n_events),
         "jumps": {"count": int(record.jumps), "energy_released": float(record.released)},
         "sweeps": int(record.sweeps),
-        "paper": paper_table(record),
         "warnings": [
             *(scene_warnings(scene) if scene else []),
             *cut_off_warnings(record),

@@ -46,7 +46,7 @@ def run_table(summary: Mapping[str, Any]) -> str:
 
     Returns:
         Text: turning points of the first loading and of the first and last cycles, dissipation,
-        steady state, residual, timings, and the comparison with the paper where there is one.
+        steady state, residual, timings.
     """
     lines = [
         f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
@@ -57,7 +57,6 @@ def run_table(summary: Mapping[str, Any]) -> str:
         *force_lines(summary),
         *way_lines(summary),
         *_checks(summary),
-        *_paper(summary),
         *(f"warning: {text}" for text in summary.get("warnings") or []),
     ]
     if "timings" in summary:
@@ -173,16 +172,6 @@ def _checks(summary: Mapping[str, Any]) -> list[str]:
     return lines
 
 
-def _paper(summary: Mapping[str, Any]) -> list[str]:
-    """Return lines that compare with the paper."""
-    lines = []
-    for row in summary.get("paper") or []:
-        verdict = {True: "agrees", False: "DIFFERS", None: "too few cycles"}[row["agrees"]]
-        here = f"here {_value(row['ours'])}: {verdict}"
-        lines.append(f"paper: {row['quantity']}: {_value(row['paper'])}; {here}")
-    return lines
-
-
 def limit_ranges(summary: Mapping[str, Any]) -> str:
     """Return the ranges of x that reach the friction limit without slip in the last cycle."""
     return ", ".join(
@@ -255,12 +244,6 @@ def _format(values: Sequence[float]) -> str:
         return "z.4f"
     places = 4 - math.floor(math.log10(largest))
     return f"z.{places}f" if 0 <= places <= 8 else "z.4e"
-
-
-def _value(value: object) -> str:
-    if value is None:
-        return "-"
-    return f"{value:z.4g}" if isinstance(value, float) else str(value)
 
 
 def corner_lines(points: Iterable[Mapping[str, Any]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""Figures of zone maps, one panel for each leg (Figs. 5, 7 and 9 of the paper)."""
+"""Figures of zone maps, one panel for each leg."""
 
 from __future__ import annotations
 
