@@ -114,7 +114,7 @@ def test_recipes_of_the_guide_run(tmp_path: Path, monkeypatch: pytest.MonkeyPatc
     monkeypatch.chdir(tmp_path)
     names: dict[str, object] = {}
     recipes = programs("docs/extending.md")
-    assert len(recipes) == 7
+    assert len(recipes) == 8
     for recipe in recipes:
         exec(compile(recipe, "extending.md", "exec"), names)
     assert (tmp_path / "friction_used.png").is_file()

@@ -29,6 +29,7 @@ from receding_fenicsx.output.plots.zones.timelines import Timeline, timeline, wi
 from receding_fenicsx.output.plots.zones.zone_labels import MAX_NUMBERS
 from receding_fenicsx.output.plots.zones.zone_map import FLICKER, fill_strip, stacked_map, zone_map
 from receding_fenicsx.output.plots.zones.zone_plots import load_axis
+from receding_fenicsx.output.report.html import report_html
 
 pytestmark = pytest.mark.one_rank
 
@@ -506,6 +507,24 @@ def test_figures_are_those_that_the_record_holds_something_for() -> None:
     for name, figure in drawn.items():
         width = rf.style.PAGE if name in wide else rf.style.COLUMN
         assert figure.get_figwidth() == pytest.approx(width, rel=0.01), name
+
+
+def test_a_registered_figure_is_drawn_where_its_data_are_and_has_its_caption(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rf.figures, "FIGURES", dict(rf.figures.FIGURES))
+
+    @rf.figures.figure("slipping", needs=lambda r: r.cycles.dissipation[:1], caption="A < B")
+    def _(found: rf.Record, first: np.ndarray) -> Figure:
+        figure = rf.style.new_figure(2.0, 2.0)
+        figure.suptitle(f"{first[0]:.3g}")
+        return figure
+
+    names = [[name for name, _ in rf.figures.draw_all(record(k))] for k in ("cyclic", "monotonic")]
+    assert names == [[*FIGURES, "slipping"], FIGURES[:1]]
+    path = tmp_path / "slipping.png"
+    Image.new("RGB", (8, 8)).save(path)
+    assert "<figcaption>A &lt; B</figcaption>" in report_html(rf.summarise(record()), "", [path])
 
 
 def test_another_method_is_drawn_beside() -> None:

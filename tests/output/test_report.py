@@ -21,7 +21,6 @@ import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit
 from receding_fenicsx.output.report.bolts import loose_warnings
 from receding_fenicsx.output.report.html import report_html
-from receding_fenicsx.output.report.html_pictures import CAPTIONS
 from receding_fenicsx.output.report.text import extremes_of
 from receding_fenicsx.output.report.uniqueness import uniqueness_lines
 from receding_fenicsx.output.storage.summary_file import write_summary
@@ -86,7 +85,7 @@ def run(cycles: int = 22) -> tuple:
 
 
 def test_captions_claim_no_load_that_other_histories_do_not_have() -> None:
-    captions = dict(CAPTIONS)
+    captions = {name: entry.caption for name, entry in rf.figures.FIGURES.items()}
     for name in ("tractions_first_loading", "zones_first_unloading", "tractions_first_unloading"):
         assert not re.search(r"third|\d|maximum|the end of", captions[name]), captions[name]
 
@@ -95,8 +94,8 @@ PICTURES = {
     "figures/tractions_first_loading": "Tractions, friction cone and states",
     "figures/zones_first_unloading": "Zones",
     "figures/slip_per_cycle": "power of N",
-    "figures/dissipation_per_cycle": "Dissipation",
     "figures/zones_by_cycle": "all sampled cycles",
+    "figures/dissipation_per_cycle": "Dissipation",
     "figures/dissipation_density": "along the contact edge",
     "figures/hysteresis": "work-conjugate displacements",
     "figures/trajectories": "Paths of single nodes",

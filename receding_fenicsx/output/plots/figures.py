@@ -1,13 +1,16 @@
-"""All figures of a record, as PNG and PDF, one journal column or a page wide.
+"""All figures of a record: a registry of figures, each with the data that it needs.
 
-A figure without data is omitted: a monotonic history has no slip per cycle.
+A figure without data is omitted: a monotonic history has no slip per cycle. Files are PNG and PDF,
+one journal column or a page wide.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sized
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from matplotlib.backend_bases import FigureCanvasBase
@@ -16,7 +19,7 @@ from matplotlib.figure import Figure
 from receding_fenicsx.arrays import spread
 from receding_fenicsx.atomic import make_folder
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.moment import moment_of
+from receding_fenicsx.evolution.moment import Moment, moment_of
 from receding_fenicsx.evolution.probe_history import probe_names
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import States
@@ -37,16 +40,18 @@ from receding_fenicsx.output.plots.probe_plots import probe_stresses
 from receding_fenicsx.output.plots.series import first_unloading, legs_of, slip_lines
 from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.output.plots.traction_plots import tractions
-from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zones.cycle_maps import cycle_maps
 from receding_fenicsx.output.plots.zones.zone_plots import MAX_PANELS, zone_maps
 from receding_fenicsx.timing import Tell
 
 __all__ = [
+    "FIGURES",
     "branches",
     "cycle_maps",
     "dissipation_density",
     "dissipation_per_cycle",
+    "draw_all",
+    "figure",
     "hysteresis",
     "plot_all",
     "probe_stresses",
@@ -59,16 +64,53 @@ __all__ = [
 ]
 
 FORMATS = ("png", "pdf")
-Draw = Callable[[], Figure]
-"""Draws a figure."""
-UNLOADED_TO = 1.0 / 3.0
-"""Part of the largest load at which the tractions of the first unloading are drawn."""
-MAX_ROWS = 6
-"""Largest number of rows of the overview of sampled cycles; each cycle begins a row."""
-ALL_EDGES = ("dissipation_per_cycle", "hysteresis")
-"""Figures of all contact edges together."""
-PROBE = "probe_"
-"""Beginning of the names of probes' figures."""
+Needs = Callable[[Record], Any]
+Draw = Callable[[Record, Any], Figure]
+Main = Callable[[int], bool]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A figure of the registry; attributes are the arguments of :func:`figure`."""
+
+    draw: Draw
+    needs: Needs
+    caption: str
+    main: bool | Main
+    all_edges: bool
+    each: bool
+
+
+FIGURES: dict[str, Entry] = {}
+"""Registered figures by name, in the order in which runs draw them and reports show them."""
+
+
+def figure(
+    name: str,
+    needs: Needs,
+    caption: str = "",
+    main: bool | Main = False,
+    all_edges: bool = False,
+    each: bool = False,
+) -> Callable[[Draw], Draw]:
+    """Register a function ``draw(record, found)`` as a figure of every record that has data for it.
+
+    Args:
+        name: name of the file, without ending.
+        needs: returns from a record what the figure shows, such as instants: the second argument
+            ``found`` of ``draw``. None, False or an empty sequence: the figure is omitted.
+        caption: text below it in the report.
+        main: whether it answers a scene's question, so that all runs draw it; or a function of the
+            last cycle that says so.
+        all_edges: it shows all contact edges together; others are drawn for each edge.
+        each: ``needs`` returns names, and ``draw`` is called for each: a figure ``name_NAME``.
+    """
+
+    def register(draw: Draw) -> Draw:
+        FIGURES[name] = Entry(draw, needs, caption, main, all_edges, each)
+        return draw
+
+    return register
 
 
 def plot_all(
@@ -87,7 +129,7 @@ def plot_all(
         folder: folder of the files, created if necessary; existing files are replaced.
         formats: file formats, as endings.
         tell: called with the name of each figure before it is drawn.
-        everything: draw all figures, not only those of :func:`main_figures`.
+        everything: draw all figures, not only those that answer a scene's question.
 
     Returns:
         The files.
@@ -104,115 +146,203 @@ def plot_all(
     made: list[Path] = []
     edges = record.by_edge()
     for edge, part in edges.items():
-        alone = len(edges) == 1
-        for name, figure in draw_all(part, everything):
-            whole = alone or name.endswith(ALL_EDGES) or name.startswith(PROBE)
+        for name, entry, draw in _drawings(part, everything):
+            whole = len(edges) == 1 or entry.all_edges
             place = folder if whole else folder / edge.replace("/", "_")
-            make_folder(place)
             files = [place / f"{name}.{ending}" for ending in formats]
             if set(files) <= set(made):
                 continue
+            make_folder(place)
             if tell is not None:
                 tell(name, len(made) // len(formats))
+            drawn = draw()
             for path in files:
-                save(figure, path)
+                save(drawn, path)
             made += files
     return made
 
 
-def draw_all(
-    record: Record,
-    everything: bool = True,
-) -> Iterator[tuple[str, Figure]]:
+def draw_all(record: Record, everything: bool = True) -> Iterator[tuple[str, Figure]]:
     """Yield the name and the figure of everything that :func:`plot_all` writes."""
-    for name, draw in _every_figure(record, scales_of(record)):
-        if everything or name.startswith(PROBE) or name in main_figures(record):
-            yield name, draw()
+    for name, _, draw in _drawings(record, everything):
+        yield name, draw()
 
 
-def main_figures(record: Record) -> tuple[str, ...]:
-    """Return the names of the figures that answer a scene's question, besides its probes.
-
-    Cycles are run for their end, everything else for the first loading and unloading.
-    """
-    last = int(record.turning_points.cycle.max(initial=0))
-    zones = "zones_last_cycle" if last > 1 else "zones_first_unloading"
-    tractions_at = "tractions_last_cycle" if last > 0 else "tractions_first_loading"
-    return (tractions_at, zones, "dissipation_per_cycle", "hysteresis")
-
-
-def _every_figure(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]:
-    yield from _first_loading(record, scales)
-    yield from _first_unloading(record, scales)
-    last = int(record.turning_points.cycle.max(initial=0))
-    if slip_lines(record, scales.length):
-        yield "slip_per_cycle", partial(slip_per_cycle, record, scales)
-    if legs_of(record, last) and last > 1:
-        yield "zones_last_cycle", partial(zone_maps, record, last, scales)
-    yield from _sampled_zones(record, scales)
-    if len(record.cycles.dissipation) > 1 and record.dissipates:
-        yield "dissipation_per_cycle", partial(dissipation_per_cycle, record, scales)
-    if np.any(record.cycles.dissipation_density > 0.0):
-        yield "dissipation_density", partial(dissipation_density, record, scales)
-    if last > 0 and shown_cycles(record):
-        paths = [loop_of(record, cycle) for cycle in shown_cycles(record)]
-        if moving_loads(paths):
-            yield "hysteresis", partial(hysteresis, record, scales=scales)
-        if representative_nodes(record):
-            yield "trajectories", partial(trajectories, record, scales=scales)
-    if last > 0:
-        table = record.turning_points
-        rows = np.flatnonzero((table.cycle == last) & np.any(table.P > 0.0, axis=1))
-        if len(rows):
-            chosen = [moment_of(record, table, int(row)) for row in spread(rows, MAX_PANELS)]
-            yield "tractions_last_cycle", partial(tractions, record, chosen, scales)
-    for name in probe_names(record) if len(record.turning_points.s) else ():
-        yield f"{PROBE}{name}", partial(probe_stresses, record, name, scales)
+def _drawings(
+    record: Record, everything: bool
+) -> Iterator[tuple[str, Entry, Callable[[], Figure]]]:
+    """Yield name, entry and drawing function of the figures that a record has data for."""
+    last = last_cycle(record)
+    for name, entry in FIGURES.items():
+        main = entry.main(last) if callable(entry.main) else entry.main
+        found = entry.needs(record) if everything or main else None
+        # an array has a length, but no truth value
+        if len(found) == 0 if isinstance(found, Sized) else not found:
+            continue
+        for own, what in [(f"{name}_{k}", k) for k in found] if entry.each else [(name, found)]:
+            yield own, entry, partial(entry.draw, record, what)
 
 
-def _sampled_zones(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]:
-    """Yield the zones of several sampled cycles, as panels or, of many legs, as continuous maps."""
+def last_cycle(record: Record) -> int:
+    """Return the last cycle of a record; 0 for a first loading alone."""
+    return int(record.turning_points.cycle.max(initial=0))
+
+
+# -- the figures of the package, in the order of the report --------------------------------------
+
+
+def _largest_first_load(record: Record) -> Moment | None:
+    """Return the turning point of cycle 0 with the largest loads in contact."""
+    table = record.turning_points
+    rows = np.flatnonzero((table.cycle == 0) & np.any(table.P > 0.0, axis=1))
+    if not len(rows):
+        return None
+    largest = np.abs(table.load).max(axis=0)
+    size = np.abs(table.load[rows] / np.where(largest > 0.0, largest, 1.0)).sum(axis=1)
+    return moment_of(record, table, int(rows[np.argmax(size)]))
+
+
+figure(
+    "tractions_first_loading",
+    needs=_largest_first_load,
+    caption="Tractions, friction cone and states at the largest load of the first loading.",
+    main=lambda last: last == 0,
+)(lambda record, moment: tractions(record, moment))
+
+
+def _sampled_first_unloading(record: Record) -> list[tuple[int, int]]:
+    where = first_unloading(record)
+    return [where] if where is not None and where in legs_of(record, where[0]) else []
+
+
+figure(
+    "zones_first_unloading",
+    needs=_sampled_first_unloading,
+    caption="Zones of stick, slip and separation along the first unloading.",
+    main=lambda last: last <= 1,
+)(lambda record, legs: zone_maps(record, legs))
+
+
+def _third_of_load(record: Record) -> Moment | None:
+    """Return the instant of the first unloading where about a third of the largest load is left."""
+    where = first_unloading(record)
+    if where is None:
+        return None
+    largest = np.abs(record.turning_points.load).max(axis=0)
+    instants: list[tuple[float, int, States, int]] = []
+    for table in (record.samples, record.turning_points):
+        here = (table.cycle == where[0]) & (table.leg == where[1]) & np.any(table.P > 0.0, axis=1)
+        for row in np.flatnonzero(here):
+            part = np.abs(table.load[row] / np.where(largest > 0.0, largest, 1.0)).max()
+            instants.append((abs(part - 1.0 / 3.0), len(instants), table, int(row)))
+    if not instants:
+        return None
+    _, _, table, row = min(instants, key=lambda instant: instant[:2])
+    return moment_of(record, table, row)
+
+
+figure(
+    "tractions_first_unloading",
+    needs=_third_of_load,
+    caption="Tractions during the first unloading; the load is given above the states.",
+)(lambda record, moment: tractions(record, moment))
+
+
+figure(
+    "slip_per_cycle",
+    needs=slip_lines,
+    caption="Slip increment of each cycle at some nodes, with fitted power of N.",
+)(lambda record, _: slip_per_cycle(record))
+
+
+figure(
+    "zones_last_cycle",
+    needs=lambda record: last_cycle(record) > 1 and legs_of(record, last_cycle(record)),
+    caption="Zones along the last cycle. Dashed line: nodes that reach the friction limit without "
+    "slip.",
+    main=True,
+)(lambda record, _: zone_maps(record, last_cycle(record)))
+
+
+@figure(
+    "zones_by_cycle",
+    needs=lambda record: [cycle for cycle in sampled_cycles(record) if cycle][1:],
+    caption="Zones along all sampled cycles.",
+)
+def _(record: Record, _later: Any) -> Figure:
+    """Draw zones of several cycles as panels or, of many legs, as continuous maps."""
     sampled = [cycle for cycle in sampled_cycles(record) if cycle]
-    if len(sampled) < 2:
-        return
     legs = len(legs_of(record, sampled[0]))
     if legs > MAX_PANELS:
         several = sorted({sampled[0], sampled[len(sampled) // 2], sampled[-1]})
-        yield "zones_by_cycle", partial(cycle_maps, record, several, scales)
-        return
+        return cycle_maps(record, several)
     columns = 2 if legs == 4 else min(legs, 3)
-    most = MAX_ROWS // -(-legs // columns)
+    most = 6 // -(-legs // columns)  # rows that fit a page; each cycle begins one
     several = sampled if len(sampled) <= most else [*sampled[: most - 1], sampled[-1]]
     shown = [leg for cycle in several for leg in legs_of(record, cycle)]
-    yield "zones_by_cycle", partial(zone_maps, record, shown, scales, columns=columns)
+    return zone_maps(record, shown, columns=columns)
 
 
-def _first_loading(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]:
-    """Yield the tractions at the turning point of cycle 0 with the largest loads."""
-    table = record.turning_points
-    rows = np.flatnonzero((table.cycle == 0) & np.any(table.P > 0.0, axis=1))
-    if len(rows):
-        size = np.abs(table.load[rows] / scales.load_max).sum(axis=1)
-        row = int(rows[np.argmax(size)])
-        moment = moment_of(record, table, row)
-        yield "tractions_first_loading", partial(tractions, record, [moment], scales)
+figure(
+    "dissipation_per_cycle",
+    needs=lambda record: len(record.cycles.dissipation) > 1 and record.dissipates,
+    caption="Dissipation of each cycle over that of cycle 1.",
+    main=True,
+    all_edges=True,
+)(lambda record, _: dissipation_per_cycle(record))
 
 
-def _first_unloading(record: Record, scales: Scales) -> Iterator[tuple[str, Draw]]:
-    """Yield the zones along the first unloading, and the tractions at a third of the load."""
-    where = first_unloading(record)
-    if where is None:
-        return
-    cycle, leg = where
-    if where in legs_of(record, cycle):
-        yield "zones_first_unloading", partial(zone_maps, record, [where], scales)
-    instants: list[tuple[float, int, States, int]] = []
-    for table in (record.samples, record.turning_points):
-        here = (table.cycle == cycle) & (table.leg == leg) & np.any(table.P > 0.0, axis=1)
-        for row in np.flatnonzero(here):
-            off = abs(np.abs(table.load[row] / scales.load_max).max() - UNLOADED_TO)
-            instants.append((off, len(instants), table, int(row)))
-    if instants:
-        _, _, table, row = min(instants, key=lambda instant: instant[:2])
-        moment = moment_of(record, table, row)
-        yield "tractions_first_unloading", partial(tractions, record, [moment], scales)
+figure(
+    "dissipation_density",
+    needs=lambda record: bool(np.any(record.cycles.dissipation_density > 0.0)),
+    caption="Dissipation per contact area in a cycle, along the contact edge.",
+)(lambda record, _: dissipation_density(record))
+
+
+def _moving(record: Record) -> list[int]:
+    """Return the loads that move in the shown cycles."""
+    cycles = shown_cycles(record) if last_cycle(record) > 0 else []
+    return moving_loads([loop_of(record, cycle) for cycle in cycles]) if cycles else []
+
+
+figure(
+    "hysteresis",
+    needs=_moving,
+    caption="Loads against their work-conjugate displacements; the area of a loop is work.",
+    main=True,
+    all_edges=True,
+)(lambda record, _: hysteresis(record))
+
+
+figure(
+    "trajectories",
+    needs=lambda record: (
+        last_cycle(record) > 0 and shown_cycles(record) and representative_nodes(record)
+    ),
+    caption="Paths of single nodes: tractions with the friction cone (above), displacements "
+    "(below). Dots are turning points.",
+)(lambda record, _: trajectories(record))
+
+
+def _turning_points_of_last_cycle(record: Record) -> list[Moment]:
+    table, last = record.turning_points, last_cycle(record)
+    rows = np.flatnonzero((table.cycle == last) & np.any(table.P > 0.0, axis=1))
+    return [moment_of(record, table, int(r)) for r in spread(rows, MAX_PANELS)] if last else []
+
+
+figure(
+    "tractions_last_cycle",
+    needs=_turning_points_of_last_cycle,
+    caption="Tractions, friction cone and states at the turning points of the last cycle.",
+    main=True,
+)(lambda record, moments: tractions(record, moments))
+
+
+figure(
+    "probe",
+    needs=lambda record: probe_names(record) if len(record.turning_points.s) else (),
+    caption="Stresses at a probe, whose name is in that of the file.",
+    main=True,
+    all_edges=True,
+    each=True,
+)(lambda record, name: probe_stresses(record, name))

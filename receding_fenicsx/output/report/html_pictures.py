@@ -14,63 +14,36 @@ PICTURE_WIDTH = 1200
 WIDE_FIGURE = 1600
 """Width in pixels above which a figure takes the width of the page."""
 JPEG_QUALITY = 90
-LAST_PLACE = 99
-"""Order of figures without a caption of their own."""
-
-CAPTIONS = (
-    (
-        "tractions_first_loading",
-        "Tractions, friction cone and states at the largest load of the first loading.",
-    ),
-    ("zones_first_unloading", "Zones of stick, slip and separation along the first unloading."),
-    (
-        "tractions_first_unloading",
-        "Tractions during the first unloading; the load is given above the states.",
-    ),
-    ("slip_per_cycle", "Slip increment of each cycle at some nodes, with fitted power of N."),
-    (
-        "zones_last_cycle",
-        "Zones along the last cycle. Dashed line: nodes that reach the friction limit without "
-        "slip.",
-    ),
-    ("dissipation_per_cycle", "Dissipation of each cycle over that of cycle 1."),
-    ("zones_by_cycle", "Zones along all sampled cycles."),
-    ("dissipation_density", "Dissipation per contact area in a cycle, along the contact edge."),
-    ("hysteresis", "Loads against their work-conjugate displacements; the area of a loop is work."),
-    (
-        "trajectories",
-        "Paths of single nodes: tractions with the friction cone (above), displacements "
-        "(below). Dots are turning points.",
-    ),
-    (
-        "tractions_last_cycle",
-        "Tractions, friction cone and states at the turning points of the last cycle.",
-    ),
-    ("accuracy", "Twice the estimated errors of the numbers over time, mesh by mesh."),
-    ("probe_", "Stresses at a probe, whose name is in that of the file."),
-    ("max_shear", "Isochromatic fringes: contours of the largest in-plane shear stress."),
-    ("von_mises", "Von Mises equivalent stress."),
-)
-"""Captions of pictures, by a part of the file name."""
+OTHER_CAPTIONS = {
+    "accuracy": "Twice the estimated errors of the numbers over time, mesh by mesh.",
+    "max_shear": "Isochromatic fringes: contours of the largest in-plane shear stress.",
+    "von_mises": "Von Mises equivalent stress.",
+}
+"""Captions of pictures that are not in the registry of figures, by the end of the file name."""
 
 
 def figures(paths: Sequence[Path], edges: set[str]) -> str:
-    """Return figures in the order of their captions; name the edge of those in an edge's folder."""
-    parts = [part for part, _ in CAPTIONS]
+    """Return figures in the order of the registry; name the edge of those in an edge's folder."""
+    if not paths:
+        return ""
+    from PIL import Image
 
-    def place(path: Path) -> tuple[int, str]:
-        return next((k for k, part in enumerate(parts) if part in path.stem), LAST_PLACE), str(path)
+    from receding_fenicsx.output.plots.figures import FIGURES
 
+    def entry(path: Path) -> str | None:
+        names = (n for n, e in FIGURES.items() if e.each and path.stem.startswith(f"{n}_"))
+        return path.stem if path.stem in FIGURES else next(names, None)
+
+    order = [*FIGURES, None]
     shown = []
-    for path in sorted(paths, key=place):
-        from PIL import Image
-
+    for path in sorted(paths, key=lambda path: (order.index(entry(path)), str(path))):
         with Image.open(path) as image:
             wide = image.width > WIDE_FIGURE
+        name = entry(path)
         caption = f"On {path.parent.name}: " if path.parent.name in edges else ""
-        caption += _caption(path)
+        caption += _caption(path) if name is None else FIGURES[name].caption or path.stem
         shown.append(html.figure(path.stem, caption, "png", path.read_bytes(), wide))
-    return f'<div class="figures">{"".join(shown)}</div>' if shown else ""
+    return f'<div class="figures">{"".join(shown)}</div>'
 
 
 def snapshots(paths: Sequence[Path]) -> str:
@@ -90,5 +63,5 @@ def snapshots(paths: Sequence[Path]) -> str:
 
 
 def _caption(path: Path) -> str:
-    """Return the caption of a picture; its name if it has none."""
-    return next((text for part, text in CAPTIONS if part in path.stem), path.stem)
+    """Return the caption of a picture that is no registered figure; its name if it has none."""
+    return next((text for k, text in OTHER_CAPTIONS.items() if path.stem.endswith(k)), path.stem)
