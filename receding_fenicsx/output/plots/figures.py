@@ -175,7 +175,7 @@ def _drawings(
     last = last_cycle(record)
     for name, entry in FIGURES.items():
         main = entry.main(last) if callable(entry.main) else entry.main
-        found = entry.needs(record) if everything or main else None
+        found: Any = entry.needs(record) if everything or main else None
         # an array has a length, but no truth value
         if len(found) == 0 if isinstance(found, Sized) else not found:
             continue
