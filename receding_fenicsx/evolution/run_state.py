@@ -241,14 +241,15 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
         start: state at the leg's start.
         leg: the leg; its end and its events are changed.
     """
-    still = (start.state == STICK) & (SLIP_SIGN[leg.end.state] != 0.0) & model.friction.present
-    if not still.any():
-        return
     # ends of limit cycles lack as much; a longer slip is one that the energy knows
     none = 3.0 * LIMIT_TOLERANCE * leg.force_scale / local_stiffness(model)[0]
+    still = (start.state == STICK) & (np.abs(leg.end.v - start.v) <= none)
+    still &= (SLIP_SIGN[leg.end.state] != 0.0) & model.friction.present
+    if not still.any():
+        return
     limit = np.abs(model.friction.at_slip(leg.end.state) * leg.end.P)
     # the dissipation tells of slip that has gone back to where it began
-    still &= (np.abs(leg.end.v - start.v) <= none) & (leg.dissipation <= limit * none)
+    still &= leg.dissipation <= limit * none
     still[leg.events.node[leg.events.new == SEPARATION]] = False
     if still.any():
         leg.events = leg.events.select(~still[leg.events.node])

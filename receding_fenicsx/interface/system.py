@@ -193,7 +193,8 @@ class Leg:
         stops: (s, u) at the events, for probes; between these and the samples u is taken as linear.
         ties: nodes that sit on a limit at an instant, with their state and another that they might
             take there: a direction of slip, or any (separation) where there is neither gap nor
-            pressure. Nodes that change their state there may be among them.
+            pressure; of the exact path those at its start too. Nodes that change their state there
+            may be among them.
     """
 
     end: ContactState

@@ -186,3 +186,10 @@ def tied(
     side = np.where(A[rows, nodes], FORWARD, BACKWARD)
     other = np.where(touches[rows, nodes], SEPARATION, side)
     return Changes(places[rows], nodes, states[rows, nodes], other.astype(np.int8))
+
+
+def ties_at(segments: Segments, s: float, y: Array, state: States, force_scale: float) -> Changes:
+    """Return the ties at one place, with quantities y (4N,) and states (N,), see :func:`tied`."""
+    n = len(state)
+    on = y[n:] <= segments.limit[n:] * force_scale
+    return tied(segments, np.array([s]), state[None], on[None])

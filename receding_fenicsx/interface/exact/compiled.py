@@ -8,7 +8,7 @@ cannot follow to its end is left to :class:`~receding_fenicsx.interface.exact.wa
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.linalg as sla
@@ -20,13 +20,14 @@ from receding_fenicsx.interface.exact import kernel
 from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.legs import LegProblem, widen
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
-from receding_fenicsx.interface.exact.round_off import IMBALANCE_GROWTH, negligible_imbalance
+from receding_fenicsx.interface.exact.round_off import IMBALANCE_GROWTH, NODAL_IMBALANCE, summed
 from receding_fenicsx.interface.exact.segments import (
     CACHE_BYTES,
     EPSILON,
     RATE_TOLERANCE,
     UNREFINABLE_ROUND_OFFS,
     Segments,
+    States,
 )
 from receding_fenicsx.interface.exact.tableau import EXCHANGES, MAX_AGE, SMOOTH_EXCHANGES
 from receding_fenicsx.interface.law import SEPARATION, STICK
@@ -45,9 +46,26 @@ ENDS_KEPT = 4
 SINGULAR_FACTOR = 1e-9
 """Pivot of a factor over the largest one up to which it is singular."""
 
-UNBALANCED = 100.0
-"""Imbalance at the end of a leg, over a negligible one, from which it is not taken: nodal forces
-are wrong by more than the residual that is accepted, before the last refinement."""
+ON_THE_WAY = 0.1
+"""Part of the residual accepted at an event up to which errors of nodal forces stay on the way."""
+
+
+class ActiveSet(NamedTuple):
+    """Freedoms that the states at an end of a leg leave free, and the forces that vanish there.
+
+    Attributes:
+        free: (m,) tangential freedoms of nodes that do not stick, then normal ones of open nodes.
+        friction: (k,) coefficients c of the k tangential ones, whose forces Q + c P vanish.
+    """
+
+    free: Ints
+    friction: Array
+
+    def forces(self, state: ContactState) -> Array:
+        """Return the (m,) forces that vanish but for round-off."""
+        wrong, k = state.r[self.free], len(self.friction)
+        wrong[:k] += self.friction * state.P[self.free[:k]]
+        return wrong
 
 
 class ActiveSets:
@@ -56,41 +74,51 @@ class ActiveSets:
     def __init__(self, segments: Segments) -> None:
         """Start with none."""
         self._segments = segments
-        self._made: dict[bytes, tuple[Ints, Ints, Array, Any]] = {}
+        self._sets: dict[bytes, ActiveSet] = {}
+        self._factors: dict[bytes, Any] = {}
+
+    def of(self, state: States) -> ActiveSet:
+        """Return what the given states (N,) leave free."""
+        key = state.tobytes()
+        if key not in self._sets:
+            segments, n = self._segments, self._segments.system.n
+            loose, limited = ~segments.system.held[:n], segments.frictional | segments.smooth
+            t = np.flatnonzero(loose & (~segments.frictional | (state != STICK)))
+            free = np.append(t, n + np.flatnonzero(limited & (state == SEPARATION)))
+            slip = segments.system.friction.at_slip(state)
+            friction = np.where(segments.frictional, slip, 0.0)[t]
+            _keep(self._sets, key, ActiveSet(free, friction))
+        return self._sets[key]
 
     def correction(self, state: ContactState) -> Array:
-        """Return the change (2N,) of displacements that brings forces which vanish back to zero.
-
-        These are Q + f_forward P or f_backward P - Q of slipping nodes, and Q and P of open ones.
+        """Return the change (2N,) of displacements that brings the forces to zero.
 
         Raises:
             SingularExchange: the states leave a motion without stiffness.
         """
-        segments, system, n = self._segments, self._segments.system, self._segments.system.n
-        key = state.state.tobytes()
-        if key not in self._made:
-            loose, limited = ~system.held[:n], segments.frictional | segments.smooth
-            moves = loose & (~segments.frictional | (state.state != STICK))
-            t = np.flatnonzero(moves)
-            free = np.append(t, n + np.flatnonzero(limited & (state.state == SEPARATION)))
-            friction = np.where(segments.frictional, system.friction.at_slip(state.state), 0.0)[t]
-            M = system.K[np.ix_(free, free)]
-            M[: len(t)] += friction[:, None] * system.K[np.ix_(n + t, free)]
-            factor = None
-            if len(free):
-                factor = sla.lu_factor(M, check_finite=False)
-                size = np.abs(np.diagonal(factor[0]))
-                if size.min() <= SINGULAR_FACTOR * size.max():
-                    raise SingularExchange
-            if len(self._made) == ENDS_KEPT:
-                del self._made[next(iter(self._made))]
-            self._made[key] = t, free, friction, factor
-        t, free, friction, factor = self._made[key]
-        change, wrong = np.zeros(2 * n), state.r[free]
-        wrong[: len(t)] += friction * state.P[t]
-        if factor is not None:
-            change[free] = -sla.lu_solve(factor, wrong, check_finite=False)
+        key, (free, friction) = state.state.tobytes(), self.of(state.state)
+        n, change = self._segments.system.n, np.zeros(len(state.u))
+        if not len(free):
+            return change
+        if key not in self._factors:
+            K, k = self._segments.system.K, len(friction)
+            M = K[np.ix_(free, free)]
+            M[:k] += friction[:, None] * K[np.ix_(n + free[:k], free)]
+            factor = sla.lu_factor(M, overwrite_a=True, check_finite=False)
+            size = np.abs(np.diagonal(factor[0]))
+            if size.min() <= SINGULAR_FACTOR * size.max():
+                raise SingularExchange
+            _keep(self._factors, key, factor)
+        forces = self.of(state.state).forces(state)
+        change[free] = -sla.lu_solve(self._factors[key], forces, check_finite=False)
         return change
+
+
+def _keep(some: dict[bytes, Any], key: bytes, one: Any) -> None:
+    """Keep one more, at most ``ENDS_KEPT`` of them."""
+    if len(some) == ENDS_KEPT:
+        del some[next(iter(some))]
+    some[key] = one
 
 
 class CompiledPath:
@@ -125,8 +153,9 @@ class CompiledPath:
         self._ways: dict[bytes, Any] = {}
         self._memory = self._new_memory(FIRST_ENTRIES)
         self._unlimited = np.tile(~(segments.frictional | segments.smooth), 4)
-        self._accepted = 2.0 * negligible_imbalance(n)
-        self._factors = ActiveSets(segments)
+        self._accepted = ON_THE_WAY * summed(n, EVENT_RESIDUAL)
+        self._sets = ActiveSets(segments)
+        self._last: tuple[ContactState, Array] | None = None
         self._asked: set[bytes] = set()
         self._room = 8 * n
         self._rate_of_rows: Array | None = None
@@ -189,13 +218,16 @@ class CompiledPath:
 
     def _path(self, problem: LegProblem) -> kernel.Path:
         start, n, samples = problem.start, self.system.n, len(problem.samples)
-        y = self.segments.values(start)
+        if self._last is not None and self._last[0] is start:
+            y = self._last[1]
+        else:
+            y = self.segments.values(start)
         room, stops = self._room, self._room if samples else 0
         return kernel.Path(
             y=y,
             state=start.state.astype(np.int8),
             place=np.zeros(2),
-            counts=np.zeros(7, dtype=np.int64),
+            counts=np.zeros(8, dtype=np.int64),
             dissipation=np.zeros(n),
             work=np.zeros(len(self.system.r_star)),
             imbalance=self.segments.balance.errors(y, problem.ends[0]),
@@ -222,17 +254,18 @@ class CompiledPath:
         way, path = self._way(problem), self._path(problem)
         try:
             path = self._run(problem, way, path)
-            load = problem.ends[1]
-            error = self.segments.balance.error(path.y, load)
-            if error > UNBALANCED * negligible_imbalance(self.system.n) * problem.force_scale:
+            scale, load = problem.force_scale, problem.ends[1]
+            if np.abs(path.imbalance).max() > summed(self.system.n, EVENT_RESIDUAL) * scale:
                 return None
-            end = self._refined(self._at(path, load), load)
+            reached = self._at(path, load)
+            end = self._refined(reached, load, scale)
         except (SingularExchange, _GivenUp):
             return None
-        scale = max(problem.force_scale, float(np.abs(end.r).max(initial=0.0)))
+        scale = max(scale, float(np.abs(end.r).max(initial=0.0)))
         residual = residual_at_rest(self.system, end, scale)
         if residual > EVENT_RESIDUAL and residual > reachable(self.system, end.u, scale):
             return None
+        self._last = (end, path.y if end is reached else self.segments.values(end))
         return self._leg(problem, path, end, residual, scale)
 
     def leave_out(
@@ -322,7 +355,7 @@ class CompiledPath:
     def _balanced(self, problem: LegProblem, way: kernel.Way, path: kernel.Path) -> kernel.Way:
         """Remove the imbalance of forces and displacements; return the leg with what is left."""
         load = problem.load(path.place[0])
-        state = self._refined(self._at(path, load), load)
+        state = self._refined(self._at(path, load), load, problem.force_scale)
         path.y[:] = self.segments.values(state)
         path.imbalance[:] = self.segments.balance.errors(path.y, load)
         left = float(np.abs(path.imbalance).max())
@@ -340,13 +373,17 @@ class CompiledPath:
         u = np.concatenate([y[:n], y[n : 2 * n] - self.system.g0])
         return ContactState(u, reactions(self.system, load, u), state.copy())
 
-    def _refined(self, state: ContactState, load: Array) -> ContactState:
-        """Return a state after one step of iterative refinement."""
-        n = self.system.n
+    def _refined(self, state: ContactState, load: Array, scale: float) -> ContactState:
+        """Return a state, refined by one step unless the forces that vanish are round-off."""
+        if np.abs(self._sets.of(state.state).forces(state)).max(initial=0.0) <= (
+            NODAL_IMBALANCE * scale
+        ):
+            return state
         if self.segments.is_near(state.state):
+            n = self.system.n
             change = self.segments.tableau(state.state).correction(state.r)[: 2 * n]
         else:
-            change = self._factors.correction(state)
+            change = self._sets.correction(state)
         u = state.u + change
         return ContactState(u, reactions(self.system, load, u), state.state)
 

@@ -189,7 +189,7 @@ class Path(NamedTuple):
         y, state: (4N,) quantities and (N,) states.
         place: s, and where the last events without progress began.
         counts: events, the first of those at the present instant, ties, stops, samples, rounds of
-            changes, events without progress.
+            changes, events without progress, whether the ties at the start are noted.
         dissipation: (N,) frictional dissipation.
         work: (n_loads,) integral of lambda_k r*_k . du.
         imbalance: (sums,) of the balance check.
@@ -218,7 +218,7 @@ class Path(NamedTuple):
     sample_state: NDArray[np.int8]
 
 
-EVENTS, FIRST, TIES, STOPS, SAMPLES, ROUNDS, HERE = range(7)
+EVENTS, FIRST, TIES, STOPS, SAMPLES, ROUNDS, HERE, BEGUN = range(8)
 """Places in ``Path.counts``."""
 
 
@@ -592,6 +592,9 @@ def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Pat
     mark = way.mark
     for i in range(n):
         mark ^= contact.marks[i, state[i]]
+    if not count[BEGUN]:
+        tied(contact, way, path, -1)
+        count[BEGUN] = 1
     while True:
         if count[EVENTS] + 2 * n > len(path.event_at) or count[TIES] + n > len(path.tie_at):
             return ROOM

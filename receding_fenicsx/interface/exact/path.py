@@ -13,6 +13,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
+from receding_fenicsx.interface.exact.accumulate import ties_at
 from receding_fenicsx.interface.exact.first_loading import load_from_rest
 from receding_fenicsx.interface.exact.jumps import (
     JUMP_STEP,
@@ -139,7 +140,10 @@ class EventPath:
         start, (a, b) = problem.start, problem.ends
         change, r_star = b - a, self.system.r_star
         if np.abs(change @ r_star).max() <= CANCELLED * (np.abs(change) @ np.abs(r_star)).max():
-            return unchanged(problem)
+            y, scale = self.segments.values(start), problem.force_scale
+            leg = unchanged(problem)
+            leg.ties = ties_at(self.segments, 0.0, y, start.state, scale)
+            return leg
         if not np.any(a) and carries_nothing(start, problem.force_scale):
             if is_at_rest(self.system, a) and is_closed(self.segments, start, problem.force_scale):
                 return self._from_rest(problem)

@@ -70,7 +70,7 @@ class RoundOff:
 
     def _tolerance(self) -> float:
         """Return the imbalance that does not matter."""
-        return negligible_imbalance(self._segments.system.n) * self._sums.force_scale
+        return summed(self._segments.system.n, NODAL_IMBALANCE) * self._sums.force_scale
 
     def count_event(self) -> None:
         """Note an event; measure the imbalance when due.
@@ -131,9 +131,9 @@ class RoundOff:
         return now
 
 
-def negligible_imbalance(n: int) -> float:
-    """Return the imbalance of n nodes, over the force scale, that does not matter."""
-    return NODAL_IMBALANCE * sqrt(max(2 * n, FEWEST_SUMMED))
+def summed(n: int, error: float) -> float:
+    """Return the imbalance of n nodes whose forces have an error with random signs."""
+    return error * sqrt(max(2 * n, FEWEST_SUMMED))
 
 
 def displacement_uncertainty(

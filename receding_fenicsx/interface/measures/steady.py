@@ -152,10 +152,10 @@ class SteadyWatch:
             friction: (N,) coefficients of friction.
         """
         self.tolerance, self.friction, self._terms = tolerance, friction, np.abs(K)
+        self._largest_terms = float(self._terms.sum(axis=1).max(initial=0.0))
         coupled = self._terms[:, : len(K)] > 0.0
         self._coupled = None if coupled.all() else coupled
         self.ends: list[CycleEnd] = []
-        self.slips: list[Array] = []
         self.change: list[float] = []
         self.change_2: list[float] = []
         self.cycle, self.period, self.kind = -1, 1, NOT_REACHED
@@ -163,7 +163,32 @@ class SteadyWatch:
     def add(self, end: CycleEnd) -> bool:
         """Take the end of the next cycle, first of cycle 0; return whether one was steady."""
         self.ends = [*self.ends[-4:], end]
+        if len(self.ends) == 1:
+            return False
         largest = max(float(np.abs(end.r).max(initial=0.0)), UNLOADED_FORCE * end.force)
+        for period, change in ((1, self.change), (2, self.change_2)):
+            known = len(self.ends) > period
+            change.append(_relative(end.r, self.ends[~period].r, largest) if known else np.inf)
+            if self.cycle < 0 and len(change) >= 2 * period:
+                repeats = self._is_round_off(max(change[-2 * period :]) * largest, largest)
+                self.kind = self._kind(period) if repeats else NOT_REACHED
+                if self.kind != NOT_REACHED:
+                    self.cycle, self.period = len(self.change), period
+        return self.cycle >= 0
+
+    def _is_round_off(self, change: float, largest: float) -> bool:
+        """Return whether a change of forces is within the tolerance or the round-off of terms."""
+        if change <= self.tolerance * largest:
+            return True
+        # forces of a nearly rigid body are small differences of their terms
+        end = self.ends[-1]
+        if change >= FORCE_ROUND_OFF * self._largest_terms * _largest(end.reach):
+            return False
+        noise = FORCE_ROUND_OFF * _largest(self._terms @ end.reach)
+        return change < min(noise, LARGEST_ROUND_OFF * largest)
+
+    def _slips(self, end: CycleEnd) -> tuple[Array, Array]:
+        """Return the (N,) slips in a cycle, zero where they are round-off, and the least ones."""
         terms, stiffness = self._terms @ end.reach, self._terms.diagonal()
         # round-off of all nodes to which one is coupled reaches it
         if self._coupled is None:
@@ -173,27 +198,13 @@ class SteadyWatch:
         limit = self.friction * np.maximum(end.pressed, FAINT * terms)
         slip = np.divide(end.dissipation, limit, out=np.zeros_like(limit), where=limit > 0.0)
         least = np.maximum(NO_SLIP * terms, end.residual * end.force)
-        self._none = np.divide(least, stiffness, out=np.zeros_like(least), where=stiffness > 0.0)
-        slip[slip <= self._none] = 0.0
-        self.slips = [*self.slips[-3:], slip]
-        if len(self.ends) == 1:
-            return False
-        # forces of a nearly rigid body are small differences of their terms
-        noise = FORCE_ROUND_OFF * float(terms.max(initial=0.0))
-        bound = max(self.tolerance, min(noise / largest, LARGEST_ROUND_OFF) if largest else 0.0)
-        for period, change in ((1, self.change), (2, self.change_2)):
-            known = len(self.ends) > period
-            change.append(_relative(end.r, self.ends[~period].r, largest) if known else np.inf)
-            repeats = len(change) >= 2 * period and max(change[-2 * period :]) < bound
-            if self.cycle < 0 and repeats:
-                self.kind = self._kind(period)
-                if self.kind != NOT_REACHED:
-                    self.cycle, self.period = len(self.change), period
-        return self.cycle >= 0
+        least = np.divide(least, stiffness, out=np.zeros_like(least), where=stiffness > 0.0)
+        return np.where(slip > least, slip, 0.0), least
 
     def _kind(self, period: int) -> str:
         """Name the state of a contact whose forces repeat (section 1.2 of the paper)."""
-        slips = np.max(self.slips[-2 * period :], axis=0)
+        found = [self._slips(end) for end in self.ends[-2 * period :]]
+        slips, none = np.max([slip for slip, _ in found], axis=0), found[-1][1]
         moving = slips > 0.0
         if not np.any(moving):
             return SHAKEDOWN
@@ -201,7 +212,7 @@ class SteadyWatch:
         now, before, first = (end.v[moving] for end in self.ends[::-period][:3])
         gain, change = now - before, now - 2.0 * before + first
         drift = max(_largest(gain), _largest(gain - change))
-        if drift > max(bound * _largest(slips), _largest(self._none[moving])):
+        if drift > max(bound * _largest(slips), _largest(none[moving])):
             return RATCHETTING if _largest(change) <= bound * drift else NOT_REACHED
         D = np.array([end.dissipation.sum() for end in self.ends[-2 * period :]])
         D_before, D_now = D.reshape(2, period).sum(axis=1)
@@ -213,7 +224,7 @@ def _largest(values: Array) -> float:
 
 
 def _relative(a: Array, b: Array, scale: float) -> float:
-    return float(np.abs(a - b).max()) / scale if scale > 0.0 else 0.0
+    return _largest(a - b) / scale if scale > 0.0 else 0.0
 
 
 def slip_exponents(

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.exact.accumulate import tied
+from receding_fenicsx.interface.exact.accumulate import ties_at
 from receding_fenicsx.interface.exact.jumps import JUMP_STEP
 from receding_fenicsx.interface.exact.legs import SIMULTANEOUS
 from receding_fenicsx.interface.exact.segments import Segments
@@ -152,33 +152,33 @@ class UniquenessWatch:
             changed = {i for at, i, *_ in leg.events if self._is_finite(at)}
             self.found = self.found.with_doubt((*place, s), tuple(sorted(changed)))
         state, events, ties = start.state, leg.events, leg.ties
-        at_start, gap = self._at_start(start, leg.force_scale)
+        if self.in_steps or not np.any(a):
+            ties = Changes.joined(self._at_start(start, leg.force_scale), ties)
         crossing = zero_crossing(ends)
         if crossing is not None:
             before, after = crossing - SIMULTANEOUS, crossing + SIMULTANEOUS
             events, ties = (some.select(some.s < before) for some in (events, ties))
-            self._rates(place, a - b, (state, events, Changes.joined(at_start, ties)))
+            self._rates(place, a - b, (state, events, ties))
             if np.any(system.g0) or np.any(leg.events.s > after):
                 self.found = self.found.with_doubt((*place, crossing), ())
                 return
             start = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
-            at_start, gap = self._at_start(start, leg.force_scale)
-        near = system.held[n:] | (gap <= self._segments.limit[n : 2 * n] * leg.force_scale)
-        at_rest = not np.any(a) and near.all() and carries_nothing(start, leg.force_scale)
-        if static or crossing is not None or at_rest:
-            self._static((*place, crossing or 0.0), (start, leg.end.state), b, near)
-            state, events, ties, at_start = leg.end.state, *[Changes.none()] * 3
-        self._rates(place, b - a, (state, events, Changes.joined(at_start, ties)))
+        if static or crossing is not None or not np.any(a):
+            gap = self._segments.values(start)[n : 2 * n]
+            near = system.held[n:] | (gap <= self._segments.limit[n : 2 * n] * leg.force_scale)
+            at_rest = not np.any(a) and near.all() and carries_nothing(start, leg.force_scale)
+            if static or crossing is not None or at_rest:
+                self._static((*place, crossing or 0.0), (start, leg.end.state), b, near)
+                state, events, ties = leg.end.state, *[Changes.none()] * 2
+        self._rates(place, b - a, (state, events, ties))
         end = Sides.of(leg.end.state).of_nodes(self.certificate.rubbing)
         if (end.forward or end.backward) and end not in self._measured:
             self._measured.add(end)
             self._measure(end)
 
-    def _at_start(self, start: ContactState, force_scale: float) -> tuple[Changes, Array]:
-        """Return the nodes on limits at the start of a leg, as ties, and the (N,) gaps."""
-        n, y = self.certificate.system.n, self._segments.values(start)
-        on = y[n:] <= self._segments.limit[n:] * force_scale
-        return tied(self._segments, np.zeros(1), start.state[None], on[None]), y[n : 2 * n]
+    def _at_start(self, start: ContactState, force_scale: float) -> Changes:
+        """Return the nodes on limits at the start of a leg, as ties."""
+        return ties_at(self._segments, 0.0, self._segments.values(start), start.state, force_scale)
 
     def _is_finite(self, s: float) -> bool:
         """Return whether states change at s by a load step or a jump."""
