@@ -177,9 +177,14 @@ def test_a_near_singular_body_that_was_displaced_far_comes_to_rest_unloaded() ->
     assert judge(limited(problem(1200155))).verdict == ACCEPTED
 
 
-@pytest.mark.parametrize("number", [60000067, 60000434, 60000475, 60000604, 60001026, 61000717])
+@pytest.mark.parametrize(
+    "number", [60000067, 60000434, 60000475, 60000604, 60001026, 61000048, 61000717]
+)
 def test_bodies_lifted_off_soft_springs_are_solved(number: int) -> None:
-    """Springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts."""
+    """Springs of 1e-8 to 1e-9 of K carry loads a hundred times the force scale of open contacts.
+
+    Samples at the ends of legs are those ends, refined; on such springs others are far off.
+    """
     assert judge(sprung(problem(number))).verdict == ACCEPTED
 
 

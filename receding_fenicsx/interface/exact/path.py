@@ -129,7 +129,11 @@ class EventPath:
             SolveError: the residual of the contact law is above its tolerance.
         """
         places = evenly_spaced(samples)
-        return self._trace(LegProblem(start, ends, force_scale, places, chooser=self.chooser))
+        leg = self._trace(LegProblem(start, ends, force_scale, places, chooser=self.chooser))
+        if leg.samples:
+            # the end is refined, what is extrapolated to it is not
+            leg.samples[-1] = (places[-1], leg.end)
+        return leg
 
     def static_leg(self, start: ContactState, ends: tuple[Array, Array], force_scale: float) -> Leg:
         """Jump to the end of a leg: a static problem with slip counted from ``start``."""
