@@ -1,0 +1,194 @@
+"""Rules of scenes: what breaks one is refused by its key, its nearest neighbour is accepted."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import receding_fenicsx as rf
+
+pytestmark = pytest.mark.one_rank
+
+BLOCK = (Path(__file__).parents[2] / "demos" / "block.toml").read_text()
+TWO = (
+    BLOCK.replace("[body]", '[[body]]\nname = "a"\nposition = [0.0, 1.0]')
+    .replace('edge = "bottom"', 'edge = "a.bottom"\nagainst = "b.top"')
+    .replace('edge = "top"', 'edge = "a.top"')
+    + '[[body]]\nname = "b"\n[[support]]\nedge = "b.bottom"\nfix = "xy"\n'
+)
+"""The block on a second one."""
+FAR = """
+[body]
+shape = "half-plane"
+width = 3.0
+[contact]
+edge = "bottom"
+initial_gap = "x**2 / 100"
+[[load]]
+name = "p0"
+edge = "far"
+force = [0.0, -1.0]
+[history]
+cycles = 1
+"""
+ROUND = BLOCK.replace("[-1.0, 1.0]", "[0.0, 1.0]").replace("plane strain", "axisymmetric")
+PLATEN = '[[load]]\nname = "q"\nedge = "right"\nplaten = true\nforce = '
+SPRING = '[[spring]]\nedge = "left"\n'
+BOLT = '[[bolt]]\nname = "b"\nhead = "a.left"\nnut = "b.left"\npreload = 1.0\n'
+BASES = {"block": BLOCK, "two": TWO, "far": FAR, "round": ROUND}
+POLYGON = 'kind="table"\ncolumns = ["p0"]\nrows = '
+
+RULES: list[tuple[str, str, str, str]] = [
+    # base, what is added to it (refused), the words, the nearest that is accepted
+    ("block", "body.width=0", "[body] width: must be positive", "body.width=2.1"),
+    ("block", "body.datum=3.0", '[body] datum: belongs to shape = "half-plane"', ""),
+    ("block", "body.window=[3.0, 1.0]", '[body] window: belongs to shape = "half-plane"', ""),
+    ("far", "body.datum=2.9", "[body] datum: 2.9 is less than the width", "body.datum=3.0"),
+    ("far", "body.window=[0.0, 1.0]", "[body] window: must be", "body.window=[0.1, 1.0]"),
+    ("far", "contact.interference=0.1", "[contact] interference: a half-plane moves", ""),
+    ("far", "load.p0.span=[-1, 1]", "load 'p0' span: the far field of a half-plane has", ""),
+    ("far", "load.p0.edge=bottom", "load 'p0' edge", "load.p0.edge=far"),
+    ("far", "load.p0.force=[0.0, 0.0]", "load 'p0' force: is zero", "load.p0.force=[0.0, 1e-9]"),
+    (
+        "far",
+        '[[support]]\npoint = [0.0, 5.0]\nfix = "x"',
+        '[[support]] point: hold the edge "far" of a half-plane',
+        '[[support]]\nedge = "far"\nfix = "x"',
+    ),
+    (
+        "far",
+        '[[load]]\nname = "b"\nbody_force = [0.0, -1.0]',
+        "load 'b' body_force: a half-plane has no mesh",
+        "",
+    ),
+    ("far", '[[load]]\nname = "t"\nedge = "far"\ntraction = [1.0, 0.0]', "far field of a", ""),
+    ("block", '[[load]]\nname = "t"\nedge = "left"\ntension = 1.0', "load 't' tension", ""),
+    ("round", PLATEN.replace("right", "top") + "[1.0, -1.0]", "along its axis only", ""),
+    (
+        "round",
+        '[[load]]\nname = "w"\nedge = "left"\npressure = 1.0',
+        'edge: "left" is the axis r = 0',
+        '[[load]]\nname = "p0"\nedge = "right"\npressure = 1.0',
+    ),
+    ("block", SPRING, "[[spring]]: has no stiffness", SPRING + "normal = 1e-9"),
+    ("block", SPRING + "normal = -1.0", "normal: is -1; must not be", SPRING + "tangential = 1.0"),
+    ("block", SPRING + "x = 1.0", "x: is not for an edge", SPRING + "normal = 1.0"),
+    (
+        "block",
+        "[[spring]]\npoint = [0.0, 1.1]\nx = 1.0",
+        "point: (0, 1.1) lies outside the body",
+        "[[spring]]\npoint = [0.0, 1.0]\nx = 1.0",
+    ),
+    (
+        "two",
+        '[[spring]]\nedge = "a.left"\nagainst = "a.right"\nnormal = 1.0',
+        "against: must be an edge of another body",
+        '[[spring]]\nedge = "a.left"\nagainst = "b.left"\nnormal = 1.0',
+    ),
+    (
+        "two",
+        '[[support]]\npoint = [0.0, 0.5]\nfix = "x"',
+        "body: must name the body of the point; give one of a, b",
+        '[[support]]\npoint = [0.0, 0.5]\nfix = "x"\nbody = "b"',
+    ),
+    ("two", BOLT + "shortening = 1.0", "bolt 'b': give exactly one", BOLT),
+    ("two", BOLT.replace("preload = 1.0", ""), "bolt 'b': give exactly one", BOLT),
+    ("two", BOLT.replace("1.0", "-1.0"), "bolt 'b' preload: must be positive", BOLT),
+    ("two", BOLT + "stiffness = 0.0", "bolt 'b' stiffness", BOLT + "stiffness = 1e-9"),
+    ("two", BOLT + "axis = [0.0, 0.0]", "bolt 'b' axis: has no", BOLT + "axis = [0.0, -1e-9]"),
+    ("two", BOLT.replace("a.left", "a.lft"), "bolt 'b' head", BOLT),
+    ("two", BOLT.replace("b.left", "b.lft"), "bolt 'b' nut", BOLT),
+    ("two", BOLT + "head_span = [0.0, 0.6]", "bolt 'b' head_span", BOLT + "head_span = [0.0, 0.5]"),
+    ("two", BOLT + "nut_span = [-0.6, 0.0]", "bolt 'b' nut_span", BOLT + "nut_span = [-0.5, 0.0]"),
+    ("two", BOLT.replace("b.left", "a.bottom"), "bolt 'b' nut: overlaps the contact", BOLT),
+    ("two", BOLT.replace('"b"\nh', '"p0"\nh'), "bolt 'p0': a load or another bolt has", BOLT),
+    ("two", "body.b.width=-1.0", "body 'b' width: must be positive", "body.b.width=6.0"),
+    ("two", "body.b.shape=ring", "body 'b' shape", "body.b.shape=rectangle"),
+    (
+        "two",
+        '[[load]]\nname = "w"\nbody = "b"\nbody_force = [0.0, 0.0]',
+        "load 'w' body_force: is zero everywhere",
+        '[[load]]\nname = "p0"\nbody = "b"\nbody_force = [0.0, -1e-9]',
+    ),
+    (
+        "two",
+        2 * '[[load]]\nname = "w"\nbody = "b"\nbody_force = [0.0, -1.0]\n',
+        "load 'w': has two of body_force on one body",
+        '[[load]]\nname = "p0"\nbody = "b"\nbody_force = [0.0, -1.0]\n'
+        '[[load]]\nname = "p0"\nbody = "a"\nbody_force = [0.0, -1.0]',
+    ),
+    (
+        "block",
+        '[[load]]\nname = "p0"\nedge = "top"\nspan = [0.9, 2.0]\npressure = 1.0',
+        "load 'p0': two of its parts are a pressure on the same part",
+        '[[load]]\nname = "p0"\nedge = "top"\nspan = [1.0, 2.0]\npressure = 1.0',
+    ),
+    (
+        "block",
+        '[[support]]\nedge = "top"\nfix = "y"',
+        "load 'p0' edge: a support holds \"top\" in the direction",
+        '[[support]]\nedge = "top"\nfix = "x"',
+    ),
+    ("block", '[[load]]\nname = "m"\nmode = 0', "load 'm' mode: must be at least 1", ""),
+    ("block", '[[load]]\nname = "m"\nmode = 1', "[material] density: vibration modes need", ""),
+    ("block", "material.density=-1.0", "[material] density", "material.density=1e-9"),
+    ("block", "material.poisson=0.5", "[material] poisson", "material.poisson=0.499"),
+    ("block", "mesh.contact_elements=2", "is too few", "mesh.contact_elements=4"),
+    ("block", "mesh.growth=3.1", "[mesh] growth", "mesh.growth=3"),
+    ("block", "mesh.refinements=1", "refinements: is for bodies from", "mesh.refinements=0"),
+    (
+        "block",
+        "mesh.refine=[{at = 2.1, size = 0.01}]",
+        "2.1 lies beyond",
+        "mesh.refine=[{at = 2, size = 0.01}]",
+    ),
+    ("block", 'mesh.refine=[{at = "corners", size = 0.01}]', "no re-entrant corners", ""),
+    ("block", "solver.branch=0", "[solver] branch", "solver.branch=1"),
+    ("block", "solver.branch=third", "[solver] branch", 'solver.branch="most dissipation"'),
+    ("block", "solver.over_relaxation=2", "between 0 and 2", "solver.over_relaxation=1.99"),
+    ("block", "solver.overshoot=1", "[solver] overshoot", "solver.overshoot=0"),
+    ("block", "output.samples_per_leg=0", "samples_per_leg", "output.samples_per_leg=1"),
+    ("block", "output.cycles=[401]", "cycle 401 does not occur", "output.cycles=[0, 400]"),
+    ("block", "output.cycles=[-1]", "cycle -1 does not occur", "output.cycles=[]"),
+    ("block", "history.cycles=0", "[history] cycles", "history.cycles=1"),
+    ("block", "history.cycles=1e9", "[history] cycles", "history.cycles=500"),
+]
+"""Refused by the key that is named; the last column is the neighbour, or nothing at all."""
+
+
+def built(base: str, change: str) -> rf.Scene:
+    """Return a scene with one value changed, or with tables added."""
+    if change.startswith("["):
+        return rf.from_toml(f"{BASES[base]}\n{change}\n")
+    return rf.from_toml(BASES[base], [change] if change else [])
+
+
+@pytest.mark.parametrize(("base", "change", "words", "_"), RULES)
+def test_what_breaks_a_rule_is_refused_by_its_key(
+    base: str, change: str, words: str, _: str
+) -> None:
+    with pytest.raises(rf.InputError, match=re.escape(words)) as caught:
+        built(base, change)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("base", "change"), sorted({(base, last) for base, *_, last in RULES}))
+def test_its_nearest_neighbour_is_accepted(base: str, change: str) -> None:
+    scene = built(base, change)
+    assert rf.from_toml(rf.to_toml(scene)) == scene
+
+
+@pytest.mark.parametrize(("legs", "accepted"), [(2, True), (400, False)])
+def test_samples_of_all_legs_are_counted_in_the_size_of_a_record(legs: int, accepted: bool) -> None:
+    """A million samples a leg of 5 cycles of 321 nodes: of two legs the record is not too large."""
+    rows = ((0.5,), (1.0,)) * (legs // 2)
+    options = rf.HistoryOptions("table", columns=("p0",), rows=((1.0,),), cycle_rows=rows, cycles=5)
+    scene = replace(rf.from_toml(BLOCK), history=options, output=rf.OutputOptions(1_000_000, "all"))
+    if accepted:
+        assert rf.from_toml(rf.to_toml(scene)) == scene
+    else:
+        with pytest.raises(rf.InputError, match="samples_per_leg: requires a record of"):
+            rf.from_toml(rf.to_toml(scene))
