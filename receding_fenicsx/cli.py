@@ -1,27 +1,63 @@
-"""The command line, ``receding-fenicsx``; under ``mpirun`` all ranks run it together."""
+"""The command line, ``receding-fenicsx``; under ``mpirun`` all ranks run it together.
+
+Each command is a function: its arguments, their types and defaults, and its docstring are the
+options and the help. Libraries are imported when a command needs them.
+"""
 
 from __future__ import annotations
 
 import contextlib
 import errno
-import logging
+import os
 import sys
 import traceback
-from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from receding_fenicsx.cli_commands import COMMANDS, catch_termination, is_root
-from receding_fenicsx.cli_parser import PROGRAM, make_parser
-from receding_fenicsx.errors import NO_ROOM, Interrupted, RecedingError
-from receding_fenicsx.mpi import leave
+from cyclopts import App, CycloptsError, Parameter
+from rich.console import Console
+
+from receding_fenicsx import __version__
+from receding_fenicsx.environment import MPI_VARIABLES
+from receding_fenicsx.errors import (
+    NO_ROOM,
+    InputError,
+    Interrupted,
+    RecedingError,
+    SolveError,
+    ToleranceNotMet,
+)
+from receding_fenicsx.mpi import given, leave, on_root
+from receding_fenicsx.terminal import (
+    catch_termination,
+    is_root,
+    log_to_terminal,
+    progress,
+    require_mpi,
+    world,
+)
+from receding_fenicsx.timing import Say
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from receding_fenicsx.scene.model import Scene
+
+PROGRAM = "receding-fenicsx"
+
 UNUSABLE_PATH = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ELOOP)
 """System errors of paths that the user has to change."""
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, by the shell's convention 128 + SIGINT."""
+
+app = App(
+    name=PROGRAM,
+    help="Frictional receding contact under cyclic loading.",
+    version=__version__,
+    version_flags=["--version"],
+    # no --no-OPTION; "default: False" tells nothing
+    default_parameter=Parameter(negative="", show_default=lambda value: value or None),
+)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -34,73 +70,464 @@ def main(argv: Sequence[str] | None = None) -> int:
         The exit code. 1: a solver failed, something is missing, or there is no room on the disk or
         in memory; 2: bad input; 130: interrupted.
     """
-    comm = _world()
+    words = list(sys.argv[1:] if argv is None else argv)
+    in_job = any(MPI_VARIABLES.match(name) for name in os.environ)
+    comm = None if {"--help", "-h", "--version"} & {*words} and not in_job else world()
     catch_termination()
     try:
-        options = make_parser(is_root(comm)).parse_args(argv)
-        _log_to_terminal(comm, options.verbose)
-        code = int(COMMANDS[options.command](options, comm) or 0)
+        command, bound = _parsed(words, Console(quiet=not is_root(comm)))
+        log_to_terminal(comm)
+        code = int(command(*bound.args, **bound.kwargs) or 0)
         print(end="", flush=True)
         return code
-    except RecedingError as error:
-        return _fail(comm, f"error: {error}".replace("\n", " "), error.exit_code)
-    except Interrupted as error:
-        return _fail(comm, str(error), error.exit_code)
-    except KeyboardInterrupt:
-        return _fail(comm, "interrupted", INTERRUPTED)
-    except BrokenPipeError:
-        # the reader of the output has closed the pipe
-        sys.stdout = None
-        return _fail(comm, "", 0)
-    except SystemExit as stop:
-        if isinstance(stop.code, int) and stop.code > 128:  # a signal, maybe to this rank alone
-            _fail(comm, "", stop.code)
-        raise
-    except MemoryError:
-        return _fail(comm, "error: out of memory; use fewer contact_elements or samples", 1)
-    except Exception as error:
-        if isinstance(error, OSError) and error.errno in NO_ROOM:
-            # buffered output cannot be written either
+    except BaseException as error:
+        if isinstance(error, SystemExit) and not (isinstance(error.code, int) and error.code > 128):
+            raise  # no signal, which may have come to this rank alone
+        code, text = _ending(error)
+        if text and is_root(comm):
+            print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)
+        if comm is not None and comm.size > 1:
+            leave(comm, code, text)  # a rank that fails alone aborts the job
+        if isinstance(error, SystemExit):
+            raise
+        return code
+
+
+def _ending(error: BaseException) -> tuple[int, str]:
+    """Return the exit code and the line to print for what ended a command."""
+    match error:
+        case RecedingError():
+            return error.exit_code, f"error: {error}".replace("\n", " ")
+        case Interrupted():
+            return error.exit_code, str(error)
+        case KeyboardInterrupt():
+            return 130, "interrupted"  # 128 + SIGINT, as shells have it
+        case SystemExit():
+            return int(error.code or 0), ""
+        case BrokenPipeError():  # the reader of the output has closed the pipe
             sys.stdout = None
+            return 0, ""
+        case MemoryError():
+            return 1, "error: out of memory; use fewer contact_elements or samples"
+        case OSError() if error.errno in NO_ROOM:
+            sys.stdout = None  # buffered output cannot be written either
             where = error.filename or "standard output"
-            return _fail(comm, f"error: {where}: cannot be written ({error.strerror})", 1)
-        if isinstance(error, OSError) and error.errno in UNUSABLE_PATH:
-            return _fail(comm, f"error: {error.filename}: cannot be used ({error.strerror})", 2)
-        traceback.print_exc()
-        text = f"internal error: {type(error).__name__}: {error}; please report the lines above"
-        return _fail(comm, text, 1)
+            return 1, f"error: {where}: cannot be written ({error.strerror})"
+        case OSError() if error.errno in UNUSABLE_PATH:
+            return 2, f"error: {error.filename}: cannot be used ({error.strerror})"
+    traceback.print_exception(error)
+    text = f"internal error: {type(error).__name__}: {error}; please report the lines above"
+    return 1, text
 
 
-def _log_to_terminal(comm: MPI.Comm | None, verbose: int) -> None:
-    """Show warnings on rank 0: with -v stages and cycles too, with -vv every event."""
-    logger = logging.getLogger("receding_fenicsx")
-    for handler in logger.handlers[:]:
-        logger.removeHandler(handler)
-    logger.propagate = False
-    logger.addHandler(logging.StreamHandler() if is_root(comm) else logging.NullHandler())
-    # on a terminal in place of the progress line
-    clear = "\r\033[K" if sys.stderr.isatty() else ""
-    logger.handlers[0].setFormatter(
-        logging.Formatter(f"{clear}%(asctime)s %(message)s", "%H:%M:%S")
-    )
-    logger.setLevel((logging.WARNING, logging.INFO, logging.DEBUG)[min(verbose, 2)])
-
-
-def _world() -> MPI.Comm | None:
-    """Return all processes of the job, or None without mpi4py (some commands do not need it)."""
-    with contextlib.suppress(ImportError):
-        import dolfinx_solver  # noqa: F401 - PyPI's stack must be loaded before mpi4py
+def _parsed(words: Sequence[str], console: Console) -> tuple[Callable[..., Any], Any]:
+    """Return the function of the command and its arguments; that of --help prints to a console."""
+    if not words:
+        raise InputError(f"a COMMAND is missing; see {PROGRAM} --help")
     try:
-        from mpi4py import MPI
-    except ImportError:
-        return None
-    return MPI.COMM_WORLD
+        return app.parse_args(words, console=console, exit_on_error=False, print_error=False)[:2]
+    except CycloptsError as error:
+        see = " ".join([PROGRAM, *(error.command_chain or ()), "--help"])
+        raise InputError(f"{' '.join(str(error).split())} See {see}") from None
 
 
-def _fail(comm: MPI.Comm | None, text: str, code: int) -> int:
-    """Print an error on rank 0 and return the exit code; a rank failing alone aborts the job."""
-    if text and is_root(comm):
-        print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)
-    if comm is not None and comm.size > 1:
-        leave(comm, code, text)
-    return code
+# -- options of several commands -----------------------------------------------------------------
+
+Verbose = Annotated[
+    int,
+    Parameter(
+        alias="-v",
+        count=True,
+        help="log stages, cycles, residuals and timings; twice: every change of state too",
+    ),
+]
+SceneFile = Annotated[str, Parameter(name="SCENE", help="scene file (TOML)")]
+Folder = Annotated[Path, Parameter(name="DIR", help="run folder")]
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Study:
+    """Options of commands that model a scene."""
+
+    set: Sequence[str] = ()
+    """table.key=value: change a value of the scene (load.NAME.key=value for loads); repeatable"""
+    out: Path
+    """folder of the results; an HDF5 file of condense"""
+    overwrite: bool = False
+    """replace what an earlier command wrote there"""
+    verbose: Verbose = 0
+
+    @contextlib.contextmanager
+    def started(self, scene: str) -> Iterator[tuple[Scene, MPI.Comm, Say]]:
+        """Yield the scene, all ranks, and what shows the progress."""
+        with progress(self.verbose) as say:
+            from receding_fenicsx.scene.toml_file import read_scene
+
+            read = read_scene(scene, self.set)
+            yield read, require_mpi(), say
+
+
+@Parameter(name="*")
+@dataclass(frozen=True, kw_only=True)
+class Cases(Study):
+    """Options of commands that run many cases of a scene."""
+
+    resume: bool = False
+    """continue an interrupted study; cases may have been added"""
+    workers: int | None = None
+    """run the cases on this number of new processes of this machine (default: on this one). On
+    several machines start the command under mpirun instead: rank 0 hands out the cases"""
+
+
+# -- commands ------------------------------------------------------------------------------------
+
+
+@app.command
+def run(
+    scene: SceneFile,
+    /,
+    study: Study,
+    *,
+    resume: bool = False,
+    system: Path | None = None,
+    pictures: Literal["all", "figures", "none"] | None = None,
+    pdf: bool = False,
+    error: bool = False,
+    starts: int = 0,
+    tolerance: float | None = None,
+) -> None:
+    """Run a study: mesh, condense, evolve, write results, draw pictures.
+
+    Args:
+        resume: continue an interrupted run, or extend a finished one by more cycles
+        system: reuse a saved system (from condense, or a run's system.h5) without condensing again
+        pictures: all: every figure, and snapshots of the body at the turning points of the first
+            and the last cycles; figures: every figure, no snapshots, which need the body's mesh.
+            Default: the few that answer the scene's question, without the body with --system
+        pdf: draw the figures as PDF too
+        error: solve on three coarser meshes too and estimate the discretisation error in space
+        starts: find the limit (until = "limit") from this number of initial slips too: rest, four
+            extreme ones, then random ones; report how far they differ
+        tolerance: choose the mesh so that the relative errors of the numbers are below it (the
+            table [accuracy] names the numbers and the budget)
+    """
+    with study.started(scene) as (read, comm, say):
+        from receding_fenicsx import study as studies
+        from receding_fenicsx.output.report.accuracy import unmet
+        from receding_fenicsx.output.report.text import run_table
+        from receding_fenicsx.output.storage.run_folder import has_run, is_finished
+        from receding_fenicsx.output.storage.summary_file import read_summary
+        from receding_fenicsx.scene.validate import validate
+
+        out, finished = study.out, False
+        if tolerance is not None:
+            read = replace(read, accuracy=replace(read.accuracy, tolerance=tolerance))
+            validate(read)
+        if resume:
+            if study.overwrite:
+                raise InputError("--resume and --overwrite: give one of them")
+            if system is not None:
+                raise InputError("--resume and --system: the run has its own system")
+            finished = comm.bcast(on_root(comm, lambda: is_finished(out, read)))
+            if finished and (error or starts):
+                raise InputError(
+                    f"{out}: the run is finished, --{'error' if error else 'starts'} needs a new "
+                    "one; give --overwrite, not --resume"
+                )
+            if is_root(comm) and not has_run(out):
+                print(f"{PROGRAM}: {out}: nothing to resume, starting from rest", file=sys.stderr)
+        if not finished:
+            options = studies.RunOptions(
+                overwrite=study.overwrite,
+                pictures=pictures != "none",
+                snapshots=None if pictures is None else pictures == "all",
+                all_pictures=pictures in ("all", "figures"),
+                resume=resume,
+                system_file=system,
+                pdf=pdf,
+                error=error,
+                starts=starts,
+                progress=say,
+            )
+            with contextlib.suppress(ToleranceNotMet):  # raised below, after the table
+                studies.run(read, out, options, comm)
+    summary = read_summary(out / "summary.json") if is_root(comm) else {}
+    if is_root(comm):
+        print(run_table(summary))
+        print(f"{out}: this run was finished already" if finished else f"written to {out}")
+    reason = comm.bcast(unmet(summary))
+    if reason:
+        raise ToleranceNotMet(reason)
+
+
+@app.command
+def condense(scene: SceneFile, /, study: Study) -> None:
+    """Condense the body to its contact nodes and save the system."""
+    with study.started(scene) as (read, comm, say):
+        from receding_fenicsx import study as studies
+        from receding_fenicsx.atomic import check_file
+        from receding_fenicsx.output.storage.hdf5 import write_system
+
+        on_root(comm, lambda: check_file(study.out, study.overwrite))
+        system = studies.condense(read, comm, say, whole=True)
+        on_root(comm, lambda: write_system(study.out, given(system), study.overwrite))
+    if system is not None:
+        which = "half" if system.half else "whole"
+        print(f"{system.n} contact nodes of the {which} body, written to {study.out}")
+
+
+@app.command
+def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str]) -> int:
+    """Run a scene for every combination of values; write a table.
+
+    The folder gets sweep.csv (a row for each case), sweep.json (scene, keys, versions) and
+    cases.jsonl (finished cases, to resume from).
+
+    Args:
+        over: table.key=values, values of one key, as for --set: a list 0,0.25,0.5 or a range
+            first:last:number, as in contact.friction=0.1:0.9:9; repeatable: all combinations are
+            run
+    """
+    with study.started(scene) as (read, comm, say):
+        from receding_fenicsx.parameter_sweep.sweep import SweepOptions
+        from receding_fenicsx.parameter_sweep.sweep import sweep as sweep_scene
+        from receding_fenicsx.parameter_sweep.values import read_over
+
+        options = SweepOptions(
+            study.overwrite, study.resume, folder=Path(scene).parent, progress=say
+        )
+        table = sweep_scene(read, read_over(list(over)), study.out, study.workers, options=options)
+    if table is not None:
+        print(f"{table!r}\nwritten to {study.out / 'sweep.csv'}")
+    none_left = table is not None and len(table.failed) == len(table.rows)
+    return int(comm.bcast(none_left))
+
+
+@app.command
+def shakedown(scene: SceneFile, /, study: Study) -> None:
+    """Find the load range up to which the contact stops slipping."""
+    with study.started(scene) as (read, comm, say):
+        from receding_fenicsx.shakedown_study import study as studies
+
+        found = studies.shakedown(read, study.out, study.overwrite, comm, say)
+    if found is not None:
+        print(f"{found}\nwritten to {study.out}")
+
+
+@app.command
+def joint(
+    scene: SceneFile,
+    /,
+    study: Cases,
+    *,
+    drive: str,
+    smallest: Annotated[float, Parameter(name="--from")],
+    largest: Annotated[float, Parameter(name="--to")],
+    count: int = 30,
+) -> None:
+    """Find dissipation and stiffness over the amplitude of a driven load.
+
+    The folder gets joint.csv (a row for each amplitude), joint.json and joint.png.
+
+    Args:
+        scene: scene file (TOML), or a saved system
+        drive: driven load, or mode:1, mode:2
+        smallest: smallest amplitude, as a load factor
+        largest: largest amplitude, as a load factor
+        count: number of amplitudes, log spaced
+    """
+    with progress(study.verbose) as say:
+        import numpy as np
+
+        from receding_fenicsx.joints.curve import joint_curve
+        from receding_fenicsx.output.storage.hdf5 import read_system
+        from receding_fenicsx.parameter_sweep.sweep import SweepOptions
+        from receding_fenicsx.scene.toml_file import read_scene
+
+        is_system = scene.endswith(".h5") and not study.set
+        read: Any = read_system(Path(scene)) if is_system else read_scene(scene, study.set)
+        if not 0.0 < smallest <= largest < np.inf or count < 1:
+            raise InputError("joint: needs 0 < --from <= --to, and a --count of at least 1")
+        amplitudes, comm = np.geomspace(smallest, largest, count), require_mpi()
+        options = SweepOptions(
+            study.overwrite, study.resume, folder=Path(scene).parent, progress=say
+        )
+        curve = joint_curve(read, drive, amplitudes, study.out, study.workers, options)
+    if curve is not None:
+        print(f"{curve!r}\nwritten to {study.out / 'joint.csv'}")
+    failed = [] if curve is None else [row["error"] for row in curve.table.failed]
+    if comm.bcast(curve is not None and len(failed) == len(curve.table)):
+        raise SolveError(
+            f"joint: all amplitudes failed, the smallest with: {comm.bcast(failed)[0]}"
+        )
+
+
+@app.command
+def plot(folder: Folder, /) -> None:
+    """Draw the figures of a finished run again, as PNG and PDF."""
+    from receding_fenicsx import pictures
+    from receding_fenicsx.output.storage.hdf5 import read_record
+
+    record = read_record(folder / "record.h5")
+    if is_root(world()):
+        print(*pictures.plot(record, folder / "figures"), sep="\n")
+
+
+@app.command
+def snapshot(
+    folder: Folder, /, *, cycle: int, leg: str, at: float = 1.0, verbose: Verbose = 0
+) -> None:
+    """Draw the body of a finished run at one instant.
+
+    Args:
+        cycle: cycle number; 0 is the first loading
+        leg: leg of the cycle: loading, unloading, or its number from 0
+        at: position along the leg, 0 to 1
+    """
+    with progress(verbose) as say:
+        from receding_fenicsx import pictures
+
+        made = pictures.snapshot(folder, cycle, leg, at, require_mpi(), say)
+    if made:
+        print(*made, sep="\n")
+
+
+@app.command
+def animate(
+    folder: Folder,
+    /,
+    *,
+    cycle: int,
+    frames: int = 60,
+    stress: Literal["max_shear", "von_mises", "sxx", "syy", "sxy"] = "max_shear",
+) -> None:
+    """Make an animation of one cycle of a finished run.
+
+    Args:
+        cycle: cycle number; 0 is the first loading
+        frames: number of frames
+        stress: quantity shown; max_shear is drawn as fringes
+    """
+    with progress() as say:
+        from receding_fenicsx import pictures
+
+        made = pictures.animate(folder, cycle, frames, stress, require_mpi(), say)
+    if made:
+        print(*made, sep="\n")
+
+
+@app.command
+def export(
+    source: Annotated[Path, Parameter(name="SOURCE")],
+    /,
+    *,
+    out: Path,
+    overwrite: bool = False,
+    matrices: bool = False,
+    reduced: bool = False,
+    cycle: int = 0,
+    leg: str = "0",
+    at: float = 1.0,
+    since: float | None = None,
+) -> None:
+    """Export a load step in FCLIB's format, or the matrices, for other programs.
+
+    Args:
+        source: run folder, file of a saved system, or with --reduced a scene
+        out: HDF5 file; folder of --matrices
+        overwrite: replace what an earlier command wrote there
+        matrices: write K, r* and the nodes of the system as MatrixMarket and CSV
+        reduced: write mass, stiffness and contact of the joint, reduced to its contact nodes and
+            [mode] count modes (Craig and Bampton)
+        cycle: cycle number of the load step; 0 is the first loading
+        leg: leg of the cycle: loading, unloading, or its number from 0
+        at: end of the load step along the leg, 0 to 1
+        since: start of the load step; default: 1 / solver.steps_per_leg before its end
+    """
+    from receding_fenicsx.exchange.command import export_matrices, export_reduced
+    from receding_fenicsx.output.storage import fclib
+
+    if reduced:
+        # PETSc starts on all ranks together
+        import receding_fenicsx.exchange.reduced  # noqa: F401
+
+    def work() -> None:
+        if reduced:
+            export_reduced(source, out, overwrite)
+        elif matrices:
+            export_matrices(source, out, overwrite)
+        else:
+            told = fclib.export(source, out, (cycle, leg, at), since, overwrite)
+            print(f"{told}, written to {out}")
+
+    comm = world()
+    if comm is None:
+        work()
+    else:
+        on_root(comm, work)
+
+
+@app.command(name="import")
+def import_(
+    specification: Annotated[str, Parameter(name="IMPORT")],
+    /,
+    *,
+    out: str,
+    overwrite: bool = False,
+) -> None:
+    """Make a system of matrices of Abaqus, CalculiX or others (MatrixMarket).
+
+    Args:
+        specification: names of matrices and nodes (TOML)
+        out: HDF5 file of the system
+        overwrite: replace an earlier file
+    """
+    from receding_fenicsx.exchange.command import import_file
+
+    on_root(require_mpi(), lambda: import_file(specification, out, overwrite))
+
+
+@app.command
+def check(scene: SceneFile, /, *, set: Sequence[str] = ()) -> None:
+    """Validate a scene without running it.
+
+    Args:
+        set: table.key=value: change a value of the scene; repeatable
+    """
+    from receding_fenicsx import study
+    from receding_fenicsx.scene.history import history_from_scene
+    from receding_fenicsx.scene.symmetry import is_mirror_symmetric
+    from receding_fenicsx.scene.toml_file import read_scene
+    from receding_fenicsx.scene.validate import scene_warnings
+
+    read, comm = read_scene(scene, set), require_mpi()
+    half = read.solver.symmetry == "auto" and is_mirror_symmetric(read)
+    nodes = study.check(read, comm)
+    if is_root(comm):
+        print(
+            f"{scene}: can be modelled; {nodes} contact nodes, "
+            f"{'half of the' if half else 'the whole'} body, loads {', '.join(read.load_names)}, "
+            f"{history_from_scene(read).cycles} cycles"
+        )
+        for text in scene_warnings(read):
+            print(f"warning: {text}")
+
+
+@app.command
+def doctor() -> int:
+    """List installed versions and test the installation."""
+    from receding_fenicsx.environment import examine
+
+    comm, missing = world(), False
+    with contextlib.suppress(Exception):
+        import petsc4py.PETSc  # noqa: F401 - it must start on all ranks together
+    if is_root(comm):
+        findings = examine()
+        width = max(len(f.name) for f in findings)
+        for finding in findings:
+            text = finding.version if finding.version is not None else f"MISSING: {finding.advice}"
+            print(f"{finding.name:{width}}  {text}")
+        missing = any(finding.version is None for finding in findings)
+        print("some requirements are missing" if missing else "all requirements are met")
+    return int(missing if comm is None else comm.bcast(missing))

@@ -29,8 +29,7 @@ FLOORS = (
     ("parameter_sweep", "shakedown_study", "exchange"),
     ("joints",),
     ("__init__",),
-    ("cli_parser",),
-    ("cli_commands",),
+    ("terminal",),
     ("cli",),
     ("__main__",),
 )

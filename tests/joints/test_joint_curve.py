@@ -182,17 +182,17 @@ def test_command_tells_why_all_amplitudes_failed(
 @pytest.mark.parametrize(
     ("change", "text"),
     [
-        (["--drive", "R"], "no load is named 'R'"),
-        (["--from", "0"], "needs 0 < --from <= --to"),
-        (["--count", "0"], "a --count of at least 1"),
+        ({"--drive": "R"}, "no load is named 'R'"),
+        ({"--from": "0"}, "needs 0 < --from <= --to"),
+        ({"--count": "0"}, "a --count of at least 1"),
     ],
 )
 def test_bad_input_is_one_line(
-    change: list[str], text: str, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    change: dict[str, str], text: str, shared_tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = shared_tmp_path / "curve"
-    head = ["joint", str(CYLINDERS), "--drive", "Q", "--from", "0.1", "--to", "0.4"]
-    assert cli.main([*head, "--out", str(out), *change]) == 2
+    options = {"--drive": "Q", "--from": "0.1", "--to": "0.4", "--out": str(out)} | change
+    assert cli.main(["joint", str(CYLINDERS), *sum(options.items(), ())]) == 2
     told = capsys.readouterr().err
     if comm.rank == 0:
         assert text in told and len(told.strip().splitlines()) == 1

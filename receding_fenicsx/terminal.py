@@ -1,0 +1,90 @@
+"""What the command line does with the terminal and the job: ranks, signals, log, progress."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import signal
+import sys
+from collections.abc import Iterator
+from types import FrameType
+from typing import TYPE_CHECKING, NoReturn
+
+from rich.console import Console
+
+from receding_fenicsx.errors import RecedingError
+from receding_fenicsx.timing import Say
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+
+def world() -> MPI.Comm | None:
+    """Return all processes of the job, or None without mpi4py (some commands do not need it)."""
+    with contextlib.suppress(ImportError):
+        import dolfinx_solver  # noqa: F401 - PyPI's stack must be loaded before mpi4py
+    try:
+        from mpi4py import MPI
+    except ImportError:
+        return None
+    return MPI.COMM_WORLD
+
+
+def require_mpi() -> MPI.Comm:
+    """Return all processes of the job, ready for PETSc."""
+    comm = world()
+    if comm is None:
+        raise RecedingError("mpi4py is not installed; see receding-fenicsx doctor")
+    with contextlib.suppress(ImportError):
+        from petsc4py import PETSc  # noqa: F401 - its start replaces the handler of SIGTERM
+    catch_termination()
+    return comm
+
+
+def is_root(comm: MPI.Comm | None) -> bool:
+    """Return whether this process prints: rank 0, or a process without MPI."""
+    return comm is None or comm.rank == 0
+
+
+def catch_termination() -> None:
+    """Make SIGTERM raise SystemExit, so that unfinished files are removed."""
+
+    def terminated(number: int, frame: FrameType | None) -> NoReturn:
+        raise SystemExit(128 + number)
+
+    with contextlib.suppress(ValueError):  # signals belong to the main thread
+        signal.signal(signal.SIGTERM, terminated)
+
+
+def log_to_terminal(comm: MPI.Comm | None) -> None:
+    """Show warnings on rank 0; commands with -v show more."""
+    logger = logging.getLogger("receding_fenicsx")
+    for handler in logger.handlers[:]:
+        logger.removeHandler(handler)
+    logger.propagate = False
+    logger.addHandler(_Lines() if is_root(comm) else logging.NullHandler())
+    logger.handlers[0].setFormatter(logging.Formatter("%(asctime)s %(message)s", "%H:%M:%S"))
+    logger.setLevel(logging.WARNING)
+
+
+class _Lines(logging.Handler):
+    """Writes log lines above the progress, which replaces ``sys.stderr`` while it is shown."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        print(self.format(record), file=sys.stderr, flush=True)
+
+
+@contextlib.contextmanager
+def progress(verbose: int = 0) -> Iterator[Say]:
+    """Show the present stage on a terminal, erased at the end; with -v log lines in its place."""
+    levels = logging.WARNING, logging.INFO, logging.DEBUG
+    logging.getLogger("receding_fenicsx").setLevel(levels[min(verbose, 2)])
+    if not is_root(world()) or not sys.stderr.isatty() or verbose:
+        yield lambda text: None
+        return
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
+    with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
+        task = shown.add_task("starting")
+        yield lambda text: shown.update(task, description=text, refresh=True)
