@@ -22,7 +22,7 @@ UNIFORM = rf.MeshOptions(contact_elements=8, growth=1.0)
 
 
 def half_planes(upside_down: bool) -> rf.Scene:
-    """A cylinder pressed and pushed askew on a stretched half-plane; either may be the upper one."""
+    """A cylinder pressed and pushed askew on a stretched half-plane."""
     edges = ("top", "bottom") if upside_down else ("bottom", "top")
     down = 1.0 if upside_down else -1.0
     return rf.Scene(

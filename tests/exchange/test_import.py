@@ -109,6 +109,15 @@ def write_labelled(folder: Path, block: Block) -> str:
     return "job_STIF1.mtx"
 
 
+def write_both_triangles(folder: Path, block: Block) -> str:
+    """Write the same with both triangles, in another order."""
+    name = write_labelled(folder, block)
+    lines = {tuple(line.replace(" ", "").split(",")) for line in (folder / name).open()}
+    lines |= {(*line[2:4], *line[:2], line[4]) for line in lines}
+    (folder / name).write_text("\n".join(sorted(map(",".join, lines))))
+    return name
+
+
 def write_calculix(folder: Path, block: Block) -> str:
     """Write CalculiX' .sti and .dof: the upper triangle, rows and columns from 1."""
     n = len(block.A)
@@ -141,7 +150,9 @@ def write_user_element(
     return "sub.mtx"
 
 
-@pytest.mark.parametrize("write", [write_market, write_labelled, write_calculix])
+@pytest.mark.parametrize(
+    "write", [write_market, write_labelled, write_both_triangles, write_calculix]
+)
 def test_a_block_of_own_elements_is_condensed(write: Writer, tmp_path: Path) -> None:
     block = Block()
     system = rf.import_system(specification(tmp_path, write(tmp_path, block), block))
@@ -292,6 +303,10 @@ def turned(path: Path, old: str, new: str) -> None:
         ("0.0, 2.0", "0.0, 0.0", "must not be zero"),
         ("free = 3", 'free = 3\norder = "components"', "rigid motion"),
         ("0.32", "-0.32", "has to be finite and not negative"),
+        ("friction", "weights = [1.0]\nfriction", "weights: must be 7 numbers"),
+        ("friction", "weights = [1, 1, 1, 1, 1, 1, -1]\nfriction", "are not negative"),
+        ("[[load]]", '[[support]]\nnodes = [2]\nfix = "z"\n[[load]]', "fix"),
+        ('forces = "P.txt"', 'reactions = "P.txt"', "needs a matrix of contact nodes"),
     ],
 )
 def test_bad_specifications_are_one_line(
@@ -377,6 +392,7 @@ BANNER = "%%MatrixMarket matrix array real general\n"
         ("1,2,1e999", 'line 1: "1e999" is not a finite number'),
         ("1,2,1_0", 'line 1: "1_0" is not a finite number'),
         ("1,2,0.5 N", 'line 1: "N" is not a finite number'),
+        ("1,2,0.5\n99,2,1.0", "has no freedom 2 of node 99"),
         ("*CLOAD\n", "no row of numbers"),
         (BANNER, "ends before"),
         (BANNER + "% no more\n", "ends before"),
@@ -398,6 +414,11 @@ def test_loads_with_other_columns_or_text_are_refused(text: str, told: str, tmp_
         ("1,1,1,1,2.0\n1,1,2,1,1.0,9", "line 2: 6 numbers, not 5"),
         ("1 1 2.0 5", "line 1: 4 numbers, not 5 or 3"),
         ("1,1,1,1,inf", 'line 1: "inf" is not a finite number'),
+        ("1,1,1,1.5,2.0", "have to be whole"),
+        ("1,1,1,1,2.0\n1,1,1,1,1.0", "an entry is given twice"),
+        (BANNER + "2 1\n1.0\n1.0\n", "it is 2 by 1, not square"),
+        ("*USER ELEMENT,UNSYMM\n*MATRIX,TYPE=STIFFNESS\n1.0", "is unsymmetric"),
+        ("*USER ELEMENT\n*MATRIX,TYPE=MASS\n1.0", "with one .*STIFFNESS is needed"),
     ],
 )
 def test_stiffnesses_with_other_columns_or_text_are_refused(
