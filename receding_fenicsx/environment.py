@@ -161,6 +161,7 @@ def _modules() -> list[Finding]:
             lambda: metadata.version("imageio-ffmpeg"),
             pip.format("imageio-ffmpeg"),
         ),
+        ("loky", lambda: metadata.version("loky"), pip.format("loky")),
         ("BLAS", _blas, "apt install libopenblas0-pthread"),
     ]
     return [_probe(*probe) for probe in probes]

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 import contextlib
 from collections.abc import Iterator
+from concurrent.futures import Future
 from dataclasses import replace
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receding_fenicsx import mpi
+from receding_fenicsx import mpi, workers
 from receding_fenicsx.arrays import spread
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import RecedingError
@@ -18,9 +20,8 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.mpi import world
-from receding_fenicsx.output.plots.beside import FigureProcess
-from receding_fenicsx.output.plots.child_process import cores
 from receding_fenicsx.output.snapshots import render
+from receding_fenicsx.output.storage import hdf5
 from receding_fenicsx.output.storage.run_folder import read_run
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
@@ -177,21 +178,22 @@ class Drawing:
         self.comm, self.say = comm, say
         self.figures, self.body, self.pdf = figures, body, pdf
         self.everything = everything
-        self.beside: FigureProcess | None = None
+        self.beside: Future[Any] | None = None
 
     def __enter__(self) -> Drawing:
         """Start the processes on rank 0; without one that draws figures they are drawn here."""
-        if self.comm.rank == 0 and self.figures and self.body and cores() > 1:
+        if self.comm.rank == 0 and self.figures and self.body and workers.cores() > 1:
+            figures = "receding_fenicsx.output.plots.figures"
             # a missing renderer is an error when it is needed, on all ranks
             with contextlib.suppress(RecedingError, OSError):
-                self.beside = FigureProcess()
-                render.renderer.start()
+                self.beside = workers.submit("figures", import_module, figures)
+                render.start()
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End the process that draws figures; the renderer serves later runs too."""
-        if self.beside is not None:
-            self.beside.close()
+        """End figures that are not needed any more; the processes serve later runs too."""
+        if self.beside is not None and not self.beside.done():
+            workers.end("figures")
 
     def draw(
         self,
@@ -241,16 +243,29 @@ class Drawing:
         if self.beside is None:
             figures.plot_all(record, place, formats, self._tell, self.everything)
         else:
-            self.beside.begin((folder / "record.h5", place, formats, self.everything))
+            job = (folder / "record.h5", place, formats, self.everything)
+            self.beside = workers.submit("figures", _draw_figures, *job)
 
     def _finish_figures(self) -> None:
         """Wait for figures drawn beside."""
         if self.beside is not None:
-            self.beside.finish(self._tell)
+            if self.say is not None:
+                self.say("figures")
+            try:
+                workers.result("figures", self.beside)
+            except workers.WorkerEnded as ended:
+                raise RecedingError(f"figures: drawing failed ({ended})") from None
 
     def _tell(self, name: str, done: int) -> None:
         if self.say is not None:
             self.say(f"figures: {done + 1}, {name}")
+
+
+def _draw_figures(file: Path, folder: Path, formats: tuple[str, ...], everything: bool) -> None:
+    """Draw the figures of a record that is in a file."""
+    from receding_fenicsx.output.plots import figures
+
+    figures.plot_all(hdf5.read_record(file), folder, formats, None, everything)
 
 
 @contextlib.contextmanager

@@ -17,6 +17,7 @@ FLOORS = (
     ("errors",),
     ("arrays",),
     ("atomic", "environment", "mpi", "timing"),
+    ("workers",),
     ("scene", "interface", "half_plane"),
     ("bulk", "evolution"),
     ("modal",),
@@ -77,7 +78,7 @@ MECHANICS = (
 )
 """What computes histories, exponents and ends of zones."""
 
-MODULES_IN_ROOT, MODULES_IN_FOLDER = 12, 20
+MODULES_IN_ROOT, MODULES_IN_FOLDER = 13, 20
 
 
 def name_of(path: Path) -> str:

@@ -12,11 +12,9 @@ from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import environment, pictures, read_scene, study
+from receding_fenicsx import environment, pictures, read_scene, study, workers
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots.beside import FigureProcess
-from receding_fenicsx.output.plots.child_process import ChildProcess
 from receding_fenicsx.timing import Countdown
 
 BLOCK = Path(__file__).parents[1] / "demos" / "block.toml"
@@ -29,7 +27,7 @@ def test_pictures_of_a_run_are_the_same_on_one_core_and_on_two(
 ) -> None:
     heard: list[str] = []
     for cores in (1, 2):
-        monkeypatch.setattr(pictures, "cores", lambda cores=cores: cores)
+        monkeypatch.setattr(workers, "cores", lambda cores=cores: cores)
         options = study.RunOptions(all_pictures=True, pdf=cores == 2, progress=heard.append)
         study.run(read_scene(BLOCK, SMALL), shared_tmp_path / str(cores), options, COMM)
 
@@ -45,56 +43,35 @@ def test_pictures_of_a_run_are_the_same_on_one_core_and_on_two(
         assert one == {name: data for name, data in two.items() if name not in pages}
         drawn = len([name for name in one if "snapshots" in name])
         assert drawn == 6
-        for text in ("figures: 1, ", f"pictures of the body: {drawn} of {drawn}, "):
-            assert sum(line.startswith(text) for line in heard) == 2, text
+        # drawn here they are counted
+        assert {"figures"} < {line for line in heard if line.startswith("figures")}
+        last = f"pictures of the body: {drawn} of {drawn}, "
+        assert sum(line.startswith(last) for line in heard) == 2
 
     on_root(COMM, compare)
 
 
 @pytest.mark.one_rank
-def test_errors_of_the_process_that_draws_arrive_in_one_line(tmp_path: Path) -> None:
-    out = tmp_path / "run"
-    study.run(read_scene(BLOCK, SMALL), out, study.RunOptions(pictures=False), COMM)
+def test_errors_of_the_process_that_draws_arrive_in_one_line(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scene, out = read_scene(BLOCK, SMALL), tmp_path / "run"
+    record = study.run(scene, out, study.RunOptions(pictures=False), COMM)
     (out / "figures").write_text("no folder")
-    process = FigureProcess()
-    process.begin((out / "record.h5", out / "figures", ("png",), True))
-    with pytest.raises(InputError, match="figures") as refused:
-        process.finish(None)
+    with (
+        pytest.raises(InputError, match="figures") as refused,
+        pictures.Drawing(COMM, None, figures=True, body=False, everything=True, pdf=False) as own,
+    ):
+        own.beside = workers.submit("figures", os.getpid)
+        own.draw(scene, None, record, out)
     assert "\n" not in str(refused.value)
-    process.child.process.kill()
-    process.child.process.wait()
-    with pytest.raises(RecedingError, match=r"drawing failed .*status -9"):
-        process.begin((out / "record.h5", out / "more", ("png",), True))
-        process.finish(None)
-    process.close()
-
-
-@pytest.mark.one_rank
-def test_process_that_draws_ends_with_its_parent() -> None:
-    code = (
-        "import time\n"
-        "from receding_fenicsx.output.plots.child_process import ChildProcess\n"
-        "child = ChildProcess('receding_fenicsx.output.plots.beside:prepare')\n"
-        "print(child.process.pid, flush=True)\n"
-        "time.sleep(60.0)\n"
-    )
-    command = [sys.executable, "-c", code]
-    variables = environment.child_environment()
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=variables) as parent:
-        assert parent.stdout is not None
-        child = int(parent.stdout.readline())
-        os.kill(child, 0)
-        parent.send_signal(signal.SIGKILL)
-    for _ in range(600):
-        try:
-            os.kill(child, 0)
-            state = Path(f"/proc/{child}/stat").read_text().rpartition(") ")[2][:1]
-        except (ProcessLookupError, FileNotFoundError):
-            return
-        if state == "Z":
-            return
-        time.sleep(0.1)
-    pytest.fail("the process is still there")
+    monkeypatch.setattr(pictures, "_draw_figures", lambda *_: signal.raise_signal(signal.SIGKILL))
+    with (
+        pytest.raises(RecedingError, match=r"^figures: drawing failed .*SIGKILL"),
+        pictures.Drawing(COMM, None, figures=True, body=False, everything=True, pdf=False) as own,
+    ):
+        own.beside = workers.submit("figures", os.getpid)
+        own.draw(scene, None, record, out)
 
 
 @pytest.mark.one_rank
@@ -116,14 +93,6 @@ def test_run_without_pictures_loads_no_drawing_library(tmp_path: Path) -> None:
         timeout=300,
     )
     assert json.loads(done.stdout.splitlines()[-1]) == [0, []]
-
-
-@pytest.mark.one_rank
-def test_libraries_missing_in_the_process_are_said() -> None:
-    child = ChildProcess("receding_fenicsx.no_such_module:prepare")
-    with pytest.raises(EOFError):
-        child.answer()
-    assert "No module named" in child.kill()
 
 
 def test_countdown_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:

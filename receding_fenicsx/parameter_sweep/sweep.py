@@ -79,7 +79,7 @@ def sweep(
             (finished cases, from which an interrupted sweep goes on). None writes nothing.
         workers: number of new processes of this machine that play the cases; default: this process.
         measure: function that takes a dictionary of numbers and texts from the record of a case;
-            default: the headline numbers. For other processes it must be a function of a module.
+            default: the headline numbers. For MPI and executors it must be a function of a module.
         options: further options.
 
     Returns:
@@ -257,12 +257,15 @@ def _check_workers(
                 "leave workers out"
             )
     if measure is not None and (workers is not None or options.executor or comm.size > 1):
+        import cloudpickle
+
         try:
-            pickle.dumps(measure)
+            # new processes of this machine take functions of the main program too
+            (pickle if workers is None else cloudpickle).dumps(measure)
         except Exception as error:
             raise InputError(
                 f"measure: cannot be sent to another process ({error}); make it a function of a "
-                "module"
+                "module, without open files"
             ) from None
 
 

@@ -122,7 +122,8 @@ def test_axis_of_a_film_that_ends_unloaded_has_room_for_the_largest_tractions(
         return Figure(figsize=(1.0, 1.0))
 
     monkeypatch.setattr(draw, "compose", note)
-    monkeypatch.setattr(draw.renderer, "draw", lambda picture: None)
+    monkeypatch.setattr(draw.render, "begin", lambda picture: None)
+    monkeypatch.setattr(draw.render, "finish", lambda job: None)
     film = animation.Scenario(instants, np.array([0.0, 0.5, 0.9]))
     animation.draw_frames(bulk, film, fields, quantity_of("max_shear"))
     bulk.destroy()

@@ -1,5 +1,7 @@
 """Fields of the body, and pictures of them, on any number of ranks."""
 
+import os
+import signal
 import sys
 from dataclasses import replace
 from pathlib import Path
@@ -14,6 +16,7 @@ from matplotlib.colors import to_rgb
 from pictured import instant_of_row, small_block, view_at
 from PIL import Image
 
+from receding_fenicsx import workers
 from receding_fenicsx.bulk import elasticity
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.errors import RecedingError
@@ -21,11 +24,15 @@ from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.snapshots.colours import QUANTITIES, colours_of, fringe_value
 from receding_fenicsx.output.snapshots.draw import snapshots
 from receding_fenicsx.output.snapshots.load_arrows import load_arrows
-from receding_fenicsx.output.snapshots.render import Picture, Renderer, renderer
+from receding_fenicsx.output.snapshots.render import POOL, Picture, Pixels, begin, finish
 from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene.model import Contact, Load, Material, Profile
 
 COMM = MPI.COMM_WORLD
+
+
+def drawn(picture: Picture) -> Pixels:
+    return finish(begin(picture))
 
 
 def fields(symmetry: str) -> Fields | None:
@@ -129,7 +136,7 @@ def test_rendered_field_has_the_colours_of_its_values() -> None:
         window=(-0.5, 1.5, -0.5, 1.5),
         size=(400, 400),
     )
-    pixels = renderer.draw(square)
+    pixels = drawn(square)
     assert pixels.shape == (400, 400, 3)
     edge = 3  # pixels that antialiasing may touch
     assert np.all(pixels[: 100 - edge] == 255), "the picture is not white beyond the body"
@@ -137,10 +144,10 @@ def test_rendered_field_has_the_colours_of_its_values() -> None:
     expected = 255.0 * (np.arange(200) + 0.5) / 200
     assert np.abs(row - expected)[edge:-edge].max() < 4.0
     # one window draws all pictures, and keeps nothing of those before
-    wider = renderer.draw(replace(square, window=(-2.0, 3.0, -2.0, 3.0), size=(500, 500)))
+    wider = drawn(replace(square, window=(-2.0, 3.0, -2.0, 3.0), size=(500, 500)))
     assert wider.shape == (500, 500, 3)
     assert np.all(wider[: 200 - edge] == 255)
-    assert np.array_equal(renderer.draw(square), pixels)
+    assert np.array_equal(drawn(square), pixels)
 
 
 @pytest.mark.one_rank
@@ -154,19 +161,18 @@ def test_renderer_that_crashes_is_said_and_replaced() -> None:
         window=(0.0, 1.0, 0.0, 1.0),
         size=(40, 40),
     )
-    own = Renderer()
-    try:
-        assert own.draw(square).shape == (40, 40, 3)
-        assert own.child is not None
-        own.child.process.kill()
-        own.child.process.wait()
-        with pytest.raises(RecedingError, match=r"ended with status -9.*libosmesa6"):
-            own.draw(square)
-        assert own.draw(square).shape == (40, 40, 3)
-        with pytest.raises(RecedingError, match="off-screen rendering failed"):
-            own.draw(replace(square, values=np.zeros(2)))
-    finally:
-        own.close()
+    assert drawn(square).shape == (40, 40, 3)
+    process = workers.result(POOL, workers.submit(POOL, os.getpid))
+    os.kill(process, signal.SIGSTOP)  # so that it is killed while it has a job
+    job = begin(square)
+    os.kill(process, signal.SIGKILL)
+    with pytest.raises(RecedingError, match=r"ended by SIGKILL.*libosmesa6") as told:
+        finish(job)
+    assert "\n" not in str(told.value)
+    assert drawn(square).shape == (40, 40, 3)
+    with pytest.raises(RecedingError, match="off-screen rendering failed"):
+        drawn(replace(square, values=np.zeros(2)))
+    assert drawn(square).shape == (40, 40, 3)
 
 
 def test_view_is_of_the_whole_body_without_a_seam() -> None:

@@ -11,6 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from threading import Lock
 from typing import Any
 
 from mpi4py import MPI
@@ -135,10 +136,9 @@ def kill_here(text):
         os.kill(os.getpid(), signal.SIGKILL)
 
 
-if __name__ == "__main__":
-    scene = rf.read_scene({block!r}, {small!r})
-    options = rf.SweepOptions(resume=True, progress=kill_here)
-    rf.sweep(scene, {over!r}, out, workers, options=options)
+scene = rf.read_scene({block!r}, {small!r})
+options = rf.SweepOptions(resume=True, progress=kill_here)
+rf.sweep(scene, {over!r}, out, workers, options=options)
 """
 
 
@@ -360,7 +360,7 @@ def test_bad_input_is_refused_in_one_line_before_anything_runs(
         ({"contact.friction": [None]}, {}, "must be a number"),
         ({3: [1.0]}, {}, "table.key"),
         ({"contact.friction": [0.3]}, {"workers": 1.5}, "whole number"),
-        ({"contact.friction": [0.3]}, {"workers": 2, "measure": lambda _: {}}, "of a module"),
+        ({"contact.friction": [0.3]}, {"workers": 2, "measure": Lock().acquire}, "of a module"),
     ],
 )
 def test_bad_arguments_are_refused(over: Any, options: Any, words: str) -> None:

@@ -6,16 +6,15 @@ that they run in, and a damaged mesh can crash it.
 
 from __future__ import annotations
 
-import signal
 from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
+from receding_fenicsx import workers
 from receding_fenicsx.arrays import Ints
 from receding_fenicsx.bulk.mesh.geo_words import words_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model, mesh_of
-from receding_fenicsx.bulk.mesh.gmsh_process import in_child
 from receding_fenicsx.bulk.mesh.graded_file import mesh_refined
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides, with_radii
 from receding_fenicsx.errors import InputError, MeshMisfit
@@ -61,19 +60,21 @@ def _meshes_in_child(
     bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool
 ) -> list[RawMesh]:
     """Mesh or read the bodies' file in a process of its own; raise the error it raises there."""
-    found, code = in_child(_meshes, bodies, options, axisymmetric)
-    if found is None:
-        raise InputError(f"{_label(Path(str(bodies[0].mesh)))}: {_ending(code)}")
-    if isinstance(found, Exception):
-        raise found
-    return list(found)
-
-
-def _ending(code: int) -> str:
-    """Return why gmsh's process ended without an answer."""
-    if code < 0:
-        return f"gmsh crashed while reading it ({signal.Signals(-code).name}); mend the file"
-    return "ends gmsh before the mesh is made (Exit); change the file or its parameters"
+    where = _label(Path(str(bodies[0].mesh)))
+    try:
+        job = workers.submit("gmsh", _meshes, bodies, options, axisymmetric)
+        return workers.result("gmsh", job)
+    except workers.WorkerEnded as ended:
+        if ended.code is None or ended.code < 0:
+            raise InputError(
+                f"{where}: gmsh crashed while reading it ({ended}); mend the file"
+            ) from None
+        raise InputError(
+            f"{where}: ends gmsh before the mesh is made (Exit); change the file or its parameters"
+        ) from None
+    except Exception:
+        workers.end("gmsh")  # what has failed may have left something behind
+        raise
 
 
 def _meshes(bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool) -> list[RawMesh]:

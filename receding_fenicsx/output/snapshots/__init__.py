@@ -4,7 +4,7 @@
 2. ``view.view_of`` collects mesh, contact and loads in the picture's units (``vertices``,
    ``load_arrows``).
 3. ``layout.layout_of`` arranges the page, ``colours.colours_of`` chooses the colours.
-4. ``render.renderer`` draws the field with pyvista, ``page.compose`` the page around it
+4. ``render`` draws the field with pyvista, ``page.compose`` the page around it
    (``body_marks``).
 5. ``mode.draw`` draws the body deformed by the slip mode at critical friction.
 6. ``animation.animate`` does so for all instants of a cycle and writes MP4 and GIF.

@@ -7,7 +7,7 @@ stress, as wide as a journal page. The next field is rendered while a page is dr
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ThreadPoolExecutor
+from concurrent.futures import Future
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -22,7 +22,7 @@ from receding_fenicsx.bulk.fields import gather_cell_stresses, gather_fields, so
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.snapshots import paraview
+from receding_fenicsx.output.snapshots import paraview, render
 from receding_fenicsx.output.snapshots.colours import (
     QUANTITIES,
     Colours,
@@ -32,7 +32,6 @@ from receding_fenicsx.output.snapshots.colours import (
 )
 from receding_fenicsx.output.snapshots.layout import Layout, layout_of
 from receding_fenicsx.output.snapshots.page import Clock, compose
-from receding_fenicsx.output.snapshots.render import Picture, Pixels, find_renderer, renderer
 from receding_fenicsx.output.snapshots.vertices import merge_axis, vertex_areas
 from receding_fenicsx.output.snapshots.view import View, view_of
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact
@@ -69,7 +68,7 @@ def snapshots(
     beside = folder.parent / "fields"
 
     def prepare() -> None:
-        find_renderer()
+        render.find_renderer()
         for place in (folder, beside):
             make_folder(place)
 
@@ -171,18 +170,17 @@ def sheets_of(
 
 def draw_sheets(sheets: Sequence[Sheet]) -> Iterator[Figure]:
     """Yield the pages of sheets; the next field is rendered while a page is drawn."""
-    with ThreadPoolExecutor(1) as beside:
-        coming = [beside.submit(_render, sheet) for sheet in sheets[:1]]
-        for n, sheet in enumerate(sheets):
-            pixels = coming.pop().result()
-            coming = [beside.submit(_render, later) for later in sheets[n + 1 : n + 2]]
-            contours = (sheet.values, sheet.levels) if len(sheet.levels) else None
-            yield compose(sheet.view, sheet.layout, pixels, sheet.colours, sheet.clock, contours)
+    coming = [_begin(sheet) for sheet in sheets[:1]]
+    for n, sheet in enumerate(sheets):
+        pixels = render.finish(coming.pop())
+        coming = [_begin(later) for later in sheets[n + 1 : n + 2]]
+        contours = (sheet.values, sheet.levels) if len(sheet.levels) else None
+        yield compose(sheet.view, sheet.layout, pixels, sheet.colours, sheet.clock, contours)
 
 
-def _render(sheet: Sheet) -> Pixels:
-    """Render the field of a sheet."""
-    picture = Picture(
+def _begin(sheet: Sheet) -> Future[render.Pixels]:
+    """Begin to render the field of a sheet."""
+    picture = render.Picture(
         points=sheet.view.moved,
         cells=sheet.view.cells,
         values=sheet.values,
@@ -191,4 +189,4 @@ def _render(sheet: Sheet) -> Pixels:
         window=sheet.layout.window,
         size=sheet.layout.pixels,
     )
-    return renderer.draw(picture)
+    return render.begin(picture)

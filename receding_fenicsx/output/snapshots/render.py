@@ -7,19 +7,21 @@ pictures and sends it the fields.
 
 from __future__ import annotations
 
-import atexit
 import ctypes.util
-from collections.abc import Callable
+import os
+from concurrent.futures import Future
 from dataclasses import dataclass
+from functools import cache
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx import workers
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.output.plots.child_process import ChildProcess, Work
 
+POOL = "renderer"
 RENDERERS = {"EGL": "vtkEGLRenderWindow", "OSMesa": "vtkOSOpenGLRenderWindow"}
 """Libraries of off-screen rendering, and VTK's window class for each."""
 TIMEOUT = 120.0
@@ -55,53 +57,27 @@ class Picture:
     size: tuple[int, int]
 
 
-class Renderer:
-    """A process that renders pictures; it starts with the first picture, or by ``start``."""
-
-    def __init__(self) -> None:
-        """Start no process yet."""
-        self.child: ChildProcess | None = None
-
-    def start(self) -> None:
-        """Start the process if there is none; it loads its libraries while others compute.
-
-        Raises:
-            RecedingError: no library for off-screen rendering was found.
-        """
-        if self.child is None:
-            # without the window's name VTK looks for a display first, and complains
-            window = {"VTK_DEFAULT_OPENGL_WINDOW": find_renderer()}
-            self.child = ChildProcess(f"{__name__}:prepare", window)
-
-    def draw(self, picture: Picture) -> Pixels:
-        """Draw a picture.
-
-        Raises:
-            RecedingError: off-screen rendering does not work on this machine.
-        """
-        self.start()
-        assert self.child is not None
-        try:
-            self.child.ask(picture)
-            answer = self.child.answer(TIMEOUT)
-        except (OSError, EOFError):
-            child, self.child = self.child, None
-            reason = child.kill()
-            raise RecedingError(f"off-screen rendering failed ({reason}); {ADVICE}") from None
-        if isinstance(answer, Exception):
-            raise RecedingError(f"off-screen rendering failed ({answer}); {ADVICE}")
-        return np.asarray(answer, dtype=np.uint8)
-
-    def close(self) -> None:
-        """End the process, if there is one."""
-        child, self.child = self.child, None
-        if child is not None:
-            child.close()
+def start() -> None:
+    """Start the process that draws; it loads its libraries while others compute."""
+    workers.submit(POOL, _load)
 
 
-renderer = Renderer()
-"""Renderer of all pictures of this process."""
-atexit.register(renderer.close)
+def begin(picture: Picture) -> Future[Pixels]:
+    """Begin to draw a picture."""
+    return workers.submit(POOL, _draw, picture)
+
+
+def finish(job: Future[Pixels]) -> Pixels:
+    """Wait for a picture.
+
+    Raises:
+        RecedingError: off-screen rendering does not work on this machine.
+    """
+    try:
+        return workers.result(POOL, job, TIMEOUT)
+    except Exception as error:
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise RecedingError(f"off-screen rendering failed ({reason}); {ADVICE}") from None
 
 
 def find_renderer() -> str:
@@ -116,8 +92,16 @@ def find_renderer() -> str:
     raise RecedingError(f"no off-screen renderer: neither EGL nor OSMesa was found; {ADVICE}")
 
 
-def prepare() -> Work:
-    """Return the function that draws pictures in this process, all in one window."""
+def _load() -> None:
+    """Open the window."""
+    _window()
+
+
+@cache
+def _window() -> Any:
+    """Return the window of this process that all pictures are drawn in."""
+    # without its name VTK looks for a display first, and complains
+    os.environ["VTK_DEFAULT_OPENGL_WINDOW"] = find_renderer()
     import pyvista as pv
 
     plotter = pv.Plotter(off_screen=True, window_size=[SAMPLES, SAMPLES], border=False)
@@ -125,16 +109,18 @@ def prepare() -> Work:
     plotter.disable_anti_aliasing()
     # VTK creates its window at the first picture
     plotter.screenshot(None, return_img=True)
+    return plotter
 
-    def draw(picture: Picture, send: Callable[[Pixels], None]) -> None:
-        from PIL import Image
 
-        _show(plotter, picture)
-        plotter.render()
-        fine = plotter.screenshot(None, return_img=True)
-        send(np.asarray(Image.fromarray(np.ascontiguousarray(fine)).reduce(SAMPLES)))
+def _draw(picture: Picture) -> Pixels:
+    """Draw a picture in this process."""
+    from PIL import Image
 
-    return draw
+    plotter = _window()
+    _show(plotter, picture)
+    plotter.render()
+    fine = plotter.screenshot(None, return_img=True)
+    return np.asarray(Image.fromarray(np.ascontiguousarray(fine)).reduce(SAMPLES), dtype=np.uint8)
 
 
 def _show(plotter: Any, picture: Picture) -> None:
