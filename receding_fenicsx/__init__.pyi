@@ -36,7 +36,7 @@ from .interface.system import (
     reactions as reactions,
 )
 from .interface.law import State as State, STATE_NAMES as STATE_NAMES
-from .output.storage.hdf5 import read_system as read_system, write_system as write_system
+from .store.hdf5 import read_system as read_system, write_system as write_system
 from .exchange.importing import import_system as import_system
 from .exchange.reduced import reduced_model as reduced_model, ReducedModel as ReducedModel
 
@@ -48,7 +48,7 @@ from .evolution.solvers import SOLVERS as SOLVERS
 from .interface.system import Leg as Leg
 from .evolution.record import Record as Record
 from .evolution.probe_history import ProbeHistory as ProbeHistory
-from .output.storage.hdf5 import read_record as read_record, write_record as write_record
+from .store.hdf5 import read_record as read_record, write_record as write_record
 from .evolution.replay import instant_of as instant_of, state_at as state_at
 
 # Several continuations
@@ -95,7 +95,7 @@ from .accuracy.estimate import Level as Level, estimates_of as estimates_of, Est
 
 # Report and pictures
 from .output.report.summary import summarise as summarise
-from .output.storage.summary_file import read_summary as read_summary
+from .store.summary_file import read_summary as read_summary
 from .output.report.text import run_table as run_table
 from .output.report.html import write_report as write_report
 from .output.plots import figures as figures, style as style
@@ -105,7 +105,7 @@ from .pictures import (
     draw_slip_mode as draw_slip_mode,
     animate as animate,
 )
-from .output.storage.fclib import export as export
+from .store.fclib import export as export
 
 # Shakedown and other starts
 from .interface.shakedown.limits import (

@@ -216,9 +216,9 @@ def run(
         from receding_fenicsx import study as studies
         from receding_fenicsx.output.report.accuracy import unmet
         from receding_fenicsx.output.report.text import run_table
-        from receding_fenicsx.output.storage.run_folder import has_run, is_finished
-        from receding_fenicsx.output.storage.summary_file import read_summary
         from receding_fenicsx.scene.validate import validate
+        from receding_fenicsx.store.run_folder import has_run, is_finished
+        from receding_fenicsx.store.summary_file import read_summary
 
         out, finished = study.out, False
         if tolerance is not None:
@@ -267,7 +267,7 @@ def condense(scene: SceneFile, /, study: Study) -> None:
     with study.started(scene) as (read, comm, say):
         from receding_fenicsx import study as studies
         from receding_fenicsx.atomic import check_file
-        from receding_fenicsx.output.storage.hdf5 import write_system
+        from receding_fenicsx.store.hdf5 import write_system
 
         on_root(comm, lambda: check_file(study.out, study.overwrite))
         system = studies.condense(read, comm, say, whole=True)
@@ -341,9 +341,9 @@ def joint(
         import numpy as np
 
         from receding_fenicsx.joints.curve import joint_curve
-        from receding_fenicsx.output.storage.hdf5 import read_system
         from receding_fenicsx.parameter_sweep.sweep import SweepOptions
         from receding_fenicsx.scene.toml_file import read_scene
+        from receding_fenicsx.store.hdf5 import read_system
 
         is_system = scene.endswith(".h5") and not study.set
         read: Any = read_system(Path(scene)) if is_system else read_scene(scene, study.set)
@@ -367,7 +367,7 @@ def joint(
 def plot(folder: Folder, /) -> None:
     """Draw the figures of a finished run again, as PNG and PDF."""
     from receding_fenicsx import pictures
-    from receding_fenicsx.output.storage.hdf5 import read_record
+    from receding_fenicsx.store.hdf5 import read_record
 
     record = read_record(folder / "record.h5")
     if is_root(world()):
@@ -446,7 +446,7 @@ def export(
         since: start of the load step; default: 1 / solver.steps_per_leg before its end
     """
     from receding_fenicsx.exchange.command import export_matrices, export_reduced
-    from receding_fenicsx.output.storage import fclib
+    from receding_fenicsx.store import fclib
 
     if reduced:
         # PETSc starts on all ranks together

@@ -24,9 +24,9 @@ from receding_fenicsx.evolution.journal import JOURNAL, Journal, JournalFile
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report import summary
-from receding_fenicsx.output.storage import hdf5, summary_file
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.store import hdf5, summary_file
 from receding_fenicsx.timing import duration
 
 if TYPE_CHECKING:

@@ -21,10 +21,10 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import instant_of
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.snapshots import render
-from receding_fenicsx.output.storage import hdf5
-from receding_fenicsx.output.storage.run_folder import read_run
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.store import hdf5
+from receding_fenicsx.store.run_folder import read_run
 from receding_fenicsx.timing import Say, Timer
 
 if TYPE_CHECKING:

@@ -17,12 +17,12 @@ from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.mpi import world
 from receding_fenicsx.output.report import summary
-from receding_fenicsx.output.storage import hdf5, summary_file
-from receding_fenicsx.output.storage.probe_files import PROBES, write_probes
-from receding_fenicsx.output.storage.run_folder import SEARCH, SYSTEM, shared_folder
 from receding_fenicsx.pictures import Drawing, drawing_modules
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.store import hdf5, summary_file
+from receding_fenicsx.store.probe_files import PROBES, write_probes
+from receding_fenicsx.store.run_folder import SEARCH, SYSTEM, shared_folder
 from receding_fenicsx.studies.starts import (
     check_landings,
     check_starts,

@@ -13,7 +13,7 @@ import pytest
 
 from receding_fenicsx import cli, environment, read_scene, run, study
 from receding_fenicsx.errors import InputError, SolveError
-from receding_fenicsx.output.storage.hdf5 import read_system
+from receding_fenicsx.store.hdf5 import read_system
 
 DEMOS = Path(__file__).parents[1] / "demos"
 BLOCK = str(DEMOS / "block.toml")

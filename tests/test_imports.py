@@ -20,7 +20,7 @@ FLOORS = (
     ("workers",),
     ("scene", "interface", "half_plane"),
     ("bulk", "evolution"),
-    ("modal",),
+    ("modal", "store"),
     ("reference",),
     ("measures",),
     ("accuracy", "output"),
@@ -56,7 +56,7 @@ INTERFACE = (
 )
 """Rooms of the interface: modules of its own folder, then its folders."""
 
-OUTPUT = (("storage",), ("plots",), ("snapshots", "report"))
+OUTPUT = (("plots",), ("snapshots", "report"))
 """Rooms of the output."""
 
 FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")
@@ -78,7 +78,7 @@ MECHANICS = (
 )
 """What computes histories, exponents and ends of zones."""
 
-MODULES_IN_ROOT, MODULES_IN_FOLDER = 13, 20
+MODULES_IN_ROOT, MODULES_IN_FOLDER = 12, 20
 
 
 def name_of(path: Path) -> str:

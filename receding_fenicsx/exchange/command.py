@@ -17,9 +17,9 @@ from receding_fenicsx.atomic import (
     unwritable,
 )
 from receding_fenicsx.exchange.importing import import_system
-from receding_fenicsx.output.storage.hdf5 import read_system, write_system
-from receding_fenicsx.output.storage.run_folder import SYSTEM
 from receding_fenicsx.scene.toml_file import read_scene
+from receding_fenicsx.store.hdf5 import read_system, write_system
+from receding_fenicsx.store.run_folder import SYSTEM
 
 COLUMNS = ("x", "px", "py", "weight", "f_forward", "f_backward", "gap", "held_v", "held_w")
 """Columns of ``nodes.csv``; the points are (px, py)."""

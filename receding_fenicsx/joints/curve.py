@@ -27,7 +27,6 @@ from receding_fenicsx.joints.figure import joint_figure
 from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.modal.modes import mode_number, mode_system, preload_path
 from receding_fenicsx.output.plots.style import save
-from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.parameter_sweep.measure import Cell
 from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
 from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
@@ -42,6 +41,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.store.summary_file import write_summary
 
 TABLE, SUMMARY, PICTURE = "joint.csv", "joint.json", "joint.png"
 """Files of a curve; the sweeps are in folders of their own beside them."""

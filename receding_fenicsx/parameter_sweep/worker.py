@@ -16,9 +16,9 @@ from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.storage.hdf5 import read_system, write_system
 from receding_fenicsx.parameter_sweep.measure import Cell, cells_of, measure_record
 from receding_fenicsx.scene.model import OutputOptions, Scene
+from receding_fenicsx.store.hdf5 import read_system, write_system
 from receding_fenicsx.study import condense
 
 Measure = Callable[[Record], Mapping[str, Any]]

@@ -14,12 +14,12 @@ from receding_fenicsx.atomic import check_folder, make_folder, publish_folder, u
 from receding_fenicsx.environment import versions
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.output.plots.style import save
-from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.shakedown_study.figures import diagram_figure
 from receding_fenicsx.shakedown_study.opening import BELOW
 from receding_fenicsx.shakedown_study.result import FOUND_BY, ShakedownStudy
+from receding_fenicsx.store.summary_file import write_summary
 
 SUMMARY, SLIP, PICTURE, SCENE = "shakedown.json", "safe_slip.csv", "shakedown.png", "scene.toml"
 """Names of the files."""

@@ -19,10 +19,10 @@ from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.report.accuracy import unmet
-from receding_fenicsx.output.storage.hdf5 import read_system
-from receding_fenicsx.output.storage.run_folder import SEARCH, SYSTEM, forget_system
 from receding_fenicsx.pictures import drawing_modules
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.store.hdf5 import read_system
+from receding_fenicsx.store.run_folder import SEARCH, SYSTEM, forget_system
 from receding_fenicsx.timing import Say
 
 if TYPE_CHECKING:

@@ -19,7 +19,6 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
-from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import (
     Body,
@@ -34,6 +33,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.options import HEADLINE_NAMES
 from receding_fenicsx.scene.toml_file import read_scene
+from receding_fenicsx.store.summary_file import read_summary
 
 DEMOS = Path(__file__).parents[2] / "demos"
 

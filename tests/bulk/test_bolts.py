@@ -17,7 +17,6 @@ from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.modal.modes import mode_system
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of
-from receding_fenicsx.output.storage.hdf5 import read_system, write_system
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import (
     Body,
@@ -32,6 +31,7 @@ from receding_fenicsx.scene.model import (
     Support,
 )
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.store.hdf5 import read_system, write_system
 from receding_fenicsx.study import condense
 from receding_fenicsx.timing import Timer
 

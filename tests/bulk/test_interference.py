@@ -19,7 +19,6 @@ from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.output.plots.loops import loop_of
-from receding_fenicsx.output.storage.hdf5 import read_system, write_system
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import (
@@ -37,6 +36,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.store.hdf5 import read_system, write_system
 from receding_fenicsx.study import condense
 
 comm = MPI.COMM_WORLD

@@ -23,9 +23,9 @@ from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.output.report.limit import limit_lines
 from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.output.storage.hdf5 import read_record, write_record
 from receding_fenicsx.scene.history import ended_by, history_from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
+from receding_fenicsx.store.hdf5 import read_record, write_record
 
 pytestmark = pytest.mark.one_rank
 

@@ -30,7 +30,9 @@ from receding_fenicsx.output.report import summary as summary_module
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
-from receding_fenicsx.output.storage.hdf5 import (
+from receding_fenicsx.scene.history import history_from_scene
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.store.hdf5 import (
     RECORD,
     digest,
     read_record,
@@ -38,10 +40,8 @@ from receding_fenicsx.output.storage.hdf5 import (
     write_record,
     write_system,
 )
-from receding_fenicsx.output.storage.hdf5_file import new_hdf5
-from receding_fenicsx.output.storage.summary_file import read_summary, write_summary
-from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.store.hdf5_file import new_hdf5
+from receding_fenicsx.store.summary_file import read_summary, write_summary
 
 pytestmark = pytest.mark.one_rank
 

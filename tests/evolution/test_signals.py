@@ -14,9 +14,9 @@ import pytest
 from receding_fenicsx import cli, evolve
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.storage.run_folder import read_run
 from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.store.run_folder import read_run
 
 comm = MPI.COMM_WORLD
 ROOT = Path(__file__).parents[2]

@@ -18,10 +18,10 @@ from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.summary import FITTED_CYCLES, summarise
 from receding_fenicsx.output.report.text import run_table
-from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene, to_toml
+from receding_fenicsx.store.summary_file import write_summary
 
 pytestmark = pytest.mark.one_rank
 

@@ -23,7 +23,7 @@ from receding_fenicsx.output.report.bolts import loose_warnings
 from receding_fenicsx.output.report.html import report_html
 from receding_fenicsx.output.report.text import extremes_of
 from receding_fenicsx.output.report.uniqueness import uniqueness_lines
-from receding_fenicsx.output.storage.summary_file import write_summary
+from receding_fenicsx.store.summary_file import write_summary
 
 pytestmark = pytest.mark.one_rank
 

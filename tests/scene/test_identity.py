@@ -12,8 +12,6 @@ import pytest
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.journal import JOURNAL
-from receding_fenicsx.output.storage.run_folder import SYSTEM, is_finished, run_folder
-from receding_fenicsx.output.storage.summary_file import write_summary
 from receding_fenicsx.scene.identity import digest
 from receding_fenicsx.scene.model import (
     Body,
@@ -32,6 +30,8 @@ from receding_fenicsx.scene.model import (
     Support,
 )
 from receding_fenicsx.scene.units import Units
+from receding_fenicsx.store.run_folder import SYSTEM, is_finished, run_folder
+from receding_fenicsx.store.summary_file import write_summary
 
 pytestmark = pytest.mark.one_rank
 

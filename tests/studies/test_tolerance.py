@@ -19,13 +19,13 @@ from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.accuracy import verdict
 from receding_fenicsx.output.report.text import run_table
-from receding_fenicsx.output.storage.hdf5 import read_record
-from receding_fenicsx.output.storage.run_folder import SEARCH
-from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.parameter_sweep.sweep import sweep
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
+from receding_fenicsx.store.hdf5 import read_record
+from receding_fenicsx.store.run_folder import SEARCH
+from receding_fenicsx.store.summary_file import read_summary
 
 DEMOS = Path(__file__).parents[2] / "demos"
 COMM = MPI.COMM_WORLD

@@ -24,7 +24,7 @@ from receding_fenicsx.output.report.text import (
     zones_shown,
 )
 from receding_fenicsx.output.report.uniqueness import uniqueness_lines
-from receding_fenicsx.output.storage.summary_file import read_summary
+from receding_fenicsx.store.summary_file import read_summary
 
 FIRST_CYCLES = 20
 """Number of first cycles in the table of cycles, which also holds the last one."""

@@ -34,7 +34,7 @@ from receding_fenicsx.atomic import new_file
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.output.snapshots.vertices import edge_values
 from receding_fenicsx.output.snapshots.whole_contact import WholeContact
-from receding_fenicsx.output.storage.hdf5_file import new_hdf5
+from receding_fenicsx.store.hdf5_file import new_hdf5
 
 INSTANT = re.compile(r"cycle\d+_leg\d+_s\d+\.\d+\.xdmf")
 """File names of instants."""

@@ -20,9 +20,9 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import given, on_root
-from receding_fenicsx.output.storage.hdf5 import write_system
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, Support
 from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.store.hdf5 import write_system
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD

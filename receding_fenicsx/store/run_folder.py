@@ -22,12 +22,12 @@ from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.storage.hdf5 import read_record, read_system
-from receding_fenicsx.output.storage.summary_file import read_summary
 from receding_fenicsx.scene.identity import FREE_WHEN_FINISHED, FREE_WHEN_RESUMED, difference
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.options import SAMPLES_PER_LEG
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.store.hdf5 import read_record, read_system
+from receding_fenicsx.store.summary_file import read_summary
 
 if TYPE_CHECKING:
     from mpi4py import MPI

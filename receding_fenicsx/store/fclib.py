@@ -24,11 +24,11 @@ from receding_fenicsx.interface.gauss_seidel.compliance_form import (
     step_problem,
 )
 from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.output.storage.hdf5 import read_system
-from receding_fenicsx.output.storage.hdf5_file import new_hdf5
-from receding_fenicsx.output.storage.run_folder import read_run
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.toml_file import from_toml
+from receding_fenicsx.store.hdf5 import read_system
+from receding_fenicsx.store.hdf5_file import new_hdf5
+from receding_fenicsx.store.run_folder import read_run
 
 COMPRESSED_ROWS = -2
 """Value of FCLIB's ``nz`` that marks a matrix in compressed rows."""

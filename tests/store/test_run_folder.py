@@ -9,9 +9,9 @@ import pytest
 from receding_fenicsx.environment import child_environment
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.journal import JOURNAL
-from receding_fenicsx.output.storage.run_folder import SCENE, SYSTEM, has_run, part_of, run_folder
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
+from receding_fenicsx.store.run_folder import SCENE, SYSTEM, has_run, part_of, run_folder
 
 pytestmark = pytest.mark.one_rank
 
@@ -19,7 +19,7 @@ BLOCK_FILE = Path(__file__).parents[2] / "demos" / "block.toml"
 BLOCK = read_scene(BLOCK_FILE)
 LOCK = f"""
 import pathlib, sys, time
-from receding_fenicsx.output.storage.run_folder import run_folder
+from receding_fenicsx.store.run_folder import run_folder
 from receding_fenicsx.scene.toml_file import read_scene
 with run_folder(pathlib.Path(sys.argv[1]), read_scene({str(BLOCK_FILE)!r}), resume=True):
     print("locked", flush=True)

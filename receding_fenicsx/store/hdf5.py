@@ -23,11 +23,11 @@ from receding_fenicsx.evolution.record_data import (
     Steady,
 )
 from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
-from receding_fenicsx.output.storage.choices import choices_of, text_of
-from receding_fenicsx.output.storage.hdf5_file import new_hdf5, open_file, read, write
 from receding_fenicsx.scene.identity import body_difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import known_scene
+from receding_fenicsx.store.choices import choices_of, text_of
+from receding_fenicsx.store.hdf5_file import new_hdf5, open_file, read, write
 
 RECORD = "receding_fenicsx record"
 SYSTEM = "receding_fenicsx contact system"

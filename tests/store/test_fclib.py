@@ -16,9 +16,9 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.gauss_seidel.compliance_form import solve_problem, step_problem
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
 from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.output.storage.fclib import export, write_fclib
-from receding_fenicsx.output.storage.hdf5 import write_system
 from receding_fenicsx.scene.toml_file import read_scene
+from receding_fenicsx.store.fclib import export, write_fclib
+from receding_fenicsx.store.hdf5 import write_system
 
 pytestmark = pytest.mark.one_rank
 
