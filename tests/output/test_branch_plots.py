@@ -3,13 +3,16 @@
 from dataclasses import replace
 from pathlib import Path
 
+import models
 import numpy as np
 import pytest
+from matplotlib.colors import same_color
 from matplotlib.figure import Figure
-from small import small_system, table
+from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
 from receding_fenicsx.interface.law import State
+from receding_fenicsx.interface.mirror import mirror_of
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 
@@ -63,6 +66,40 @@ def test_a_mode_is_drawn_in_the_colours_of_its_assumed_directions() -> None:
     plain = small_system(np.eye(2), {"p0": [0, 1]}, 0.5)
     with pytest.raises(rf.InputError, match="no slip mode"):
         rf.figures.slip_mode(plain, rf.critical_friction(plain))
+
+
+def test_a_mode_is_drawn_with_its_own_numbers() -> None:
+    """Slipping nodes as lines of their assumed direction, open ones as an area, p and q below."""
+    system = models.block_system(20, 10)
+    found = rf.evolve(system, cyclic(1))
+    whole = mirror_of(system)
+    critical = rf.critical_friction(system, found.at(1, "minimum").state[found.x >= 0.0])
+    # turned round, the mode opens nodes
+    critical = replace(
+        critical, mode=-critical.mode, signs=-critical.signs, reactions=-critical.reactions
+    )
+    x, v, signs = (whole.odd(a) for a in (system.x, critical.mode[: system.n], critical.signs))
+    w = whole.even(critical.mode[system.n :])
+    above, below = rf.figures.slip_mode(system, critical).axes
+    area, *fans = above.collections
+    for sign, state in ((1.0, State.FORWARD_SLIP), (-1.0, State.BACKWARD_SLIP)):
+        own = signs == sign
+        (fan,) = (c for c in fans if same_color(c.get_color(), rf.style.STATE_COLOURS[state]))
+        drawn = np.array([path.vertices for path in fan.get_paths()])
+        assert own.any() and np.array_equal(drawn[:, :, 0], np.stack(2 * [x[own]], axis=1))
+        assert np.array_equal(drawn[:, 1, 1], v[own]) and not drawn[:, 0, 1].any()
+        name = {1.0: "forward", -1.0: "backward"}[sign]
+        (entry,) = (line for line in above.lines if name in str(line.get_label()))
+        assert entry.get_color() == rf.style.STATE_COLOURS[state]
+    opens = np.where((signs == 0.0) & (w > 0.0), w, 0.0)
+    outline = np.asarray(area.get_paths()[0].vertices)
+    for place, top in zip(x, opens, strict=True):
+        assert outline[np.abs(outline[:, 0] - place) < 1e-12, 1].max() == top
+    assert opens.any()
+    Q, P = np.split(critical.reactions, 2)
+    q, p = (a / whole.total(system.weight) for a in (whole.odd_total(Q), whole.total(P)))
+    for line, values in zip(below.lines, (p, q), strict=False):
+        assert line.get_ydata() == pytest.approx(values / max(np.abs(p).max(), np.abs(q).max()))
 
 
 def test_body_in_a_slip_mode_has_its_picture(

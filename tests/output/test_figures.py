@@ -606,6 +606,53 @@ def test_what_cannot_be_drawn_is_refused_in_one_line(name: str, asked: Any, said
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.parametrize("name", ["slip_per_cycle", "hysteresis", "trajectories"])
+def test_figures_without_anything_to_show_are_refused(name: str) -> None:
+    found, cycles = record(), record().cycles
+    nothing, resting = np.zeros_like(cycles.slip_increment), np.zeros_like(found.samples.P)
+    open_ = np.full_like(found.samples.state, OPEN)
+    told = {
+        "slip_per_cycle": {"cycles": replace(cycles, slip_increment=nothing)},
+        "hysteresis": {
+            name: unknown(getattr(found, name)) for name in ("turning_points", "samples")
+        },
+        "trajectories": {"samples": replace(found.samples, P=resting, p=resting, state=open_)},
+    }[name]
+    with pytest.raises(rf.InputError, match=name.replace("_", " ")):
+        getattr(rf.figures, name)(replace(found, **told))
+
+
+def unknown(table: Any) -> Any:
+    """The same instants with load displacements that are not known."""
+    return replace(table, load_displacement=np.full_like(table.load_displacement, np.nan))
+
+
+def test_a_peak_at_a_corner_is_cut_off_where_it_would_hide_the_rest() -> None:
+    p = np.ones(200)
+    assert rf.style.focus(p, np.array([-0.5])) == pytest.approx((-0.59, 1.09))
+    p[0] = 1.2
+    assert rf.style.focus(p, np.zeros(1))[1] > 1.2
+    p[0] = 1000.0
+    low, top = rf.style.focus(p, np.array([-500.0]))
+    assert 1.5 < top < 20.0 and low == pytest.approx(-0.5 * top, rel=0.2)
+
+
+@pytest.mark.parametrize("cycles", [20, 1000])
+def test_dissipation_is_drawn_over_all_cycles_of_short_and_long_runs(cycles: int) -> None:
+    found = record(known=False)
+    D = 3.0 / np.arange(1.0, cycles + 1.0)
+    axes = rf.figures.dissipation_per_cycle(
+        replace(found, cycles=replace(found.cycles, dissipation=D))
+    ).axes[0]
+    (line,) = axes.lines
+    assert np.array_equal(np.asarray(line.get_xdata()), np.arange(1, cycles + 1))
+    assert np.array_equal(np.asarray(line.get_ydata()), D / D[0])
+    assert axes.get_xscale() == ("log" if cycles > 100 else "linear")
+    low, high = axes.get_xlim()
+    assert low < 1 and cycles < high < 1.2 * cycles and axes.get_ylim()[0] == 0.0
+    assert [text.get_text() for text in axes.texts] == [f"{1.0 / cycles:.4f}"]
+
+
 @pytest.mark.parametrize("mu", [0.0, 0.3])
 def test_nothing_sticks_where_there_is_no_friction(mu: float) -> None:
     system = models.block_system(40, 20)
