@@ -30,10 +30,10 @@ from mpi4py import MPI
 import numpy as np
 from scipy.linalg import cholesky
 
-from receding_fenicsx.bulk.body import Bulk, interior_solver
-from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.body import interior_solver
 from receding_fenicsx.bulk.elasticity import build, warm_up
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
+from receding_fenicsx.bulk.stack import Stack, condense
 from receding_fenicsx.scene.model import Load, MeshOptions, Scene
 
 comm = MPI.COMM_WORLD
@@ -91,13 +91,13 @@ def measure(scene: Scene, half: bool, repeat: int) -> dict[str, float]:
 
         (mesh,) = make_meshes(comm, scene, half)
         lap("mesh")
-        bulk: Bulk = build(scene, mesh)
+        bulk = build(scene, mesh)
         lap("assemble")
         interior_solver(bulk).destroy()
         lap("interior")
         forget_peak()
         clock = processor_time()
-        condense(bulk)
+        condense(Stack(scene, (bulk,)))
         lap("condense")
         peak, size = memory("VmHWM"), 2 * len(bulk.contact.x)
         clock = processor_time()

@@ -30,7 +30,7 @@ from receding_fenicsx.timing import Say, Timer
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.bulk.stack import Bodies
+    from receding_fenicsx.bulk.stack import Stack
     from receding_fenicsx.interface.branches.critical_friction import CriticalFriction
     from receding_fenicsx.interface.system import ContactSystem
 
@@ -269,7 +269,7 @@ def _draw_figures(file: Path, folder: Path, formats: tuple[str, ...], everything
 
 
 @contextlib.contextmanager
-def picture_body(scene: Scene, comm: MPI.Comm) -> Iterator[Bodies]:
+def picture_body(scene: Scene, comm: MPI.Comm) -> Iterator[Stack]:
     """Yield the body on a mesh for pictures: the same contact nodes, finer inside.
 
     Fringes and the stresses near the ends of a load need a finer mesh than the contact.

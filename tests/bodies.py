@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 import receding_fenicsx as rf
 from receding_fenicsx import study
-from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.back_substitution import back_substitute, sides_of
-from receding_fenicsx.bulk.body import Bulk, gather_contact
+from receding_fenicsx.bulk import _dolfinx, stack
+from receding_fenicsx.bulk.body import Bulk, back_substitute, gather_contact
+from receding_fenicsx.bulk.elastic_body import ElasticBody
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
-from receding_fenicsx.bulk.stack import Stack
+from receding_fenicsx.bulk.stack import Body, Stack
 
 Array = NDArray[np.float64]
 
@@ -63,9 +63,19 @@ def make_mesh(comm: MPI.Comm, scene: rf.Scene, half: bool) -> BodyMesh:
     return mesh
 
 
-def built(scene: rf.Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> Bulk:
+def built(scene: rf.Scene, half: bool = False, comm: MPI.Comm = MPI.COMM_WORLD) -> ElasticBody:
     """Mesh and assemble."""
     return build(scene, make_mesh(comm, scene, half))
+
+
+def stack_of(bulk: Body | Stack) -> Stack:
+    """A body as a stack of one."""
+    return bulk if isinstance(bulk, Stack) else Stack(bulk.scene, (bulk,))
+
+
+def condense(bulk: Body | Stack, route: str = "schur") -> rf.ContactSystem | None:
+    """Condense one body or several."""
+    return stack.condense(stack_of(bulk), route)
 
 
 def everything(body: BodyMesh) -> tuple[Array, NDArray[np.int64]]:
@@ -99,15 +109,15 @@ def facet_ends(body: BodyMesh, edge: str) -> Array:
 
 
 def displacements(
-    bulk: Bulk | Stack, load: Array | None, u: Array | None
+    bulk: Stack, load: Array | None, u: Array | None
 ) -> list[tuple[Bulk, fem.Function]]:
     """Return each body that has a mesh with its displacement field; collective.
 
-    Arguments as of ``sides_of``.
+    Arguments as of ``Stack.as_joined``.
     """
     return [
         (part, back_substitute(part, *side))
-        for part, *side in sides_of(bulk, load, u)
+        for part, *side in bulk.as_joined(load, u)
         if isinstance(part, Bulk)
     ]
 

@@ -62,7 +62,7 @@ OUTPUT = (("plots",), ("snapshots", "report"))
 FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")
 """Libraries that the interface and the evolution do without."""
 
-SOLVING = ("back_substitution", "condensation", "elasticity", "schur", "from_scene")
+SOLVING = ("body", "elastic_body", "elasticity", "schur", "from_scene")
 """Modules of the bulk that assemble, factorise and condense."""
 
 MECHANICS = (

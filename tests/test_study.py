@@ -59,6 +59,12 @@ PAIR = replace(
     supports=(rf.Support("xy", "b.bottom"),),
 )
 PUSH = rf.Load("d", "a.left", displacement=(0.1, "free"))
+ALONG_A_PLANE: dict[str, Any] = {
+    "others": (),
+    "contacts": (rf.Contact("bottom"),),
+    "loads": (replace(PUSH, edge="left"),),
+    "supports": (),
+}
 BOLT = rf.Bolt("one", "a.top", "b.bottom", 0.1)
 HELD = (rf.Support("x", "a.left"),)
 
@@ -66,7 +72,7 @@ HELD = (rf.Support("x", "a.left"),)
 @pytest.mark.parametrize(
     ("parts", "words"),
     [
-        ({"loads": (PUSH,)}, "load 'd': moves the contact node"),
+        (ALONG_A_PLANE, "load 'd': prescribes how"),
         ({"loads": (replace(PUSH, edge="a.top"),), "supports": HELD}, "load 'd': its displ"),
         ({"supports": ()}, "load 'p0' moves both bodies together"),
         ({"bolts": (BOLT, replace(BOLT, name="two"))}, "their forces are not determined"),

@@ -19,18 +19,18 @@ The steps, of which `from_scene.condensed` and `from_scene.bulk_of` do the first
 
 1. `mesh.meshing.make_meshes` meshes the bodies, and distributes the meshes.
 2. `stack.build_all` assembles each body by `elasticity.build`: $A$ (`stiffness_form`), the
-   forces $f_k$ (`loads.add_load`; of whole bodies `acting`), platens and prescribed displacements
-   (`platens.find_ties`, `find_prescribed`), the contact nodes with $t$, $n$ and weights
-   $m_i = \int N_i \, dA$ (`contact_nodes.find_contact`), and the held degrees of freedom
-   (`supports.find_held`).
-3. `condensation.condense` eliminates the interior (`elimination.eliminate_interior`), by MUMPS's
-   Schur complement (`schur.factorise`), checks $K$ by a solve and by the rigid motions, and joins
-   several bodies (`join_bodies.join`).
+   forces $f_k$ (`loads.add_load`), the contact nodes with $t$, $n$ and weights
+   $m_i = \int N_i \, dA$ (`contact_nodes.find_contact`), and the constraints $u = P u' + d$ of
+   supports, platens and prescribed displacements (`constraints.find_constraints`).
+3. `stack.condense` eliminates the interior of each body (`body.eliminate_interior`), by MUMPS's
+   Schur complement (`schur.factorise`), checks $K$ by a solve and by the rigid motions, joins the
+   bodies (`join_bodies.join`), and closes what acts between them: bolts, springs, interference
+   (`closures`).
 4. The result is an `interface.system.ContactSystem` on rank 0, whose friction and gap
    `evolution.prepare.with_profiles` sets.
 5. For pictures, `fields.solve_fields` returns to the bodies,
    $u_I = A_{II}^{-1} ( \sum_k \lambda_k f_{k,I} - A_{IC} u_C )$
-   (`back_substitution.back_substitute`), and evaluates the stresses (`stress.stresses`);
+   (`body.back_substitute`), and evaluates the stresses (`stress.stresses`);
    `fields.gather_fields` brings the fields of the whole body to rank 0.
 
 Tractions are $p_i = P_i / m_i$, $q_i = Q_i / m_i$: they keep $|q| \le f p$, which the inverse of

@@ -8,11 +8,13 @@ from __future__ import annotations
 import logging
 from collections.abc import Iterator
 from contextlib import contextmanager
+from functools import cache
 from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
+import basix
 import dolfinx
 import numpy as np
 import ufl
@@ -148,6 +150,19 @@ def cell_dofs(space: fem.FunctionSpace) -> NDArray[np.int32]:
     # 0.7 made the adjacency list an array
     listed = dofmap.list.array if VERSION < (0, 7) else dofmap.list
     return np.asarray(listed).reshape(-1, dofmap.dof_layout.num_dofs)
+
+
+def tabulated(cell: str, degree: int, at: Array) -> tuple[Array, Array]:
+    """Return values (m, n) and slopes (2, m, n) of shape functions at reference points (m, 2)."""
+    values = np.asarray(_element(cell, degree).tabulate(1, at))[..., 0]
+    return values[0], values[1:]
+
+
+@cache
+def _element(cell: str, degree: int) -> Any:
+    """Return the Lagrange element of basix that the spaces here have."""
+    family, variant = basix.ElementFamily.P, basix.LagrangeVariant.gll_warped
+    return basix.create_element(family, getattr(basix.CellType, cell), degree, variant)
 
 
 def assemble_matrix(form: Any) -> PETSc.Mat:

@@ -1,7 +1,16 @@
-"""Discretised body: stiffness, loads, contact nodes, and the solver of the interior."""
+"""Discretised body: stiffness, loads, contact nodes, elimination of the interior (eq. 11).
+
+With A = [[A_II, A_IC], [A_CI, A_CC]] for the interior I and the contact C, and Young's modulus 1,
+
+    K = A_CC - A_CI A_II^-1 A_IC,    r*_k = A_CI A_II^-1 f_k,I - f_k,C.
+
+MUMPS forms K during its Cholesky factorisation of A (route "schur"), on any number of ranks. Route
+"solve" needs only a factorisation of A_II and is slower: a fallback and a check.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from mpi4py import MPI
@@ -11,9 +20,18 @@ import numpy as np
 from dolfinx import fem
 
 from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.bulk import _dolfinx, schur
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.bulk.symmetric_matrix import symmetrise
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import Scene
+
+Solve = Callable[[Array], Array]
+"""Solves A_II x_I = b_I for the columns of b, each rank giving its own rows; the rest of x is 0."""
+
+BLOCK_COLUMNS = 64
+"""Right-hand sides of one solve."""
 
 
 @dataclass
@@ -32,9 +50,9 @@ class Bulk:
             or platens determine: global numbers, this rank's own.
         contact: the contact nodes.
         prescribed: prescribed displacement d with factor 1, by the name of its load.
+        driven: (2N,) its part [v; w] at contact nodes, where it has one.
         ties: P, when there are platens: u = P u'.
         seconds: time spent on "forms" (compiling or loading them) and on "assemble".
-        law: what turns shortenings of bolts into forces, on rank 0, once the body is ``condensed``.
         interior: solver with contact and supports held, made at its first use.
     """
 
@@ -47,21 +65,15 @@ class Bulk:
     fixed: Ints
     contact: ContactNodes
     prescribed: dict[str, PETSc.Vec] = field(default_factory=dict)
+    driven: dict[str, Array] = field(default_factory=dict)
     ties: PETSc.Mat | None = None
     seconds: dict[str, float] = field(default_factory=dict)
     interior: PETSc.KSP | None = None
-    law: tuple[Array, Array] | None = None
-    condensed: bool = False
 
     @property
     def comm(self) -> MPI.Comm:
         """Communicator of the mesh."""
         return self.body.mesh.comm
-
-    @property
-    def parts(self) -> tuple[Bulk, ...]:
-        """The modelled bodies: this one."""
-        return (self,)
 
     @property
     def half(self) -> bool:
@@ -130,3 +142,194 @@ def gather_contact(bulk: Bulk, rows: Array) -> Array | None:
     for where, part in parts:
         gathered[where] = part
     return gathered
+
+
+@dataclass(frozen=True)
+class Elimination:
+    """Contact stiffness and load response in [x; y] components; contact arrays on rank 0 only.
+
+    Attributes:
+        K: (2N, 2N) stiffness, symmetric to the last bit.
+        held: (2N, n_loads) reactions r* to the loads, all contact nodes held.
+        compliance: (n_loads, n_loads) work-conjugate quantity of load k under load l, contact nodes
+            held: the displacement of a force, or E times the force of a prescribed displacement.
+        probe: contact displacements u and the forces K u found by a solve, to check K with.
+    """
+
+    K: Array | None
+    held: Array | None
+    compliance: Array
+    probe: tuple[Array, Array] | None = None
+
+
+def eliminate_interior(bulk: Bulk, route: str) -> Elimination:
+    """Eliminate the interior by the route "schur" or "solve"; collective."""
+    if route not in ("schur", "solve"):
+        raise InputError(f'route = \'{route}\' is unknown; use "schur" or "solve"')
+    return _by_schur(bulk) if route == "schur" else _by_solves(bulk)
+
+
+def _by_schur(bulk: Bulk) -> Elimination:
+    """Eliminate by the Schur complement of MUMPS; probe it by one solve."""
+    supported = bulk.comm.allreduce(len(bulk.fixed)) > 0
+    matrix = constrained(bulk, bulk.fixed) if supported else bulk.stiffness
+    pc, K = schur.factorise(matrix, bulk.contact.dofs)
+    factor = pc.getFactorMatrix()
+    solve = block_solver(bulk, factor)
+    held, compliance = _held_response(bulk, solve)
+    u = np.cos(1.0 + np.arange(len(bulk.contact.dofs)) ** 2)
+    force = _contact_forces(bulk, solve, u[:, None])
+    for thing in (factor, pc, *([matrix] if supported else [])):
+        thing.destroy()
+    return Elimination(K, held, compliance, None if force is None else (u, force[:, 0]))
+
+
+def _by_solves(bulk: Bulk) -> Elimination:
+    """Eliminate by solves with A_II for blocks of unit contact displacements."""
+    solver = interior_solver(bulk)
+    pc = solver.getPC()
+    factor = pc.getFactorMatrix()
+    solve = block_solver(bulk, factor)
+    size = len(bulk.contact.dofs)
+    K = np.empty((size, size)) if bulk.comm.rank == 0 else None
+    for first in range(0, size, BLOCK_COLUMNS):
+        unit = np.eye(min(BLOCK_COLUMNS, size - first))
+        columns = _contact_forces(bulk, solve, unit, first)
+        if K is not None and columns is not None:
+            K[:, first : first + len(unit)] = columns
+    if K is not None:
+        symmetrise(K)
+    held, compliance = _held_response(bulk, solve)
+    for thing in (factor, pc, solver):
+        thing.destroy()
+    return Elimination(K, held, compliance)
+
+
+def load_sign(bulk: Bulk) -> Array:
+    """Return -1 for forces, +1 for prescribed displacements."""
+    return np.array([1.0 if name in bulk.prescribed else -1.0 for name in bulk.load_names])
+
+
+def _held_response(bulk: Bulk, solve: Solve) -> tuple[Array | None, Array]:
+    """Return the loads' reactions (2N, n_loads; rank 0) and compliance, all contact nodes held."""
+    rows = bulk.stiffness.getLocalSize()[0]
+    loads = np.zeros((rows, len(bulk.loads)))
+    if not bulk.loads:  # MUMPS wants one right-hand side at least
+        return gather_contact(bulk, loads), np.zeros((0, 0))
+    for column, load in zip(loads.T, bulk.loads, strict=True):
+        column[:] = load.getArray(readonly=True)
+    x = solve(loads)
+    force = times(bulk.stiffness, x) - loads
+    moved = np.zeros_like(loads)
+    for k, name in enumerate(bulk.load_names):
+        if name in bulk.prescribed:
+            moved[:, k] = bulk.young * bulk.prescribed[name].getArray(readonly=True)
+    sign = load_sign(bulk)
+    own = np.where(sign[:, None] > 0.0, moved.T @ force, loads.T @ (x + moved))
+    compliance = bulk.comm.allreduce(own)
+    # symmetric among forces and among displacements, antisymmetric between them
+    compliance = 0.5 * (compliance + np.outer(sign, sign) * compliance.T)
+    return gather_contact(bulk, force), compliance
+
+
+def _contact_forces(bulk: Bulk, solve: Solve, u: Array, first: int = 0) -> Array | None:
+    """Return K u (2N, n; rank 0) by solves.
+
+    Args:
+        bulk: the body.
+        solve: see ``Solve``.
+        u: (m, n) displacements of the contact's degrees of freedom from ``first`` on, the others 0.
+        first: see ``u``.
+    """
+    dofs, places = owned_contact(bulk)
+    inside = (places >= first) & (places < first + len(u))
+    start, rows = bulk.stiffness.getOwnershipRange()[0], bulk.stiffness.getLocalSize()[0]
+    x = np.zeros((rows, u.shape[1]))
+    x[dofs[inside] - start] = u[places[inside] - first]
+    force = times(bulk.stiffness, x)
+    return gather_contact(bulk, force - times(bulk.stiffness, solve(force)))
+
+
+def times(matrix: PETSc.Mat, columns: Array) -> Array:
+    """Multiply a matrix by columns, each rank giving and getting its own rows."""
+    right = _dense(matrix, columns)
+    left = matrix.matMult(right)
+    product = np.array(left.getDenseArray(readonly=True))
+    left.destroy()
+    right.destroy()
+    return product
+
+
+def _dense(matrix: PETSc.Mat, columns: Array) -> PETSc.Mat:
+    """Return columns, each rank giving its own rows, as a PETSc matrix."""
+    sizes = (matrix.getSizes()[0], (None, columns.shape[1]))
+    dense = PETSc.Mat().createDense(sizes, comm=matrix.comm)
+    dense.setUp()
+    dense.getDenseArray()[:] = columns
+    dense.assemble()
+    return dense
+
+
+def block_solver(bulk: Bulk, factor: PETSc.Mat) -> Solve:
+    """Return the function that solves with a factor of A_II, or of A with its Schur complement."""
+    off = np.concatenate([bulk.fixed, owned_contact(bulk)[0]])
+    off = off - bulk.stiffness.getOwnershipRange()[0]
+
+    def solve(columns: Array) -> Array:
+        rhs = _dense(bulk.stiffness, columns)
+        rhs.getDenseArray()[off] = 0.0
+        rhs.assemble()
+        x = rhs.duplicate()
+        x.assemble()
+        factor.matSolve(rhs, x)
+        solution = np.array(x.getDenseArray(readonly=True))
+        solution[off] = 0.0
+        rhs.destroy()
+        x.destroy()
+        return solution
+
+    return solve
+
+
+def back_substitute(bulk: Bulk, load: Array | None, u: Array | None) -> fem.Function:
+    """Return the displacement field for load factors and contact displacements.
+
+    With I the interior and C the contact, A_II u_I = sum_k lambda_k f_k / E - A_IC u_C; prescribed
+    displacements are added, and platens take their nodes along.
+
+    Args:
+        bulk: the body.
+        load: (n_loads,) load factors; only rank 0's are used.
+        u: (2N,) contact displacements [v; w]; only rank 0's are used.
+
+    Returns:
+        The displacement, ghosts up to date.
+    """
+    factors, contact = bulk.comm.bcast((load, u), root=0)
+    if bulk.interior is None:
+        bulk.interior = interior_solver(bulk)
+    held, solution = bulk.stiffness.createVecRight(), bulk.stiffness.createVecRight()
+    held.set(0.0)
+    start = bulk.stiffness.getOwnershipRange()[0]
+    dofs, places = owned_contact(bulk)
+    held.getArray()[dofs - start] = bulk.contact.to_global(np.asarray(contact, float))[places]
+    rhs = bulk.stiffness.createVecLeft()
+    bulk.stiffness.mult(held, rhs)
+    rhs.scale(-1.0)
+    for factor, vector in zip(np.asarray(factors, float), bulk.loads, strict=True):
+        rhs.axpy(factor / bulk.young, vector)
+    rhs.getArray()[np.concatenate([bulk.fixed, dofs]) - start] = 0.0
+    bulk.interior.solve(rhs, solution)
+    solution.axpy(1.0, held)
+    for name, factor in zip(bulk.load_names, np.asarray(factors, float), strict=True):
+        if name in bulk.prescribed:
+            solution.axpy(factor, bulk.prescribed[name])
+    if bulk.ties is not None:
+        solution.copy(held)
+        bulk.ties.mult(held, solution)
+    displacement = fem.Function(bulk.space, name="displacement")
+    _dolfinx.owned_values(displacement)[:] = solution.getArray(readonly=True)
+    displacement.x.scatter_forward()
+    for vector in (held, rhs, solution):
+        vector.destroy()
+    return displacement

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -10,13 +9,11 @@ from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.acting.springs import spring_rows
-from receding_fenicsx.bulk.edges import EdgeFacets, edge_nodes, integrate, measure, tagged_facets
+from receding_fenicsx.bulk.constraints import Constraints, find_constraints
+from receding_fenicsx.bulk.edges import EdgeFacets, integrate, measure, tagged_facets
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, ContactFacets
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
-from receding_fenicsx.bulk.platens import Prescribed, Ties, tied_dofs
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
-from receding_fenicsx.bulk.supports import find_held
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
@@ -93,33 +90,25 @@ def find_contact(
     scene: Scene,
     space: fem.FunctionSpace,
     body: BodyMesh,
-    ties: Ties,
-    prescribed: Mapping[str, Prescribed],
+    resisted: Array,
     left_out: Array | None = None,
-) -> tuple[ContactNodes, Ints]:
-    """Find the contact nodes and the held degrees of freedom; collective.
+) -> tuple[ContactNodes, Constraints]:
+    """Find the contact nodes and the constraints of the body; collective.
 
     Args:
         scene: the scene of this body alone.
         space: displacement space.
         body: the mesh.
-        ties: its platens.
-        prescribed: displacements that loads prescribe, by the load's name.
+        resisted: (m, 3) components of the rigid motions that springs resist.
         left_out: (k, 2) coordinates of further nodes that are no contact nodes.
 
-    Returns:
-        The contact nodes, and the global degrees of freedom off the contact that symmetry,
-        supports, prescribed displacements or platens determine; both alike on every rank.
-
     Raises:
-        InputError: a support without nodes, or a contact node that follows a platen or a
-            prescribed displacement; on all ranks.
+        InputError: constraints that do not fit the mesh, each other or the contact; on all ranks.
     """
     edges = [_edge_nodes(scene, space, body, contact) for contact in body.contacts]
-    _check_apart(scene, space, body, np.concatenate([e[0] for e in edges]), prescribed)
-    dofs, places = find_held(scene, space, body, ties, prescribed)
+    found = find_constraints(scene, space, body, np.concatenate([e[0] for e in edges]))
     normals = [-contact.line.outward + 0.0 for contact in body.contacts]
-    ends = [_held_obliquely(*e[:2], n, dofs) for e, n in zip(edges, normals, strict=True)]
+    ends = [_held_obliquely(*e[:2], n, found.given) for e, n in zip(edges, normals, strict=True)]
     oblique = np.vstack(ends)
     none = oblique if left_out is None else left_out
     if len(none):
@@ -131,18 +120,13 @@ def find_contact(
     normal = np.repeat(np.array(normals), count, axis=0)
     tangent = np.column_stack([normal[:, 1], -normal[:, 0]]) + 0.0
 
-    pivot = body.pivot
-    constraints = motions(places, pivot, body.size)[np.arange(len(dofs)), dofs % 2]
-    tied = motions(ties.places, pivot, body.size) - motions(ties.master_places, pivot, body.size)
     # a body of revolution moves along its axis only
-    springs = spring_rows(space, body, scene, pivot)
-    excluded = np.vstack(
-        [tied.reshape(-1, 3), np.eye(3)[[0, 2] if scene.axisymmetric else []], springs]
-    )
-    at_contact = np.isin(dofs // 2, node)
-    on_nodes = motions(points, pivot, body.size)
+    axial = np.eye(3)[[0, 2] if scene.axisymmetric else []]
+    excluded = np.vstack([found.tied, axial, resisted])
+    at_contact = np.isin(found.given // 2, node)
+    on_nodes = motions(points, body.pivot, body.size)
     modes = np.concatenate([np.einsum("nc,nck->nk", axis, on_nodes) for axis in (tangent, normal)])
-    found = ContactNodes(
+    nodes = ContactNodes(
         x=x,
         edge=np.repeat(np.arange(len(edges)), count),
         points=points,
@@ -150,13 +134,13 @@ def find_contact(
         tangent=tangent,
         normal=normal,
         weight=weight,
-        held=_held_at_contact(dofs[at_contact], node, tangent, normal),
+        held=_held_at_contact(found.given[at_contact], node, tangent, normal),
         modes=modes,
-        constraints=np.vstack([constraints, excluded]),
-        null=scaled(modes @ free_motions(np.vstack([constraints[~at_contact], excluded]))),
+        constraints=np.vstack([found.rows, excluded]),
+        null=scaled(modes @ free_motions(np.vstack([found.rows[~at_contact], excluded]))),
         oblique=oblique,
     )
-    return found, np.union1d(dofs[~at_contact], tied_dofs(ties))
+    return nodes, found
 
 
 def _edge_nodes(
@@ -179,40 +163,6 @@ def _edge_nodes(
         # at order 2 the node on the axis has no weight: it gets no contact condition
         order = order[weight[order] > WEIGHT_TOLERANCE * weight.max()]
     return node[order], points[order], x[order], weight[order]
-
-
-def _check_apart(
-    scene: Scene,
-    space: fem.FunctionSpace,
-    body: BodyMesh,
-    contact: Ints,
-    prescribed: Mapping[str, Prescribed],
-) -> None:
-    """Raise where a contact node follows a platen, or a displacement other than zero."""
-    for load in scene.loads:
-        if not load.platen and load.displacement is None:
-            continue
-        nodes, places = edge_nodes(space, body, load.edge, load.span)
-        on = np.isin(nodes, contact)
-        if not load.platen:
-            part = prescribed[load.name]
-            on &= np.isin(nodes, part.dofs[part.values != 0.0] // 2)
-        if not on.any():
-            continue
-        x, y = places[on][0]
-        instead = "a pressure or traction"
-        if load.edge in body.lines:
-            # the rest of the edge, from vertex to vertex
-            s = body.lines[load.edge].along(places)
-            order = np.argsort(s)
-            vertices, touches = s[order][:: scene.mesh.degree], on[order][:: scene.mesh.degree]
-            left = vertices[~touches]
-            if len(left) > 1:
-                instead = f"span = [{left[0]:.10g}, {left[-1]:.10g}], or {instead}"
-        raise InputError(
-            f"{load.label}: moves the contact node at ({x:.6g}, {y:.6g}), where '{load.edge}' "
-            f"meets the contact edge; give it {instead} instead"
-        )
 
 
 def _held_at_contact(dofs: Ints, node: Ints, tangent: Array, normal: Array) -> NDArray[np.bool_]:

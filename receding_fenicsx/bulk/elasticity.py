@@ -11,7 +11,6 @@ import time
 from typing import Any
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 import ufl
@@ -19,18 +18,17 @@ from dolfinx import fem
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.acting.springs import add_springs
-from receding_fenicsx.bulk.body import Bulk
 from receding_fenicsx.bulk.contact_nodes import find_contact
+from receding_fenicsx.bulk.elastic_body import ElasticBody
 from receding_fenicsx.bulk.loads import add_load
 from receding_fenicsx.bulk.material import lame_constants
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
-from receding_fenicsx.bulk.platens import Prescribed, find_prescribed, find_ties, tie_matrix
+from receding_fenicsx.bulk.springs import add_springs, spring_rows
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene
 
 
-def build(scene: Scene, body: BodyMesh, left_out: Array | None = None) -> Bulk:
+def build(scene: Scene, body: BodyMesh, left_out: Array | None = None) -> ElasticBody:
     """Assemble the body's stiffness and loads, and find its contact nodes and supports; collective.
 
     Args:
@@ -53,73 +51,53 @@ def build(scene: Scene, body: BodyMesh, left_out: Array | None = None) -> Bulk:
     stiffness = _dolfinx.assemble_matrix(form)
     on_all(body.mesh.comm, lambda: add_springs(stiffness, space, body, scene))
     stiffness.assemble()
-    ties = find_ties(scene, space, body)
-    prescribed = find_prescribed(scene, space, body, ties)
-    contact, held = find_contact(scene, space, body, ties, prescribed, left_out)
-    start, end = stiffness.getOwnershipRange()
-    P = tie_matrix(stiffness, ties)
+    contact, constraints = find_contact(
+        scene, space, body, spring_rows(space, body, scene), left_out
+    )
+    P = constraints.matrix(stiffness)
     if P is not None:
         untied, stiffness = stiffness, stiffness.PtAP(P)
         untied.destroy()
-    loads = _nodal_forces(scene, space, body, stiffness, P)
-    moved = {name: _vector(stiffness, part) for name, part in prescribed.items()}
-    for name, displacement in moved.items():
-        stiffness.mult(displacement, loads[name])
+    start, end = stiffness.getOwnershipRange()
+    loads = {load.name: stiffness.createVecLeft() for load in scene.applied}
+    for vector in loads.values():
+        vector.set(0.0)
+    for load in scene.applied:
+        if load.displacement is None:
+            add_load(loads[load.name], space, body, scene, load)
+    if P is not None:
+        for vector in loads.values():
+            force = vector.copy()
+            P.multTranspose(force, vector)
+            force.destroy()
+    moved, driven = {}, {}
+    own = (constraints.given >= start) & (constraints.given < end)
+    for name, values in constraints.prescribed.items():
+        moved[name] = stiffness.createVecRight()
+        moved[name].set(0.0)
+        moved[name].getArray()[constraints.given[own] - start] = values[own]
+        stiffness.mult(moved[name], loads[name])
         loads[name].scale(-scene.material.young)
+        at = np.searchsorted(constraints.given, contact.dofs) % len(values)
+        on = np.where(constraints.given[at] == contact.dofs, values[at], 0.0)
+        if on.any():
+            driven[name] = contact.to_local(on)
+    off = np.union1d(np.setdiff1d(constraints.given, contact.dofs), constraints.slaves)
     seconds["assemble"] = time.perf_counter() - clock
-    return Bulk(
+    return ElasticBody(
         scene,
         body,
         space,
         stiffness,
         load_names=tuple(loads),
         loads=list(loads.values()),
-        fixed=held[(held >= start) & (held < end)],
+        fixed=off[(off >= start) & (off < end)],
         contact=contact,
         prescribed=moved,
+        driven=driven,
         ties=P,
         seconds=seconds,
     )
-
-
-def _nodal_forces(
-    scene: Scene,
-    space: fem.FunctionSpace,
-    body: BodyMesh,
-    stiffness: PETSc.Mat,
-    P: PETSc.Mat | None,
-) -> dict[str, PETSc.Vec]:
-    """Return the nodal forces f, with platens P^T f, of each load by its name.
-
-    Those of a prescribed displacement are zero.
-    """
-    forces = {load.name: stiffness.createVecLeft() for load in scene.applied}
-    for vector in forces.values():
-        vector.set(0.0)
-    for load in scene.applied:
-        if load.displacement is None:
-            add_load(forces[load.name], space, body, scene, load)
-    if P is not None:
-        for vector in forces.values():
-            _tie_forces(P, vector)
-    return forces
-
-
-def _vector(stiffness: PETSc.Mat, prescribed: Prescribed) -> PETSc.Vec:
-    """Return a prescribed displacement as a vector, zero at all other degrees of freedom."""
-    vector = stiffness.createVecRight()
-    vector.set(0.0)
-    start, end = stiffness.getOwnershipRange()
-    own = (prescribed.dofs >= start) & (prescribed.dofs < end)
-    vector.getArray()[prescribed.dofs[own] - start] = prescribed.values[own]
-    return vector
-
-
-def _tie_forces(P: PETSc.Mat, vector: PETSc.Vec) -> None:
-    """Replace nodal forces f by P^T f."""
-    force = vector.copy()
-    P.multTranspose(force, vector)
-    force.destroy()
 
 
 def warm_up(comm: MPI.Comm, cell: str, degree: int, axisymmetric: bool = False) -> float:

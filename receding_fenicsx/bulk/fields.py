@@ -1,4 +1,4 @@
-"""Displacement and stress fields of the bodies from contact displacements (back-substitution)."""
+"""Fields of the bodies, and their values at probes, from contact displacements."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.back_substitution import back_substitute, sides_of
-from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.condensation import condense_for_fields
-from receding_fenicsx.bulk.half_planes.body import HalfPlane
-from receding_fenicsx.bulk.half_planes.window import window_fields
-from receding_fenicsx.bulk.stack import Bodies
-from receding_fenicsx.bulk.stress import Stresses, stresses
+from receding_fenicsx.bulk.stack import Body, Stack
+from receding_fenicsx.bulk.stress import Stresses
+from receding_fenicsx.interface.system import ProbeMatrix
+from receding_fenicsx.mpi import given, on_root
+from receding_fenicsx.scene.model import Scene
 
 
 @dataclass(frozen=True)
@@ -31,7 +29,7 @@ class BodyFields:
         stresses: stresses in the cells and at the vertices.
     """
 
-    bulk: Bulk | HalfPlane
+    bulk: Body
     displacement: fem.Function
     stresses: Stresses
 
@@ -56,33 +54,65 @@ class Fields:
     body: NDArray[np.int64] | None = None
 
 
-def fields_at(bulk: Bodies, load: Array, u: Array) -> Fields | None:
-    """Return the fields of the whole body or bodies; collective.
+def fields_at(bodies: Stack, load: Array, u: Array) -> Fields | None:
+    """Return the fields of the whole bodies; collective.
 
     Args:
-        bulk: the body or bodies.
+        bodies: the bodies.
         load: (n_loads,) load factors, on rank 0.
         u: (2N,) contact displacements [v; w], on rank 0.
 
     Returns:
         The fields on rank 0, None elsewhere.
     """
-    return gather_fields(solve_fields(bulk, load, u))
+    return gather_fields(solve_fields(bodies, load, u))
 
 
-def solve_fields(bulk: Bodies, load: Array, u: Array) -> list[BodyFields]:
+def solve_fields(bodies: Stack, load: Array, u: Array) -> list[BodyFields]:
     """Solve for the fields of each modelled body; collective. Arguments as :func:`fields_at`."""
-    condense_for_fields(bulk)
-    found = []
-    for part, own_load, own_u in sides_of(bulk, load, u):
-        if isinstance(part, HalfPlane):
-            found.append(BodyFields(part, *window_fields(part, own_load, own_u)))
-            continue
-        displacement = back_substitute(part, own_load, own_u)
-        moved = _at_vertices(part, displacement)
-        factors = np.asarray(part.comm.bcast(own_load), float)
-        found.append(BodyFields(part, moved, stresses(part, displacement, factors)))
-    return found
+    bodies.condense()
+    return [
+        BodyFields(part, *part.fields(own_load, own_u))
+        for part, own_load, own_u in bodies.as_joined(load, u)
+    ]
+
+
+def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
+    """Return the values at all probes of a scene; collective.
+
+    Args:
+        bodies: the bodies.
+        scene: the scene, with at least one probe.
+
+    Returns:
+        The matrix on rank 0, None on the others.
+
+    Raises:
+        InputError: a point lies outside its body; on all ranks.
+    """
+    bodies.condense()
+    names = tuple(probe.name for probe in scene.probes for _ in probe.coordinates)
+    owners = [probe.body for probe in scene.probes for _ in probe.coordinates]
+    points = np.array([place for probe in scene.probes for place in probe.coordinates], dtype=float)
+    found: list[tuple[list[int], Array | None]] = []
+    for part in bodies.parts:
+        here = [k for k, owner in enumerate(owners) if owner in (None, part.scene.body.name)]
+        labels = [f"probe '{names[k]}'" for k in here]
+        found.append((here, part.value_rows(points[here], labels) if here else None))
+
+    def matrix() -> ProbeMatrix:
+        joined, every = given(bodies.joined), bodies.load_names + bodies.link_names
+        rows = np.zeros((len(points), 6, joined.K.shape[0] + len(joined.r_star)))
+        for k, (here, own) in enumerate(found):
+            if own is not None:
+                part = bodies.parts[k]
+                n = 2 * len(part.contact.x)
+                of_loads = np.zeros((*own.shape[:-1], len(every)))
+                of_loads[..., [every.index(name) for name in part.load_names]] = own[..., n:]
+                rows[here] = joined.rows(k, own[..., :n], of_loads)
+        return ProbeMatrix(names, points, rows)
+
+    return on_root(bodies.comm, matrix)
 
 
 def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
@@ -130,14 +160,6 @@ def _gather_cells(fields: BodyFields) -> dict[str, Array] | None:
     return whole
 
 
-def _at_vertices(bulk: Bulk, displacement: fem.Function) -> fem.Function:
-    """Return the displacement in the space of degree 1, which is that of the mesh."""
-    linear = fem.Function(_dolfinx.vector_space(bulk.body.mesh, 1), name="displacement")
-    linear.interpolate(displacement)
-    linear.x.scatter_forward()
-    return linear
-
-
 def _gather_body(fields: BodyFields) -> Fields | None:
     """Return the fields of one whole body on rank 0, None elsewhere."""
     bulk = fields.bulk
@@ -150,9 +172,7 @@ def _gather_body(fields: BodyFields) -> Fields | None:
     return _mirrored(whole) if bulk.body.half else whole
 
 
-def _gather(
-    bulk: Bulk | HalfPlane, function: fem.Function
-) -> tuple[Array, NDArray[np.int64], Array]:
+def _gather(bulk: Body, function: fem.Function) -> tuple[Array, NDArray[np.int64], Array]:
     """Bring points, cells and values of a function of degree 1 to rank 0; empty elsewhere."""
     space = function.function_space
     dofmap, block = space.dofmap, space.dofmap.index_map_bs

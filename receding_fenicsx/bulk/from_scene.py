@@ -21,7 +21,7 @@ from receding_fenicsx.timing import Timer
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-    from receding_fenicsx.bulk.stack import Bodies
+    from receding_fenicsx.bulk.stack import Stack
     from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
 
 SERIAL_CELLS = 30_000
@@ -55,8 +55,8 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
     Returns:
         The system on rank 0 (None elsewhere), and the number of degrees of freedom of the bodies.
     """
-    from receding_fenicsx.bulk import condensation
-    from receding_fenicsx.bulk.probes.matrix import probe_matrix
+    from receding_fenicsx.bulk import stack
+    from receding_fenicsx.bulk.fields import probe_matrix
 
     for load in scene.loads:
         if load.mode is not None:
@@ -69,7 +69,7 @@ def condensed(scene: Scene, comm: MPI.Comm, timer: Timer) -> tuple[ContactSystem
     bulk = bulk_of(scene, comm, timer)
     try:
         with timer("condense"):
-            system = condensation.condense(bulk)
+            system = stack.condense(bulk)
             on_root(comm, lambda: _check_reaches_contact(given(system)))
             probes = probe_matrix(bulk, scene) if scene.probes else None
             if system is not None:
@@ -85,7 +85,7 @@ def probes_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> ProbeMatrix | None:
     Returns:
         The matrix on rank 0, None elsewhere.
     """
-    from receding_fenicsx.bulk.probes.matrix import probe_matrix
+    from receding_fenicsx.bulk.fields import probe_matrix
 
     if comm.size > 1 and is_small(scene):
         from mpi4py import MPI
@@ -116,8 +116,8 @@ def _check_reaches_contact(system: ContactSystem) -> None:
             )
 
 
-def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Bodies:
-    """Mesh and assemble a scene's body or bodies; collective."""
+def bulk_of(scene: Scene, comm: MPI.Comm, timer: Timer) -> Stack:
+    """Mesh and assemble a scene's bodies; collective."""
     from receding_fenicsx.bulk import stack
     from receding_fenicsx.bulk.mesh import meshing
 

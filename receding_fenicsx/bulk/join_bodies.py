@@ -19,8 +19,8 @@ For two bodies a and b this is K = K_a S K_b, r* = K_b S r*_a - K_a S r*_b, S = 
 >>> r_a, r_b = np.array([[0.3, -1.0]]), np.array([[-0.2, 0.5]])
 >>> def body(K, r_star):  # one contact node, one load (a force), no rigid motion
 ...     return CondensedBody(K, r_star, compliance=np.zeros((1, 1)), sign=-np.ones(1),
-...                          held=np.zeros(2, dtype=bool), modes=np.eye(2, 3),
-...                          constraints=np.eye(3))
+...                          held=np.zeros(2, dtype=bool), driven=np.zeros((1, 2)),
+...                          modes=np.eye(2, 3), constraints=np.eye(3))
 >>> first, second = (Place(np.array([0]), np.array([side]), np.array([0])) for side in (1, -1))
 >>> joined = join([body(K_a, r_a), body(K_b, r_b)], [first, second], ("p",))
 >>> S = np.linalg.inv(K_a + K_b)
@@ -66,7 +66,8 @@ class CondensedBody:
         r_star: (n_loads, 2N) reactions to each unit load, all contact nodes held.
         compliance: (n_loads, n_loads) work-conjugate displacements, all contact nodes held.
         sign: (n_loads,) -1 for forces, +1 for prescribed displacements, 0 where none acts.
-        held: (2N,) contact degrees of freedom held by symmetry or supports.
+        held: (2N,) contact degrees of freedom held by symmetry or supports, or prescribed.
+        driven: (n_loads, 2N) displacements that the loads prescribe; u is relative to these.
         modes: (2N, 3) displacements of the contact nodes in the rigid motions of the body:
             translations in x and y, rotation about a pivot that all bodies have in common.
         constraints: (m, 3) components of these motions at all held degrees of freedom.
@@ -77,6 +78,7 @@ class CondensedBody:
     compliance: Array
     sign: Array
     held: NDArray[np.bool_]
+    driven: Array
     modes: Array
     constraints: Array
 
@@ -116,10 +118,13 @@ class JoinedBodies:
 
     Attributes:
         K, r_star, compliance, sign, held: as of ``CondensedBody``, for u.
+        driven: (n_loads, 2N) relative displacements that the loads prescribe on one side; as
+            joined, u is relative to these.
         rigid: (2N, n) free relative motions of the bodies, each with largest entry 1.
-        rest: (m, 2N) and (m, n_loads): y = rest[0] u + rest[1] lambda.
-        motions: how each body follows u and y.
-        links: factors links[0] lambda + links[1] u of the unit loads of springs between bodies.
+        rest: (m, 2N) and (m, n_loads): y = rest[0] u + rest[1] lambda, as joined.
+        motions: how each body follows u and y, as joined.
+        factors, shift: T, G and D. Of the present u and lambda, the bodies as joined have the
+            displacements u + D^T lambda, and the load factors T lambda + G (u + D^T lambda).
     """
 
     K: Array
@@ -127,26 +132,42 @@ class JoinedBodies:
     compliance: Array
     sign: Array
     held: NDArray[np.bool_]
+    driven: Array
     rigid: Array
     rest: tuple[Array, Array]
     motions: tuple[Motion, ...]
-    links: tuple[Array, Array] | None = None
+    factors: tuple[Array, Array]
+    shift: Array
+
+    def as_joined(self, u: Array, load: Array) -> tuple[Array, Array]:
+        """Return the displacements (2N,) and factors of all unit loads that the bodies have."""
+        T, G = self.factors
+        u = np.where(self.held, 0.0, u) + load @ self.shift
+        return u, T @ load + G @ u
 
     def displacement(self, body: int, u: Array, load: Array) -> Array:
-        """Return the contact displacements (2N_b,) of a body for u (2N,) and the load factors."""
+        """Return the contact displacements (2N_b,) of a body for u and load as joined."""
         motion, y = self.motions[body], self.rest[0] @ u + self.rest[1] @ load
         moved = motion.factor * u[motion.dofs]
         moved[motion.on] += y[motion.rest]
         return moved
 
-    def rows(self, body: int, on_body: Array) -> Array:
-        """Turn rows (..., 2N_b) for the displacements of a body into rows for [u; lambda]."""
-        motion = self.motions[body]
+    def rows(self, body: int, on_body: Array, on_loads: Array) -> Array:
+        """Return rows for [u; lambda] of rows for the displacements of a body and all unit loads.
+
+        Args:
+            body: number of the body.
+            on_body: (..., 2N_b) rows.
+            on_loads: (..., unit loads) rows.
+        """
+        motion, (T, G) = self.motions[body], self.factors
         follow = on_body[..., motion.on]
         on_u = follow @ self.rest[0][motion.rest]
         on_u[..., motion.dofs] += on_body * motion.factor
         on_u[..., self.held] = 0.0
-        return np.concatenate([on_u, follow @ self.rest[1][motion.rest]], axis=-1)
+        on_loads = on_loads + follow @ self.rest[1][motion.rest]
+        on_u = on_u + on_loads @ G
+        return np.concatenate([on_u, on_loads @ T + on_u @ self.shift.T], axis=-1)
 
 
 def join(
@@ -169,12 +190,15 @@ def join(
     size, free = len(held), 1 + max(motion.rest.max(initial=-1) for motion in motions)
     K, H, C = np.zeros((size, size)), np.zeros((free, free)), np.zeros((free, size))
     r_star, L = np.zeros((len(sign), size)), np.zeros((free, len(sign)))
-    for body, motion in zip(bodies, motions, strict=True):
+    driven = np.zeros_like(r_star)
+    for body, motion, place in zip(bodies, motions, places, strict=True):
         at, on, rest = motion.dofs, motion.on, motion.rest
+        driven[:, at] += np.tile(place.side, 2) * body.driven
         H[block(rest, rest)] += body.K[block(on, on)]
         L[rest] += body.r_star[:, on].T
         if motion.factor.any():
-            K[block(at, at)] += motion.factor[:, None] * body.K * motion.factor
+            same = np.all(motion.factor == 1.0)
+            K[block(at, at)] += body.K if same else np.outer(motion.factor, motion.factor) * body.K
             C[block(rest, at)] += body.K[on] * motion.factor
             r_star[:, at] += body.r_star * motion.factor
     sides = [dict(zip(p.contact.tolist(), p.side.tolist(), strict=True)) for p in places]
@@ -193,8 +217,10 @@ def join(
     # one less for each common motion
     rigid = independent(np.hstack(own), sum(found.shape[1] for _, found in common))
     _check_rigid(K, rigid, held)
+    follow = y[:, :size], y[:, size:]
+    factors = np.eye(len(sign)), np.zeros_like(r_star)
     return JoinedBodies(
-        K, r_star, compliance, sign, held, rigid, (y[:, :size], y[:, size:]), motions
+        K, r_star, compliance, sign, held, driven, rigid, follow, motions, factors, 0.0 * r_star
     )
 
 

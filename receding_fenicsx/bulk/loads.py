@@ -1,4 +1,15 @@
-"""Nodal forces of the loads: tractions, pressures and resultants on edges, loads on bodies."""
+r"""Nodal forces of the loads: tractions, pressures and resultants on edges, loads on bodies.
+
+A body force $b$ has the nodal forces $f_i = \int N_i\, b \, dV$. A thermal strain
+$\varepsilon^\theta = \alpha\, \Delta T\, 1$ in $\sigma = C (\varepsilon - \lambda\,
+\varepsilon^\theta)$ has those of the stress that would hold it,
+$f_i = \int C \varepsilon^\theta : \varepsilon(N_i) \, dV$. Both are forces to the condensation:
+they alter $r^*$ alone, and their work-conjugates are $f \cdot u$: for the thermal strain
+$\int E / (1 - 2 \nu)\, \alpha \Delta T\, \mathrm{tr}\, \varepsilon \, dV$ (plane stress
+$E / (1 - \nu)$). Where stresses are evaluated, the load's factor times $\varepsilon^\theta$ is
+subtracted from the strain (`thermal_strain`); on elements of order 1, whose strain is that of the
+cell's midpoint, at the midpoint.
+"""
 
 from __future__ import annotations
 
@@ -11,7 +22,7 @@ import numpy as np
 from dolfinx import fem
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.acting.domain_forces import domain_forces
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.edges import (
     EdgeFacets,
     along,
@@ -21,11 +32,12 @@ from receding_fenicsx.bulk.edges import (
     integrate_arcs,
     measure,
 )
+from receding_fenicsx.bulk.material import unit_stress
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Load, Scene
-from receding_fenicsx.scene.profiles import Profile, evaluate
+from receding_fenicsx.scene.profiles import Profile, evaluate, evaluate_checked
 
 
 def add_load(
@@ -52,7 +64,7 @@ def add_load(
         # known once the contact is
         return
     if load.on_body:
-        _add(vector, *on_all(body.mesh.comm, lambda: domain_forces(space, body, scene, load)))
+        _add(vector, *on_all(body.mesh.comm, lambda: _domain_forces(space, body, scene, load)))
         return
 
     def traction(points: Array, normals: Array) -> Array:
@@ -137,3 +149,74 @@ def _traction(load: Load, body: BodyMesh, points: Array, normals: Array) -> Arra
         return -profile_values(load, body, load.pressure, points)[:, None] * normals
     assert load.traction is not None
     return np.column_stack([profile_values(load, body, part, points) for part in load.traction])
+
+
+def _domain_forces(
+    space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
+) -> tuple[Ints, Array]:
+    """Return nodes (cells, n) and forces (cells, n, 2) of a load on this rank's cells."""
+    mesh, dofmap = body.mesh, space.dofmap
+    owned = mesh.topology.index_map(2).size_local
+    if not owned:
+        return np.empty((0, 1), dtype=np.int64), np.empty((0, 1, 2))
+    local = _dolfinx.cell_dofs(space)[:owned]
+    nodes = dofmap.index_map.local_to_global(local.ravel()).astype(np.int64).reshape(local.shape)
+    vertices = _dolfinx.cell_nodes(mesh)[:owned]
+    corners = mesh.geometry.x[vertices][..., :2]
+    at, weight = _rule(body.cell)
+    shape, slopes = _dolfinx.tabulated(body.cell, scene.mesh.degree, at)
+    place, along = _dolfinx.tabulated(body.cell, 1, at)
+    points = np.einsum("qv,cvi->cqi", place, corners)
+    jacobian = np.einsum("kqv,cvi->cqik", along, corners)
+    volume = weight * np.abs(np.linalg.det(jacobian))
+    if load.body_force is not None:
+        where = f"{load.label} body_force"
+        x, y = np.moveaxis(points, -1, 0)
+        density = [evaluate_checked(part, x, y, where) for part in load.body_force]
+        if scene.axisymmetric:
+            volume = volume * points[..., 0]
+        return nodes, np.einsum("cq,qn,icq->cni", volume, shape, np.array(density))
+    # stress that holds a unit thermal strain
+    held = unit_stress(scene.material)[0]
+    stress = held * strain_of(load, points) * volume
+    gradient = np.einsum("kqn,cqki->cqni", slopes, np.linalg.inv(jacobian))
+    if not scene.axisymmetric:
+        return nodes, np.einsum("cq,cqni->cni", stress, gradient)
+    forces = np.einsum("cq,cqni->cni", stress * points[..., 0], gradient)
+    # the hoop strain u_r / r, times r
+    forces[..., 0] += np.einsum("cq,qn->cn", stress, shape)
+    return nodes, forces
+
+
+def _rule(cell: str) -> tuple[Array, Array]:
+    """Return reference points (m, 2) of Gauss's rule in a cell and their weights."""
+    # 6 along each side: polynomials of degree 10 are integrated exactly
+    s, weight = np.polynomial.legendre.leggauss(6)
+    a, b = (grid.ravel() for grid in np.meshgrid(0.5 * (1.0 + s), 0.5 * (1.0 + s)))
+    product = 0.25 * np.outer(weight, weight).ravel()
+    if cell == "quadrilateral":
+        return np.column_stack([a, b]), product
+    # the square with one side drawn together
+    return np.column_stack([a * (1.0 - b), b]), product * (1.0 - b)
+
+
+def thermal_strain(scene: Scene, load_names: tuple[str, ...], points: Array) -> Array:
+    """Return the thermal strain (..., n_loads) of each load with factor 1 at points (..., 2).
+
+    Args:
+        scene: the scene of one body.
+        load_names: names of its loads.
+        points: points of the body.
+    """
+    strain = np.zeros((*points.shape[:-1], len(load_names)))
+    for load in scene.loads:
+        if load.thermal_strain is not None:
+            strain[..., load_names.index(load.name)] += strain_of(load, points)
+    return strain
+
+
+def strain_of(load: Load, points: Array) -> Array:
+    """Return the thermal strain (...) of one load at points (..., 2)."""
+    assert load.thermal_strain is not None
+    x, y = np.moveaxis(points, -1, 0)
+    return evaluate_checked(load.thermal_strain, x, y, f"{load.label} thermal_strain")

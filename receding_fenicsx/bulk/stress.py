@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.acting.thermal import thermal_strain
 from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.loads import thermal_strain
 from receding_fenicsx.bulk.material import free_gradient, linear_stresses
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
 from receding_fenicsx.mpi import given

@@ -27,9 +27,8 @@ from scipy import sparse
 from scipy.sparse.linalg import ArpackError, eigsh, splu
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.bulk import condensation
+from receding_fenicsx.bulk import stack
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.bulk.stack import Stack
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
@@ -112,7 +111,7 @@ def reduced_model(scene: Scene) -> ReducedModel:
         whole = assembled(bulk)
         names = tuple(dict.fromkeys(load.name for load in scene.loads))
         loads = names, np.array([_forces(bulk, whole, name) for name in names])
-        system = with_profiles(scene, given(condensation.condense(bulk)))
+        system = with_profiles(scene, given(stack.condense(bulk)))
         return _reduced(whole, _relative(bulk, whole, system), loads, system, scene.mode.count)
     finally:
         bulk.destroy()
@@ -181,9 +180,8 @@ def _forces(bulk: Any, whole: Assembled, name: str) -> Array:
 
 def _relative(bulk: Any, whole: Assembled, system: ContactSystem) -> sparse.csr_matrix:
     """Return the map (2N, dofs) from all freedoms to the relative displacements [v; w]."""
-    n, places = system.n, [(np.arange(2 * system.n), np.ones(2 * system.n))]
-    if isinstance(bulk, Stack):
-        places = [(place.dofs(n), np.tile(place.side, 2).astype(float)) for place in bulk.places]
+    n = system.n
+    places = [(place.dofs(n), np.tile(place.side, 2).astype(float)) for place in bulk.places]
     rows, sides = (np.concatenate(part) for part in zip(*places, strict=True))
     shape = 2 * n, whole.A.shape[0]
     return sparse.csr_matrix((sides, (rows, np.concatenate(whole.contact))), shape=shape)

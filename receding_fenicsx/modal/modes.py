@@ -27,8 +27,9 @@ from scipy.linalg import block_diag
 from scipy.sparse.linalg import ArpackError, eigsh
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.bulk import _dolfinx, condensation
+from receding_fenicsx.bulk import _dolfinx, stack
 from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.closures import bolt_compliance
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.bulk.stack import Stack
 from receding_fenicsx.errors import InputError, NotConverged, SolveError
@@ -86,7 +87,7 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
     bulk: Any = bulk_of(scene, MPI.COMM_SELF, Timer(None))
     try:
         # so far without the load
-        system = with_profiles(scene, given(condensation.condense(bulk)))
+        system = with_profiles(scene, given(stack.condense(bulk)))
         closed = np.asarray(_preloaded(system, scene, load.name) != State.SEPARATION)
         # along t only with friction
         tied = np.concatenate([closed & system.friction.present, closed])
@@ -94,9 +95,8 @@ def mode_system(scene: Scene) -> tuple[ContactSystem, Array]:
         phi, omega = _modes(bulk, tied, number, scene.mode.count)
         for part, force in zip(bulk.parts, phi, strict=True):
             part.loads[part.load_names.index(load.name)].setArray(force)
-        if isinstance(bulk, Stack):
-            bulk.condensed = False
-        driven = given(condensation.condense(bulk))
+        bulk.condensed = False
+        driven = given(stack.condense(bulk))
         _check_compliance(driven, tied, omega[number - 1], driven.load_names.index(load.name))
         law = {key: getattr(system, key) for key in ("f", "f_backward", "g0", "scene_toml")}
         return replace(driven, **law), omega
@@ -128,24 +128,21 @@ def _check_compliance(system: ContactSystem, tied: NDArray[np.bool_], omega: flo
 
 
 def _modes(
-    bulk: Bulk | Stack, tied: NDArray[np.bool_], number: int, count: int
+    bulk: Stack, tied: NDArray[np.bool_], number: int, count: int
 ) -> tuple[list[Array], Array]:
     """Return M phi of each part for one mode, and the lowest angular frequencies."""
     whole = assembled(bulk)
     A, M, fixed, locals_ = whole.A, whole.M, whole.fixed.copy(), whole.contact
     same = np.arange(A.shape[0])
-    if isinstance(bulk, Stack):
-        # the freedoms of the first and the second side; -1 is a plane
-        sides = np.full((2, len(tied)), -1)
-        for place, own in zip(bulk.places, locals_, strict=True):
-            sides[np.tile((place.side < 0).astype(int), 2), place.dofs(len(tied) // 2)] = own
-        a, b = sides[:, tied]
-        fixed[a[b < 0]] = True
-        a, b = a[b >= 0], b[b >= 0]
-        same[b] = a
-        fixed[a] |= fixed[b]
-    else:
-        fixed[locals_[0][tied]] = True
+    # the freedoms of the first and the second side; -1 is a plane
+    sides = np.full((2, len(tied)), -1)
+    for place, own in zip(bulk.places, locals_, strict=True):
+        sides[np.tile((place.side < 0).astype(int), 2), place.dofs(len(tied) // 2)] = own
+    a, b = sides[:, tied]
+    fixed[a[b < 0]] = True
+    a, b = a[b >= 0], b[b >= 0]
+    same[b] = a
+    fixed[a] |= fixed[b]
     free = np.flatnonzero((same == np.arange(len(same))) & ~fixed)
     column = np.full(len(same), -1)
     column[free] = np.arange(len(free))
@@ -190,7 +187,7 @@ class Assembled:
     fixed: NDArray[np.bool_]
 
 
-def assembled(bulk: Bulk | Stack) -> Assembled:
+def assembled(bulk: Stack) -> Assembled:
     """Assemble the matrices of all bodies of a scene with densities, on one process."""
     parts: Any = bulk.parts
     A = sparse.block_diag([_csr(part.stiffness) * part.young for part in parts], "csr")
@@ -211,16 +208,13 @@ def assembled(bulk: Bulk | Stack) -> Assembled:
     return Assembled(turn.T @ A @ turn, turn.T @ M @ turn, turn, starts, contact, fixed)
 
 
-def _closed(bulk: Any) -> tuple[sparse.csr_matrix, Array]:
+def _closed(bulk: Stack) -> tuple[sparse.csr_matrix, Array]:
     """Return the unit loads (dofs, m) of bolts and springs between bodies, and their compliance."""
-    names = [bolt.name for bolt in bulk.scene.bolts]
-    # the forces of a ring of bolts are those per radian
-    part = 2.0 * np.pi if bulk.scene.axisymmetric else 1.0
-    soft = np.diag([part / (bolt.stiffness or np.inf) for bolt in bulk.scene.bolts])
-    if isinstance(bulk, Stack):
-        names, soft = [*names, *bulk.link_names], block_diag(soft, bulk.soft)
-    rows = [np.zeros((len(names), part.dofs)) for part in bulk.parts]
-    for own, part in zip(rows, bulk.parts, strict=True):
+    names = [*(bolt.name for bolt in bulk.scene.bolts), *bulk.link_names]
+    soft = block_diag(bolt_compliance(bulk.scene), bulk.soft)
+    parts: Any = bulk.parts
+    rows = [np.zeros((len(names), part.dofs)) for part in parts]
+    for own, part in zip(rows, parts, strict=True):
         for name, load in zip(part.load_names, part.loads, strict=True):
             own[[k for k, known in enumerate(names) if known == name]] = load.getArray()
     return sparse.csr_matrix(np.hstack(rows).T), soft

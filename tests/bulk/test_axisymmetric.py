@@ -8,13 +8,12 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, NU, ONCE, RADIUS, ROUND, YOUNG, built, cylinder, make_mesh
+from bodies import CELLS, NU, ONCE, RADIUS, ROUND, YOUNG, built, condense, cylinder, make_mesh
 from dolfinx import fem
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.back_substitution import back_substitute
-from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.body import back_substitute
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.stress import STRESSES, stresses
 from receding_fenicsx.errors import InputError

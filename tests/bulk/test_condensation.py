@@ -9,14 +9,12 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, everything
+from bodies import CELLS, block, built, condense, everything
 from numpy.typing import NDArray
 
 from receding_fenicsx import study
-from receding_fenicsx.bulk import condensation, schur
-from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.condensation import condense
-from receding_fenicsx.bulk.elimination import BLOCK_COLUMNS, Elimination
+from receding_fenicsx.bulk import elastic_body, schur
+from receding_fenicsx.bulk.body import BLOCK_COLUMNS, Bulk, Elimination
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
 from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError, SolveError
@@ -396,7 +394,7 @@ def test_a_wrong_triangle_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> N
 
 
 def test_lost_rigid_motions_would_be_noticed(monkeypatch: pytest.MonkeyPatch) -> None:
-    real = condensation.eliminate_interior
+    real = elastic_body.eliminate_interior
 
     def spoilt(bulk: Bulk, route: str) -> Elimination:
         condensed = real(bulk, route)
@@ -404,7 +402,7 @@ def test_lost_rigid_motions_would_be_noticed(monkeypatch: pytest.MonkeyPatch) ->
             return condensed
         return replace(condensed, K=condensed.K + 1e-9 * np.eye(len(condensed.K)))
 
-    monkeypatch.setattr(condensation, "eliminate_interior", spoilt)
+    monkeypatch.setattr(elastic_body, "eliminate_interior", spoilt)
     with pytest.raises(SolveError, match="resists a rigid motion by"):
         system_of(block(), route="solve")
 

@@ -6,13 +6,11 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, reactions
+from bodies import CELLS, block, built, condense, reactions
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.back_substitution import back_substitute
-from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.body import Bulk, back_substitute
 from receding_fenicsx.bulk.elasticity import warm_up as compile_forms
 from receding_fenicsx.bulk.material import lame_constants
 from receding_fenicsx.bulk.stress import STRESSES, stresses

@@ -59,7 +59,7 @@ def arch(path: Path, text: str, load: Load, kinematics: str = "plane strain") ->
 
 def forces(scene: Scene) -> Array:
     """Nodal forces (n, 2) of the first load, and the places (n, 2) of their nodes, side by side."""
-    bulk = bulk_of(scene, comm, Timer())
+    (bulk,) = bulk_of(scene, comm, Timer()).parts
     assert isinstance(bulk, Bulk)
     force = bulk.loads[0].getArray(readonly=True).reshape(-1, 2).copy()
     places = bulk.space.tabulate_dof_coordinates()[: len(force), :2]

@@ -11,7 +11,7 @@ import pytest
 from bodies import CELLS, block, built
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.back_substitution import back_substitute
+from receding_fenicsx.bulk.body import back_substitute
 from receding_fenicsx.bulk.stress import stresses
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve

@@ -2,24 +2,23 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
-from pathlib import Path
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, make_mesh, reactions
+from bodies import CELLS, block, built, condense, make_mesh, reactions
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.back_substitution import back_substitute
-from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.condensation import condense
+from receding_fenicsx.bulk.body import Bulk, back_substitute
 from receding_fenicsx.bulk.elasticity import build
 from receding_fenicsx.bulk.stress import stresses
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import (
     Body,
@@ -64,21 +63,23 @@ def expected(scene: Scene) -> tuple[Array, Array, Array, Array]:
     x, y = places.T
     n = len(A)
     top = np.flatnonzero(np.isclose(y, 1.0))
-    right = np.flatnonzero(np.isclose(x, 2.0) & (y > 0.49))
+    side = np.flatnonzero(np.isclose(x, 2.0))
+    right = side[y[side] > 0.49]
     rows, values, sign = [], [], []
     F = np.zeros((n, len(scene.loads)))
     taken = iter(vectors)
     for k, load in enumerate(scene.loads):
+        platen = side if load.edge == "right" else top
         if load.force is not None:
-            F[2 * top[0] : 2 * top[0] + 2, k] = load.force
+            F[2 * platen[0] : 2 * platen[0] + 2, k] = load.force
         elif load.displacement is None:
             F[:, k] = next(taken)
         sign.append(-1.0 if load.displacement is None else 1.0)
-    if any(load.platen for load in scene.loads):
-        for node in top[1:]:
+    for platen in [{"top": top, "right": side}[e.edge] for e in scene.loads[:1] if e.platen]:
+        for node in platen[1:]:
             for axis in (0, 1):
                 row = np.zeros(n)
-                row[2 * node + axis], row[2 * top[0] + axis] = 1.0, -1.0
+                row[2 * node + axis], row[2 * platen[0] + axis] = 1.0, -1.0
                 rows.append(row)
                 values.append(np.zeros(len(scene.loads)))
     for k, load in enumerate(scene.loads):
@@ -119,7 +120,14 @@ def expected(scene: Scene) -> tuple[Array, Array, Array, Array]:
 @pytest.mark.parametrize("cell", CELLS)
 @pytest.mark.parametrize("degree", [1, 2])
 @pytest.mark.parametrize(
-    "loads", [(PRESS, SHEAR, WEIGHT, SIDE), (SIDE, PULL, WEIGHT), (SINK, SIDE, WEIGHT)]
+    "loads",
+    [
+        (PRESS, SHEAR, WEIGHT, SIDE),
+        # with the last node of the contact
+        (replace(SHEAR, edge="right"), WEIGHT, SIDE),
+        (SIDE, PULL, WEIGHT),
+        (SINK, SIDE, WEIGHT),
+    ],
 )
 def test_condensed_system_is_that_of_multipliers(
     cell: str, degree: int, loads: tuple[Load, ...]
@@ -359,10 +367,16 @@ def test_mirror_symmetry_of_moved_edges(load: Load, symmetric: bool) -> None:
     [
         ({"loads": (PRESS, replace(SHEAR, span=(0.0, 1.0)))}, "meets that of load 'P'"),
         (
-            {"loads": (replace(PRESS, edge="right"),)},
-            r"load 'P': moves the contact node at \(2, 0\), where 'right' meets the contact edge",
+            {
+                "loads": (replace(PRESS, edge="right"),),
+                "contacts": (Contact(), Contact("top", span=(1.0, 2.0))),
+            },
+            r"load 'P': its platen on 'right' joins contact nodes, as those at \(2, 1\) and",
         ),
-        ({"loads": (Load("d", "right", displacement=(1.0, 0.0)),)}, "load 'd': moves the contact"),
+        (
+            {"loads": (Load("d", "right", displacement=(1.0, "free")),)},
+            r"load 'd': prescribes how the contact node at \(2, 0\) moves relative to what it",
+        ),
         ({"loads": (replace(SINK, platen=True, displacement=("x", 0.0)),)}, "has two values at"),
         (
             {"loads": (SINK,), "supports": (Support("y", point=(0.0, 1.0)),)},
@@ -372,41 +386,70 @@ def test_mirror_symmetry_of_moved_edges(load: Load, symmetric: bool) -> None:
 )
 def test_what_cannot_move_so_is_refused_on_all_ranks(change: dict, message: str) -> None:
     with pytest.raises(InputError, match=message):
-        built(block(**change))
+        condense(built(block(**change)))
 
 
-GEO = """
-DefineConstant[ contact_elements = {16} ];
-d = 4 / contact_elements;
-Point(1) = {-2, 0, 0, d}; Point(2) = {2, 0, 0, d};
-Point(3) = {2, 1, 0, d}; Point(4) = {-2, 1, 0, d};
-For i In {1 : 4}
-  Line(i) = {i, i % 4 + 1};
-EndFor
-Curve Loop(1) = {1 : 4}; Plane Surface(1) = {1};
-Physical Curve("bottom") = {1}; Physical Curve("right") = {2}; Physical Curve("top") = {3};
-"""
+def bars(*loads: Load, f: float = 0.35) -> Scene:
+    """A bar pressed by 1 on one that is held, its end face over the last contact node."""
+    return block(
+        body=Body("a", width=4.0, position=(0.0, 1.0)),
+        others=(Body("b", width=4.0),),
+        contacts=(Contact("a.bottom", friction=f, against="b.top"),),
+        loads=(Load("N", "a.top", pressure=1.0), *loads),
+        supports=(Support("xy", "b.bottom"),),
+        history=HistoryOptions("monotonic", load="push", constant={"N": 1.0}),
+    )
 
 
-@pytest.mark.parametrize("degree", [1, 2])
-@pytest.mark.parametrize("meshed", [False, True])
-@pytest.mark.parametrize("load", [PRESS, Load("d", "", displacement=(1.0, 0.0))])
-def test_a_load_that_moves_a_contact_node_works_on_the_span_that_its_refusal_names(
-    load: Load, meshed: bool, degree: int, shared_tmp_path: Path
-) -> None:
-    path = shared_tmp_path / "body.geo"
-    if comm.rank == 0:
-        path.write_text(GEO)
-    comm.Barrier()
-    scene = block(degree=degree, loads=(replace(load, edge="right"),))
-    scene = replace(scene, body=Body(mesh=str(path)) if meshed else scene.body)
-    with pytest.raises(InputError, match=r"give it span = \[.*\], or a pressure or") as error:
-        condense_scene(scene, comm)
-    low, high = map(float, str(error.value).split("[")[1].split("]")[0].split(","))
-    assert -0.5 < low < -0.2 and high == 0.5
-    scene = replace(scene, loads=(replace(load, edge="right", span=(low, high)),))
+PUSHES = {
+    "displacement": Load("push", "a.left", displacement=(10.0, "free")),
+    "moved platen": Load("push", "a.left", platen=True, displacement=(10.0, "free")),
+    "platen": Load("push", "a.left", platen=True, force=(1.6, 0.0)),
+}
+
+
+@pytest.mark.parametrize("kind", PUSHES)
+def test_a_face_that_touches_the_contact_pushes_up_to_gross_slip(kind: str) -> None:
+    """Then the whole contact carries f N, 1.4 of 4 x 1, and so does what drives the face."""
+    system = condense_scene(bars(PUSHES[kind]), comm)
+    if system is None:
+        return
+    if kind == "platen":
+        with pytest.raises(NoEquilibrium, match=r"gross sliding") as caught:
+            evolve(system, bars(PUSHES[kind]))
+        (factor,) = re.findall(r"load factors \[([^,\]]*)", str(caught.value).replace("1, ", ""))
+        assert float(factor) * 1.6 == pytest.approx(1.4, rel=1e-4)
+        return
+    found = evolve(system, bars(PUSHES[kind])).turning_points
+    assert np.all(found.state[-1] == State.FORWARD_SLIP)
+    assert found.load_displacement[-1, 1] == pytest.approx(10.0 * 1.4, rel=1e-12)
+    # in gross slip the bar moves on without straining: so does the node at the face
+    assert found.v[-1, 0] > 5.0 and np.all(np.diff(found.v[-1]) < 0.0)
+
+
+def test_a_platen_at_the_contact_moved_as_its_force_moves_it_gives_the_same() -> None:
+    """Stick and slip of every node, and the force that the displacement takes."""
+    force = bars(replace(PUSHES["platen"], force=(1.0, 0.0)))
+    system = condense_scene(force, comm)
+    moved = None
+    if system is not None:
+        first = evolve(system, force).turning_points
+        moved = float(first.load_displacement[-1, 1])
+    moved = comm.bcast(moved)
+    # the platen sinks freely under N before it is pushed; along the bar N moves it too
+    table = replace(PUSHES["moved platen"], displacement=(1.0, "free"))
+    scene = bars(table)
     system = condense_scene(scene, comm)
-    assert system is None or system.r_star.any()
+    if system is not None:
+        start = float(first.load_displacement[0, 1])
+        history = replace(scene.history, kind="table", columns=("N", "push"), load=None)
+        rows = ((0.0, 0.0), (1.0, start), (1.0, moved))
+        scene = replace(scene, history=replace(history, rows=rows, constant={}))
+        second = evolve(system, scene).turning_points
+        for name in ("P", "Q", "v"):
+            a, b = getattr(first, name)[-1], getattr(second, name)[-1]
+            assert np.abs(a - b).max() < 1e-9 * np.abs(a).max(), name
+        assert second.load_displacement[-1, 1] == pytest.approx(1.0, rel=1e-9)
 
 
 def test_edge_held_at_zero_may_touch_the_contact() -> None:

@@ -271,16 +271,45 @@ def pressure(inner: float) -> float:
 def test_press_out_force_is_friction_times_lames_force(inner: float, f: float) -> None:
     """It is f p 2 pi R L, with p of no push; Poisson's ratio adds a share in proportion to f."""
     area, known = np.pi * (B**2 - inner**2), f * pressure(inner) * 2.0 * np.pi * B * L
-    (contact,) = rectangles().contacts
+    (contact,), (load,) = rectangles().contacts, rectangles().loads
+    contact = replace(contact, friction=f)
     scene = rectangles(
         inner,
-        contacts=(replace(contact, friction=f),),
+        contacts=(contact,),
         history=rf.HistoryOptions(kind="monotonic", maximum=1.5 * known / area),
     )
     with pytest.raises(rf.NoEquilibrium, match="gross sliding") as caught:
         study.run(scene)
     (found,) = re.findall(r"load factors \[([^,]*),", str(caught.value))
     assert float(found) * area == pytest.approx(known, rel=0.1 * f + 1e-3)
+    # pushed by its end face, whose rim is a node of the contact
+    moved = replace(load, pressure=None, displacement=("free", 0.1))
+    record = study.run(rectangles(inner, contacts=(contact,), loads=(moved,)))
+    if record is None:
+        return
+    table = record.turning_points
+    assert np.unique(table.state[-1]).tolist() == [rf.State.FORWARD_SLIP]
+    assert table.load_displacement[-1, 0] == pytest.approx(0.1 * known, rel=0.1 * f + 1e-3)
+
+
+@pytest.mark.parametrize("meshed", [False, True])
+def test_a_platen_may_touch_the_fit(meshed: bool, shared_tmp_path: Path) -> None:
+    """It presses a solid shaft out by f times the normal force, which it raises at its end."""
+    platen = rf.Load("push", "shaft.push", platen=True, displacement=("free", 0.1))
+    once = rf.HistoryOptions(kind="monotonic")
+    scene = from_file(shared_tmp_path, 0.0, loads=(platen,), history=once)
+    if not meshed:
+        scene = rectangles(loads=(replace(platen, edge="shaft.bottom"),))
+    record = study.run(scene)
+    if record is None:
+        return
+    table = record.turning_points
+    assert np.unique(table.state[-1]).tolist() == [rf.State.FORWARD_SLIP]
+    normal = table.P[-1].sum()
+    assert table.load_displacement[-1, 0] == pytest.approx(0.1 * F * normal, rel=1e-9)
+    assert normal > 1.05 * pressure(A) * 2.0 * np.pi * B * L
+    end = table.P[-1][:3] / table.P[-1][len(table.P[-1]) // 2 :][:3]
+    assert end.max() > 1.2
 
 
 def test_places_of_a_vertical_edge_are_refined_at_both_of_its_ends() -> None:

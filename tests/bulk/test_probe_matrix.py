@@ -8,18 +8,15 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import block, built, cylinder
+from bodies import CELLS, block, built, cylinder
 from dolfinx import fem
 from numpy.typing import NDArray
 
-from receding_fenicsx.bulk.body import Bulk
-from receding_fenicsx.bulk.fields import gather_fields, solve_fields
-from receding_fenicsx.bulk.half_planes.body import HalfPlane
+from receding_fenicsx.bulk import stack
+from receding_fenicsx.bulk.fields import BodyFields, gather_fields, probe_matrix, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
-from receding_fenicsx.bulk.probes.matrix import probe_matrix
-from receding_fenicsx.bulk.probes.points import point_values
-from receding_fenicsx.bulk.probes.shape_functions import reference, shape_functions, touches
-from receding_fenicsx.bulk.stack import Bodies, build_all
+from receding_fenicsx.bulk.probes import point_values, reference, shape_functions, touches
+from receding_fenicsx.bulk.stack import Stack, build_all
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.model import (
     Body,
@@ -65,11 +62,11 @@ CASES = {
 }
 
 
-def places(bulk: Bodies) -> list[Array]:
+def places(bulk: Stack) -> list[Array]:
     """Vertices and midpoints of some cells of each body, alike on every rank."""
     found = []
     for part in bulk.parts:
-        fields = gather_fields(solve_fields(part, *at_rest(part)))
+        fields = gather_fields([BodyFields(part, *part.fields(*at_rest(part)))])
         chosen = None
         if fields is not None:
             corners = fields.points[fields.cells]
@@ -83,7 +80,7 @@ def places(bulk: Bodies) -> list[Array]:
     return found
 
 
-def at_rest(bulk: Bodies) -> tuple[Array, Array]:
+def at_rest(bulk: stack.Body) -> tuple[Array, Array]:
     return np.zeros(len(bulk.load_names)), np.zeros(2 * len(bulk.contact.x))
 
 
@@ -96,7 +93,7 @@ def with_probes(scene: Scene, points: list[Array]) -> Scene:
     return replace(scene, probes=tuple(probes))
 
 
-def by_cells(bulk: Bodies, load: Array, u: Array, points: list[Array]) -> Array | None:
+def by_cells(bulk: Stack, load: Array, u: Array, points: list[Array]) -> Array | None:
     """[u_x, u_y, s_xx, s_yy, s_zz, s_xy] from whole fields: at vertices, then at midpoints."""
     rows = []
     for fields, at in zip(solve_fields(bulk, load, u), points, strict=True):
@@ -119,7 +116,7 @@ def by_cells(bulk: Bodies, load: Array, u: Array, points: list[Array]) -> Array 
     return np.array(rows) if rows else None
 
 
-def _middles(bulk: Bulk | HalfPlane, stress: dict[str, fem.Function]) -> Array:
+def _middles(bulk: stack.Body, stress: dict[str, fem.Function]) -> Array:
     """Midpoint and stresses of every cell, on every rank."""
     space = stress["sxx"].function_space
     n = bulk.body.mesh.topology.index_map(2).size_local
@@ -184,23 +181,22 @@ def test_polynomials_of_the_element_are_exact_at_any_point(cell: str, degree: in
 
 
 @pytest.mark.one_rank
-@pytest.mark.parametrize("corners", [3, 4])
+@pytest.mark.parametrize("kind", CELLS)
 @pytest.mark.parametrize("degree", [1, 2])
-def test_shape_functions_carry_linear_fields_in_cells_of_any_shape(
-    corners: int, degree: int
-) -> None:
+def test_shape_functions_carry_linear_fields_in_cells_of_any_shape(kind: str, degree: int) -> None:
     random = np.random.default_rng(3)
-    unit = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])[:corners]
+    unit = np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0], [1.0, 1.0]])[: 3 if kind[0] == "t" else 4]
     for _ in range(20):
         cell = unit + random.uniform(-0.2, 0.2, unit.shape)
-        sides = [(0, 1), (0, 2), (1, 2)] if corners == 3 else [(0, 1), (0, 2), (1, 3), (2, 3)]
+        # middles of the sides in the order of basix, and of a quadrilateral the midpoint
+        sides = [(1, 2), (0, 2), (0, 1)] if len(cell) == 3 else [(0, 1), (0, 2), (1, 3), (2, 3)]
         middles = [cell[list(side)].mean(axis=0) for side in sides]
-        middles += [cell.mean(axis=0)] if corners == 4 else []
+        middles += [cell.mean(axis=0)] if len(cell) == 4 else []
         nodes = cell if degree == 1 else np.vstack([cell, middles])
-        inner = random.dirichlet(np.ones(corners)) @ cell
-        at = reference(cell, inner)
-        assert touches(at, corners)
-        shape, gradient = shape_functions(cell, nodes, at)
+        inner = random.dirichlet(np.ones(len(cell))) @ cell
+        at = reference(kind, cell, inner)
+        assert touches(kind, at)
+        shape, gradient = shape_functions(kind, degree, cell, at)
         slope = random.standard_normal(2)
         assert shape @ (1.0 + nodes @ slope) == pytest.approx(1.0 + inner @ slope, abs=1e-12)
         assert gradient.T @ (1.0 + nodes @ slope) == pytest.approx(slope, abs=1e-11)

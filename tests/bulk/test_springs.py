@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from bodies import block, cylinder, played
 
-from receding_fenicsx.bulk.acting.links import _across
+from receding_fenicsx.bulk.springs import _across
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import given
 from receding_fenicsx.output.plots.loops import loop_of

@@ -9,11 +9,10 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import displacements, played, reactions
+from bodies import condense, displacements, played, reactions
 from replay import objections
 
 import receding_fenicsx as rf
-from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.bulk.fields import gather_fields, solve_fields
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.stack import Stack, build_all

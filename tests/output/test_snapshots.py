@@ -11,7 +11,7 @@ from mpi4py import MPI
 import matplotlib as mpl
 import numpy as np
 import pytest
-from bodies import make_mesh
+from bodies import make_mesh, stack_of
 from matplotlib.colors import to_rgb
 from pictured import instant_of_row, small_block, view_at
 from PIL import Image
@@ -42,7 +42,7 @@ def fields(symmetry: str) -> Fields | None:
     half = symmetry == "auto"
     bulk = elasticity.build(scene, make_mesh(COMM, scene, half))
     try:
-        return fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
+        return fields_at(stack_of(bulk), now.load, np.concatenate([now.v, now.state.w]))
     finally:
         bulk.destroy()
 

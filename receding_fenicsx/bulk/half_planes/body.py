@@ -1,4 +1,4 @@
-"""A half-plane as a body of a scene: contact nodes, loads and supports of its far field."""
+"""A half-plane as a body of a scene: contact nodes, far field, values at points, window."""
 
 from __future__ import annotations
 
@@ -8,15 +8,19 @@ from functools import cached_property
 from mpi4py import MPI
 
 import numpy as np
+from dolfinx import fem
 
 from receding_fenicsx.arrays import Array
+from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.join_bodies import CondensedBody
 from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
-from receding_fenicsx.bulk.mesh.meshing import BodyMesh, contact_nodes_of
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh, contact_nodes_of, make_meshes
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
+from receding_fenicsx.bulk.stress import Stresses, named_stresses
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.half_plane.far_field import CondensedHalfPlane, FarField, condense_far_field
+from receding_fenicsx.half_plane.interior import Complexes, point_values
 from receding_fenicsx.half_plane.stiffness import (
     HalfPlaneMaterial,
     Surface,
@@ -25,7 +29,7 @@ from receding_fenicsx.half_plane.stiffness import (
     plane_material,
     surface_of,
 )
-from receding_fenicsx.mpi import given
+from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import FREE, Contact, Refinement, Scene
 from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.rectangle_edges import contact_samples
@@ -66,18 +70,13 @@ class HalfPlane:
     seconds: dict[str, float] = field(default_factory=lambda: {"forms": 0.0, "assemble": 0.0})
 
     @property
-    def parts(self) -> tuple[HalfPlane, ...]:
-        """The modelled bodies: this one."""
-        return (self,)
-
-    @property
     def load_names(self) -> tuple[str, ...]:
         """Names of the loads."""
         return self.scene.body_names
 
     @property
     def body(self) -> BodyMesh:
-        """Mesh of the window, which :func:`window.window_fields` makes."""
+        """Mesh of the window, which :meth:`fields` makes."""
         return given(self.window)
 
     @property
@@ -91,7 +90,7 @@ class HalfPlane:
         return compliance(self.surface, self.material, self.side, self.datum)
 
     @cached_property
-    def condensed(self) -> CondensedHalfPlane:
+    def stiffness(self) -> CondensedHalfPlane:
         """Stiffness of the contact nodes."""
         stiffness = SurfaceStiffness(self.surface, self.compliance)
         return condense_far_field(stiffness.A, self.far_modes, self.far)
@@ -99,23 +98,118 @@ class HalfPlane:
     @property
     def far_modes(self) -> Array:
         """(2N, 4) displacements [v; w] of the nodes in the motions of the far field."""
-        strained = stretched(self, self.contact.points)
+        strained = _stretched(self, self.contact.points)
         axes = self.contact.tangent, self.contact.normal
         along = [np.einsum("nc,nc->n", axis, strained) for axis in axes]
         return np.column_stack([self.contact.modes, np.concatenate(along)])
 
-    def condensed_body(self) -> CondensedBody:
-        """Return the stiffness in the form that bodies are joined in."""
-        found = self.condensed
-        return CondensedBody(
-            K=found.K,
-            r_star=found.r_star,
-            compliance=found.compliance,
-            sign=self.far.sign,
-            held=self.contact.held,
-            modes=self.contact.modes,
-            constraints=self.contact.constraints,
-        )
+    def condensed(self, route: str) -> CondensedBody | None:
+        """Return the stiffness on rank 0; collective. There is one route."""
+
+        def work() -> CondensedBody:
+            found = self.stiffness
+            return CondensedBody(
+                K=found.K,
+                r_star=found.r_star,
+                compliance=found.compliance,
+                sign=self.far.sign,
+                held=self.contact.held,
+                driven=np.zeros_like(found.r_star),
+                modes=self.contact.modes,
+                constraints=self.contact.constraints,
+            )
+
+        return on_root(self.comm, work)
+
+    def value_rows(self, points: Array, labels: list[str]) -> Array | None:
+        """Return rows (m, 6, 2N + own loads) of the values at points on rank 0; collective.
+
+        Raises:
+            InputError: a point lies outside the half-plane; its label begins the message.
+        """
+
+        def rows() -> Array:
+            depth = (points - self.contact.points[0]) @ (self.side * self.contact.normal[0])
+            for point, label, below in zip(points, labels, depth, strict=True):
+                # round-off of a point on the surface
+                if below < -1e-9 * self.surface.length:
+                    raise InputError(
+                        f"{label}: ({point[0]:g}, {point[1]:g}) lies outside the half-plane; move "
+                        "it inside"
+                    )
+            found = self.stiffness
+            n = len(found.K)
+            unit = np.eye(n // 2)
+            of_forces = self._values(points, np.hstack([unit, 1j * unit]))
+            of_motion = self._motion(points)
+            rows = np.empty((len(points), 6, n + len(found.r_star)))
+            rows[..., :n] = of_forces @ found.K
+            rows[..., n:] = of_forces @ found.r_star.T
+            for columns, motion in zip((slice(0, n), slice(n, None)), found.motion, strict=True):
+                rows[..., columns] += of_motion @ motion
+            return rows
+
+        return on_root(self.comm, rows)
+
+    def fields(self, load: Array | None, u: Array | None) -> tuple[fem.Function, Stresses]:
+        """Return displacement and stresses in the window; collective.
+
+        Args:
+            load: (n_loads,) load factors; only rank 0's are used.
+            u: (2N,) displacements [v; w] of this body's contact nodes; only rank 0's are used.
+        """
+        load, u = self.comm.bcast((load, u), root=0)
+        if self.window is None:
+            self.window = _window_mesh(self)
+        mesh, found = self.body.mesh, self.stiffness
+        Q, P = np.split(found.K @ np.asarray(u) + found.r_star.T @ np.asarray(load), 2)
+        forces = (Q + 1j * P)[:, None]
+        far = found.motion[0] @ np.asarray(u) + found.motion[1] @ np.asarray(load)
+
+        def at(space: fem.FunctionSpace) -> Array:
+            points = space.tabulate_dof_coordinates()[:, :2]
+            # evaluated in blocks of 500 points
+            blocks = [points[k : k + 500] for k in range(0, len(points), 500)]
+            values = np.concatenate([self._values(block, forces)[..., 0] for block in blocks])
+            return np.asarray(values + self._motion(points) @ far)
+
+        displacement = fem.Function(_dolfinx.vector_space(mesh, 1), name="displacement")
+        displacement.x.array[:] = at(displacement.function_space)[:, :2].ravel()
+        stresses = []
+        for family, degree in (("DG", 0), ("Lagrange", 1)):
+            space = _dolfinx.scalar_space(mesh, family, degree)
+            named = named_stresses(*at(space)[:, 2:].T)
+            functions = {name: fem.Function(space, name=name) for name in named}
+            for name, value in named.items():
+                functions[name].x.array[:] = value
+            stresses.append(functions)
+        return displacement, Stresses(*stresses)
+
+    def _values(self, points: Array, forces: Complexes) -> Array:
+        """Return values (m, 6, k) at points for nodal forces Q + i P (N, k), far field at rest."""
+        contact, side = self.contact, self.side
+        axes = side * np.stack([contact.tangent[0], contact.normal[0]])
+        apart = points - contact.points[0]
+        own = np.stack([points @ axes[0], apart @ axes[1]], axis=1)
+        surface = self.surface
+        if side < 0:
+            surface = replace(surface, x=-surface.x, elements=surface.elements[:, ::-1])
+        tractions = side * forces / contact.weight[:, None]
+        values = point_values(surface, self.material, own, self.datum, tractions)
+        turned = values.copy()
+        turned[:, :2] = np.einsum("ac,mak->mck", axes, values[:, :2])
+        stress = np.einsum("ac,mabk,bd->mcdk", axes, values[:, [[2, 5], [5, 3]]], axes)
+        turned[:, 2], turned[:, 3], turned[:, 5] = stress[:, 0, 0], stress[:, 1, 1], stress[:, 0, 1]
+        return turned
+
+    def _motion(self, points: Array) -> Array:
+        """Return values (m, 6, 4) at points in the motions of the far field."""
+        places, material = self.contact.points, self.material
+        values = np.zeros((len(points), 6, 4))
+        values[:, :2, :3] = motions(points, _pivot(places), self.size)
+        values[:, :2, 3] = _stretched(self, points)
+        values[:, [2, 4], 3] = material.stretch * np.array([1.0, material.nu_out])
+        return values
 
     def destroy(self) -> None:
         """Free nothing: a half-plane holds no objects of PETSc."""
@@ -224,7 +318,7 @@ def material_of(scene: Scene) -> HalfPlaneMaterial:
     return plane_material(material.young, material.poisson, material.kinematics == "plane stress")
 
 
-def stretched(part: HalfPlane, points: Array) -> Array:
+def _stretched(part: HalfPlane, points: Array) -> Array:
     """Return displacements (m, 2) of points under unit strain along a surface free of tractions."""
     apart = points - _pivot(part.contact.points)
     return apart * [1.0, -part.material.contraction]
@@ -299,3 +393,23 @@ def _far_field(scene: Scene) -> FarField:
                     "a support holds; drop the support"
                 )
     return FarField(free, force, moved, sign)
+
+
+def _window_mesh(part: HalfPlane) -> BodyMesh:
+    """Return the mesh of the window that pictures show, on all ranks."""
+    length = part.surface.length
+    width, depth = part.scene.body.window or (2.0 * length, length)
+    edge = part.scene.contacts[0].edge
+    x, y = 0.5 * (part.contact.points.min(axis=0) + part.contact.points.max(axis=0))
+    body = replace(
+        part.scene.body,
+        shape="rectangle",
+        width=width,
+        height=depth,
+        position=(float(x), float(y) - (depth if edge == "top" else 0.0)),
+    )
+    mesh = replace(part.scene.mesh, contact_elements=160, growth=1.05, cell="triangle")
+    scene = replace(
+        part.scene, body=body, mesh=mesh, contacts=(Contact(edge=edge),), loads=(), supports=()
+    )
+    return make_meshes(part.comm, scene, half=False)[0]

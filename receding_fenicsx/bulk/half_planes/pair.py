@@ -73,13 +73,17 @@ def join_half_planes(a: HalfPlane, b: HalfPlane, load_names: tuple[str, ...]) ->
     moved_b = stiffness.moved_by(b.compliance)
     turned = moved_b @ modes
     dofs = np.arange(count)
+    none = np.zeros_like(found.r_star)
     return JoinedBodies(
         found.K,
         found.r_star,
         found.compliance,
         relative.sign,
         np.zeros(count, dtype=bool),
+        none,
         scaled(modes[:, free]),
         (turned @ on_u - moved_b + modes @ b_on_u, turned @ on_loads + modes @ b_on_loads),
         tuple(Motion(dofs, np.full(count, factor), dofs, dofs) for factor in (1.0, 0.0)),
+        (np.eye(n), none),
+        none,
     )

@@ -36,7 +36,7 @@ from receding_fenicsx.output.snapshots.view import units_of, view_of
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.stack import Bodies
+    from receding_fenicsx.bulk.stack import Stack
 
 FILM_DPI = 171.0
 """Dots per inch of a frame, for a width of 1280 pixels."""
@@ -74,7 +74,7 @@ class Scenario:
 
 
 def animate(
-    bulk: Bodies,
+    bulk: Stack,
     scenario: Scenario | None,
     quantity: Quantity,
     path: Path,
@@ -120,7 +120,7 @@ def animate(
 
 
 def draw_frames(
-    bulk: Bodies,
+    bulk: Stack,
     film: Scenario,
     fields: list[Fields],
     quantity: Quantity,

@@ -39,11 +39,11 @@ from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.timing import Countdown, Say
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.stack import Bodies
+    from receding_fenicsx.bulk.stack import Stack
 
 
 def snapshots(
-    bulk: Bodies,
+    bulk: Stack,
     instants: Sequence[Instant],
     folder: Path,
     quantities: tuple[Quantity, ...] = QUANTITIES,
@@ -100,7 +100,7 @@ def _name(now: Instant) -> str:
     return f"cycle{now.cycle:04d}_leg{now.leg}_s{now.s:.3f}"
 
 
-def _solve(bulk: Bodies, now: Instant, file: Path) -> View | None:
+def _solve(bulk: Stack, now: Instant, file: Path) -> View | None:
     """Solve for the fields of an instant and write them; return its view on rank 0; collective."""
     parts = solve_fields(bulk, now.load, np.concatenate([now.v, now.state.w]))
     fields, cell_stress = gather_fields(parts), gather_cell_stresses(parts)

@@ -24,13 +24,13 @@ from receding_fenicsx.output.snapshots.render import find_renderer
 from receding_fenicsx.output.snapshots.view import Units, units_of, view_of
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.stack import Bodies
+    from receding_fenicsx.bulk.stack import Stack
 
 NO_FORCE = 1e-9
 """Reaction over the largest one below which a node without a direction of slip is open."""
 
 
-def draw(bulk: Bodies, critical: CriticalFriction | None, file: Path) -> Path | None:
+def draw(bulk: Stack, critical: CriticalFriction | None, file: Path) -> Path | None:
     """Draw the body deformed by a mode (rank 0's), without loads, at the mode's friction.
 
     Raises:

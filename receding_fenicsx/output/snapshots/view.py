@@ -23,7 +23,7 @@ from receding_fenicsx.scene.profiles import directions, evaluate
 from receding_fenicsx.scene.units import Units as SceneUnits
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.stack import Bodies
+    from receding_fenicsx.bulk.stack import Stack
 
 LARGEST_DISPLACEMENT = 0.1
 """Largest exaggerated displacement in a picture, over the size of the view."""
@@ -138,7 +138,7 @@ class View:
         return self.strips[0].state
 
 
-def view_of(bulk: Bodies, fields: Fields, instant: Instant, units: Units | None = None) -> View:
+def view_of(bulk: Stack, fields: Fields, instant: Instant, units: Units | None = None) -> View:
     """Return the view of the whole body at one instant, on rank 0.
 
     Args:
@@ -183,7 +183,7 @@ def view_of(bulk: Bodies, fields: Fields, instant: Instant, units: Units | None 
 
 
 def _contact(
-    bulk: Bodies, fields: Fields, instant: Instant, units: Units, unit: float
+    bulk: Stack, fields: Fields, instant: Instant, units: Units, unit: float
 ) -> tuple[tuple[Strip, ...], Array, Array, Friction]:
     """Return the contact edges of the whole body, and p, q and f on the first of them."""
     scene, found = bulk.scene, whole_contact(bulk, instant)
@@ -207,7 +207,7 @@ def _contact(
     return tuple(strips), p, q, Friction(forward, backward)
 
 
-def units_of(bulk: Bodies, fields: list[Fields], load: Array, symbol: str = "") -> Units:
+def units_of(bulk: Stack, fields: list[Fields], load: Array, symbol: str = "") -> Units:
     """Choose the units of one picture, or of several pictures with the same units.
 
     Args:
@@ -226,7 +226,7 @@ def units_of(bulk: Bodies, fields: list[Fields], load: Array, symbol: str = "") 
     return Units(factor, traction, symbol or own) if traction else Units(factor, 1.0, "")
 
 
-def _size(bulk: Bodies, fields: Fields) -> tuple[float, bool]:
+def _size(bulk: Stack, fields: Fields) -> tuple[float, bool]:
     """Return the size of a view in the scene's units, and whether it is a close-up."""
     length = float(np.linalg.norm(np.ptp(bulk.contact.points, axis=0)))
     length *= 2.0 if bulk.body.half else 1.0

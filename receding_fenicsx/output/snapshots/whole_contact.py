@@ -17,7 +17,7 @@ from receding_fenicsx.scene.one_body import in_order
 from receding_fenicsx.scene.profiles import evaluate
 
 if TYPE_CHECKING:
-    from receding_fenicsx.bulk.stack import Bodies
+    from receding_fenicsx.bulk.stack import Stack
 
 
 @dataclass(frozen=True)
@@ -57,7 +57,7 @@ class WholeContact:
     shown: NDArray[np.int8]
 
 
-def whole_contact(bulk: Bodies, instant: Instant) -> WholeContact:
+def whole_contact(bulk: Stack, instant: Instant) -> WholeContact:
     """Return the whole contact of a body or of several at one instant.
 
     Args:

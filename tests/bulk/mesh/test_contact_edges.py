@@ -9,11 +9,10 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built
+from bodies import CELLS, block, built, condense
 from msh import turned, write_msh
 
 from receding_fenicsx import evolve
-from receding_fenicsx.bulk.condensation import condense
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.evolution.record import Record

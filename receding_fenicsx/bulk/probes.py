@@ -8,20 +8,15 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.acting.thermal import thermal_strain
 from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.loads import thermal_strain
 from receding_fenicsx.bulk.material import linear_stresses, unit_stress
 from receding_fenicsx.bulk.mesh.rectangle import POSITION_TOLERANCE
-from receding_fenicsx.bulk.probes.shape_functions import (
-    CELL_TOLERANCE,
-    mapped,
-    middle,
-    reference,
-    shape_functions,
-    touches,
-)
 from receding_fenicsx.errors import MeshMisfit
 from receding_fenicsx.mpi import on_all
+
+CELL_TOLERANCE = 1e-9
+"""Distance from a cell, over its size, up to which it touches a point."""
 
 
 @dataclass(frozen=True)
@@ -83,23 +78,23 @@ def _in_own_cells(bulk: Bulk, points: Array) -> list[tuple[int, Ints, Array, Arr
     """Return point, dofs, values (6, dofs) and thermal strains of this rank's cells at points."""
     mesh, dofmap = bulk.body.mesh, bulk.space.dofmap
     owned = mesh.topology.index_map(2).size_local
-    width = len(_dolfinx.REFERENCE_CORNERS[bulk.body.cell])
     corners = mesh.geometry.x[_dolfinx.cell_nodes(mesh)[:owned], :2]
     low, high = corners.min(axis=1), corners.max(axis=1)
     slack = CELL_TOLERANCE * (high - low).max(axis=1, initial=0.0)[:, None]
-    coordinates = bulk.space.tabulate_dof_coordinates()[:, :2]
+    cell_type, degree = bulk.body.cell, bulk.scene.mesh.degree
+    midpoint = _dolfinx.REFERENCE_CORNERS[cell_type].mean(axis=0)
     found = []
     for i, point in enumerate(points):
         near = np.all((point >= low - slack) & (point <= high + slack), axis=1)
         for cell in np.flatnonzero(near):
-            at = reference(corners[cell], point)
-            if not touches(at, width):
+            at = reference(cell_type, corners[cell], point)
+            if not touches(cell_type, at):
                 continue
             local = dofmap.cell_dofs(int(cell))
             numbers = dofmap.index_map.local_to_global(local.astype(np.int32)).astype(np.int64)
             dofs = (2 * numbers[:, None] + np.arange(2)).ravel()
-            shape, gradient = shape_functions(corners[cell], coordinates[local], at)
-            place = point if len(local) > width else mapped(corners[cell], middle(width))[0]
+            shape, gradient = shape_functions(cell_type, degree, corners[cell], at)
+            place = point if degree > 1 else mapped(cell_type, corners[cell], midpoint)[0]
             strain = thermal_strain(bulk.scene, bulk.load_names, place)
             found.append((i, dofs, _values(bulk, shape, gradient, point), strain))
     return found
@@ -118,3 +113,42 @@ def _values(bulk: Bulk, shape: Array, gradient: Array, point: Array) -> Array:
     values[0, ::2], values[1, 1::2] = shape, shape
     values[2:] = linear_stresses(bulk.scene.material, caused).reshape(2 * n, 4).T
     return values
+
+
+def mapped(cell: str, corners: Array, at: Array) -> tuple[Array, Array]:
+    """Return the place of reference coordinates in a cell, and its Jacobian dx/dX."""
+    value, slopes = _dolfinx.tabulated(cell, 1, at[None])
+    return value[0] @ corners, (slopes[:, 0] @ corners).T
+
+
+def reference(cell: str, corners: Array, point: Array) -> Array:
+    """Return the reference coordinates of a point of a cell; NaN where there are none."""
+    at = np.full(2, 0.5)
+    # Newton's method; the map of a triangle is linear
+    for _ in range(1 if cell == "triangle" else 20):
+        place, jacobian = mapped(cell, corners, at)
+        if np.linalg.det(jacobian) == 0.0:
+            return np.full(2, np.nan)
+        at = at + np.linalg.solve(jacobian, point - place)
+    off = np.abs(mapped(cell, corners, at)[0] - point).max()
+    return at if off <= CELL_TOLERANCE * np.ptp(corners, axis=0).max() else np.full(2, np.nan)
+
+
+def touches(cell: str, at: Array) -> bool:
+    """Return whether reference coordinates lie in a cell, or on its boundary up to round-off."""
+    inside = at.min() >= -CELL_TOLERANCE
+    far = at.sum() if cell == "triangle" else at.max()
+    return bool(inside and far <= 1.0 + CELL_TOLERANCE)
+
+
+def shape_functions(cell: str, degree: int, corners: Array, at: Array) -> tuple[Array, Array]:
+    """Return values (n,) and gradients (n, 2) of a cell's shape functions.
+
+    Args:
+        cell: "triangle" or "quadrilateral".
+        degree: degree of the element.
+        corners: the cell's corners.
+        at: reference coordinates.
+    """
+    value, slopes = _dolfinx.tabulated(cell, degree, at[None])
+    return value[0], slopes[:, 0].T @ np.linalg.inv(mapped(cell, corners, at)[1])

@@ -1,31 +1,35 @@
-r"""Springs between parallel edges of two bodies.
+r"""Springs: between an edge or a point and the ground, and between parallel edges of two bodies.
 
-With $J = u_1 - u_2$ the displacement of the edge relative to the point straight across, and $d$ the
-edge's normal $n$ or tangent $t$, they have the energy $\frac{1}{2} \int k_d (J \cdot d)^2 dA$. With
-the shape functions $N_i$ of the edge, whose nodes are those across,
+Those to the ground add their part to $A$ and hold the rigid motions that they resist.
+
+With $J = u_1 - u_2$ the displacement of an edge of a body relative to the point straight across on
+the other body, and $d$ the edge's normal $n$ or tangent $t$, springs between these have the energy
+$\frac{1}{2} \int k_d (J \cdot d)^2 dA$. With the shape functions $N_i$ of the edge, whose nodes are
+those across,
 $D_i = \int N_i\, J \cdot d \, dA$ and $M_{ij} = \int N_i N_j \, dA$ it is
 $\frac{1}{2} k_d D^T M^{-1} D$. So the unit loads $N_i d$ on the edge and $-N_i d$ across, of which
 $D$ are the work-conjugates, have the factors $F = -k_d M^{-1} D$, as bolts have without tightening
-(:mod:`~receding_fenicsx.bulk.acting.bolts`).
+(:mod:`~receding_fenicsx.bulk.closures`).
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Mapping
 from itertools import count
 
 from petsc4py import PETSc
 
 import numpy as np
+from dolfinx import fem
 from scipy.linalg import block_diag
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.acting.bolts import closed, without_lengthening
 from receding_fenicsx.bulk.body import Bulk
+from receding_fenicsx.bulk.constraints import nodes_at
 from receding_fenicsx.bulk.edges import edge_facets, edge_nodes, facet_mass
-from receding_fenicsx.bulk.join_bodies import JoinedBodies
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.bulk.mesh.meshing import BodyMesh
+from receding_fenicsx.bulk.rigid_motions import motions
+from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.mpi import on_all
 from receding_fenicsx.scene.model import Scene, Spring
 
@@ -35,8 +39,73 @@ STRAIGHT = 1e-9
 """Difference of unit normals, and distance over the edge's length, that is round-off."""
 
 
-def add_links(scene: Scene, parts: Sequence[Bulk]) -> Array:
-    """Append the unit loads of all springs between two bodies to these; collective.
+def add_springs(matrix: PETSc.Mat, space: fem.FunctionSpace, body: BodyMesh, scene: Scene) -> None:
+    """Add int (k_n n n + k_t t t) N_i N_j dA / E to A, and k / E at points.
+
+    A is then to be assembled.
+    """
+    for point, stiffness in _single(scene):
+        # of a ring the stiffness per radian
+        size = scene.material.young * (2.0 * np.pi if scene.axisymmetric else 1.0)
+        for node in nodes_at(space, body, point)[0]:
+            row = (2 * node + np.arange(2)).astype(PETSc.IntType)
+            values = np.diag(stiffness) / size
+            matrix.setValues(row, row, values, addv=PETSc.InsertMode.ADD_VALUES)
+    for spring in _foundations(scene):
+        facets = edge_facets(space, body, spring.edge, spring.span)
+        n, nodes = facets.nodes.shape
+        normal = np.einsum("fa,fb->fab", facets.outward, facets.outward)
+        k = spring.normal * normal + spring.tangential * (np.eye(2) - normal)
+        mass = facet_mass(scene, facets) / scene.material.young
+        values = np.einsum("fij,fab->fiajb", mass, k).reshape(n, 2 * nodes, 2 * nodes)
+        rows = (2 * facets.nodes[:, :, None] + np.arange(2)).reshape(n, 2 * nodes)
+        for row, block in zip(rows.astype(PETSc.IntType), values, strict=True):
+            matrix.setValues(row, row, block, addv=PETSc.InsertMode.ADD_VALUES)
+
+
+def spring_rows(space: fem.FunctionSpace, body: BodyMesh, scene: Scene) -> Array:
+    """Return (m, 3) components of the rigid motions that the springs resist; on every rank.
+
+    Raises:
+        MeshMisfit: no node lies at the point of a spring; on all ranks.
+    """
+    rows = [np.empty((0, 3))]
+    foundations = _foundations(scene)
+    found = on_all(
+        body.mesh.comm,
+        lambda: [edge_facets(space, body, part.edge, part.span) for part in foundations],
+    )
+    for spring, facets in zip(foundations, found, strict=True):
+        count = facets.nodes.shape[1]
+        moved = motions(facets.points.reshape(-1, 2), body.pivot, body.size)
+        along = np.column_stack([-facets.outward[:, 1], facets.outward[:, 0]])
+        for stiffness, axis in ((spring.normal, facets.outward), (spring.tangential, along)):
+            if stiffness > 0.0:
+                rows.append(np.einsum("nak,na->nk", moved, np.repeat(axis, count, axis=0)))
+    single = _single(scene)
+    places = on_all(
+        body.mesh.comm, lambda: [nodes_at(space, body, point)[1] for point, _ in single]
+    )
+    for (point, values), place in zip(single, places, strict=True):
+        if not body.mesh.comm.allreduce(len(place)):
+            raise MeshMisfit(f"[[spring]] at {point}: no node lies there; move it")
+        moved = motions(place, body.pivot, body.size)
+        rows += [moved[:, k] for k, value in enumerate(values) if value > 0.0]
+    return np.concatenate(body.mesh.comm.allgather(np.concatenate(rows)))
+
+
+def _single(scene: Scene) -> list[tuple[tuple[float, float] | str, tuple[float, float]]]:
+    """Return the points of springs at points, and their stiffness along x and y."""
+    return [(part.point, (part.x, part.y)) for part in scene.springs if part.point is not None]
+
+
+def _foundations(scene: Scene) -> list[Spring]:
+    """Return the springs between an edge and the ground."""
+    return [part for part in scene.springs if part.edge and part.against is None]
+
+
+def add_links(scene: Scene, parts: Mapping[str, Bulk]) -> Array:
+    """Append the unit loads of all springs between two bodies to these, by name; collective.
 
     Returns:
         M / k_d (m, m) of the m unit loads, on every rank.
@@ -48,7 +117,7 @@ def add_links(scene: Scene, parts: Sequence[Bulk]) -> Array:
     number = count()
     for spring in (part for part in scene.springs if part.against is not None):
         named = [scene.find_edge(edge) for edge in (spring.edge, spring.against or "")]
-        a, b = (next(p for p in parts if p.scene.body.name == body.name) for body, _ in named)
+        a, b = (parts[body.name] for body, _ in named)
         nodes, places = edge_nodes(a.space, a.body, named[0][1], spring.span)
         mass, normal = _mass(a, named[0][1], spring, nodes)
         others, beyond = edge_nodes(b.space, b.body, named[1][1], None)
@@ -112,28 +181,3 @@ def _append(part: Bulk, name: str, nodes: Ints, forces: Array) -> None:
         untied.destroy()
     part.loads.append(vector)
     part.load_names = (*part.load_names, name)
-
-
-def with_links(joined: JoinedBodies, soft: Array) -> JoinedBodies:
-    """Return joined bodies in which the last loads have the factors of springs between them.
-
-    Args:
-        joined: the bodies, with the unit loads.
-        soft: M / k_d, from :func:`add_links`.
-    """
-    n = len(joined.r_star) - len(soft)
-    at, labels = np.arange(n, n + len(soft)), ["[[spring]]"] * len(soft)
-    T, G = closed(joined.compliance, joined.r_star, at, soft, labels)
-    T = T[:, :n]
-    K = joined.K + joined.r_star.T @ G
-    rest, rest_load = joined.rest
-    return replace(
-        joined,
-        K=0.5 * (K + K.T),
-        r_star=T.T @ joined.r_star,
-        compliance=(joined.compliance @ T)[:n],
-        sign=joined.sign[:n],
-        rigid=without_lengthening(joined.rigid, joined.r_star[n:]),
-        rest=(rest + rest_load @ G, rest_load @ T),
-        links=(T[n:], G[n:]),
-    )
