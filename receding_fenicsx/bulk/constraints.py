@@ -182,7 +182,8 @@ def _platens(
                 )
         touches = np.flatnonzero(np.isin(nodes, contact))
         if len(touches) > 1:
-            at = " and ".join(f"({x:.6g}, {y:.6g})" for x, y in places[touches[[0, -1]]])
+            ends = sorted(places[touches].tolist())
+            at = " and ".join(f"({x:.6g}, {y:.6g})" for x, y in (ends[0], ends[-1]))
             raise InputError(
                 f"load '{name}': its platen on '{edge}' joins contact nodes, as those at {at}; "
                 "restrict it by a span, or give it a pressure or traction instead"
