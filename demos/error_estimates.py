@@ -100,8 +100,7 @@ class Case:
         scene = rf.read_scene(HERE / of, self.overrides) if isinstance(of, str) else of()
         is_long = scene.history.until == "steady" and scene.history.cycles > 50
         history = replace(scene.history, until="limit" if is_long else None)
-        solver = replace(scene.solver, overshoot=1e-4)
-        scene = replace(scene, history=history, solver=solver, output=rf.OutputOptions(1, ()))
+        scene = replace(scene, history=history, output=rf.OutputOptions(1, ()))
         if not self.doubled:
             mesh = replace(scene.mesh, cell=kind.cell, degree=kind.degree, growth=kind.growth)
             scene = replace(scene, mesh=replace(mesh, contact_elements=BASE))

@@ -30,11 +30,8 @@ BULK_ELEMENTS = 12
 """Contact elements with which a body with graded edges has at most a growth of 2."""
 MIN_ELEMENTS = 8
 """Smallest number of contact elements of a mesh."""
-OVERSHOOT = 1e-4
-"""Part of the largest drift by which nodes may pass the limit. On meshes that are not symmetric
-parts of 1e-6 to 1e-4 are common; they move the dissipation by less than 1e-8."""
 LIMIT_CYCLES = 50
-"""Cycles that a history must allow to be left for its limit, which mostly takes 15."""
+"""Cycles that a history must allow to be left for its limit."""
 EXACT_PLAYING = (None, "events", "first")
 """Steady tolerance, method and branch of a history that is left for its limit."""
 SEARCH_RATIO = 1.6
@@ -117,15 +114,14 @@ def graded_at_ends(scene: Scene, sizes: Sequence[float]) -> Scene:
 def to_limit(scene: Scene) -> Scene:
     """Return a scene whose cycles end in their limit, where it plays them until they are steady.
 
-    The limit takes fewer cycles, and does not depend on where playing stops. A scene of few cycles,
+    The limit does not depend on where playing stops. A scene of few cycles,
     or with a steady tolerance of its own, is returned as it is.
     """
     history, solver = scene.history, scene.solver
     playing = (solver.steady_tolerance, solver.method, solver.branch)
     if history.until != "steady" or history.cycles < LIMIT_CYCLES or playing != EXACT_PLAYING:
         return scene
-    solver = replace(solver, overshoot=max(solver.overshoot, OVERSHOOT))
-    return replace(scene, history=replace(scene.history, until="limit"), solver=solver)
+    return replace(scene, history=replace(scene.history, until="limit"))
 
 
 def doublings(scene: Scene) -> list[int]:

@@ -13,7 +13,7 @@ from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.cycle_data import end_of
 from receding_fenicsx.evolution.histories.corners import with_corners
 from receding_fenicsx.evolution.journal import Journal
-from receding_fenicsx.evolution.limit.jump import LimitSearch, Progress
+from receding_fenicsx.evolution.limit.search import LimitSearch, Progress
 from receding_fenicsx.evolution.problem import Problem, problem_of_history, problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState

@@ -134,14 +134,11 @@ class Limit:
     Attributes:
         reached: True when a cycle that repeats itself was found, played and checked.
         cycle: its number in the record, the last one; -1 when not reached.
-        cycles_played: cycles played from cycle 1, with and without frozen nodes, those of searches
-            that found nothing too.
-        newton_steps: Newton steps.
-        residual: change of the forces over the cycle, or natural map of drifts and margins, over
-            the largest force; the larger one. NaN without a search.
-        unique: 1 when the limit does not depend on the start, to first order; 0 when that is not
-            certain; -1 when it was not examined.
-        reason: why it was reached or not, and is unique or not, in words.
+        cycles_played: cycles played from cycle 1, those of searches too.
+        residual: change of the forces over the cycle, over the largest force. NaN without a search.
+        unique: 1 when all cycles to come were followed to the limit, so that the history comes to
+            it and to no other one; -1 when that is not known.
+        reason: why it was reached or not, in words.
         jumped: True when the cycle starts where it ends itself; in ratchetting, by its rigid walk
             behind that.
     """
@@ -149,7 +146,6 @@ class Limit:
     reached: bool
     cycle: int
     cycles_played: int
-    newton_steps: int
     residual: float
     unique: int
     reason: str

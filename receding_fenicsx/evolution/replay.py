@@ -9,7 +9,6 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.instants import Instant, instant, rest_state
-from receding_fenicsx.evolution.limit.walking import walk_of, walking_motions
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.solvers import make_solver
 from receding_fenicsx.interface.branches.choice import chooser_for
@@ -17,6 +16,7 @@ from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.measures.steady import RATCHETTING
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
+from receding_fenicsx.interface.rigid_motions import neutral_motions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 from receding_fenicsx.scene.history import History, history_from_scene, leg_number
 from receding_fenicsx.scene.model import Scene, SolverOptions
@@ -91,8 +91,11 @@ def _start(record: Record, system: ContactSystem, row: int, leg: int) -> Contact
     jumped = leg == 0 and row > 0 and row == len(table.s) - 1
     if jumped and record.steady.kind == RATCHETTING:
         slip = record.cycles.slip_increment[-1][~mirror_of(system).left]
-        touches = start.state != State.SEPARATION
-        start.u[: system.n] -= walk_of(walking_motions(system), slip, touches)
+        touches, kept = start.state != State.SEPARATION, system.held.copy()
+        kept[system.n :] = True
+        motions = neutral_motions(system.rigid, kept)[: system.n]
+        walk = np.linalg.lstsq(motions[touches], slip[touches], rcond=None)[0]
+        start.u[: system.n] -= motions @ walk
     return start
 
 

@@ -180,8 +180,6 @@ class SolverOptions:
             below which the cycle is steady. What slips gain and how the dissipation changes are
             compared with 100 times this tolerance, relative to themselves. Default: 1e-8, and 1e-10
             for the limit of infinitely many cycles.
-        overshoot: part of the largest drift by which nodes may slip beyond the limit of infinitely
-            many cycles on the way to it.
         on_jump: "stop" or "static", where no quasi-static continuation exists.
         branch: where several continuations exist, "first" takes the one found first, "least
             dissipation" or "most dissipation" the one that dissipates at the least or highest rate,
@@ -199,7 +197,6 @@ class SolverOptions:
     steady_tolerance: float | None = None
     on_jump: str = "stop"
     branch: str | int = "first"
-    overshoot: float = 0.0
 
 
 @dataclass(frozen=True)

@@ -51,8 +51,6 @@ def check_solver(solver: SolverOptions) -> None:
         check_positive(value, f"[solver] {key}")
         if value >= 1.0:
             raise InputError(f"[solver] {key}: is relative; must be below 1")
-    if not 0.0 <= solver.overshoot < 1.0:
-        raise InputError("[solver] overshoot: is a part of the drifts; must be 0 or more, below 1")
     if not 0.0 < solver.over_relaxation < 2.0:
         raise InputError(
             f"[solver] over_relaxation: must be between 0 and 2, not {solver.over_relaxation:g}; "

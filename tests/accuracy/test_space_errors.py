@@ -11,7 +11,7 @@ import pytest
 from receding_fenicsx import study
 from receding_fenicsx.accuracy import space_errors
 from receding_fenicsx.accuracy.estimate import Level, estimated_error, estimates_of, observed_order
-from receding_fenicsx.accuracy.meshes import OVERSHOOT, scaled_mesh, to_limit
+from receding_fenicsx.accuracy.meshes import scaled_mesh, to_limit
 from receding_fenicsx.accuracy.numbers import Number, headline
 from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution.evolve import evolve_bare
@@ -402,8 +402,7 @@ def test_cycles_played_until_steady_are_left_for_their_limit() -> None:
     """Only the path's limit, for a history that has the cycles to find it."""
     steady = read_scene(DEMOS / "block.toml", ["mesh.contact_elements=32"])
     limit = to_limit(steady)
-    solver = replace(steady.solver, overshoot=OVERSHOOT)
-    assert limit == replace(steady, history=replace(steady.history, until="limit"), solver=solver)
+    assert limit == replace(steady, history=replace(steady.history, until="limit"))
     for override in (
         "history.cycles=20",
         "solver.steady_tolerance=1e-6",

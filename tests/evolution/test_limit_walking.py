@@ -9,7 +9,7 @@ from replay import replay
 from small import table, walker
 
 from receding_fenicsx.evolution.evolve import evolve
-from receding_fenicsx.evolution.limit import jump
+from receding_fenicsx.evolution.limit import search
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.interface.system import ContactSystem
@@ -39,7 +39,7 @@ def test_the_limit_of_a_walk_is_that_of_plain_cycles(walk: Record) -> None:
     solver = SolverOptions(steady_tolerance=1e-10)
     plain = evolve(*rocked(0.195), solver, until="steady")
     assert plain.steady.kind == walk.steady.kind == "ratchetting" and plain.steady.cycle > 15
-    assert walk.limit is not None and walk.limit.jumped and walk.limit.cycles_played <= 12
+    assert walk.limit is not None and walk.limit.jumped and walk.limit.cycles_played < 15
     force = plain.turning_points.P.max()
     for name in ("P", "Q"):
         a, b = (getattr(record.turning_points, name)[-1] for record in (walk, plain))
@@ -71,7 +71,7 @@ def test_the_summary_tells_the_rate_of_walking(walk: Record) -> None:
 @pytest.mark.parametrize("until", ["search", "play"])
 def test_two_feet_walk_by_the_closed_form(monkeypatch: pytest.MonkeyPatch, until: str) -> None:
     # as in tests/interface/exact/test_path.py: each foot gains 0.4/k a cycle
-    monkeypatch.setattr(jump, "FIRST_SEARCH", 1 if until == "search" else 3)
+    monkeypatch.setattr(search, "FIRST_SEARCH", 1 if until == "search" else 3)
     path = [[0, 0, 0], [1, 0, 0], [1, 0.5, 0], [1, 0.5, 0.9]]
     loop = [[1, 0.5, 0.9], [1, 0.5, -0.9], [1, 0.5, 0.9]]
     record = evolve(walker(4.0), table(walker(4.0), path, loop, 20), until="limit")

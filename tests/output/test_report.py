@@ -243,7 +243,7 @@ def test_a_limit_of_a_period_reports_the_mean_over_it(period: int) -> None:
         found,
         cycles=dataclasses.replace(found.cycles, dissipation=D),
         steady=dataclasses.replace(found.steady, reached=True, cycle=4, period=period),
-        limit=Limit(True, 4, 9, 0, 0.0, -1, "", True),
+        limit=Limit(True, 4, 9, 0.0, -1, "", True),
     )
     limit = rf.summarise(found)["limit"]
     assert limit["dissipation"] == D[-period:].mean() and limit["period"] == period

@@ -149,7 +149,6 @@ RULES: list[tuple[str, str, str, str]] = [
     ("block", "solver.branch=0", "[solver] branch", "solver.branch=1"),
     ("block", "solver.branch=third", "[solver] branch", 'solver.branch="most dissipation"'),
     ("block", "solver.over_relaxation=2", "between 0 and 2", "solver.over_relaxation=1.99"),
-    ("block", "solver.overshoot=1", "[solver] overshoot", "solver.overshoot=0"),
     ("block", "output.samples_per_leg=0", "samples_per_leg", "output.samples_per_leg=1"),
     ("block", "output.cycles=[401]", "cycle 401 does not occur", "output.cycles=[0, 400]"),
     ("block", "output.cycles=[-1]", "cycle -1 does not occur", "output.cycles=[]"),

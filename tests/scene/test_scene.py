@@ -194,7 +194,6 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["solver.method=jacobi"], ["[solver] method", "gauss-seidel"]),
         (["solver.symmetry=full"], ["[solver] symmetry", "auto"]),
         (["solver.over_relaxation=2"], ["[solver] over_relaxation"]),
-        (["solver.overshoot=-1e-9"], ["[solver] overshoot", "0 or more"]),
         (["solver.steps_per_leg=0"], ["[solver] steps_per_leg", "positive"]),
         (["solver.residual_tolerance=1"], ["[solver] residual_tolerance", "below 1"]),
         (["output.samples_per_leg=-1"], ["[output] samples_per_leg", "positive"]),

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx import cli, study
-from receding_fenicsx.accuracy.meshes import OVERSHOOT, is_refined, scaled_mesh, to_limit
+from receding_fenicsx.accuracy.meshes import is_refined, scaled_mesh
 from receding_fenicsx.accuracy.numbers import headline
 from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
 from receding_fenicsx.mpi import on_root
@@ -128,23 +128,6 @@ def test_a_mesh_file_that_cannot_be_graded_is_refused_where_that_is_asked(
     with pytest.raises(InputError, match="grading: this mesh file is refined uniformly"):
         study.run(scene, shared_tmp_path / "run", PLAIN, COMM)
     assert not (shared_tmp_path / "run").exists()
-
-
-def test_limits_that_nodes_of_unsymmetric_meshes_pass_by_little_are_taken(
-    shared_tmp_path: Path,
-) -> None:
-    """They move the steady dissipation by far less than that part."""
-    scene = own_msh(shared_tmp_path)
-    history = replace(scene.history, cycles=400, until="limit")
-    exact = replace(scene, history=history, mesh=replace(scene.mesh, refinements=1))
-    near = to_limit(replace(exact, history=replace(history, until="steady")))
-    played, found = (study.run(each, None, PLAIN, COMM) for each in (exact, near))
-    if played is None or found is None:
-        return
-    assert found.limit is not None and played.limit is not None
-    assert found.limit.cycles_played < 0.6 * played.limit.cycles_played
-    D, near_D = played.cycles.dissipation, found.cycles.dissipation
-    assert near_D[-1] == pytest.approx(D[-1], rel=1e-3 * OVERSHOOT)
 
 
 def test_refinements_belong_to_mesh_files() -> None:

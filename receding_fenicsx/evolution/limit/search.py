@@ -1,201 +1,250 @@
-"""Search for the state whose cycle repeats itself for ever, from the start of some cycle."""
+"""Search for the limit between the cycles of a history, and check of the cycle found."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
-from itertools import pairwise
+from collections.abc import Callable
+from dataclasses import replace
+from itertools import count, pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
-from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.limit.drifts import at_risk
-from receding_fenicsx.evolution.limit.frozen import Budget, Frozen, NoLimit
-from receding_fenicsx.evolution.limit.frozen_cycle import MovedCycle
-from receding_fenicsx.evolution.limit.newton import REPEATS, Solution, approach
-from receding_fenicsx.evolution.limit.sorting import Sorted, sort_nodes
-from receding_fenicsx.interface.exact.legs import widen
+from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle, end_of, new_watch
+from receding_fenicsx.evolution.instants import Instant, instant
+from receding_fenicsx.evolution.limit.tail import NoLimit, Tail, follow
+from receding_fenicsx.evolution.limit.traced import trace
+from receding_fenicsx.evolution.problem import Problem
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.evolution.record_data import Limit, Steady
+from receding_fenicsx.evolution.run_state import Position, RunState
+from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
-from receding_fenicsx.interface.law import SLIP_SIGN, STICK
-from receding_fenicsx.interface.measures.steady import SLIP_ROUND_OFF
+from receding_fenicsx.interface.law import STICK
+from receding_fenicsx.interface.measures.steady import (
+    CYCLIC_SLIP,
+    RATCHETTING,
+    SHAKEDOWN,
+    SteadyWatch,
+)
+from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.residual import local_stiffness
-from receding_fenicsx.interface.solver import Solver
-from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
+from receding_fenicsx.interface.system import ContactState, reactions
 
-MAX_SORTS = 10
-"""Sortings of the nodes after which the search is given up."""
+Progress = Callable[[int, int, str], None]
+"""Called as progress(cycle, cycles, message) after every cycle."""
 
-VIOLATED = 1e-11
-"""Margin of a frozen node below zero, over the largest nodal force, that is no round-off."""
+FIRST_SEARCH = 2
+"""Cycle after which the limit is searched for first; then after 3, 4, 6, 8, 12, ... of them."""
 
-CERTAIN = 2.0
-"""Margin of a frozen node below zero, over the natural map of those that drift, by which it slips
-in the limit, too."""
+MAX_PLAYED = 2000
+"""Cycles that one search may play. Most searches play one, few more than fifty; the last one goes
+on with the history where that has ended without a limit."""
 
-FEW = 2
-"""Nodes freed before any Newton step below which one is taken before the next sorting: there the
-zone of those that slip both ways grows node by node."""
+MAX_CHECKS = 10
+"""Cycles played from the one that was found until the states at start and end are the same, which
+round-off may tell; load steps come to a cycle of their own."""
+
+NO_GAIN = 1e-10
+"""Slip that the cycle found adds, over the largest displacement, that is an error of the drifts."""
+
+PROVED = "the cycles played last go on in the same order of events and come to this one"
+"""What is said of a limit."""
+
+IN_STEPS = "load steps play a cycle of their own from the limit of the exact path"
+"""What is said of the limit of load steps."""
 
 
-@dataclass(frozen=True)
-class Candidate:
-    """State at the start of a cycle that should repeat itself.
+class LimitSearch:
+    """Searches for the limit between the cycles of a history.
+
+    What it does follows from the cycle's number and the cycles before alone, so that a resumed run
+    repeats it.
 
     Attributes:
-        state: the state.
-        steps: Newton steps.
-        residual: natural map of drifts and margins, over the largest nodal force; of a body that
-            walks, change of the forces.
-        found: contact and cycle with frozen nodes; None for a body that walks.
-        moved: derivatives of the cycle in the shifts; None where no node drifts.
+        limit: what has been found so far.
+        steady: the steady state that was found, None before.
+        searched: cycles that all searches have played, those that failed too.
     """
 
-    state: ContactState
-    steps: int
-    residual: float
-    found: tuple[Frozen, Solution] | None = None
-    moved: MovedCycle | None = None
+    def __init__(self, problem: Problem, cycles: list[FinishedCycle]) -> None:
+        """Repeat the searches that a run made before it was resumed after some cycles."""
+        self.problem = problem
+        self.limit = Limit(False, -1, 0, np.nan, -1, "the search has not begun")
+        self.steady: Steady | None = None
+        self.searched = 0
+        self._model = replace(frictional_form(problem.system), probes=None)
+        self._exact, self._segments = EventPath(self._model), Segments(self._model)
+        for number in filter(self.is_due, range(len(cycles))):
+            before = self.limit
+            if self.found(cycles[:number], None):  # a history that began without searches
+                self.limit, self.steady = before, None
 
-    def lacking(self, ends: list[ContactState]) -> Array:
-        """Return what nodes lack (j, N) at the ends of cycles; less than 0 beyond their limit.
+    def is_due(self, number: int) -> bool:
+        """Return whether the limit is searched for before a cycle is played."""
+        played = number - 1
+        last = number == self.problem.history.cycles
+        return played >= FIRST_SEARCH and (last or is_step(played))
 
-        What free nodes lack has either sign.
+    def found(self, cycles: list[FinishedCycle], progress: Progress | None) -> bool:
+        """Search for the cycle that repeats itself; add it to the finished ones if it was found."""
+        try:
+            cycle = self._cycle(cycles)
+        except (NoLimit, SolveError, SingularExchange) as error:
+            reason = str(error) if isinstance(error, NoLimit) else "a cycle searched ends early"
+            self.limit = replace(self.limit, reason=reason)
+            return False
+        self.limit = replace(self.limit, cycles_played=len(cycles) - 1 + self.searched)
+        cycles.append(cycle)
+        if progress is not None:
+            progress(len(cycles) - 1, self.problem.history.cycles, "limit found")
+        return True
+
+    def _cycle(self, cycles: list[FinishedCycle]) -> FinishedCycle:
+        """Return the cycle that repeats itself, played and checked.
 
         Raises:
-            NoLimit: nodes have moved that stick on the way to this limit.
+            NoLimit: none was found.
+            SolveError: a path ends early.
+            SingularExchange: a motion without stiffness is left.
         """
-        assert self.found is not None
-        frozen, solution = self.found
-        give = SLIP_ROUND_OFF * frozen.force / local_stiffness(frozen.system)[0]
-        at_rest = np.setdiff1d(frozen.nodes, frozen.shifted)
-        moved = np.array([end.v for end in ends]) - solution.cycle.start.v
-        if np.any(np.abs(moved[-1])[at_rest] > give[at_rest]):
-            raise NoLimit("nodes slip that were to stick in the limit that was found")
-        left = -moved
-        left[:, frozen.shifted] += solution.shifts
-        left[:, at_rest] = 0.0
-        x = solution.shifts
-        drifting = left[:, frozen.shifted]
-        left[:, frozen.shifted] = np.where(x == 0.0, -np.abs(drifting), np.sign(x) * drifting)
-        return left
+        number, in_steps = len(cycles), self.problem.solver.method != "events"
+        allowed, force = self.searched + MAX_PLAYED, cycles[-1].totals.force_scale
+        if in_steps or number == self.problem.history.cycles:
+            played = 1 if in_steps else number
+            tail = self._later_tail(cycles[-1].corners[-1].state, force, allowed, played)
+        else:
+            tail = self._tail(cycles[-2].corners[-1].state, force, allowed)
+        trial = RunState(self.problem, cycles)
+        begin, cycle = self._played(trial, tail)
+        ends = [begin, cycle.corners[-1]]
+        if tail.walks or in_steps:
+            self.searched += 1
+            ends += trial.trace_cycle(number).corners[-1:]
+        watch = self._watch(ends, cycle)
+        # one cycle does not tell a drift that stays from one that decays
+        if watch.kind not in ((RATCHETTING,) if tail.walks else (SHAKEDOWN, CYCLIC_SLIP)):
+            raise NoLimit(
+                f"the cycle that was found changes its forces by {watch.change[0]:.1e} and "
+                f"displacements by {np.abs(cycle.slip).max():.1e}"
+            )
+        self.limit = Limit(
+            reached=True,
+            cycle=number,
+            cycles_played=-1,
+            residual=watch.change[0],
+            unique=-1 if in_steps else 1,
+            reason=IN_STEPS if in_steps else PROVED,
+            jumped=True,
+        )
+        change = np.append(np.array(trial.steady.change), watch.change[0])
+        self.steady = Steady(True, number, watch.kind, watch.period, change)
+        return cycle
 
+    def _tail(self, start: ContactState, force: float, allowed: int) -> Tail:
+        """Return the limit of the exact path from the start of a cycle on.
 
-def find_limit(
-    model: ContactSystem,
-    solver: Solver,
-    start: ContactState,
-    loop: Array,
-    force: float,
-    budget: Budget,
-) -> Candidate:
-    """Find the state to which the starts of cycles tend.
+        Cycles to come in which releases have another order than in this one are played.
+        """
+        loop, solver = self.problem.history.loop, self.problem.solver
+        if carries_nothing(start, force) or any(zero_crossing(leg) for leg in pairwise(loop)):
+            raise NoLimit("the contact is unloaded in the cycle, and begins anew")
+        self.searched += 1
+        cycle = trace(self._segments, start, loop, force)
+        tolerance = (solver.steady_tolerance or LIMIT_TOLERANCE) * force
+        tail = follow(cycle, force, tolerance)
+        k = np.concatenate(local_stiffness(self._model))
+        for u, after in tail.others:
+            state = ContactState(u, reactions(self._model, loop[0], u), cycle.end.state)
+            end = self._exact_cycle(state, force, allowed)
+            if np.any(k * np.abs(end.u - after) > tolerance):
+                raise NoLimit("events will come in another order")
+        return tail
 
-    Args:
-        model: the condensed body in 2N form.
-        solver: plays the cycle by which the nodes are sorted.
-        start: state at the start of a cycle.
-        loop: (m + 1, n_loads) load factors of a cycle.
-        force: largest nodal force of the history so far.
-        budget: cycles that may be played; it counts them.
+    def _exact_cycle(self, state: ContactState, force: float, allowed: int) -> ContactState:
+        """Return the end of a cycle of the exact path; raise NoLimit where too many are played."""
+        if self.searched >= allowed:
+            raise NoLimit(f"a search plays {MAX_PLAYED} cycles at most")
+        self.searched += 1
+        for leg in pairwise(self.problem.history.loop):
+            state = self._exact.trace_leg(state, leg, force).end
+        return state
 
-    Raises:
-        NoLimit: none was found.
-    """
-    steps = 0
-    if carries_nothing(start, force) or any(zero_crossing(leg) for leg in pairwise(loop)):
-        raise NoLimit("the contact is unloaded in the cycle, and begins anew")
-    try:
-        budget.take()
-        nodes = sort_nodes(model, solver, start, loop, force)
-        shift, near, creeping, frozen = np.zeros(model.n), None, False, None
-        for _ in range(MAX_SORTS):
-            held, shifted = np.flatnonzero(nodes.frozen), np.flatnonzero(nodes.drifting)
-            opens = widen(nodes.opens)
-            frozen = Frozen(model, held, shifted, loop, force, budget, opens, frozen)
-            if near is not None:
-                u = near.u.copy()
-                u[shifted] -= shift[shifted]
-                # a node that slipped when it was free sticks as soon as it is frozen
-                stops = nodes.frozen & (SLIP_SIGN[near.state] != 0.0)
-                near = replace(near, u=u, state=np.where(stops, STICK, near.state).astype(np.int8))
-            first = replace(start, state=np.where(nodes.frozen, STICK, start.state).astype(np.int8))
-            for solution in approach(frozen, first, shift[shifted], near):
-                if creeping and not (solution.steps or solution.settled):
+    def _later_tail(self, state: ContactState, force: float, allowed: int, played: int) -> Tail:
+        """Return the limit of the exact path that goes on where the history is.
+
+        Load steps come to one near it; other histories have played so many cycles.
+        """
+        for number in count(played):
+            before, state = state, self._exact_cycle(state, force, allowed)
+            if is_step(number):
+                try:
+                    tail = self._tail(before, force, allowed)
+                except NoLimit:
                     continue
-                again = _sorted_again(frozen, solution, nodes)
-                if again is not None:
-                    break
-            steps += solution.steps
-            at_once = near is not None and not solution.steps
-            near, shift = _unfrozen(frozen, solution), np.zeros(model.n)
-            shift[shifted] = solution.shifts
-            if again is None:
-                moved = frozen.periodic_change(solution.cycle) if len(shifted) else None
-                others = () if moved is None else at_risk(frozen, solution, moved)
-                rest = _at_rest(frozen, solution, nodes)
-                if not len(others) and not np.any(rest):
-                    _check_places(frozen, solution, nodes, shift)
-                    return Candidate(near, steps, solution.residual, (frozen, solution), moved)
-                again = nodes.with_drifting(others, rest)
-                shift[rest] = (near.v - start.v)[rest]
-            few = np.count_nonzero(again.frozen != nodes.frozen) < FEW
-            creeping, nodes = at_once and few, again
-    except SolveError as error:
-        raise NoLimit("a cycle with frozen nodes ends early") from error
-    except SingularExchange as error:
-        raise NoLimit("a cycle with frozen nodes leaves a motion without stiffness") from error
-    raise NoLimit(f"the nodes were sorted {MAX_SORTS} times")
+                if tail.walks and self.problem.solver.method != "events":
+                    raise NoLimit("a body that may walk is played plainly in load steps")
+                return tail
+        raise AssertionError
+
+    def _played(self, trial: RunState, tail: Tail) -> tuple[Instant, FinishedCycle]:
+        """Play cycles from the limit until one ends as it begins; return its start and itself.
+
+        Load steps come to the cycle of their own, which is near that of the exact path.
+        """
+        problem, number, start = self.problem, len(trial.cycles), trial.position
+        in_steps = problem.solver.method != "events"
+        bound = (problem.solver.steady_tolerance or LIMIT_TOLERANCE) * start.totals.force_scale
+        r = reactions(self._model, start.load, tail.u)
+        state = ContactState(tail.u, r, start.state.state)
+        for check in range(MAX_CHECKS):
+            if check < MAX_CHECKS // 2:  # round-off alone tells whether they slip
+                stuck = np.where(tail.drifting, STICK, state.state).astype(np.int8)
+                state = replace(state, state=stuck)
+            self.searched += 1
+            trial.position = Position(state, start.load, start.totals)
+            begin = instant(problem.system, (number, 0, 0.0), start.load, state)
+            cycle = trial.trace_cycle(number, problem.output.cycles is None)
+            end = trial.position.state
+            change = np.abs(end.r - state.r).max() if in_steps else 0.0
+            if change <= bound and np.array_equal(state.state, end.state):
+                return begin, cycle
+            # a node that just reaches its limit at the end begins the next cycle in slip
+            state = end
+        raise NoLimit("the cycle that was found does not end as it begins")
+
+    def tell(self, record: Record) -> None:
+        """Add the limit to the record, and its steady state where the search has found it."""
+        last = len(record.cycles.dissipation)
+        if self.steady is not None:
+            record.steady = self.steady
+        elif record.steady.reached:
+            each = "the cycles" if record.steady.period == 1 else "pairs of cycles"
+            why = f"{each} repeated themselves as they were played"
+            self.limit = Limit(True, last, last + self.searched, np.nan, -1, why)
+        else:
+            why = f"{self.limit.reason}; raise [history] cycles"
+            self.limit = replace(self.limit, cycles_played=last + self.searched, reason=why)
+        record.limit = self.limit
+
+    def _watch(self, ends: list[Instant], cycle: FinishedCycle) -> SteadyWatch:
+        """Return the watch that has seen the cycle and the next, or its changes once more.
+
+        The ends are its start, its end, and that of the next where this was played.
+        """
+        problem, (begin, end) = self.problem, ends[:2]
+        r, v, seen = begin.state.r, begin.v, [(i.state.r, i.v) for i in ends]
+        if len(seen) == 2:
+            gain = end.v - v
+            gain[np.abs(gain) <= NO_GAIN * np.abs(end.state.u).max()] = 0.0
+            seen = [(r + k * (end.state.r - r), v + k * gain) for k in range(3)]
+        watch = new_watch(problem.system, problem.solver.steady_tolerance or LIMIT_TOLERANCE)
+        for r, v in seen:
+            watch.add(end_of(cycle)._replace(r=r, v=v))
+        return watch
 
 
-def _sorted_again(frozen: Frozen, solution: Solution, nodes: Sorted) -> Sorted | None:
-    """Return the nodes sorted anew by a cycle with frozen nodes; None where they are right.
-
-    Nodes that open, violate both margins, or violate one though their drift holds the other, slip
-    both ways. Others that violate one drift.
-    """
-    n, m = frozen.system.n, solution.margins
-    least = -frozen.force * (VIOLATED if solution.settled else CERTAIN * solution.residual)
-    forward, backward = (np.zeros(n, dtype=bool) for _ in range(2))
-    forward[frozen.nodes[m.A < least]] = True
-    backward[frozen.nodes[m.B < least]] = True
-    drifting = forward | backward
-    freed = (forward & backward) | (drifting & nodes.drifting)
-    if solution.settled:
-        freed |= solution.cycle.opens & nodes.frozen
-    if not np.any(freed | drifting):
-        return None
-    return nodes.with_moved(freed, drifting)
-
-
-def _at_rest(frozen: Frozen, solution: Solution, nodes: Sorted) -> NDArray[np.bool_]:
-    """Return (N,) free nodes that never open, and do not slip both ways in the cycle.
-
-    What they slip is what the cycle lacks of repeating itself.
-    """
-    u = np.array([stop.u for stop in solution.cycle.stops])
-    slip = np.diff(u[:, : frozen.system.n], axis=0)
-    forward, backward = np.maximum(slip, 0.0).sum(axis=0), np.maximum(-slip, 0.0).sum(axis=0)
-    still: NDArray[np.bool_] = np.minimum(forward, backward) <= REPEATS * np.abs(u).max()
-    return nodes.rubbing & ~nodes.frozen & ~solution.cycle.opens & still
-
-
-def _check_places(frozen: Frozen, solution: Solution, nodes: Sorted, shift: Array) -> None:
-    """Raise NoLimit where the place of a node in the limit depends on cycles not played.
-
-    That is so where one that drifts would slip back, and where one that still slips both ways comes
-    to rest but not on its friction limit.
-    """
-    if not nodes.go_on(shift):
-        raise NoLimit("some node would slip back on the way to the limit that was found")
-    if np.any(nodes.settling[frozen.shifted[solution.active == 0]]):
-        raise NoLimit("some node that slips both ways would come to rest on the way")
-
-
-def _unfrozen(frozen: Frozen, solution: Solution) -> ContactState:
-    """Return the state at the start of the cycle, the shifts added to the displacements."""
-    end = solution.cycle.end
-    u = end.u.copy()
-    u[frozen.shifted] += solution.shifts
-    return ContactState(u, reactions(frozen.system, frozen.loop[0], u), end.state.copy())
+def is_step(number: int) -> bool:
+    """Return whether a number is one of 1, 2, 3, 4, 6, 8, 12, 16, 24, ..."""
+    return number % (1 << max(0, number.bit_length() - 2)) == 0

@@ -27,7 +27,6 @@ def limit_summary(record: Record) -> dict[str, Any]:
             "reached": bool(limit.reached),
             "cycle": int(limit.cycle),
             "cycles_played": int(limit.cycles_played),
-            "newton_steps": int(limit.newton_steps),
             "dissipation": last,
             "dissipation_ratio": ratio,
             "residual": float(limit.residual) if np.isfinite(limit.residual) else None,
@@ -64,15 +63,11 @@ def _found_lines(limit: Mapping[str, Any]) -> list[str]:
     if not limit["jumped"]:
         return [f"limit of infinitely many cycles: cycle {limit['cycle']}; {limit['reason']}"]
     lines = [
-        f"limit of infinitely many cycles: found by {limit['newton_steps']} Newton steps and "
-        f"{limit['cycles_played']} played cycles, shown as cycle {limit['cycle']}, residual "
-        f"{limit['residual']:.1e}"
+        f"limit of infinitely many cycles: found by a search, {limit['cycles_played']} cycles "
+        f"played, shown as cycle {limit['cycle']}, residual {limit['residual']:.1e}",
+        limit["reason"],
     ]
-    if limit.get("walk") is not None:
-        return [*lines, limit["reason"]]
-    unique = {True: "the drifts have one limit only", False: "the drifts may have other limits"}
-    words = unique.get(limit["unique"], "whether the drifts have other limits is not known")
-    return [*lines, f"{words}: {limit['reason']}"]
+    return lines
 
 
 def _starts_lines(starts: Mapping[str, Any] | None) -> list[str]:

@@ -102,7 +102,7 @@ def ended_by(history: History, until: str | None) -> History:
     if until == "limit" and history.cycles < LEAST_CYCLES:
         raise InputError(
             f'[history] cycles: until = "limit" needs at least {LEAST_CYCLES}, not '
-            f"{history.cycles}; raise cycles, the limit mostly takes fewer than 20"
+            f"{history.cycles}; raise cycles"
         )
     return replace(history, until_steady=until == "steady", until_limit=until == "limit")
 

@@ -1,0 +1,196 @@
+r"""All cycles to come, where they have the events of the last one.
+
+Let $u_n$ be the displacements at the start of cycle $n$ and $\delta_n = u_{n+1} - u_n$. As long as
+the order of the events is kept, their places $s_n$ and the displacements are affine in $u_n$:
+
+$$T\, (s_{n+1} - s_n) = -l_n , \qquad \delta_{n+1} = \delta_n + W^\mathsf{T} (s_{n+1} - s_n) ,
+  \qquad l_{n+1} = l_n + C\, (s_{n+1} - s_n) ,$$
+
+with the changes $l_n$ of the quantities that reach zero at the events, the triangle $T$ of
+:class:`~receding_fenicsx.evolution.limit.traced.MovingEvents`, and the changes $W$ of all rates at
+the events ($C$: of those quantities). With what the places still move, $\tau_n = s_\infty - s_n$,
+and the sum of this over all cycles to come, $\Theta_n = \tau_n + \tau_{n+1} + \dots$,
+
+$$u_\infty = u_n - W^\mathsf{T} \Theta_n , \qquad
+  y_j(n) = y_j(\infty) + W^\mathsf{T} \Theta_n - \sum_{e < j} W_e \tau_{n,e} - q_j \tau_{n,j}$$
+
+are the limit and the quantities at stop $j$, both less the walk $\delta_\infty$, a rigid motion
+that changes no force. The cycles to come are these if in all of them
+
+* the places of the events of each leg stay sorted between its ends,
+* all gaps and margins stay at least zero at all stops, and what becomes zero at an event together
+  with another quantity stays zero there: between stops all is linear, and the rates belong to the
+  states.
+
+Releases, by which one node begins to slip or opens, may come in another order: as long as no node
+sticks between them the displacements after them are the same. There the states on the way are not
+known; one cycle of each such order is returned to be played.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array, Ints
+from receding_fenicsx.evolution.limit.traced import TracedCycle, quantities
+from receding_fenicsx.interface.law import SLIP_SIGN
+from receding_fenicsx.interface.residual import local_stiffness
+
+MAX_CYCLES = 3000
+"""Cycles within which those to come must reach their limit."""
+
+CONVERGED = 1e-16
+"""Change of what a cycle changes, over the largest nodal force, below which it goes on as it is."""
+
+ROUND_OFF = 1e-12
+"""Change from cycle to cycle, over the largest nodal force, that is none if it goes on as it is."""
+
+
+class NoLimit(Exception):
+    """No limit was found; the text says why."""
+
+
+class Tail(NamedTuple):
+    """Limit to which the cycles come.
+
+    Attributes:
+        u: (2N,) displacements at the start of the limit cycle.
+        walks: each cycle adds a rigid motion.
+        drifting: (N,) nodes that slip at the start of the last cycle, and nowhere in the limit.
+        others: displacements at the start and end of cycles whose releases have another order.
+    """
+
+    u: Array
+    walks: bool
+    drifting: NDArray[np.bool_]
+    others: list[tuple[Array, Array]]
+
+
+def follow(cycle: TracedCycle, force: float, tolerance: float) -> Tail:
+    """Follow the cycles that come after one to their limit.
+
+    Args:
+        cycle: the cycle.
+        force: largest nodal force of the history so far.
+        tolerance: force by which the order of events, gaps and margins may be missed.
+
+    Raises:
+        NoLimit: the events come in another order in some cycle, or there is no limit.
+    """
+    if not np.array_equal(cycle.start.state, cycle.end.state):
+        raise NoLimit("nodes end the last cycle in other states than they began it")
+    segments, system, events = cycle.segments, cycle.segments.system, cycle.events
+    n, labels, on_u = system.n, events.label, events.change[:, : 2 * system.n].T
+    delta = cycle.end.u - cycle.start.u
+    low = quantities(segments, delta, system.K @ delta)[labels]
+    weight, on_low = segments.weight[labels], np.ascontiguousarray(events.change[:, labels].T)
+    place = np.array([stop.leg + stop.s for stop in cycle.stops])
+    rate = np.array([(np.abs(stop.q) * segments.weight).max() for stop in cycle.stops])
+    rate = np.maximum(rate, np.append(rate[1:], rate[-1]))  # on both sides
+    ends = np.flatnonzero(~cycle.releases)
+
+    def misplaced(place: Array) -> float:
+        """Return the largest force by which stops (..., J) are beyond those that end their runs."""
+        end = place[..., ends]
+        begin = np.concatenate([np.zeros_like(end[..., :1]), end[..., :-1]], axis=-1)
+        over = np.maximum(place - end[..., cycle.runs], begin[..., cycle.runs] - place)
+        return float((over * rate).max())
+
+    moves, moved, ratio, largest = list[Array](), place.copy(), 0.0, np.inf
+    while largest > CONVERGED * force:
+        if len(moves) == MAX_CYCLES:
+            raise NoLimit(f"the cycles do not come to a limit within {MAX_CYCLES} further ones")
+        ds = -low
+        if len(low):
+            ds = sla.solve_triangular(events.triangle, ds, lower=True, check_finite=False)
+        moves.append(ds)
+        moved[events.at] += ds
+        if misplaced(moved) > tolerance:
+            raise NoLimit("events will come in another order")
+        change = on_low @ ds
+        low += change
+        before, largest = largest, float((weight * np.abs(change)).max(initial=0.0))
+        ratio = largest / before if before else 0.0
+    if (weight * np.abs(low)).max(initial=0.0) > ROUND_OFF * force:
+        raise NoLimit("what a cycle changes does not tend to zero")
+    # what goes on is round-off, once what decays at the end is taken from it
+    decay = (moves[-1] - moves[-2]) * ratio / (1.0 - ratio) if 0.0 < ratio < 1.0 else 0.0
+    still = (np.array(moves) - (moves[-1] + decay))[::-1].cumsum(axis=0)[::-1]  # tau
+    summed = still[::-1].cumsum(axis=0)[::-1]  # Theta
+    limit, walk = cycle.start.u - on_u @ summed[0], delta + on_u @ still[0]
+    k = np.concatenate(local_stiffness(system))
+    walks = bool(np.any(k * np.abs(walk) > tolerance))
+    if walks and np.abs(system.K @ walk).max() > tolerance:
+        raise NoLimit("the displacements of a cycle do not tend to zero")
+    places = np.tile(place, (len(still), 1))
+    places[:, events.at] += still[0] - still
+    _check_quantities(cycle, still, summed, tolerance)
+    v = np.array([stop.u[:n] for stop in cycle.stops])
+    q = np.array([stop.q[:n] for stop in cycle.stops])
+    v += _moved(events.at, summed[-1], still[0], events.change[:, :n], q)
+    slips = k[:n] * np.ptp(v, axis=0) > tolerance
+    rounded = np.round(places / (tolerance / rate.max()))
+    _, first = np.unique(rounded.argsort(axis=1, kind="stable"), axis=0, return_index=True)
+    others = [
+        (limit + on_u @ summed[m], limit + on_u @ summed[m + 1] + walk)
+        for m in sorted(first.tolist())
+        if 0 < m < len(still) - 1
+    ]
+    return Tail(limit, walks, (SLIP_SIGN[cycle.end.state] != 0.0) & ~slips, others)
+
+
+def _check_quantities(cycle: TracedCycle, still: Array, summed: Array, tolerance: float) -> None:
+    """Raise NoLimit where a gap or margin falls below zero at a stop in some cycle to come.
+
+    Between two cycles those in between differ from the chord by little: where the quantities are
+    not far enough from zero for that the cycles in between are looked at.
+    """
+    events, n = cycle.events, cycle.segments.system.n
+    weight = cycle.segments.weight[n:]
+    W, q = events.change[:, n:] * weight, np.array([stop.q[n:] for stop in cycle.stops]) * weight
+    y0, unlimited, zero = cycle.values()[:, n:] * weight, *cycle.unlimited_and_zero()
+
+    def at(m: int) -> Array:
+        y = y0 + _moved(events.at, summed[m] - summed[0], still[0] - still[m], W, q)
+        y[unlimited] = 0.0
+        y[zero] = -np.abs(y[zero])
+        if y.min() < -tolerance:
+            raise NoLimit("another node will come to its limit")
+        return y
+
+    last = len(still) - 1
+    todo = [(0, last, at(0), at(last))]
+    while todo:
+        a, b, *ends = todo.pop()
+        if b - a < 2:
+            continue
+        x = np.hstack([summed[a : b + 1], still[a : b + 1]])
+        chord, x = x[0] - x[-1], x - x[-1]
+        part = np.clip(x @ chord / max(chord @ chord, np.finfo(float).tiny), 0.0, 1.0)
+        total, by = np.split(np.abs(x - part[:, None] * chord).max(axis=0), 2)
+        least = np.minimum(*ends) - _moved(events.at, total, by, np.abs(W), np.abs(q))
+        if np.any((least < -tolerance) & ~unlimited & ~zero):
+            m = (a + b) // 2
+            middle = at(m)
+            todo += [(a, m, ends[0], middle), (m, b, middle, ends[1])]
+
+
+def _moved(at: Ints, total: Array, by: Array, W: Array, q: Array) -> Array:
+    """Return (J, m) what quantities at the stops change where the events move.
+
+    Args:
+        at: (E,) stops of the events.
+        total: (E,) sum of what the events move in the cycles before.
+        by: (E,) what they move.
+        W: (E, m) changes of the rates of the quantities at the events.
+        q: (J, m) the rates on the way to the stops.
+    """
+    steps = np.zeros_like(q)
+    steps[at + 1] = W * by[:, None]
+    y: Array = steps.cumsum(axis=0) + total @ W
+    y[at] += q[at] * by[:, None]
+    return y

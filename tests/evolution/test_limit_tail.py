@@ -1,0 +1,86 @@
+"""Cycles to come as an affine map of the last one: against the same cycles, played."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from models import block_system, tall_under_four_loads
+from small import cyclic, table
+
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.limit import search
+from receding_fenicsx.evolution.limit.tail import NoLimit, follow
+from receding_fenicsx.evolution.limit.traced import TracedCycle, trace
+from receding_fenicsx.evolution.replay import turning_point
+from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.normal_form import frictional_form
+
+pytestmark = pytest.mark.one_rank
+
+
+def traced(minimum: float, cycles: int) -> tuple[TracedCycle, float, list[np.ndarray]]:
+    """Return a cycle of the block, the largest nodal force, and u at the ends of those after it."""
+    system, history = block_system(40, 20), cyclic(300, minimum)
+    record = evolve(system, history)
+    points = record.turning_points
+    rows = [row for row in map(record.start_row, range(cycles, 300)) if row is not None]
+    ends = [turning_point(record, system, row) for row in rows]
+    force = float(max(np.abs(points.P).max(), np.abs(points.Q).max()))
+    cycle = trace(Segments(frictional_form(system)), ends[0], history.loop, force)
+    return cycle, force, [end.u for end in ends]
+
+
+@pytest.mark.parametrize(("minimum", "cycles"), [(0.05, 30), (1 / 3, 30), (0.6, 20)])
+def test_the_limit_and_cycles_to_come_are_those_played(minimum: float, cycles: int) -> None:
+    cycle, force, ends = traced(minimum, cycles)
+    tail = follow(cycle, force, 1e-10 * force)
+    size = np.abs(ends[-1]).max()
+    assert not tail.walks
+    assert np.abs(ends[0] - ends[-1]).max() > 1e-7 * size
+    assert np.abs(tail.u - ends[-1]).max() < 1e-11 * size
+    for start, end in tail.others:  # releases come in another order there
+        n = int(np.argmin([np.abs(start - u).max() for u in ends]))
+        assert n > 0 and np.abs(start - ends[n]).max() < 1e-11 * size
+        assert np.abs(end - ends[n + 1]).max() < 1e-11 * size
+    if minimum == 0.6:  # it shakes down: the nodes that drift slip nowhere in the limit
+        assert np.any(tail.drifting)
+
+
+def test_events_move_by_what_the_start_of_a_cycle_changes() -> None:
+    # against the next cycle, traced
+    cycle, force, _ = traced(1 / 3, 30)
+    later = trace(cycle.segments, cycle.end, np.array([[1.0], [1 / 3], [1.0]]), force)
+    events = cycle.events
+    assert np.array_equal(events.label, later.events.label)
+    place, moved = (np.array([stop.s for stop in one.stops]) for one in (cycle, later))
+    low = (later.values() - cycle.values())[0]  # on the way to the first stop the states are one
+    first = np.array([cycle.stops[0].q[label] for label in events.label])
+    low = low[events.label] - first * (moved[0] - place[0])
+    ds = np.linalg.solve(events.triangle, -low)
+    change = (moved - place)[events.at]
+    assert np.abs(ds - change).max() < 1e-7 * np.abs(change).max()
+
+
+def test_a_tail_of_fewer_cycles_than_it_needs_is_no_limit() -> None:
+    cycle, force, _ = traced(1 / 3, 10)
+    with pytest.raises(NoLimit, match="another order"):
+        follow(cycle, force, 1e-10 * force)
+
+
+def test_releases_in_another_order_are_played(monkeypatch: pytest.MonkeyPatch) -> None:
+    # a node released before its neighbours sticks again where it comes first, 36 cycles later
+    block, loop = tall_under_four_loads(7600021)
+    path = [[0.0] * 4, [1.0, 0.0, 0.0, 0.0], loop[0]]
+    monkeypatch.setattr(search.LimitSearch, "is_due", lambda _, number: number == 9)
+    record = evolve(block, table(block, path, loop, 12), until="limit")
+    assert record.limit is not None and not record.limit.jumped
+    assert "another order" in record.limit.reason
+
+
+def test_a_cycle_without_events_is_its_own_limit() -> None:
+    system, history = block_system(12, 6, f=50.0), cyclic(3, 0.9)
+    record = evolve(system, history)
+    start = turning_point(record, system, -1)
+    cycle = trace(Segments(frictional_form(system)), start, history.loop, float(start.P.max()))
+    assert len(cycle.stops) == len(list(pairwise(history.loop)))
+    assert np.array_equal(follow(cycle, 1.0, 1e-10).u, start.u)
