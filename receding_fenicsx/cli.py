@@ -24,6 +24,7 @@ from receding_fenicsx.environment import MPI_VARIABLES
 from receding_fenicsx.errors import (
     NO_ROOM,
     InputError,
+    InputErrors,
     Interrupted,
     RecedingError,
     SolveError,
@@ -85,7 +86,8 @@ def main(argv: Sequence[str] | None = None) -> int:
             raise  # no signal, which may have come to this rank alone
         code, text = _ending(error)
         if text and is_root(comm):
-            print(f"{PROGRAM}: {text}", file=sys.stderr, flush=True)
+            lines = [f"{PROGRAM}: {line}" for line in text.splitlines()]
+            print("\n".join(lines), file=sys.stderr, flush=True)
         if comm is not None and comm.size > 1:
             leave(comm, code, text)  # a rank that fails alone aborts the job
         if isinstance(error, SystemExit):
@@ -96,6 +98,8 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _ending(error: BaseException) -> tuple[int, str]:
     """Return the exit code and the line to print for what ended a command."""
     match error:
+        case InputErrors():
+            return error.exit_code, "\n".join(f"error: {line}" for line in error.messages)
         case RecedingError():
             return error.exit_code, f"error: {error}".replace("\n", " ")
         case Interrupted():

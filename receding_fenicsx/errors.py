@@ -20,6 +20,19 @@ class InputError(RecedingError):
     exit_code = 2
 
 
+class InputErrors(InputError):
+    """Several errors of one file or scene, each in one line."""
+
+    @property
+    def messages(self) -> tuple[str, ...]:
+        """The lines."""
+        return self.args
+
+    def __str__(self) -> str:
+        """Return one line for each error."""
+        return "\n".join(self.args)
+
+
 class MeshMisfit(InputError):
     """A mesh cannot serve a scene, as for a missing vertex, but one of other elements may."""
 

@@ -74,14 +74,14 @@ def refused(capsys: pytest.CaptureFixture[str], *arguments: str | Path) -> str:
         ("material.young=1e-300", "[material] young: 1e-300 is below 1e-50"),
         ("material.young=1e300", "[material] young: 1e+300 is beyond 1e+50"),
         ("history.maximum=1e60", "[history] maximum: 1e+60 is beyond 1e+50"),
-        ("body.position=[1e60, 0]", "[body] position: 1e+60 is beyond 1e+50"),
+        ("body.position=[1e60, 0]", "[body] position entry 1: 1e+60 is beyond 1e+50"),
         ("body.height=1e-9", "[body] height: 1e-09 is less than 0.01 of an element"),
         ("body.height=1e40", "[body] height: 1e+40 is more than 100000 times the contact edge's"),
         (
             "body.position=[1e20, 0]",
             "[body] position: [1e+20, 0] is more than 10000 times the body",
         ),
-        ('body.mesh="a\\u0000b.msh"', '[body] mesh: "a\\u0000b.msh" holds a NUL character'),
+        ('body.mesh="a\\u0000b.msh"', "[body] mesh: holds a NUL character"),
         (
             "mesh.growth=1 ; body.height=3e5 ; mesh.contact_elements=100",
             "[mesh] growth: 1 makes about",
@@ -146,7 +146,7 @@ def test_force_on_held_nodes_only_is_refused_when_it_is_condensed(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     scene = block(load=rf.Load("p", "top", pressure=1.0), supports=(rf.Support("xy", edge="top"),))
-    monkeypatch.setattr("receding_fenicsx.scene.validate_loads._check_acts", lambda *_: None)
+    monkeypatch.setattr("receding_fenicsx.scene.validate.check_acts", lambda *_: None)
     with pytest.raises(rf.InputError, match="load 'p': is zero or acts on nothing but nodes"):
         study.condense(scene)
 

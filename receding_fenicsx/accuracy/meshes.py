@@ -15,8 +15,7 @@ from typing import TypeVar
 
 from receding_fenicsx.bulk.mesh.geo_words import takes_elements
 from receding_fenicsx.errors import InputError, MeshMisfit
-from receding_fenicsx.scene.model import Refinement, Scene
-from receding_fenicsx.scene.validate_bodies import MIN_REFINED_GROWTH, MOST_REFINEMENTS
+from receding_fenicsx.scene.model import MIN_REFINED_GROWTH, MOST_REFINEMENTS, Refinement, Scene
 
 T = TypeVar("T")
 

@@ -18,8 +18,7 @@ from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene.profiles import evaluate_checked
 from receding_fenicsx.scene.toml_file import known_scene
-from receding_fenicsx.scene.validate import validate
-from receding_fenicsx.scene.validate_options import check_branch
+from receding_fenicsx.scene.validate import check_solver, validate
 
 LEAST_TOLERANCE = 1e-13
 """Smallest tolerance of the limit: round-off of a cycle's forces over the largest."""
@@ -154,7 +153,7 @@ def _checked(
         node = np.argmin(np.abs(v) <= LARGEST)
         raise InputError(f"initial_slip of node {node} is not finite, or beyond {LARGEST:g}")
     v[system.held[:n]] = 0.0
-    check_branch(solver)
+    check_solver(solver)
     if history.until_limit and solver.branch != FIRST:
         raise InputError(
             "[solver] branch: the limit of infinitely many cycles is that of the first "

@@ -34,9 +34,9 @@ from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.modal.modes import Assembled, assembled
 from receding_fenicsx.mpi import given
-from receding_fenicsx.scene.acting.validate import check_modes
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.scene.validate_loads import check_modes
 from receding_fenicsx.store.hdf5_file import new_hdf5, write
 from receding_fenicsx.timing import Timer
 

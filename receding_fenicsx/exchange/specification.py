@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 
@@ -12,43 +13,40 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.exchange.formats import Freedom
-from receding_fenicsx.scene.checks import check_choice
+from receding_fenicsx.scene.checks import Number, OneOf, Pair, Table
 from receding_fenicsx.scene.column_file import read_columns
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
-from receding_fenicsx.scene.toml_tables import as_list, read_table
-from receding_fenicsx.scene.toml_values import parse_toml
+from receding_fenicsx.scene.toml_reader import Place, as_list, convert, parse_toml
 
 DIRECTIONS = {"x": (1,), "y": (2,), "xy": (1, 2)}
 """Freedoms that a support holds."""
-ORDERS = ("nodes", "components")
-"""Rows of a MatrixMarket file: x and y of one node after the other, or x of all nodes, then y."""
 
 
 @dataclass(frozen=True)
-class Edge:
+class Edge(Table):
     """Straight contact edge: its nodes, the normal into the body, and the law.
 
     ``weights`` are the lengths that the nodes stand for; default: half of those to the neighbours.
     """
 
-    nodes: tuple[float, ...]
-    normal: tuple[float, float]
+    nodes: tuple[Number, ...]
+    normal: Pair
     friction: FrictionProfile = 0.35
     initial_gap: Profile = 0.0
-    weights: tuple[float, ...] = ()
+    weights: tuple[Number, ...] = ()
     name: str = "contact"
 
 
 @dataclass(frozen=True)
-class Fixed:
+class Fixed(Table):
     """Nodes that are held in "x", "y" or "xy"."""
 
-    nodes: tuple[float, ...]
-    fix: str
+    nodes: tuple[Number, ...]
+    fix: Annotated[str, OneOf("x", "y", "xy")]
 
 
 @dataclass(frozen=True)
-class NodalLoad:
+class NodalLoad(Table):
     """Load: a file of nodal forces on the body, or of r*, which hold the contact against them."""
 
     name: str
@@ -57,13 +55,17 @@ class NodalLoad:
 
 
 @dataclass(frozen=True)
-class Specification:
-    """Files, number of rigid motions that are left free, and the tables [[contact]] and so on."""
+class Specification(Table):
+    """Files, their order of rows, and the number of rigid motions that are left free.
+
+    The rows of a MatrixMarket file are x and y of one node after the other (``order`` "nodes"), or
+    x of all nodes, then y ("components").
+    """
 
     stiffness: str
     nodes: str
     free: int
-    order: str = "nodes"
+    order: Annotated[str, OneOf("nodes", "components")] = "nodes"
     title: str = ""
 
 
@@ -98,16 +100,12 @@ def read_specification(path: Path) -> Import:
         InputError: a file cannot be read, a key is unknown or missing, or a value is wrong.
     """
     raw = parse_toml(read_text(path))
-    tables: dict[str, Any] = {
-        name: tuple(
-            read_table(item, kind, name, f"[[{name}]]") for item in as_list(raw.pop(name, []), name)
-        )
-        for name, kind in (("contact", Edge), ("support", Fixed), ("load", NodalLoad))
-    }
-    files: Specification = read_table(raw, Specification, "import", "specification")
-    check_choice(files.order, ORDERS, "order")
-    for fixed in tables["support"]:
-        check_choice(fixed.fix, tuple(DIRECTIONS), "[[support]] fix")
+    tables: dict[str, Any] = {}
+    for name, kind in (("contact", Edge), ("support", Fixed), ("load", NodalLoad)):
+        label = f"[[{name}]]"
+        items = as_list(raw.pop(name, []), name)
+        tables[name] = tuple(convert(kind, item, partial(_labelled, label)) for item in items)
+    files = convert(Specification, raw, partial(_labelled, "specification"))
     names = [load.name for load in tables["load"]]
     if not tables["contact"] or not names or len(set(names)) < len(names):
         raise InputError("needs a [[contact]], and [[load]] tables with names of their own")
@@ -121,3 +119,7 @@ def read_specification(path: Path) -> Import:
     if len(points) < len(columns.values) or np.any(columns.values[:, 0] % 1.0):
         columns.refuse("the numbers of the nodes have to be whole and different")
     return Import(files, **tables, points=points, folder=path.parent)
+
+
+def _labelled(label: str, place: Place) -> tuple[str, Place]:
+    return label, place

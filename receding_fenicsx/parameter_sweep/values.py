@@ -10,7 +10,7 @@ import numpy as np
 
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.toml_overrides import parse_value
-from receding_fenicsx.scene.toml_values import parse_toml
+from receding_fenicsx.scene.toml_reader import parse_toml
 
 RANGE = re.compile(r"\s*([^:\s]+)\s*:\s*([^:\s]+)\s*:\s*([^:\s]+)\s*")
 """First value, last value, number of values."""

@@ -8,14 +8,15 @@ nothing of finite elements. From a file to a history:
    and :func:`~receding_fenicsx.scene.profiles.inline_files` replaces ``{file = "gap.csv"}`` by the
    table in that file, read by :func:`~receding_fenicsx.scene.column_file.read_columns`;
    :func:`~receding_fenicsx.scene.history.signal_file.with_signals` does so for rows of a history.
-2. :func:`~receding_fenicsx.scene.toml_tables.scene_of` converts the tables into the dataclass
-   :class:`~receding_fenicsx.scene.model.Scene`. It refuses unknown keys and wrong types; each value
-   is read by a function of :mod:`~receding_fenicsx.scene.toml_values`.
-3. :func:`~receding_fenicsx.scene.validate.validate` checks the values, also of a scene made in
-   Python. Its parts are :mod:`~receding_fenicsx.scene.validate_bodies`,
-   :mod:`~receding_fenicsx.scene.validate_contacts`, :mod:`~receding_fenicsx.scene.validate_loads`
-   and :mod:`~receding_fenicsx.scene.validate_options`.
-   :func:`~receding_fenicsx.scene.validate.scene_warnings` lists inaccurate options.
+2. :func:`~receding_fenicsx.scene.toml_reader.scene_of` converts the tables into the dataclass
+   :class:`~receding_fenicsx.scene.model.Scene`. The types there say what each key may be; Pydantic
+   checks them, and all errors are told at once.
+3. :func:`~receding_fenicsx.scene.validate.validate` checks the rules between values too, also of a
+   scene made in Python. Its parts are :mod:`~receding_fenicsx.scene.validate_bodies`,
+   :mod:`~receding_fenicsx.scene.validate_contacts` and
+   :mod:`~receding_fenicsx.scene.validate_loads`.
+   :func:`~receding_fenicsx.scene.validate.scene_warnings` lists options that make results
+   inaccurate.
 4. :func:`~receding_fenicsx.scene.history.kinds.history_from_scene` makes the load history, a
    polyline of load factors.
 5. :func:`~receding_fenicsx.scene.symmetry.is_mirror_symmetric` decides whether half of the body is

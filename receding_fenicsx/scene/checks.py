@@ -1,15 +1,59 @@
-"""Checks of single names and values, with one-line error messages."""
+"""Types of single values of a scene with their ranges, and checks of names."""
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable, Sequence
-from typing import NoReturn
+from typing import Annotated, Any, ClassVar, Literal, NoReturn
 
+from annotated_types import Ge, Le, Lt
+
+from receding_fenicsx.arrays import call_of
 from receding_fenicsx.errors import InputError
 
 LARGEST, SMALLEST = 1e50, 1e-50
 """Range of numbers in which products and quotients of up to six of them stay finite."""
+
+Number = Annotated[float, Ge(-LARGEST), Le(LARGEST)]
+Positive = Annotated[float, Ge(SMALLEST), Le(LARGEST)]
+NotNegative = Annotated[float, Ge(0.0), Le(LARGEST)]
+Tolerance = Annotated[float, Ge(SMALLEST), Lt(1.0)]
+"""Relative error or change."""
+Growth = Annotated[float, Ge(1.0), Le(3.0)]
+"""Size ratio of neighbouring elements."""
+Count = Annotated[int, Ge(1)]
+Thousand = Annotated[int, Ge(1), Le(1000)]
+Million = Annotated[int, Ge(1), Le(1_000_000)]
+Pair = tuple[Number, Number]
+
+
+class OneOf:
+    """Annotation of a value with its choices; static types stay ``str`` or ``int``."""
+
+    def __init__(self, *choices: str | int) -> None:
+        """Set the choices."""
+        self.choices = choices
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        """Return Pydantic's schema of the choices."""
+        return handler.generate_schema(Literal.__getitem__(self.choices))
+
+
+class Table:
+    """Table of a scene: a dataclass whose types say what its keys may be.
+
+    The description of each key is its entry under ``Attributes`` in the docstring.
+    """
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {
+        "extra": "forbid",
+        "strict": True,
+        "allow_inf_nan": False,
+    }
+
+    def __repr__(self) -> str:
+        """Return the values, long ones cut; empty ones are left out."""
+        return call_of(self)
 
 
 def nearest(name: str, known: Iterable[str]) -> str | None:
@@ -53,16 +97,3 @@ def check_positive(value: float, where: str) -> None:
         raise InputError(
             f"{where}: {value:g} is below {SMALLEST:g}; choose units in which it is nearer to 1"
         )
-
-
-def check_count(value: int, largest: int, where: str) -> None:
-    """Raise InputError for a count outside 1 to ``largest``."""
-    check_positive(value, where)
-    if value > largest:
-        raise InputError(f"{where}: must be at most {largest}, not {value}")
-
-
-def check_choice(value: object, choices: tuple[str, ...], where: str) -> None:
-    """Raise InputError for a value that is not one of the choices."""
-    if value not in choices:
-        raise InputError(f'{where}: "{value}" is unknown; use one of {", ".join(choices)}')

@@ -1,34 +1,53 @@
 """Dataclasses of a scene: bodies, materials, contacts, loads, history and options.
 
-Any consistent set of units can be used. ``docs/scene.md`` lists every key with its default.
+Any consistent set of units can be used. The types say what each key may be, the docstrings what it
+means: ``docs/scene.md`` and the JSON Schema of scene files are written from them.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field, fields
+from typing import Annotated
+
+from annotated_types import Ge, Gt, Le, Lt
 
 from receding_fenicsx.arrays import call_of, described
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.acting.tables import FREE as FREE
-from receding_fenicsx.scene.acting.tables import INTERFERENCE as INTERFERENCE
-from receding_fenicsx.scene.acting.tables import Bolt as Bolt
-from receding_fenicsx.scene.acting.tables import Load as Load
-from receding_fenicsx.scene.acting.tables import Spring as Spring
-from receding_fenicsx.scene.acting.tables import Support as Support
-from receding_fenicsx.scene.checks import nearest, unknown_name
+from receding_fenicsx.scene.checks import (
+    Growth,
+    NotNegative,
+    Number,
+    OneOf,
+    Pair,
+    Positive,
+    Table,
+    nearest,
+    unknown_name,
+)
+from receding_fenicsx.scene.loads import FREE as FREE
+from receding_fenicsx.scene.loads import INTERFERENCE as INTERFERENCE
+from receding_fenicsx.scene.loads import Bolt as Bolt
+from receding_fenicsx.scene.loads import Load as Load
+from receding_fenicsx.scene.loads import Spring as Spring
+from receding_fenicsx.scene.loads import Support as Support
 from receding_fenicsx.scene.options import AccuracyOptions as AccuracyOptions
 from receding_fenicsx.scene.options import Harmonic as Harmonic
 from receding_fenicsx.scene.options import HistoryOptions as HistoryOptions
 from receding_fenicsx.scene.options import ModeOptions as ModeOptions
 from receding_fenicsx.scene.options import OutputOptions as OutputOptions
 from receding_fenicsx.scene.options import Probe as Probe
-from receding_fenicsx.scene.options import Refinement as Refinement
 from receding_fenicsx.scene.options import ShakedownOptions as ShakedownOptions
 from receding_fenicsx.scene.options import SolverOptions as SolverOptions
-from receding_fenicsx.scene.options import Table
 from receding_fenicsx.scene.profiles import FrictionProfile, Profile
 from receding_fenicsx.scene.units import Units
 
+MIN_CONTACT_ELEMENTS, MAX_CONTACT_ELEMENTS = 4, 20000
+"""Numbers of elements on a contact edge: fewer cannot show stick, slip and separation side by
+side; the condensed stiffness of more needs tens of gigabytes."""
+MOST_REFINEMENTS = 6
+"""Largest number of uniform refinements of a mesh file: 4096 times the cells."""
+MIN_REFINED_GROWTH = 1.01
+"""Smallest growth along a refined edge."""
 RECTANGLE_KEYS = ("shape", "width", "height", "position")
 """Keys of a body that a mesh file replaces."""
 HALF_PLANE = "half-plane"
@@ -45,42 +64,45 @@ TABLE_OF = {
 }
 """Table of the scene file for each attribute of a scene that has another name."""
 
+Kinematics = Annotated[str, OneOf("plane strain", "plane stress", "axisymmetric")]
+
 
 @dataclass(frozen=True, repr=False)
 class Body(Table):
     """Shape of an elastic body: a rectangle, or a mesh file with named physical groups.
 
     Attributes:
-        name: name of the body in "NAME.edge"; required when there are several.
-        shape: "rectangle", or "half-plane": no mesh, infinite, with the surface "bottom" or "top"
-            and the far field "far".
-        width, height: sides of the rectangle. The width of a cylinder (axisymmetric, at x = 0) is
-            its diameter, that of a half-plane is the width of its contact.
-        position: middle of the rectangle's bottom edge, or of a half-plane's contact. An
-            axisymmetric rectangle at x = r > 0 is a ring between the radii r - width / 2 and
-            r + width / 2.
-        mesh: a .geo or .msh file instead of the rectangle. In a scene file the path is relative to
+        name: name of the body in "NAME.edge"; needed when there are several bodies.
+        shape: "rectangle", with the edges "bottom", "top", "left" and "right"; or "half-plane": no
+            mesh, infinite, with the surface "bottom" or "top" and the far field "far".
+        width: length of the rectangle's bottom edge; of a cylinder (axisymmetric, at x = 0) its
+            diameter, of a half-plane the width of its contact.
+        height: length of the side edges; the unit h of lengths in the results, see [units].
+        position: [x, y] of the middle of the rectangle's bottom edge, or of a half-plane's contact.
+            An axisymmetric rectangle at x > 0 is a ring between the radii x - width / 2 and
+            x + width / 2.
+        mesh: a .geo or .msh file instead of the rectangle; in a scene file the path is relative to
             that file.
+        surface: physical surface of the mesh file that is the body; default: all surfaces.
         datum: depth, below the middle of the contact, of the point that displacements of a
             half-plane are relative to; default: ten times the length of the contact.
-        window: width and depth of the part of a half-plane that pictures show; default: two and
-            one times the length of the contact.
-        surface: physical surface of the mesh file that is the body; default: all surfaces.
-        parameters: values of the .geo file's constants.
-        material: name of the body's table [material.NAME]. Default: the table with the name of the
+        window: [width, depth] of the part of a half-plane that pictures show; default: two and one
+            times the length of the contact.
+        parameters: values of constants of the .geo file, such as {angle = 30}.
+        material: name of the body's table [material.NAME]; default: the table with the name of the
             body, or else [material].
     """
 
     name: str = ""
-    shape: str = "rectangle"
-    width: float = 4.0
-    height: float = 1.0
-    position: tuple[float, float] = (0.0, 0.0)
+    shape: Annotated[str, OneOf("rectangle", "half-plane")] = "rectangle"
+    width: Positive = 4.0
+    height: Positive = 1.0
+    position: Pair = (0.0, 0.0)
     mesh: str | None = None
     surface: str | None = None
-    datum: float | None = None
-    window: tuple[float, float] | None = None
-    parameters: dict[str, float] = field(default_factory=dict)
+    datum: Number | None = None
+    window: tuple[Positive, Positive] | None = None
+    parameters: dict[str, Number] = field(default_factory=dict)
     material: str | None = None
 
     @property
@@ -98,23 +120,24 @@ class Body(Table):
         return call_of(self, () if self.mesh is None else RECTANGLE_KEYS)
 
 
-@dataclass(frozen=True)
-class Material:
+@dataclass(frozen=True, repr=False)
+class Material(Table):
     """Isotropic linear elastic material.
 
     Attributes:
         young: Young's modulus, a stress; positive.
         poisson: Poisson's ratio, above -1 and below 0.5 (below 1 in plane stress).
-        kinematics: "plane strain", "plane stress" or "axisymmetric" (x is r, y is z).
-        name: NAME of a table [material.NAME].
+        kinematics: "plane strain", "plane stress" (unit thickness) or "axisymmetric" (x is r, y is
+            z).
+        name: NAME of a table [material.NAME]; not a key of the file.
         density: mass per volume, for vibration modes; 0 where it is not given.
     """
 
-    young: float = 1.0
-    poisson: float = 0.3
-    kinematics: str = "plane strain"
+    young: Positive = 1.0
+    poisson: Annotated[float, Gt(-1.0), Lt(1.0)] = 0.3
+    kinematics: Kinematics = "plane strain"
     name: str = ""
-    density: float = 0.0
+    density: NotNegative = 0.0
 
     @property
     def poisson_limit(self) -> float:
@@ -122,26 +145,57 @@ class Material:
         return 1.0 if self.kinematics == "plane stress" else 0.5
 
 
-@dataclass(frozen=True)
-class MeshOptions:
+@dataclass(frozen=True, repr=False)
+class Refinement(Table):
+    """Place at which elements are smaller.
+
+    At the distance d from it elements have the size ``size + (growth - 1) d``, where that is less
+    than their size without it.
+
+    Attributes:
+        size: length of the elements at the place, positive.
+        at: position along the edge, a range [from, to], "ends": both ends of the contact, or
+            "corners": the re-entrant corners of a body from a .geo file.
+        growth: size ratio of neighbouring elements away from the place; default: that of the mesh.
+        edge: contact edge; default: all contact edges.
+    """
+
+    size: Positive
+    at: Number | Pair | Annotated[str, OneOf("ends", "corners")] = "ends"
+    growth: Annotated[float, Ge(MIN_REFINED_GROWTH), Le(3.0)] | None = None
+    edge: str | None = None
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Range of a place by position."""
+        assert not isinstance(self.at, str)
+        return self.at if isinstance(self.at, tuple) else (self.at, self.at)
+
+
+@dataclass(frozen=True, repr=False)
+class MeshOptions(Table):
     """Mesh options.
 
     Attributes:
-        contact_elements: elements on the whole nominal contact edge, 4 to 20000.
+        contact_elements: elements on the whole nominal contact edge, 4 to 20000; the number of
+            contact nodes is ``degree`` times ``contact_elements`` plus 1.
         cell: "triangle" or "quadrilateral".
         degree: polynomial degree of the displacements, 1 or 2.
-        growth: size ratio of neighbouring layers away from the contact, 1 (uniform) to 3.
-        refine: places on the contact edge with smaller elements, besides ``contact_elements``.
-        refinements: times that the mesh of a file is refined uniformly, 0 to 6; each halves the
+        growth: size ratio of neighbouring layers away from the contact and from the ends of loads
+            and supports, 1 (uniform) to 3.
+        refine: places on the contact edge with smaller elements: a list of
+            {at = ..., size = ..., growth = ..., edge = ...}; ``at`` is a position, a range, "ends"
+            or "corners".
+        refinements: times that the mesh of a file is refined uniformly, 0 to 6: each halves the
             size of all its elements.
     """
 
-    contact_elements: int = 160
-    cell: str = "triangle"
-    degree: int = 2
-    growth: float = 1.25
+    contact_elements: Annotated[int, Ge(MIN_CONTACT_ELEMENTS), Le(MAX_CONTACT_ELEMENTS)] = 160
+    cell: Annotated[str, OneOf("triangle", "quadrilateral")] = "triangle"
+    degree: Annotated[int, OneOf(1, 2)] = 2
+    growth: Growth = 1.25
     refine: tuple[Refinement, ...] = ()
-    refinements: int | None = None
+    refinements: Annotated[int, Ge(0), Le(MOST_REFINEMENTS)] | None = None
 
 
 @dataclass(frozen=True, repr=False)
@@ -150,12 +204,14 @@ class Contact(Table):
 
     Attributes:
         edge: edge that may touch the other side.
-        span: part of the edge that may touch; default: the whole edge.
-        friction: coefficient of friction, not negative; {"forward": ..., "backward": ...} where it
-            differs between slip along +t and -t.
-        initial_gap: gap before loading, a length, not negative.
-        against: edge of another body; default: a rigid plane.
-        interference: depth by which the bodies would overlap as made, a length, not negative.
+        span: [from, to], part of the edge that may touch; default: the whole edge.
+        friction: coefficient of friction f, a profile; not negative, 0 for none.
+            {forward = PROFILE, backward = PROFILE} where it differs between forward slip (v grows,
+            Q = -f_forward P) and backward slip (v falls, Q = +f_backward P).
+        initial_gap: gap before loading, a length, a profile; not negative.
+        against: edge of another body, "NAME.edge"; default: a rigid plane.
+        interference: depth by which the bodies would overlap as made, a length, a profile; not
+            negative.
 
     Positions in ``span`` and in profiles are measured along the edge from its middle: to the right
     or upwards on a rectangle, along t (the body on the left) on a mesh file. On a body of
@@ -163,7 +219,7 @@ class Contact(Table):
     """
 
     edge: str = "bottom"
-    span: tuple[float, float] | None = None
+    span: Pair | None = None
     friction: FrictionProfile = 0.35
     initial_gap: Profile = 0.0
     against: str | None = None
@@ -171,7 +227,7 @@ class Contact(Table):
 
 
 @dataclass(frozen=True, repr=False)
-class Scene:
+class Scene(Table):
     """Input of a run: bodies, materials, contacts, loads, history and options.
 
     ``body`` is the first body, ``others`` are the other ones. ``material`` is the default material,
@@ -204,8 +260,7 @@ class Scene:
         for name in (part.name for part in fields(self) if part.name != "title"):
             value = getattr(self, name)
             for item in value if isinstance(value, tuple) else (value,):
-                text = repr(item) if isinstance(item, Table) else call_of(item)
-                rows.append((TABLE_OF.get(name, name), text))
+                rows.append((TABLE_OF.get(name, name), repr(item)))
         return described(f"Scene {self.title!r}", rows)
 
     @property

@@ -1,12 +1,28 @@
-"""Dataclasses of a scene's options: history, solver and output."""
+"""Dataclasses of a scene's options: history, solver, output, probes and studies."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from typing import Annotated
 
-from receding_fenicsx.arrays import call_of
+from annotated_types import Ge, Gt, Le, Lt
+
+from receding_fenicsx.scene.checks import (
+    Count,
+    Million,
+    NotNegative,
+    Number,
+    OneOf,
+    Pair,
+    Positive,
+    Table,
+    Thousand,
+    Tolerance,
+)
 from receding_fenicsx.scene.profiles import Profile
 
+MAX_CYCLES = 1_000_000_000
+"""Largest number of cycles; cycle numbers in the files of a run have room for it."""
 SAMPLES_PER_LEG, SAMPLES_PER_CYCLE = 40, 800
 """Default numbers of samples: per leg, and at most per cycle where it has many legs."""
 
@@ -46,44 +62,12 @@ LOCAL_NUMBERS = (
 """Numbers that are asked for by name only: ends of zones are known to a part of the node spacing,
 and the largest pressure may be infinite."""
 
-
-class Table:
-    """Table of a scene whose values may be long."""
-
-    def __repr__(self) -> str:
-        """Return the values, long ones cut; empty ones are left out."""
-        return call_of(self)
+Branch = Annotated[str, OneOf("first", "least dissipation", "most dissipation")]
+"""Rule by which one of several continuations is taken."""
 
 
-@dataclass(frozen=True)
-class Refinement:
-    """Place at which elements are smaller.
-
-    At the distance d from it elements have the size ``size + (growth - 1) d``, where that is less
-    than their size without it.
-
-    Attributes:
-        size: length of the elements at the place, positive.
-        at: position along the edge, a range [from, to], "ends": both ends of the contact, or
-            "corners": the re-entrant corners of a body from a .geo file.
-        growth: size ratio of neighbouring elements away from the place; default: that of the mesh.
-        edge: contact edge; default: all contact edges.
-    """
-
-    size: float
-    at: float | tuple[float, float] | str = "ends"
-    growth: float | None = None
-    edge: str | None = None
-
-    @property
-    def span(self) -> tuple[float, float]:
-        """Range of a place by position."""
-        assert not isinstance(self.at, str)
-        return self.at if isinstance(self.at, tuple) else (self.at, self.at)
-
-
-@dataclass(frozen=True)
-class Harmonic:
+@dataclass(frozen=True, repr=False)
+class Harmonic(Table):
     """Load factor mean + amplitude cos(angle - phase) of a harmonic history.
 
     Attributes:
@@ -92,9 +76,9 @@ class Harmonic:
         phase: angle in degrees at which the load factor is largest.
     """
 
-    mean: float = 0.0
-    amplitude: float = 0.0
-    phase: float = 0.0
+    mean: Number = 0.0
+    amplitude: NotNegative = 0.0
+    phase: Number = 0.0
 
 
 @dataclass(frozen=True, repr=False)
@@ -102,40 +86,48 @@ class HistoryOptions(Table):
     """Options of the load history; see :mod:`receding_fenicsx.scene.history`.
 
     Attributes:
-        kind: "cyclic", "monotonic", "table" or "harmonic".
-        load: name of the load that varies; required when there are several.
-        maximum: largest load factor, positive.
+        kind: "cyclic": 0 to maximum, then maximum, minimum, maximum; "monotonic": 0 to maximum;
+            "table": a polyline of the factors of several loads; "harmonic": mean, amplitude and
+            phase of each load.
+        load: name of the load that varies; needed when there are several that are not
+            ``constant``.
+        maximum: largest load factor, positive; to reverse a load, change its own sign.
         minimum: smallest load factor of the cycles, below the maximum.
-        cycles: largest number of cycles.
-        until: "steady" to stop when the steady state is reached; "limit" to find the limit of
-            infinitely many cycles.
-        columns: name of the load of each column (kind "table").
-        rows: load factors from rest to the start of the cycles (kind "table"); in a scene file also
-            a file. Default: straight to the last of ``cycle_rows``.
-        cycle_rows: load factors at the corners of a cycle, from the last of ``rows`` back to it
-            (kind "table"); in a scene file also a file.
-        constant: load factors that are applied first and then kept, by the names of their loads.
-        harmonic: each load's mean, amplitude and phase, by its name (kind "harmonic").
-        corners: corners of the polygon that stands for the ellipse (kind "harmonic"); default: as
-            many as ``tolerance`` needs.
-        tolerance: largest error estimate of the dissipation per cycle due to the polygon, relative;
-            default 1e-3 (kind "harmonic").
-        initial_slip: tangential displacement from which the slip of the first leg is measured.
+        cycles: largest number of cycles, 1 to 1 000 000 000; the record must be smaller than
+            1000 GB.
+        until: "steady" stops when the steady state is reached; "limit" takes the limit of
+            infinitely many cycles once it is known that the history comes there.
+        columns: for "table": name of the load of each column.
+        rows: for "table": load factors from rest to the start of the cycles, one list per row; in a
+            scene file also {file = "signal.csv"}. Default: straight to the last of ``cycle_rows``.
+        cycle_rows: for "table": load factors at the corners of a cycle, from the last of ``rows``
+            back to it, one list per row; in a scene file also {file = "signal.csv"}.
+        constant: load factors, such as {P = 1.0}, that are applied first, together on one leg, and
+            then kept; the other loads vary as ``kind`` says.
+        harmonic: for "harmonic": for each load a table [history.harmonic.NAME] with ``mean``,
+            ``amplitude`` and ``phase``, each 0 by default.
+        corners: for "harmonic": number of corners of the polygon that stands for the ellipse, at
+            most 4096; default: as many as ``tolerance`` needs.
+        tolerance: for "harmonic": largest error estimate of the dissipation per cycle due to the
+            polygon, relative; default: 1e-3.
+        initial_slip: tangential displacement from which the slip of the first leg is measured, a
+            length, a profile; the first leg is then one static problem, and releases the slip if it
+            has no load.
     """
 
-    kind: str = "cyclic"
+    kind: Annotated[str, OneOf("cyclic", "monotonic", "table", "harmonic")] = "cyclic"
     load: str | None = None
-    maximum: float = 1.0
-    minimum: float = 1.0 / 3.0
-    cycles: int = 60
-    until: str | None = None
+    maximum: Positive = 1.0
+    minimum: Number = 1.0 / 3.0
+    cycles: Annotated[int, Ge(0), Le(MAX_CYCLES)] = 60
+    until: Annotated[str, OneOf("steady", "limit")] | None = None
     columns: tuple[str, ...] = ()
-    rows: tuple[tuple[float, ...], ...] = ()
-    cycle_rows: tuple[tuple[float, ...], ...] = ()
-    constant: dict[str, float] = field(default_factory=dict)
+    rows: tuple[tuple[Number, ...], ...] = ()
+    cycle_rows: tuple[tuple[Number, ...], ...] = ()
+    constant: dict[str, Number] = field(default_factory=dict)
     harmonic: dict[str, Harmonic] = field(default_factory=dict)
-    corners: int | None = None
-    tolerance: float | None = None
+    corners: Annotated[int, Ge(1), Le(4096)] | None = None
+    tolerance: Tolerance | None = None
     initial_slip: Profile | None = None
 
 
@@ -145,29 +137,32 @@ class ShakedownOptions(Table):
 
     Attributes:
         mean: load factors of the mean loads, by the names of their loads.
-        range: changes of the load factors at the corners of the range at lambda = 1.
-        separated: "refuse" nodes that are separated under the mean loads, or let them "stay"
-            separated over the whole range.
-        largest_slip: bound of the residual slips that the lower limit is for.
+        range: changes of the load factors at the corners of the range at lambda = 1; the other
+            loads do not change there.
+        separated: nodes that are separated under the mean loads: "refuse" them, or let them "stay"
+            separated throughout.
+        largest_slip: bound of the residual slips that the lower limit is for, as far as they stay
+            below it; refused if none of these holds the mean loads.
         diagram: load whose mean varies along the diagram's axis; default: the first of the range.
     """
 
-    mean: dict[str, float] = field(default_factory=dict)
-    range: tuple[dict[str, float], ...] = ()
-    separated: str = "refuse"
-    largest_slip: float | None = None
+    mean: dict[str, Number] = field(default_factory=dict)
+    range: tuple[dict[str, Number], ...] = ()
+    separated: Annotated[str, OneOf("refuse", "stay")] = "refuse"
+    largest_slip: Positive | None = None
     diagram: str | None = None
 
 
-@dataclass(frozen=True)
-class SolverOptions:
+@dataclass(frozen=True, repr=False)
+class SolverOptions(Table):
     """Options of the solver; tolerances are relative to the scales of the scene.
 
     Attributes:
         method: "events" (exact) or "gauss-seidel" (load steps).
-        steps_per_leg: load steps per leg (Gauss-Seidel).
+        steps_per_leg: load steps per leg (Gauss-Seidel), at most 1 000 000.
         symmetry: "auto" models half of a mirror-symmetric body; "none" models the whole body.
-        over_relaxation: relaxation factor, between 0 and 2 (Gauss-Seidel).
+        over_relaxation: relaxation factor, between 0 and 2 (Gauss-Seidel); 1 is none, 1.5 is often
+            fastest.
         polish: solve directly once the states no longer change (Gauss-Seidel).
         change_tolerance: largest change in a sweep, over the largest displacement of the step,
             eq. (16) (Gauss-Seidel).
@@ -176,44 +171,48 @@ class SolverOptions:
         max_sweeps: largest number of sweeps of a step; more are an error. A step whose sweeps cycle
             or converge too slowly (1000 sweeps leave more than a tenth of the residual) is solved
             on the exact path (Gauss-Seidel).
-        steady_tolerance: change of the nodal forces over a cycle, relative to the largest force,
-            below which the cycle is steady. What slips gain and how the dissipation changes are
-            compared with 100 times this tolerance, relative to themselves. Default: 1e-8, and 1e-10
-            for the limit of infinitely many cycles.
-        on_jump: "stop" or "static", where no quasi-static continuation exists.
-        branch: where several continuations exist, "first" takes the one found first, "least
-            dissipation" or "most dissipation" the one that dissipates at the least or highest rate,
-            and a number n the n-th, or the last where there are fewer (method "events").
+        steady_tolerance: change of the nodal forces over a period, relative to the largest force.
+            The cycle is steady when this change is below the tolerance, or below the round-off of
+            the forces (K u of a nearly rigid body), for two periods in a row and no node slips, or
+            the slips gain and the dissipation changes by less than 100 times the tolerance,
+            relative to themselves. Default: 1e-8, and 1e-10 for until = "limit".
+        on_jump: where no quasi-static continuation exists (both methods): "stop" ends with an error
+            that names load factors and nodes; "static" solves one static problem past the jump and
+            reports the jump and its released energy.
+        branch: where several continuations exist: "first" takes the one found first, "least
+            dissipation" and "most dissipation" the one that dissipates at the least or highest
+            rate, a number n the n-th, or the last where there are fewer (method "events").
     """
 
-    method: str = "events"
-    steps_per_leg: int = 40
-    symmetry: str = "auto"
-    over_relaxation: float = 1.5
+    method: Annotated[str, OneOf("events", "gauss-seidel")] = "events"
+    steps_per_leg: Million = 40
+    symmetry: Annotated[str, OneOf("auto", "none")] = "auto"
+    over_relaxation: Annotated[float, Gt(0.0), Lt(2.0)] = 1.5
     polish: bool = True
-    change_tolerance: float = 1e-10
-    residual_tolerance: float = 1e-12
-    max_sweeps: int = 20000
-    steady_tolerance: float | None = None
-    on_jump: str = "stop"
-    branch: str | int = "first"
+    change_tolerance: Tolerance = 1e-10
+    residual_tolerance: Tolerance = 1e-12
+    max_sweeps: Count = 20000
+    steady_tolerance: Tolerance | None = None
+    on_jump: Annotated[str, OneOf("stop", "static")] = "stop"
+    branch: Branch | Thousand = "first"
 
 
-@dataclass(frozen=True)
-class OutputOptions:
+@dataclass(frozen=True, repr=False)
+class OutputOptions(Table):
     """Options of the record and the checkpoints.
 
     Attributes:
-        samples_per_leg: samples per leg of the sampled cycles; default 40, on a cycle of more than
-            20 legs fewer, about 800 for the cycle.
-        cycles: cycles with samples and events: "all" or a list; default 0, 1, 2, 9 and the last.
-        checkpoint_cycles: cycles between two checkpoints. After 20 times as many cycles, the
-            distance grows to a tenth of the finished cycles.
+        samples_per_leg: samples per leg of the sampled cycles, 1 to 1 000 000; default: 40, on a
+            cycle of more than 20 legs fewer, about 800 for the cycle.
+        cycles: cycles with samples and events: "all" or a list; default: 0, 1, 2, 9 and the last;
+            may differ in a resumed run.
+        checkpoint_cycles: cycles between two checkpoints; ``--resume`` continues from the last one.
+            After 20 times as many cycles, the distance grows to a tenth of the finished cycles.
     """
 
-    samples_per_leg: int | None = None
-    cycles: tuple[int, ...] | str | None = None
-    checkpoint_cycles: int = 10
+    samples_per_leg: Million | None = None
+    cycles: tuple[Annotated[int, Ge(0)], ...] | Annotated[str, OneOf("all")] | None = None
+    checkpoint_cycles: Count = 10
 
     def samples_on(self, legs: int) -> int:
         """Return the number of samples per leg of a cycle of so many legs."""
@@ -222,24 +221,26 @@ class OutputOptions:
         return max(1, min(SAMPLES_PER_LEG, SAMPLES_PER_CYCLE // max(legs, 1)))
 
 
-@dataclass(frozen=True)
-class Probe:
+@dataclass(frozen=True, repr=False)
+class Probe(Table):
     """Points of a body at which displacement and stress are recorded: exactly one of three keys.
 
     Attributes:
-        name: name of the probe; also that of its files.
+        name: name of the probe, also that of its files.
         point: coordinates [x, y] of one point.
-        points: coordinates of several points.
-        segment: both ends of a segment, which gets ``count`` evenly spaced points.
-        count: number of points of the segment, ends included.
-        body: name of the points' body, in a scene of several.
+        points: coordinates of several points, [[x, y], ...].
+        segment: both ends of a segment, [[x, y], [x, y]], which gets ``count`` evenly spaced
+            points.
+        count: number of points of the segment, ends included; 2 to 1000, and at most 1000 in all
+            probes.
+        body: name of the points' body, needed when there are several bodies.
     """
 
     name: str
-    point: tuple[float, float] | None = None
-    points: tuple[tuple[float, ...], ...] = ()
-    segment: tuple[tuple[float, ...], ...] = ()
-    count: int | None = None
+    point: Pair | None = None
+    points: tuple[Pair, ...] = ()
+    segment: tuple[Pair, ...] = ()
+    count: Annotated[int, Ge(2), Le(1000)] | None = None
     body: str | None = None
 
     @property
@@ -257,33 +258,33 @@ class Probe:
         )
 
 
-@dataclass(frozen=True)
-class ModeOptions:
+@dataclass(frozen=True, repr=False)
+class ModeOptions(Table):
     """Vibration modes that are computed.
 
     Attributes:
-        count: number of modes: of the stuck joint that ``joint`` prints, and with the contact nodes
-            held that a reduced model keeps.
+        count: number of vibration modes, at most 1000: of the stuck joint that ``joint`` prints,
+            and with the contact nodes held that a reduced model keeps.
     """
 
-    count: int = 3
+    count: Thousand = 3
 
 
-@dataclass(frozen=True)
-class AccuracyOptions:
+@dataclass(frozen=True, repr=False)
+class AccuracyOptions(Table):
     """Options of a run that chooses its mesh by the errors of its numbers.
 
     Attributes:
-        tolerance: largest relative error of the numbers: twice the estimate is below it. Default:
-            the mesh is that of the scene.
-        numbers: names of the numbers. Default: all but the ends of zones and the largest pressure.
+        tolerance: largest relative error of the numbers, below 1: twice the estimate is below it;
+            default: the mesh is that of the scene.
+        numbers: names of the numbers; default: all but the ends of zones and the largest pressure.
             A name without brackets stands for that number of all edges, loads or probes.
         budget_seconds: no mesh is begun that would end later, by prediction.
-        grading: the meshes are graded towards the ends of the contact edges and the re-entrant
-            corners of bodies. Default: where a sharp corner is in contact and it is possible.
+        grading: grade the meshes towards the ends of the contact edges and the re-entrant corners
+            of bodies; default: where a sharp corner is in contact and it is possible.
     """
 
-    tolerance: float | None = None
+    tolerance: Tolerance | None = None
     numbers: tuple[str, ...] = ()
-    budget_seconds: float = 600.0
+    budget_seconds: Positive = 600.0
     grading: bool | None = None

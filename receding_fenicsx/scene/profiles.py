@@ -3,24 +3,24 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any, cast
+from typing import Annotated, Any, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_size
+from receding_fenicsx.scene.checks import Number, OneOf, check_size
 from receding_fenicsx.scene.column_file import Columns, read_columns, without_unit
 from receding_fenicsx.scene.expressions import evaluate_expression
 
-Profile = float | str | dict[str, list[float]]
+Profile = Number | str | dict[Annotated[str, OneOf("x", "value")], list[Number]]
 """A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""
 
 DIRECTIONS = ("forward", "backward")
 """Directions of slip, keys of a friction that differs between them."""
 
-FrictionProfile = Profile | dict[str, Profile]
+FrictionProfile = Profile | dict[Annotated[str, OneOf(*DIRECTIONS)], Profile]
 """A profile, or one for each of the ``DIRECTIONS``."""
 
 PROFILE_KEYS = (
@@ -89,6 +89,8 @@ def check_table(profile: Profile, where: str) -> None:
     """
     if not isinstance(profile, dict):
         return
+    if set(profile) != {"x", "value"}:
+        raise InputError(f"{where}: a table needs two lists, {{x = [...], value = [...]}}")
     points, values = (np.asarray(profile[key], dtype=float) for key in ("x", "value"))
     if len(points) != len(values) or len(points) < 2:
         raise InputError(

@@ -10,19 +10,17 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import tomli_w
 
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.atomic import read_text
-from receding_fenicsx.errors import InputError
+from receding_fenicsx.errors import InputError, InputErrors
 from receding_fenicsx.scene.history.signal_file import with_signals
-from receding_fenicsx.scene.model import RECTANGLE_KEYS, Body, Scene
+from receding_fenicsx.scene.model import TABLE_OF, Body, Scene
 from receding_fenicsx.scene.profiles import inline_files
 from receding_fenicsx.scene.toml_overrides import apply_override
-from receding_fenicsx.scene.toml_tables import ARRAYS, ATTRIBUTE, TABLES, scene_of
-from receding_fenicsx.scene.toml_values import parse_toml
-from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.scene.toml_reader import parse_toml, plain, scene_of
+from receding_fenicsx.scene.validate import check_rules
 
 
 def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
@@ -43,7 +41,7 @@ def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
     try:
         return from_toml(text, overrides, Path(path).parent)
     except InputError as error:
-        raise InputError(f"{path}: {error}") from None
+        raise InputErrors(*(f"{path}: {line}" for line in str(error).splitlines())) from None
 
 
 def from_toml(text: str, overrides: Iterable[str] = (), folder: Path | None = None) -> Scene:
@@ -81,7 +79,7 @@ def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:
     if folder is not None:
         found = [_with_path(body, folder) for body in scene.bodies]
         scene = replace(scene, body=found[0], others=tuple(found[1:]))
-    validate(scene)
+    check_rules(scene)
     return scene
 
 
@@ -112,36 +110,13 @@ def tables_of(scene: Scene) -> dict[str, Any]:
 
     Empty values and tables of options that are not used are left out.
     """
-    tables: dict[str, Any] = {"title": scene.title}
-    bodies = [_plain(body) for body in scene.bodies]
-    tables["body"] = bodies if scene.others else bodies[0]
-    named = {material.name: _plain(replace(material, name="")) for material in scene.materials}
-    tables["material"] = _plain(scene.material) | named
-    tables["mesh"] = _plain(scene.mesh)
-    for name in ARRAYS:
-        tables[name] = [_plain(item) for item in getattr(scene, ATTRIBUTE[name])]
-    for name, kind in TABLES.items():
-        value = getattr(scene, name)
-        if name in ("history", "solver", "output") or (name not in tables and value != kind()):
-            tables[name] = _plain(value)
+    tables: dict[str, Any] = {}
+    for field in dataclasses.fields(scene):
+        table, value = TABLE_OF.get(field.name, field.name), getattr(scene, field.name)
+        if field.name == "materials":
+            tables[table] |= {m.name: plain(replace(m, name=""), sparse=True) for m in value}
+        elif field.name == "others":
+            tables[table] = [tables[table], *plain(value, sparse=True)] if value else tables[table]
+        elif table not in ("units", "shakedown", "accuracy", "mode") or value != type(value)():
+            tables[table] = plain(value, sparse=True)
     return {name: table for name, table in tables.items() if table != []}
-
-
-def _plain(value: Any) -> Any:
-    """Return a value, or a dataclass without None, empty names, edges and defaults, for TOML."""
-    if isinstance(value, list | tuple):
-        return [_plain(item) for item in value]
-    if isinstance(value, dict):
-        return {str(key): _plain(item) for key, item in value.items()}
-    if not dataclasses.is_dataclass(value):
-        return value.item() if isinstance(value, np.generic) else value
-    omitted = RECTANGLE_KEYS if getattr(value, "mesh", None) is not None else ()
-    fields = [(f.name, getattr(value, f.name), f.default) for f in dataclasses.fields(value)]
-    return {
-        name: _plain(item)
-        for name, item, default in fields
-        if name not in omitted
-        and item not in (None, {})
-        and (item != () or default is None)
-        and (name, item) not in (("name", ""), ("edge", ""))
-    }

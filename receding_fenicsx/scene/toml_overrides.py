@@ -8,8 +8,14 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import unknown_name
 from receding_fenicsx.scene.model import Contact
 from receding_fenicsx.scene.profiles import DIRECTIONS
-from receding_fenicsx.scene.toml_tables import ARRAYS, KNOWN, NAMED, as_list, named_materials
-from receding_fenicsx.scene.toml_values import parse_toml
+from receding_fenicsx.scene.toml_reader import (
+    ARRAYS,
+    KNOWN,
+    NAMED,
+    as_list,
+    named_materials,
+    parse_toml,
+)
 
 PARTS = {
     "contact": ("friction",),

@@ -4,28 +4,32 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass, fields
+from typing import Annotated
+
+from annotated_types import MaxLen
 
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import Table
 
-MAX_UNIT = 12
-"""Largest number of characters of a unit."""
+UnitName = Annotated[str, MaxLen(12)]
 POWERS = {1: "", 2: "²", 3: "³"}
 
 
-@dataclass(frozen=True)
-class Units:
+@dataclass(frozen=True, repr=False)
+class Units(Table):
     """Names of the units that the numbers of a scene are in; labels only, nothing is converted.
 
     Attributes:
-        length: unit of lengths, such as "mm".
+        length: unit of lengths, such as "mm"; at most 12 characters.
         stress: unit of stresses, such as "MPa".
         force: unit of forces, such as "N"; default: products of the units of stress and length. In
-            the plane "N" and "N/mm" mean the same where the unit of length is "mm".
+            the plane, forces are for unit thickness: with length = "mm", "N" and "N/mm" both give
+            axes in N/mm.
     """
 
-    length: str | None = None
-    stress: str | None = None
-    force: str | None = None
+    length: UnitName | None = None
+    stress: UnitName | None = None
+    force: UnitName | None = None
 
     def product(self, stress: int, length: int) -> str:
         """Return the unit stress^a length^b as text; "" if one of the units is not known."""
@@ -46,16 +50,13 @@ class Units:
 
 
 def check_units(units: Units) -> None:
-    """Check the table [units]."""
+    """Check that the names in the table [units] can be printed."""
     for field in fields(units):
         text = getattr(units, field.name)
-        if text is None:
-            continue
-        where = f"[units] {field.name}"
-        if not isinstance(text, str) or not text.isprintable() or not text.strip():
-            raise InputError(f'{where}: must be the name of a unit, such as "mm", not {text!r}')
-        if len(text) > MAX_UNIT:
-            raise InputError(f"{where}: must have at most {MAX_UNIT} characters, not {len(text)}")
+        if text is not None and not (text.isprintable() and text.strip()):
+            raise InputError(
+                f'[units] {field.name}: must be the name of a unit, such as "mm", not {text!r}'
+            )
 
 
 def in_unit(name: str, unit: str | None) -> str:

@@ -1,37 +1,58 @@
 """Validation of a scene: errors for what cannot be modelled, warnings for what is inaccurate.
 
-Every message is one line: the table and key, what is wrong, what to do.
+Types, ranges and choices of single values stand at the dataclasses of the scene. Here are the rules
+between values, and in ``validate_bodies``, ``validate_contacts`` and ``validate_loads``. Every
+message is one line: the table and key, what is wrong, what to do.
 """
 
 from __future__ import annotations
 
-import math
+from collections.abc import Callable, Iterable
+from functools import partial
 
-from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_count, check_size
-from receding_fenicsx.scene.history import history_from_scene
-from receding_fenicsx.scene.model import TABLE_OF, Harmonic, Load, Scene
+from receding_fenicsx.errors import InputError, InputErrors
+from receding_fenicsx.scene.checks import check_name, nearest, unknown_name
+from receding_fenicsx.scene.history import History, history_from_scene
+from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
+from receding_fenicsx.scene.options import HEADLINE_NAMES
+from receding_fenicsx.scene.toml_reader import check_values
 from receding_fenicsx.scene.units import check_units
 from receding_fenicsx.scene.validate_bodies import check_bodies, check_half_planes, check_mesh
 from receding_fenicsx.scene.validate_contacts import (
-    check_contacts,
+    check_contact,
     check_initial_slip,
+    check_touching,
     gap_warnings,
 )
-from receding_fenicsx.scene.validate_loads import check_loads, check_supports
-from receding_fenicsx.scene.validate_options import (
-    MAX_MODES,
-    check_accuracy,
-    check_output,
-    check_probes,
-    check_shakedown,
-    check_solver,
+from receding_fenicsx.scene.validate_loads import (
+    body_named,
+    check_acts,
+    check_bolt,
+    check_inside,
+    check_load,
+    check_names,
+    check_parts,
+    check_spring,
+    check_support,
 )
 
 LOCKING_POISSON = 0.45
 """Poisson's ratio above which elements of order 1 are too stiff. On the paper's block with 81
 contact nodes, the error of their dissipation is 3 to 8 % at 0.49 and 11 to 30 % at 0.499; that of
 order 2 is 1 %."""
+MAX_RECORD_BYTES = 1e12
+"""Size of the largest record."""
+BYTES_PER_NODE = 50
+"""Bytes of one node at one instant of a record: v, w, P, Q, p, q and the state."""
+DEFAULT_SAMPLED_CYCLES = 5
+"""Number of cycles that are sampled by default: 0, 1, 2, 9 and the last."""
+PROBE_KINDS = ("point", "points", "segment")
+"""Keys of a probe of which exactly one is given."""
+MOST_POINTS = 1000
+"""Largest number of points of all probes together: each costs six solves with the bulk."""
+NOT_IN_FILE_NAMES = '/\\:*?"<>|'
+"""Characters that the names of files cannot hold on some systems."""
+MAX_NAME_LENGTH = 80
 
 
 def validate(scene: Scene) -> None:
@@ -41,28 +62,45 @@ def validate(scene: Scene) -> None:
         scene: the scene.
 
     Raises:
-        InputError: a value has no meaning, contradicts another one, or needs a feature that is not
-            available.
+        InputError: a value has a wrong type or range, contradicts another one, or needs a feature
+            that is not available; one line for each error that does not follow from another one.
     """
     if not isinstance(scene, Scene):
         kind = type(scene).__name__
         raise InputError(f'a scene is needed, as read_scene("block.toml") returns it, not a {kind}')
-    check_accuracy(scene)
-    _check_finite(scene, "scene")
-    check_bodies(scene)
-    check_mesh(scene)
-    check_contacts(scene)
-    check_half_planes(scene)
-    check_loads(scene)
-    check_supports(scene)
-    check_probes(scene)
-    check_solver(scene.solver)
-    check_shakedown(scene)
-    check_count(scene.mode.count, MAX_MODES, "[mode] count")
-    check_units(scene.units)
-    history = history_from_scene(scene)
-    check_initial_slip(scene)
-    check_output(scene, history)
+    check_values(scene)
+    check_rules(scene)
+
+
+def check_rules(scene: Scene) -> None:
+    """Check the rules between the values of a scene whose types and ranges are right."""
+    _all_of([lambda scene: check_units(scene.units), check_bodies], scene)
+    _all_of([partial(check_contact, number=k) for k in range(len(scene.contacts))], scene)
+    _all_of([check_touching, check_mesh, check_half_planes, check_names], scene)
+    loads = [partial(check_load, load) for load in scene.loads]
+    bolts = [partial(check_bolt, bolt) for bolt in scene.bolts]
+    supports = [partial(check_support, support) for support in scene.supports]
+    springs = [partial(check_spring, spring) for spring in scene.springs]
+    _all_of([*loads, *bolts, *supports, *springs], scene)
+    _all_of([check_parts], scene)
+    checks: list[Callable[[Scene], None]] = [partial(check_acts, load) for load in scene.loads]
+    checks += [check_probes, check_shakedown, check_accuracy]
+    checks += [lambda scene: check_solver(scene.solver), check_initial_slip, check_output]
+    _all_of(checks, scene)
+
+
+def _all_of(checks: Iterable[Callable[[Scene], None]], scene: Scene) -> None:
+    """Call all checks and raise all their errors; a single one as it is."""
+    errors = []
+    for check in checks:
+        try:
+            check(scene)
+        except InputError as error:
+            errors.append(error)
+    if len(errors) == 1:
+        raise errors[0]
+    if errors:
+        raise InputErrors(*dict.fromkeys(str(error) for error in errors))
 
 
 def scene_warnings(scene: Scene) -> list[str]:
@@ -84,21 +122,140 @@ def scene_warnings(scene: Scene) -> list[str]:
     return lines + gap_warnings(scene)
 
 
-def _check_finite(value: object, where: str) -> None:
-    """Refuse NaN, infinity and huge numbers; scenes made in Python may hold them."""
-    if isinstance(value, float):
-        if not math.isfinite(value):
-            raise InputError(f"{where}: must be a finite number, not {value}")
-        check_size(value, where)
-    if isinstance(value, dict):
-        for key, item in value.items():
-            _check_finite(item, f"{where}.{key}")
-    elif isinstance(value, list | tuple):
-        for item in value:
-            _check_finite(item, where)
-    elif hasattr(value, "__dataclass_fields__"):
-        label = f"[{TABLE_OF.get(where, where)}]"
-        if isinstance(value, Load | Harmonic):
-            label = f"load '{value.name}'" if isinstance(value, Load) else where
-        for key in value.__dataclass_fields__:
-            _check_finite(getattr(value, key), key if where == "scene" else f"{label} {key}")
+def check_solver(solver: SolverOptions) -> None:
+    """Check the options of a solver: their values, and that the method finds the branch."""
+    check_values(solver, "[solver]")
+    if solver.branch != "first" and solver.method != "events":
+        raise InputError(
+            '[solver] branch: load steps find one continuation only; use method "events" with it'
+        )
+
+
+def check_shakedown(scene: Scene) -> None:
+    """Check the loads of the table [shakedown], and its choices."""
+    options, known = scene.shakedown, scene.driven_names
+    tables = [("mean", options.mean), *(("range", vertex) for vertex in options.range)]
+    for key, names in [*tables, ("diagram", [options.diagram] if options.diagram else [])]:
+        for name in names:
+            if name not in known:
+                unknown_name(name, known, f"[shakedown] {key}", "load")
+
+
+def check_accuracy(scene: Scene) -> None:
+    """Check the table [accuracy] and the names of its numbers."""
+    options = scene.accuracy
+    if options.grading and scene.mesh.cell != "triangle":
+        raise InputError('[accuracy] grading: is for triangles; use cell = "triangle"')
+    owners = {
+        "load": scene.load_names,
+        "probe": tuple(probe.name for probe in scene.probes),
+        "": tuple(contact.edge for contact in scene.contacts),
+    }
+    for name in options.numbers:
+        base, bracket, owner = name.removesuffix("]").partition("[")
+        if base not in HEADLINE_NAMES:
+            close = nearest(base, HEADLINE_NAMES)
+            hint = f"did you mean '{close}'? " if close else ""
+            known = ", ".join(HEADLINE_NAMES)
+            raise InputError(
+                f"[accuracy] numbers: unknown number '{name}'; {hint}known are {known}"
+            )
+        kind = next(kind for kind in owners if base.startswith(kind))
+        several = kind or len(scene.contacts) > 1
+        if bracket and (base.startswith("dissipation") or not several):
+            raise InputError(f"[accuracy] numbers: '{base}' is one number; leave out [{owner}]")
+        if bracket and owner not in owners[kind]:
+            what = kind or "contact edge"
+            unknown_name(owner, owners[kind], f"[accuracy] numbers '{base}'", what)
+
+
+def check_output(scene: Scene) -> None:
+    """Check the history, its sampled cycles, and that the record can be stored."""
+    history, output = history_from_scene(scene), scene.output
+    if isinstance(output.cycles, tuple):
+        for number in output.cycles:
+            if number > history.cycles:
+                raise InputError(
+                    f"[output] cycles: cycle {number} does not occur; the history has cycles 0 to "
+                    f"{history.cycles}"
+                )
+    _check_record_size(scene, history)
+
+
+def _check_record_size(scene: Scene, history: History) -> None:
+    output, legs = scene.output, max(len(history.loop) - 1, len(history.path) - 1)
+    # a run until the steady state or the limit ends long before
+    cycles = 0 if history.until_steady or history.until_limit else history.cycles
+    sampled = min(DEFAULT_SAMPLED_CYCLES, cycles + 1)
+    if output.cycles is not None:
+        sampled = len(output.cycles) if isinstance(output.cycles, tuple) else cycles + 1
+    nodes = scene.mesh.degree * scene.mesh.contact_elements + 1
+    for key, count, advice in (
+        ("[history] cycles", cycles + 1, "use fewer"),
+        (
+            "[output] samples_per_leg",
+            sampled * output.samples_on(legs),
+            "use fewer, or sample fewer cycles by output.cycles",
+        ),
+    ):
+        size = count * legs * nodes * BYTES_PER_NODE
+        if size > MAX_RECORD_BYTES:
+            raise InputError(f"{key}: requires a record of {size / 1e9:.0f} GB; {advice}")
+
+
+def check_probes(scene: Scene) -> None:
+    """Check the names of probes, and that their points lie on their bodies.
+
+    Whether a point lies inside a mesh file's body is found when the body is meshed.
+    """
+    seen: set[str] = set()
+    for probe in scene.probes:
+        where = f"probe '{probe.name}'"
+        _check_probe_name(probe.name)
+        if probe.name.casefold() in seen:
+            raise InputError(f"{where}: two probes have this name; rename one")
+        seen.add(probe.name.casefold())
+        _check_probe_points(probe, where)
+        body = body_named(scene, probe.body, where)
+        for point in probe.coordinates if body.mesh is None else ():
+            check_inside(scene, body, point, where)
+    total = sum(len(probe.coordinates) for probe in scene.probes)
+    if total > MOST_POINTS:
+        raise InputError(
+            f"[[probe]]: the probes have {total} points, at most {MOST_POINTS} are possible; "
+            "leave some out"
+        )
+
+
+def _check_probe_name(name: str) -> None:
+    """Check that a name can be that of a file."""
+    check_name(name, "[[probe]] name")
+    if (
+        any(c in NOT_IN_FILE_NAMES for c in name)
+        or name != name.strip()
+        or name.startswith(".")
+        or len(name) > MAX_NAME_LENGTH
+    ):
+        raise InputError(
+            f"[[probe]] name: {name!r} cannot be the name of a file; use letters, digits, _ and -"
+        )
+
+
+def _check_probe_points(probe: Probe, where: str) -> None:
+    """Check that the points are given in one way."""
+    given = [kind for kind in PROBE_KINDS if getattr(probe, kind) not in (None, ())]
+    if len(given) != 1:
+        raise InputError(
+            f"{where}: has {' and '.join(given) or 'none'} of {', '.join(PROBE_KINDS)}; give "
+            "exactly one of them"
+        )
+    if (probe.count is not None) != (given == ["segment"]):
+        raise InputError(
+            f"{where} count: a segment needs its number of points; add count"
+            if given == ["segment"]
+            else f"{where} count: belongs to a segment; remove it"
+        )
+    if probe.count is None:
+        return
+    if len(probe.segment) != 2 or probe.segment[0] == probe.segment[1]:
+        raise InputError(f"{where} segment: needs two different ends, [[x, y], [x, y]]")

@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_choice
-from receding_fenicsx.scene.model import Contact, Scene
+from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.profiles import check_table, directions, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
     EDGES,
@@ -31,19 +30,12 @@ A parabola of 51 points on 161 nodes has peaks of 4 % of the largest pressure, o
 0.2 %."""
 
 
-def check_contacts(scene: Scene) -> None:
-    """Check the contact edges, their spans, friction and initial gap."""
+def check_touching(scene: Scene) -> None:
+    """Check that there are contacts, and that every body is in one of them."""
     if not scene.contacts:
         raise InputError("[contact]: the scene has none; add one")
-    touching = []
-    for i, contact in enumerate(scene.contacts):
-        where = "[contact]" if len(scene.contacts) == 1 else f"[[contact]] number {i + 1}"
-        _check_contact(scene, contact, where)
-        touching.append(scene.find_edge(contact.edge)[0])
-        if contact.against is not None:
-            touching.append(scene.find_edge(contact.against)[0])
-            if touching[-1] == touching[-2]:
-                raise InputError(f"{where} against: must name an edge of another body")
+    edges = [edge for contact in scene.contacts for edge in (contact.edge, contact.against) if edge]
+    touching = [scene.find_edge(edge)[0] for edge in edges]
     for body in scene.bodies:
         if body not in touching:
             raise InputError(
@@ -51,7 +43,10 @@ def check_contacts(scene: Scene) -> None:
             )
 
 
-def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
+def check_contact(scene: Scene, number: int) -> None:
+    """Check the edges of a contact, its span, friction, gap and interference."""
+    contact = scene.contacts[number]
+    where = "[contact]" if len(scene.contacts) == 1 else f"[[contact]] number {number + 1}"
     check_edge(scene, contact.edge, f"{where} edge", HORIZONTAL)
     if contact.against is not None:
         check_edge(scene, contact.against, f"{where} against", HORIZONTAL)
@@ -60,6 +55,8 @@ def _check_contact(scene: Scene, contact: Contact, where: str) -> None:
                 f"{where} against: the scene has one body only; add a second [[body]], or remove "
                 "against for a rigid plane"
             )
+        if scene.find_edge(contact.against)[0] == scene.find_edge(contact.edge)[0]:
+            raise InputError(f"{where} against: must name an edge of another body")
     meshed = has_mesh_file(scene, contact.edge)
     check_span(scene, contact.edge, contact.span, f"{where} span")
     forward, backward = directions(contact.friction, f"{where} friction")
@@ -104,7 +101,9 @@ def check_edge(
         raise InputError(f"{where}: {error}") from None
     if body.mesh is not None:
         return
-    check_choice(name, of_half_plane if body.is_half_plane else EDGES, where)
+    choices = of_half_plane if body.is_half_plane else EDGES
+    if name not in choices:
+        raise InputError(f'{where}: "{name}" is unknown; use one of {", ".join(choices)}')
     if is_cylinder(scene, body) and name == "left":
         raise InputError(
             f'{where}: "{edge}" is the axis r = 0 of the axisymmetric body; use another edge'

@@ -1,4 +1,4 @@
-"""Validation of loads and supports."""
+"""Validation of loads, supports, springs and bolts."""
 
 from __future__ import annotations
 
@@ -7,14 +7,24 @@ from math import hypot
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.acting.tables import KINDS
-from receding_fenicsx.scene.acting.validate import check_body_load, check_point, check_spring
 from receding_fenicsx.scene.checks import SMALLEST, check_name, check_positive
-from receding_fenicsx.scene.model import FREE, INTERFERENCE, Bolt, Load, Scene, Support
+from receding_fenicsx.scene.loads import KINDS, ON_BODY
+from receding_fenicsx.scene.model import (
+    FREE,
+    INTERFERENCE,
+    Body,
+    Bolt,
+    Load,
+    Scene,
+    Spring,
+    Support,
+)
 from receding_fenicsx.scene.profiles import check_table, evaluate_checked
 from receding_fenicsx.scene.rectangle_edges import (
+    body_points,
     edge_points,
     edge_range,
+    is_cylinder,
     is_horizontal,
     load_samples,
 )
@@ -25,36 +35,15 @@ from receding_fenicsx.scene.validate_contacts import (
     has_mesh_file,
 )
 
-
-def check_loads(scene: Scene) -> None:
-    """Check that loads act on edges outside the contact, are not zero, and have names."""
-    _check_load_names(scene)
-    for load in scene.loads:
-        _check_load(scene, load)
-    for bolt in scene.bolts:
-        _check_bolt(scene, bolt)
-    for k, load in enumerate(scene.loads):
-        for other in scene.loads[:k]:
-            if other.name == load.name:
-                _check_parts(scene, other, load)
+ON_EDGES = ("edge", "span", "platen", "pressure", "traction", "displacement", "force", "tension")
+"""Keys of a load on an edge."""
 
 
-def check_supports(scene: Scene) -> None:
-    """Check what supports hold, and that no load acts on held degrees of freedom only."""
-    for support in scene.supports:
-        _check_support(scene, support)
-    for spring in scene.springs:
-        check_spring(scene, spring)
-    for load in scene.loads:
-        # a bolt may end on what is held
-        if not load.on_body:
-            _check_acts(scene, load)
-
-
-def _check_load(scene: Scene, load: Load) -> None:
+def check_load(load: Load, scene: Scene) -> None:
+    """Check that a load acts outside the contact, on what a body has, and is not zero."""
     where = f"load '{load.name}'"
     if load.on_body:
-        check_body_load(scene, load, where)
+        _check_body_load(scene, load, where)
         return
     if not load.edge:
         raise InputError(f"{where}: the key 'edge' is missing; add it")
@@ -102,7 +91,8 @@ def _check_off_contact(scene: Scene, load: Load, where: str) -> None:
                 )
 
 
-def _check_bolt(scene: Scene, bolt: Bolt) -> None:
+def check_bolt(bolt: Bolt, scene: Scene) -> None:
+    """Check the direction, preload and patches of a bolt."""
     where = f"bolt '{bolt.name}'"
     if not hypot(*bolt.axis) > 0.0:
         raise InputError(f"{where} axis: has no direction; give [x, y] from head to nut")
@@ -114,10 +104,8 @@ def _check_bolt(scene: Scene, bolt: Bolt) -> None:
             raise InputError(f"{where} tightening: is found from the preload; remove it")
     elif (bolt.shortening is None) == (bolt.preload is None):
         raise InputError(f"{where}: give exactly one of preload and shortening")
-    else:
-        key = "preload" if bolt.shortening is None else "shortening"
-        check_positive(getattr(bolt, key), f"{where} {key}")
-    check_positive(1.0 if bolt.stiffness is None else bolt.stiffness, f"{where} stiffness")
+    elif bolt.shortening is not None:
+        check_positive(bolt.shortening, f"{where} shortening")
     for patch, key in zip(bolt.patches, ("head", "nut"), strict=True):
         check_edge(scene, patch.edge, f"{where} {key}", ())
         check_span(scene, patch.edge, patch.span, f"{where} {key}_span")
@@ -171,7 +159,7 @@ def _check_far_load(load: Load, kind: str, where: str) -> None:
         raise InputError(f"{where} {kind}: is zero; give it a value or remove the load")
 
 
-def _check_load_names(scene: Scene) -> None:
+def check_names(scene: Scene) -> None:
     """Check the names of loads and bolts, which are those of the load factors."""
     if not scene.load_names:
         raise InputError("[[load]]: the scene has none; add one")
@@ -191,7 +179,15 @@ def _check_load_names(scene: Scene) -> None:
         taken.append(name)
 
 
-def _check_parts(scene: Scene, a: Load, b: Load) -> None:
+def check_parts(scene: Scene) -> None:
+    """Check the parts of each load, two at a time."""
+    for k, load in enumerate(scene.loads):
+        for other in scene.loads[:k]:
+            if other.name == load.name:
+                _check_pair(scene, other, load)
+
+
+def _check_pair(scene: Scene, a: Load, b: Load) -> None:
     """Check two parts of one load: both forces or both displacements, and not the same part."""
     if a.is_prescribed != b.is_prescribed:
         forced, moved = (a, b) if b.is_prescribed else (b, a)
@@ -223,15 +219,14 @@ def _overlap(a: tuple[float, float], b: tuple[float, float]) -> float:
     return min(a[1], b[1]) - max(a[0], b[0])
 
 
-def _check_support(scene: Scene, support: Support) -> None:
+def check_support(support: Support, scene: Scene) -> None:
+    """Check that a support holds an edge off the contact, or a point of a body."""
     where = "[[support]]"
-    if sorted(support.fix) not in (["x"], ["y"], ["x", "y"]):
-        raise InputError(f'{where} fix: "{support.fix}" is unknown; use one of x, y, xy')
     if (support.edge is None) == (support.point is None):
         have = "both" if support.edge is not None else "neither"
         raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
     if support.edge is None:
-        check_point(scene, support, where)
+        _check_point(scene, support, where)
         return
     check_edge(scene, support.edge, f"{where} edge")
     edge = scene.find_edge(support.edge)
@@ -239,8 +234,10 @@ def _check_support(scene: Scene, support: Support) -> None:
         raise InputError(f'{where} edge: "{support.edge}" is the contact edge; use another edge')
 
 
-def _check_acts(scene: Scene, load: Load) -> None:
+def check_acts(load: Load, scene: Scene) -> None:
     """Refuse a force on an edge that supports hold in its direction: it has no effect."""
+    if load.on_body:
+        return
     (kind,) = _kinds(load)
     edge, value = scene.find_edge(load.edge), getattr(load, kind)
     on_edge = [s for s in scene.supports if s.edge and scene.find_edge(s.edge) == edge]
@@ -257,4 +254,107 @@ def _check_acts(scene: Scene, load: Load) -> None:
         raise InputError(
             f"load '{load.name}' edge: a support holds \"{load.edge}\" in the direction of the "
             f"{kind}, which has no effect; load or hold another edge"
+        )
+
+
+def _check_body_load(scene: Scene, load: Load, where: str) -> None:
+    """Check a body force or thermal strain: its body, and that its profile is finite, not zero."""
+    kind, *others = [kind for kind in ON_BODY if getattr(load, kind) is not None]
+    given = [key for key in ON_EDGES if getattr(load, key)] + others
+    if given:
+        raise InputError(f"{where}: {kind} acts on a whole body; remove {given[0]}")
+    if load.mode is not None:
+        check_modes(scene, where)
+        return
+    body = body_named(scene, load.body, where, "load")
+    if body.is_half_plane:
+        raise InputError(f"{where} {kind}: a half-plane has no mesh to act on; give it a shape")
+    value = getattr(load, kind)
+    parts = value if isinstance(value, tuple) else (value,)
+    if any(isinstance(part, dict) for part in parts):
+        raise InputError(f"{where} {kind}: a table runs along an edge; write an expression in x, y")
+    if body.mesh is not None:
+        # its points are known when it is meshed
+        return
+    x, y = body_points(scene, body)
+    values = [evaluate_checked(part, x, y, f"{where} {kind}") for part in parts]
+    if np.abs(values).max() < SMALLEST:
+        raise InputError(f"{where} {kind}: is zero everywhere; give it a value or remove the load")
+
+
+def check_modes(scene: Scene, where: str) -> None:
+    """Check that the bodies of a scene have vibration modes."""
+    if any(body.is_half_plane for body in scene.bodies):
+        raise InputError(f"{where}: half-planes have no vibration modes; use bodies with a mesh")
+    if any(bolt.stiffness is None for bolt in scene.bolts):
+        raise InputError(f"{where}: vibration modes need elastic bolts; give them a stiffness")
+    if any(scene.material_of(body).density <= 0.0 for body in scene.bodies):
+        raise InputError("[material] density: vibration modes need one of every body; give it")
+
+
+def body_named(scene: Scene, name: str | None, where: str, what: str = "point") -> Body:
+    """Return the body that a point or load names; a name is for scenes of several bodies only."""
+    names = [body.name for body in scene.bodies]
+    if (name is None) == bool(scene.others) or name not in (None, *names):
+        raise InputError(
+            f"{where} body: must name the body of the {what}; give one of {', '.join(names)}"
+            if scene.others
+            else f"{where} body: the scene has one body only; remove it"
+        )
+    return scene.bodies[names.index(name) if name is not None else 0]
+
+
+def check_spring(spring: Spring, scene: Scene) -> None:
+    """Check where a spring acts, and that its stiffness is positive."""
+    where = spring.label
+    if bool(spring.edge) == (spring.point is not None):
+        have = "both" if spring.edge else "neither"
+        raise InputError(f"{where}: has {have} of edge and point; give exactly one of them")
+    keys, excluded = ["normal", "tangential"], ["body", "x", "y"]
+    if spring.point is not None:
+        keys, excluded = ["x", "y"], ["span", "against", "normal", "tangential"]
+    for key in excluded:
+        if getattr(spring, key):
+            what = "an edge" if spring.edge else "a point"
+            raise InputError(f"{where} {key}: is not for {what}; give {' and '.join(keys)}")
+    if spring.point is not None:
+        _check_point(scene, spring, where)
+    else:
+        check_edge(scene, spring.edge, f"{where} edge", ())
+        check_span(scene, spring.edge, spring.span, f"{where} span")
+    if spring.against is not None:
+        check_edge(scene, spring.against, f"{where} against", ())
+        if scene.find_edge(spring.edge)[0] == scene.find_edge(spring.against)[0]:
+            raise InputError(f"{where} against: must be an edge of another body")
+    if max(getattr(spring, key) for key in keys) < SMALLEST:
+        raise InputError(f"{where}: has no stiffness; give {keys[0]}, {keys[1]} or both")
+
+
+def _check_point(scene: Scene, support: Support | Spring, where: str) -> None:
+    """Check that the point of a support or spring lies on its body."""
+    body = body_named(scene, support.body, where)
+    if body.is_half_plane:
+        raise InputError(f'{where} point: hold the edge "far" of a half-plane instead')
+    if body.mesh is not None:
+        return
+    if not isinstance(support.point, tuple):
+        raise InputError(f"{where} point: a rectangle has no named points; write [x, y]")
+    check_inside(scene, body, support.point, f"{where} point")
+
+
+def check_inside(scene: Scene, body: Body, point: tuple[float, ...], where: str) -> None:
+    """Check that a point lies on a rectangle."""
+    x, y = point
+    if body.is_half_plane:
+        # the side is checked where the nodes are known
+        return
+    left, right = (body.position[0] + side * body.width for side in (-0.5, 0.5))
+    low, high = (body.position[1] + part for part in (0.0, body.height))
+    if is_cylinder(scene, body):
+        left = 0.0
+    slack = LENGTH_TOLERANCE * max(body.width, body.height)
+    if not (left - slack <= x <= right + slack and low - slack <= y <= high + slack):
+        raise InputError(
+            f"{where}: ({x:g}, {y:g}) lies outside the body, {left:g} <= x <= {right:g}, "
+            f"{low:g} <= y <= {high:g}; move it"
         )

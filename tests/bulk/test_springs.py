@@ -295,7 +295,7 @@ def test_tangential_springs_across_a_gap_are_refused() -> None:
 @pytest.mark.parametrize(
     ("spring", "words"),
     [
-        (Spring("top", normal=-1.0), r"\[\[spring\]\] normal: is -1; must not be negative"),
+        (Spring("top", normal=-1.0), r"normal: must be 0 or more, not -1"),
         (Spring("top"), r"\[\[spring\]\]: has no stiffness"),
         (Spring("topp", normal=1.0), r"\[\[spring\]\] edge: .topp. is unknown"),
         (Spring("top", (0.0, 3.0), normal=1.0), "span: .* reaches beyond edge"),

@@ -3,6 +3,7 @@ import math
 import os
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import receding_fenicsx as rf
@@ -18,7 +19,6 @@ from receding_fenicsx.scene.model import (
     Support,
 )
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
-from receding_fenicsx.scene.toml_tables import TABLES
 from receding_fenicsx.scene.validate import scene_warnings, validate
 
 pytestmark = pytest.mark.one_rank
@@ -87,11 +87,11 @@ def test_one_table_or_an_array_of_one_are_the_same() -> None:
     assert from_toml(BLOCK.replace("[contact]", "[[contact]]")) == block()
 
 
-@pytest.mark.parametrize("name", TABLES)
-@pytest.mark.parametrize("value", ["0", "false", '""', "[]", "3"])
+@pytest.mark.parametrize("name", ["material", "mesh", "solver", "units"])
+@pytest.mark.parametrize("value", ["0", "[]"])
 def test_a_value_in_the_place_of_a_table_is_refused(name: str, value: str) -> None:
     load = '[[load]]\nname = "p"\nedge = "top"\npressure = 1.0\n'
-    with pytest.raises(InputError, match=f"'{name}' must be a table"):
+    with pytest.raises(InputError, match=f"{name}: must be a table"):
         from_toml(f"{name} = {value}\n{load}")
 
 
@@ -136,44 +136,46 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["a.b.c=1"], ["'a'"]),
         (["mesh.degree.x=1"], ["mesh.key=value"]),
         # types
-        (["body.width=wide"], ["[body] width", "must be a number"]),
-        (["body.width=true"], ["[body] width", "must be a number", "true"]),
-        (["body.width=nan"], ["[body] width", "finite"]),
-        (["body.width=inf"], ["[body] width", "finite"]),
-        (["body.width=1" + 400 * "0"], ["[body] width", "finite"]),
-        (["contact.friction=true"], ["[contact] friction", "number, an expression"]),
-        (["contact.friction=nan"], ["[contact] friction", "finite"]),
-        (["mesh.degree=2.0"], ["[mesh] degree", "whole number"]),
-        (["mesh.degree=true"], ["[mesh] degree", "whole number"]),
-        (["history.cycles=1e3"], ["[history] cycles", "whole number"]),
-        (["solver.polish=1"], ["[solver] polish", "true or false"]),
-        (["title=3"], ["title", "string"]),
-        (["load.p0.span=1.0"], ["span", "list"]),
-        (["load.p0.span=[0, 1, 2]"], ["span", "two numbers"]),
-        (["load.p0.span=[0, nan]"], ["span", "finite"]),
-        (["contact.friction={x=[0, 1]}"], ["[contact] friction", "both lists"]),
+        (["body.width=wide"], ['[body] width: must be a number, not "wide"']),
+        (["body.width=nan"], ["[body] width: must be a finite number"]),
+        (["body.width=1" + 400 * "0"], ["[body] width: must be a finite number"]),
+        (["body.width=1e60"], ["[body] width: 1e+60 is beyond 1e+50"]),
+        (["body.width=1e-60"], ["[body] width: 1e-60 is below 1e-50"]),
+        (["body.width=0"], ["[body] width: must be positive"]),
+        (["body.width=1979-05-27"], ["[body] width: must be a number"]),
+        (["mesh.contact_elements=2.0"], ["[mesh] contact_elements: must be a whole number"]),
+        (["solver.polish=1"], ["[solver] polish: must be true or false, not 1"]),
+        (["title=3"], ["title: must be a string in quotes, not 3"]),
+        (
+            ["contact.friction=true"],
+            ["[contact] friction: must be a number, a string in quotes or"],
+        ),
+        (["load.p0.span=1.0"], ["load 'p0' span: must be a list in brackets"]),
+        (["load.p0.span=[0]"], ["load 'p0' span: must be a pair [a, b], not [0]"]),
+        (["load.p0.span=[0, 1, 2]"], ["load 'p0' span: must be a pair [a, b]"]),
+        (["load.p0.traction=[0, {x = 1}]"], ["traction entry 2.x: must be a list"]),
+        (["contact.friction={x=[0, 1]}"], ["[contact] friction", "two lists"]),
         (["contact.friction={x=[0, 1], values=[0, 1]}"], ["did you mean 'value'?"]),
-        (["output.cycles=last"], ["[output] cycles", '"all" or a list']),
-        # meanings
-        (["body.width=-4"], ["[body] width", "positive"]),
-        (["body.height=0"], ["[body] height", "positive"]),
-        (["body.shape=circle"], ["[body] shape", "rectangle"]),
-        (["material.young=0"], ["[material] young", "positive"]),
+        (["output.cycles=last"], ['[output] cycles: "last" is unknown; use "all" or a list in']),
+        (["solver.branch=true"], ["[solver] branch: must be", "or a whole number, not true"]),
+        (["body.parameters={a = true}"], ["[body] parameters.a: must be a number"]),
+        (["mesh.refine=[{size=0.1, att=1}]"], ["refine entry 1: unknown key 'att'; did you mean"]),
+        (["mesh.refine=[{at=1}]"], ["[mesh] refine entry 1: the key 'size' is missing"]),
+        # ranges and choices
+        (["body.shape=circle"], ['[body] shape: "circle" is unknown; use "rectangle" or']),
+        (["mesh.degree=3"], ["[mesh] degree: 3 is unknown; use 1 or 2"]),
+        (["mesh.contact_elements=2"], ["[mesh] contact_elements: must be at least 4, not 2"]),
+        (["mesh.growth=3.1"], ["[mesh] growth: must be at most 3, not 3.1"]),
+        (["solver.over_relaxation=2"], ["[solver] over_relaxation: must be below 2"]),
+        (["material.poisson=-1"], ["[material] poisson: must be above -1"]),
+        (["material.density=-1e-9"], ["[material] density: must be 0 or more"]),
+        # rules
         (["material.poisson=0.5"], ["[material] poisson", "below 0.5", "plane strain"]),
-        (["material.poisson=-1"], ["[material] poisson", "above -1"]),
-        (["material.kinematics=plane stress", "material.poisson=1"], ["below 1", "plane stress"]),
-        (["material.kinematics=plane"], ["[material] kinematics", "plane strain"]),
-        (["mesh.contact_elements=2"], ["[mesh] contact_elements", "too few"]),
         (["mesh.contact_elements=7"], ["[mesh] contact_elements", "odd", "even"]),
-        (["mesh.contact_elements=1000000"], ["[mesh] contact_elements", "too many"]),
-        (["mesh.degree=3"], ["[mesh] degree", "1 or 2"]),
-        (["mesh.cell=hexagon"], ["[mesh] cell", "triangle"]),
-        (["mesh.growth=0.9"], ["[mesh] growth", "1 (uniform)"]),
         (["contact.friction=-0.1"], ["[contact] friction", "must not be negative"]),
         (["contact.friction=0.3*x"], ["[contact] friction", "x = -2", "must not be negative"]),
         (["contact.initial_gap=-1e-9"], ["[contact] initial_gap", "must not be negative"]),
         (["contact.friction={x=[0, 0], value=[1, 1]}"], ["[contact] friction", "increase"]),
-        (["contact.friction={x=[0, 1], value=[1]}"], ["[contact] friction", "equal length"]),
         (["contact.edge=bottm"], ["[contact] edge", "bottom"]),
         (["contact.span=[-3, 1]"], ["[contact] span", "beyond", "-2 to 2"]),
         (["contact.span=[1, 1]"], ["[contact] span", "empty"]),
@@ -185,25 +187,17 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["load.p0.pressure=1/x"], ["load 'p0' pressure", "1/x", "finite", "x = 0"]),
         (["load.p0.pressure=1/q"], ["load 'p0' pressure", "unknown name 'q'"]),
         (["load.p0.traction=[0, 1]"], ["load 'p0'", "pressure and traction"]),
-        (["load.p0.traction=[0]"], ["load 'p0' traction", "[x, y]"]),
         (["load.p0.name= "], ["name", "empty"]),
         (["load.p0.name=interference"], ["load 'interference'", "reserved"]),
         (["load.p0.name=mode:1"], ["load 'mode:1'", "reserved"]),
         (['load.p0.name="[[spring]] 0"'], ["load '[[spring]] 0'", "reserved"]),
         (['body.name="a\nb"'], ["[[body]] name", "cannot be printed"]),
-        (["solver.method=jacobi"], ["[solver] method", "gauss-seidel"]),
-        (["solver.symmetry=full"], ["[solver] symmetry", "auto"]),
-        (["solver.over_relaxation=2"], ["[solver] over_relaxation"]),
-        (["solver.steps_per_leg=0"], ["[solver] steps_per_leg", "positive"]),
-        (["solver.residual_tolerance=1"], ["[solver] residual_tolerance", "below 1"]),
-        (["output.samples_per_leg=-1"], ["[output] samples_per_leg", "positive"]),
         (["output.cycles=[0, 401]"], ["[output] cycles", "401", "0 to 400"]),
         (["history.initial_slip=log(x)"], ["[history] initial_slip", "finite"]),
         # not available yet
         (["body.mesh=my.msh", "body.width=3"], ["[body] width", "remove width or mesh"]),
         (["body.surface=core"], ["[body] surface", "needs a mesh file"]),
         (["body.parameters={a = 1}"], ["[body] parameters", "needs a mesh file"]),
-        (["body.parameters={a = true}"], ["[body] parameters.a", "number"]),
         (["body.material=steel"], ["[body] material", "unknown material 'steel'"]),
         (["body.name=a.b"], ["name", "dot"]),
         (["material.kinematics=axisymmetric"], ["load 'p0' span", "from 0 to"]),
@@ -223,7 +217,7 @@ def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]
 @pytest.mark.parametrize(
     ("extra", "words"),
     [
-        ('[support]\nfix = "z"\nedge = "left"', ["fix", "x, y, xy"]),
+        ('[support]\nfix = "z"\nedge = "left"', ["fix", '"z" is unknown; use "x", "y"']),
         ('[support]\nfix = "x"', ["neither of edge and point"]),
         ('[support]\nfix = "x"\nedge = "left"\npoint = [0, 0]', ["both of edge and point"]),
         ('[support]\nfix = "x"\npoint = [0, 2]', ["point", "outside the body"]),
@@ -254,16 +248,15 @@ def test_bad_value_is_refused_in_one_line(overrides: list[str], words: list[str]
         ('[[load]]\nedge = "left"\npressure = 1', ["'name' is missing"]),
         ("[[contact]]", ["not valid TOML"]),
         (f"[units]\nlength = {9 * 1000 * '9'}", ["not valid TOML", "digits"]),
-        (f"[units]\nlength = {400 * '9'}", ["[units] length", "must be a string"]),
         (50 * "a." + "b = 1", ["not valid TOML: a key has more than 50 parts"]),
         (f"[{50 * 'a . '}b]", ["not valid TOML: a key has more than 50 parts"]),
         ("[units]\nlength = {" + 50 * """'a.='."a\\"=".""" + "b = 1}", ["more than 50 parts"]),
         (49 * "a." + "b = 1", ["unknown key 'a'"]),
         ("[body]", ["not valid TOML"]),
         ("[axis]", ["unknown table 'axis'"]),
+        ('[units]\nlength = "m\\u0000"', ["[units] length: holds a NUL character"]),
         ("[material.a]\nyoung = 1", ["[material.a]", "no body has this material"]),
         ("[units]\nlenght = 'mm'", ["[units]", "did you mean 'length'?"]),
-        ("[units]\nlength = 1", ["[units] length", "must be a string in quotes, not 1"]),
         ("[units]\nlength = ''", ["[units] length", "such as \"mm\", not ''"]),
         ('[units]\nforce = "N\\n"', ["[units] force", "such as", r"not 'N\n'"]),
         ("[units]\nstress = 'thirteen long'", ["[units] stress", "at most 12 characters, not 13"]),
@@ -318,6 +311,38 @@ def test_names_of_bodies_and_edges_are_checked() -> None:
         assert old in PAIR
         with pytest.raises(InputError, match=words):
             from_toml(PAIR.replace(old, new))
+
+
+def test_all_errors_of_a_scene_are_told_one_a_line() -> None:
+    """Of types at once; of rules those that do not follow from another one."""
+    with pytest.raises(InputError) as caught:
+        block("mesh.degree=0", "contact.frictoin=1", "load.p0.span=[1]", "history.until=end")
+    assert [line.partition(":")[0] for line in str(caught.value).splitlines()] == [
+        "[mesh] degree",
+        "[contact]",
+        "load 'p0' span",
+        "[history] until",
+    ]
+    with pytest.raises(InputError) as caught:
+        block("load.p0.pressure=0", "mesh.contact_elements=7", extra="[shakedown]\nmean = {q = 1}")
+    assert "[mesh] contact_elements: 7 is odd" in str(caught.value)
+    with pytest.raises(InputError) as caught:
+        block("history.minimum=2", extra="[shakedown]\nmean = {q = 1}")
+    first, second = str(caught.value).splitlines()
+    assert "unknown load 'q'" in first and "[history] minimum" in second
+
+
+def test_values_of_scenes_made_in_python_are_checked_like_those_of_files() -> None:
+    scene = block()
+    for changes, words in (
+        ({"mesh": MeshOptions(cell="hexagon")}, r'\[mesh\] cell: "hexagon" is unknown'),
+        ({"contacts": (Contact(span=(1.0,)),)}, r"\[contact\] span: must be a pair"),  # type: ignore[arg-type]
+        ({"loads": (Load("p", None, pressure=1.0),)}, "load 'p' edge: must be a string"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(InputError, match=words):
+            validate(dataclasses.replace(scene, **changes))
+    numpy = MeshOptions(contact_elements=np.int64(8), growth=np.float32(1.5))  # type: ignore[arg-type]
+    validate(dataclasses.replace(scene, mesh=numpy))
 
 
 def test_path_of_a_mesh_is_relative_to_the_scene_file(tmp_path: Path) -> None:

@@ -75,7 +75,7 @@ def test_scene_keeps_its_load_range() -> None:
         ("shakedown.diagram=q", "[shakedown] diagram: unknown load 'q'"),
         ("shakedown.separated=open", '[shakedown] separated: "open" is unknown'),
         ("shakedown.largest_slip=0.0", "[shakedown] largest_slip: must be positive"),
-        ("shakedown.range=[1.0]", "[shakedown] range 1: must be a table"),
+        ("shakedown.range=[1.0]", "[shakedown] range entry 1: must be a table"),
     ],
 )
 def test_wrong_tables_are_refused(change: str, words: str) -> None:

@@ -200,7 +200,7 @@ def test_a_tolerance_beyond_the_budget_keeps_the_best_run(
     [
         (["--tolerance", "-0.001"], "must be positive, not -0.001"),
         (["--tolerance", "0"], "must be positive, not 0"),
-        (["--tolerance", "nan"], "must be positive, not nan"),
+        (["--tolerance", "nan"], "must be a finite number, not NaN"),
         (["--tolerance", "2"], "must be below 1"),
         (["--set", 'accuracy.numbers=["contact_width"]'], "did you mean 'contact_half_width'"),
         (["--set", 'accuracy.numbers=["colour"]'], "known are centre_pressure, largest_pressure"),

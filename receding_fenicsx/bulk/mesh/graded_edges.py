@@ -23,8 +23,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.options import Refinement
-from receding_fenicsx.scene.validate_bodies import MAX_CONTACT_ELEMENTS
+from receding_fenicsx.scene.model import MAX_CONTACT_ELEMENTS, Refinement
 
 COUNT_TOLERANCE = 1e-6
 """Part of an element by which the integral of ds / h may exceed a whole number."""

@@ -7,8 +7,6 @@
 * :mod:`~receding_fenicsx.scene.history.signal_file`: rows of a table from a file.
 """
 
-from receding_fenicsx.scene.history.kinds import KINDS as KINDS
-from receding_fenicsx.scene.history.kinds import MAX_CYCLES as MAX_CYCLES
 from receding_fenicsx.scene.history.kinds import history_from_scene as history_from_scene
 from receding_fenicsx.scene.history.polyline import History as History
 from receding_fenicsx.scene.history.polyline import check_history as check_history

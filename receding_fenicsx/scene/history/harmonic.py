@@ -20,7 +20,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_count, check_positive
 from receding_fenicsx.scene.history.driven import check_driven
 from receding_fenicsx.scene.history.polyline import History
 from receding_fenicsx.scene.model import Harmonic, HistoryOptions
@@ -79,23 +78,12 @@ def _checked_loads(options: HistoryOptions, names: tuple[str, ...]) -> list[Harm
             "mean, amplitude and phase"
         )
     check_driven(tuple(options.harmonic), names, options, "harmonic")
-    for name, load in options.harmonic.items():
-        if load.amplitude < 0.0:
-            raise InputError(
-                f"[history] harmonic.{name} amplitude: must not be negative, not "
-                f"{load.amplitude:g}; add 180 to the phase"
-            )
     if not any(load.amplitude for load in options.harmonic.values()):
         raise InputError(
             "[history] harmonic: no load has an amplitude, so nothing is cyclic; give one an "
             'amplitude, or use kind = "monotonic"'
         )
-    if options.tolerance is not None:
-        check_positive(options.tolerance, "[history] tolerance")
-        if options.tolerance >= 1.0:
-            raise InputError("[history] tolerance: is relative; must be below 1")
     if options.corners is not None:
-        check_count(options.corners, MOST_CORNERS, "[history] corners")
         least = len(_extremes(list(options.harmonic.values())))
         if options.corners < least:
             raise InputError(

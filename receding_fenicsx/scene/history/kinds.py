@@ -8,16 +8,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import check_choice
 from receding_fenicsx.scene.history.driven import check_driven, check_known
 from receding_fenicsx.scene.history.harmonic import from_harmonic
 from receding_fenicsx.scene.history.polyline import History, ended_by
 from receding_fenicsx.scene.history.table import from_table
 from receding_fenicsx.scene.model import INTERFERENCE, HistoryOptions, Scene
-
-KINDS = ("monotonic", "cyclic", "table", "harmonic")
-MAX_CYCLES = 1_000_000_000
-"""Largest number of cycles; cycle numbers in the files of a run have room for it."""
 
 KEYS_OF_KIND = {
     "load": ("cyclic", "monotonic"),
@@ -59,7 +54,6 @@ def history_from_scene(scene: Scene) -> History:
     if not isinstance(scene, Scene):
         raise InputError(f"a Scene is needed, not a {type(scene).__name__}")
     options, names = scene.history, scene.driven_names
-    check_choice(options.kind, KINDS, "[history] kind")
     _check_keys(options)
     check_known(tuple(options.constant), names, "constant")
     if not names:
@@ -70,7 +64,10 @@ def history_from_scene(scene: Scene) -> History:
         raise InputError("[history] constant: names every load; leave out the one that varies")
     history = _from_options(options, varying)
     if len(history.loop):
-        _check_cycles(options.cycles)
+        if options.cycles < 1:
+            raise InputError(
+                '[history] cycles: must be at least 1, not 0; or use kind = "monotonic"'
+            )
     history = _with_preloads(_with_constant(history, options, names), scene)
     return ended_by(history, options.until)
 
@@ -93,11 +90,6 @@ def _from_options(options: HistoryOptions, names: tuple[str, ...]) -> History:
 
 def _from_range(options: HistoryOptions, names: tuple[str, ...]) -> History:
     """Return the history of one load between minimum and maximum."""
-    if not options.maximum > 0.0:
-        raise InputError(
-            f"[history] maximum: must be positive, not {options.maximum:g}; to reverse the "
-            "load, change its own sign"
-        )
     path = np.array([[0.0], [options.maximum]])
     if options.kind == "monotonic":
         return History(names, path, np.zeros((0, 1)))
@@ -168,12 +160,3 @@ def _check_keys(options: HistoryOptions) -> None:
                 f"[history] {key}: is for kind = {allowed} only, not "
                 f'"{options.kind}"; {hint or "remove it"}'
             )
-
-
-def _check_cycles(cycles: int) -> None:
-    if cycles < 1:
-        raise InputError(
-            f'[history] cycles: must be at least 1, not {cycles}; or use kind = "monotonic"'
-        )
-    if cycles > MAX_CYCLES:
-        raise InputError(f"[history] cycles: must be at most {MAX_CYCLES}, not {cycles}")

@@ -16,8 +16,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import suggestion, unknown_name
 from receding_fenicsx.scene.column_file import Columns, read_columns, without_unit
-from receding_fenicsx.scene.toml_tables import as_list
-from receding_fenicsx.scene.toml_values import read_names
+from receding_fenicsx.scene.toml_reader import as_list
 
 TIME = ("time", "t")
 """Names, in any case, of a column that is not a load."""
@@ -54,7 +53,8 @@ def with_signals(raw: dict[str, Any], folder: Path) -> dict[str, Any]:
             "cycle_rows is no file"
         )
     if wanted is not None:
-        wanted = list(read_names(wanted, "[history] columns"))
+        if not isinstance(wanted, list) or not all(isinstance(name, str) for name in wanted):
+            raise InputError("[history] columns: must be a list of strings in quotes")
     loads = [table.get("name") for table in as_list(raw.get("load", []), "load")]
     known = [name for name in loads if isinstance(name, str)]
     for key in files:

@@ -172,12 +172,12 @@ def test_a_span_over_the_whole_edge_leaves_the_sizes_at_corners() -> None:
 @pytest.mark.parametrize(
     ("places", "parts", "message"),
     [
-        ([rf.Refinement(0.0)], {}, r"number 1 size: must be positive"),
+        ([rf.Refinement(0.0)], {}, r"entry 1.size: must be positive"),
         ([rf.Refinement(1e-9)], {}, r"size: 1e-09 is less than 1e-06 of the contact edge"),
         ([rf.Refinement(0.1, (1.0, 0.5))], {}, r"at: is empty"),
         ([rf.Refinement(0.1, "middle")], {}, r'"middle" is unknown; use "ends"'),
         ([rf.Refinement(0.1, "corners")], {}, r"rectangles have no re-entrant corners"),
-        ([rf.Refinement(0.1, growth=1.0)], {}, r"growth: 1 is not a valid size ratio"),
+        ([rf.Refinement(0.1, growth=1.0)], {}, r"growth: must be at least 1.01"),
         ([rf.Refinement(0.1, edge="botom")], {}, r"did you mean 'bottom'"),
         (
             [rf.Refinement(0.1, 2.5)],

@@ -1,0 +1,347 @@
+"""Conversion of parsed TOML into dataclasses, by Pydantic, with all errors in plain words."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import re
+import tomllib
+from collections.abc import Callable, Iterator
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, TypeVar, get_args, get_type_hints
+
+import numpy as np
+
+from receding_fenicsx.arrays import shortened
+from receding_fenicsx.errors import InputError, InputErrors
+from receding_fenicsx.scene.checks import LARGEST, SMALLEST, Table, suggestion
+from receding_fenicsx.scene.model import RECTANGLE_KEYS, TABLE_OF, Material, Scene
+
+T = TypeVar("T")
+Place = tuple[str | int, ...]
+"""Keys and numbers of list entries that lead to a value."""
+
+PART = r"""(?:[\w-]++|"(?:[^"\\\n]|\\.)*+"|'[^'\n]*+')"""
+DEEP_KEY = re.compile(rf"""(?<![\w"'\\-])(?:{PART}[ \t]*+\.[ \t]*+){{50}}""")
+"""A dotted key of more than 50 parts: the parser's memory grows with the square of their number."""
+
+ATTRIBUTE = {table: attribute for attribute, table in TABLE_OF.items() if table != "material"}
+"""Attribute of a scene for each table that may occur several times."""
+ARRAYS = tuple(table for table in ATTRIBUTE if table != "body")
+"""Tables that may occur several times, besides the bodies."""
+KNOWN = tuple(dict.fromkeys(TABLE_OF.get(f.name, f.name) for f in dataclasses.fields(Scene)))
+"""Keys at the top of a scene file."""
+NAMED = ("body", "load", "probe", "bolt")
+"""Tables that are identified by their names where there are several."""
+
+WANTED = {
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "int_from_float": "a whole number",
+    "string_type": "a string in quotes",
+    "bool_type": "true or false",
+    "tuple_type": "a list in brackets",
+    "list_type": "a list in brackets",
+    "dict_type": "a table",
+    "dataclass_type": "a table",
+}
+"""What a value should be, for Pydantic's errors of wrong types."""
+LIMITS = {
+    "greater_than": "above",
+    "greater_than_equal": "at least",
+    "less_than": "below",
+    "less_than_equal": "at most",
+}
+"""Words for Pydantic's errors of values out of range."""
+
+
+def parse_toml(text: str) -> dict[str, Any]:
+    """Return the content of a TOML text.
+
+    Raises:
+        InputError: it is not valid TOML, or has a key of more than 50 parts.
+    """
+    if DEEP_KEY.search(text):
+        raise InputError("not valid TOML: a key has more than 50 parts")
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:  # whole numbers of too many digits included
+        reason = str(error).partition("; use sys")[0].replace("\n", " ")
+        raise InputError(f"not valid TOML: {reason}") from None
+
+
+def scene_of(raw: dict[str, Any]) -> Scene:
+    """Convert parsed TOML into a scene; types, ranges and choices are checked, rules are not.
+
+    Raises:
+        InputError: keys are unknown or missing, or values have wrong types or ranges; all of them.
+    """
+    unknown = [key for key in raw if key not in KNOWN]
+    messages = [f"scene: unknown table '{key}'; {suggestion(key, KNOWN)}" for key in unknown]
+    values = {key: value for key, value in raw.items() if key not in unknown}
+    for name, attribute in ATTRIBUTE.items():
+        if name in values:
+            values[attribute] = as_list(values.pop(name), name)
+    if "others" in values:
+        if not values["others"]:
+            raise InputError("[[body]]: the scene has none; add one")
+        values["body"], *values["others"] = values["others"]
+    named = named_materials(raw)
+    materials = [(f"[material.{name}]", table) for name, table in named.items()]
+    if isinstance(raw.get("material"), dict):
+        values["material"] = {k: v for k, v in raw["material"].items() if k not in named}
+        materials.append(("[material]", values["material"]))
+    # a material's name is in the header of its table
+    messages += [f"{where}: unknown key 'name'; remove it" for where, m in materials if "name" in m]
+    values["materials"] = [{**table, "name": name} for name, table in named.items()]
+    try:
+        scene = convert(Scene, values, lambda place: _label(values, place))
+    except InputErrors as error:
+        messages += error.messages
+    if messages:
+        raise InputErrors(*messages)
+    return scene
+
+
+def named_materials(raw: dict[str, Any]) -> dict[str, dict[str, Any]]:
+    """Return the tables [material.NAME] of parsed TOML."""
+    table, keys = raw.get("material", {}), [field.name for field in dataclasses.fields(Material)]
+    if not isinstance(table, dict):
+        return {}
+    return {k: v for k, v in table.items() if isinstance(v, dict) and k not in keys}
+
+
+def as_list(value: object, name: str) -> list[dict[str, Any]]:
+    """Return the tables of an array [[name]]; a single table [name] is an array of one."""
+    tables = [value] if isinstance(value, dict) else value
+    if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
+        raise InputError(f"'{name}' must be a table; write [[{name}]]")
+    return tables
+
+
+def plain(value: Any, sparse: bool = False) -> Any:
+    """Return a value as parsed TOML has it: dataclasses as tables, tuples as lists.
+
+    Args:
+        value: a table of a scene, or a value in it.
+        sparse: leave out None, empty names and edges, empty values where they are the default, and
+            the sides of a rectangle where there is a mesh file.
+    """
+    if isinstance(value, list | tuple | np.ndarray):
+        return [plain(item, sparse) for item in value]
+    if isinstance(value, dict):
+        return {str(key): plain(item, sparse) for key, item in value.items()}
+    if not dataclasses.is_dataclass(value):
+        value = value.item() if isinstance(value, np.generic) else value
+        return str(value) if isinstance(value, Path) else value
+    omitted = RECTANGLE_KEYS if sparse and getattr(value, "mesh", None) is not None else ()
+    fields = [(f.name, getattr(value, f.name), f.default) for f in dataclasses.fields(value)]
+    return {
+        name: plain(item, sparse)
+        for name, item, default in fields
+        if not sparse
+        or (
+            name not in omitted
+            and item not in (None, {})
+            and (item != () or default is None)
+            and (name, item) not in (("name", ""), ("edge", ""))
+        )
+    }
+
+
+def check_values(table: Table, label: str = "") -> None:
+    """Check types, ranges and choices of a scene, or of one of its tables, made in Python.
+
+    Raises:
+        InputErrors: values have wrong types or ranges; all of them.
+    """
+    values = plain(table)
+    scene = isinstance(table, Scene)
+    convert(type(table), values, lambda place: _label(values, place) if scene else (label, place))
+
+
+def _label(values: dict[str, Any], place: Place) -> tuple[str, Place]:
+    """Return the name of a table in messages, and the place of the value in it."""
+    attribute, *rest = place
+    table = TABLE_OF.get(str(attribute), str(attribute))
+    value = values.get(str(attribute))
+    if table == "title" or (not rest and not isinstance(value, dict)):
+        return table, tuple(rest)
+    index = 0
+    if isinstance(value, list):
+        index, *rest = rest  # type: ignore[assignment]
+        value, count = value[index], len(value) + (table == "body")
+    else:
+        count = 1 + len(values.get("others", ())) if table == "body" else 1
+    name = value.get("name") if isinstance(value, dict) else None
+    if table == "material":
+        label = f"[material.{name}]" if name and attribute == "materials" else "[material]"
+    elif table in NAMED and isinstance(name, str) and (table != "body" or count > 1):
+        label = f"{table} '{name}'"
+    elif (table in ARRAYS and (count > 1 or table != "contact")) or (table == "body" and count > 1):
+        label = f"[[{table}]] number {index + 1 + (attribute == 'others')}"
+    else:
+        label = f"[{table}]"
+    return label, tuple(rest)
+
+
+@lru_cache(maxsize=32)
+def _adapter(kind: type) -> Any:
+    """Return Pydantic's reader of a dataclass; Pydantic is loaded when it is first needed."""
+    from pydantic import TypeAdapter
+
+    return TypeAdapter(kind)
+
+
+def convert(kind: type[T], raw: Any, label: Callable[[Place], tuple[str, Place]]) -> T:
+    """Convert a parsed table into a dataclass.
+
+    Args:
+        kind: the dataclass, a :class:`~receding_fenicsx.scene.checks.Table`.
+        raw: parsed TOML with the keys of the dataclass.
+        label: function that returns the table of a place in messages, and the rest of the place.
+
+    Raises:
+        InputErrors: keys are unknown or missing, or values have wrong types or ranges; all of them.
+    """
+    from pydantic import ValidationError
+
+    # in JSON lists may become tuples; dates, which it lacks, become what no key may be
+    text = json.dumps(raw, default=lambda value: {str(value): None})
+    for place in _with_nul(raw) if r"\u0000" in text else ():
+        raise InputError(f"{_where(label, place)}: holds a NUL character; remove it")
+    try:
+        found: T = _adapter(kind).validate_json(text)  # type: ignore[arg-type]
+        return found
+    except ValidationError as error:
+        errors: list[Any] = error.errors(include_url=False)
+    wrong = _resolved([(_steps(raw, item), item) for item in errors])
+    raise InputErrors(*dict.fromkeys(_message(kind, place, item, label) for place, item in wrong))
+
+
+def _with_nul(value: Any, place: Place = ()) -> Iterator[Place]:
+    """Yield the places of strings and keys with a NUL character, which no file or name can have."""
+    if isinstance(value, str) and "\0" in value:
+        yield place
+    elif isinstance(value, dict | list):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from _with_nul(key, place)
+            yield from _with_nul(item, (*place, key))
+
+
+def _steps(raw: Any, item: dict[str, Any]) -> list[tuple[str | int, bool]]:
+    """Return the parts of an error's location, each with whether it is a branch of a union."""
+    found: list[tuple[str | int, bool]] = []
+    for part in item["loc"]:
+        inside = isinstance(raw, dict) and part in raw
+        inside |= isinstance(raw, list) and isinstance(part, int) and part < len(raw)
+        raw = raw[part] if inside else raw
+        missing = item["type"] == "missing" and len(found) == len(item["loc"]) - 1
+        found.append((part, not inside and not missing))
+    if found and found[-1][0] == "[key]":
+        found.pop()
+        item["type"] = "key"
+    return found
+
+
+def _resolved(errors: list[Any]) -> list[tuple[Place, dict[str, Any]]]:
+    """Return the errors with their places: of a union those of the branch that fits best.
+
+    A branch fits where the value itself has the type of the branch. Where none fits, one error
+    with the types of all branches takes their place.
+    """
+    found: list[tuple[Place, dict[str, Any]]] = []
+    unions: dict[Place, dict[str | int, list[Any]]] = {}
+    for steps, item in errors:
+        first = next((k for k, (_, branch) in enumerate(steps) if branch), len(steps))
+        place = tuple(part for part, _ in steps[:first])
+        if first == len(steps):
+            found.append((place, item))
+        else:
+            branches = unions.setdefault(place, {})
+            branches.setdefault(steps[first][0], []).append((steps[first + 1 :], item))
+    for place, branches in unions.items():
+        own = [item for inner in branches.values() for steps, item in inner if not steps]
+        fitting = [
+            inner
+            for inner in branches.values()
+            if not any(not steps and item["type"] in WANTED for steps, item in inner)
+            and not any(not steps and item["type"] == "literal_error" for steps, item in inner)
+        ]
+        choice = next((item for item in own if item["type"] == "literal_error"), None)
+        if fitting:
+            best = min(fitting, key=lambda inner: sum(item["type"] == "key" for _, item in inner))
+            found += [(place + inner, item) for inner, item in _resolved(best)]
+        else:
+            words = re.findall("'[^']*'", choice["ctx"]["expected"]) if choice else []
+            words += [WANTED[item["type"]] for item in own if item["type"] in WANTED]
+            found.append((place, {**own[0], "type": "union", "wanted": list(dict.fromkeys(words))}))
+    return found
+
+
+def _message(
+    kind: type, place: Place, item: dict[str, Any], label: Callable[[Place], tuple[str, Place]]
+) -> str:
+    """Return one line for an error: where it is, what is wrong, what to do."""
+    error, value, bounds = item["type"], item["input"], item.get("ctx", {})
+    pair = error == "too_long" or (error == "missing" and isinstance(place[-1], int))
+    keyed = error in ("missing", "unexpected_keyword_argument", "key") and not pair
+    inside = place[:-1] if error == "missing" or keyed else place
+    where = _where(label, inside)
+    if keyed:
+        if error == "missing":
+            return f"{where}: the key '{place[-1]}' is missing; add it"
+        known = re.findall(r"'([^']*)'", bounds.get("expected", ""))
+        known = known or [field.name for field in dataclasses.fields(_table_at(kind, inside))]
+        return f"{where}: unknown key '{place[-1]}'; {suggestion(str(place[-1]), known)}"
+    shown = shortened(json.dumps(value, default=str, ensure_ascii=False))
+    bound = next((bounds[key] for key in ("gt", "ge", "lt", "le") if key in bounds), 0)
+    wanted = [WANTED[error]] if error in WANTED else item.get("wanted")
+    if pair:
+        wanted = ["a pair [a, b]"]
+    elif error == "literal_error":
+        choices = bounds["expected"].replace("'", '"')
+        return f"{where}: {shown} is unknown; use {choices}"
+    elif abs(bound) in (LARGEST, SMALLEST) and value > 0.0:
+        side = "below" if bound == SMALLEST else "beyond"
+        return f"{where}: {shown} is {side} {bound:g}; choose units in which it is nearer to 1"
+    elif error == "string_too_long":
+        most = bounds["max_length"]
+        return f"{where}: must have at most {most} characters, not {len(value)}"
+    elif error == "finite_number":
+        wanted = ["a finite number"]
+    elif error in LIMITS:
+        positive = bound == SMALLEST or (error == "greater_than" and bound == 0)
+        limit = bound if isinstance(bound, int) else f"{bound:g}"
+        words = "positive" if positive else f"{LIMITS[error]} {limit}"
+        wanted = ["0 or more" if words == "at least 0" else words]
+    if not wanted:
+        return f"{where}: {item['msg']}"
+    *others, last = wanted
+    choices = (f"{', '.join(others)} or {last}" if others else last).replace("'", '"')
+    if isinstance(value, str) and "'" in wanted[0]:
+        return f"{where}: {shown} is unknown; use {choices}"
+    return f"{where}: must be {choices}, not {shown}"
+
+
+def _where(label: Callable[[Place], tuple[str, Place]], place: Place) -> str:
+    """Return a place as messages begin with it."""
+    table, rest = label(place)
+    for k, part in enumerate(rest):
+        table += f" entry {part + 1}" if isinstance(part, int) else f"{'.' if k else ' '}{part}"
+    return table
+
+
+def _table_at(kind: type, place: Place) -> type:
+    """Return the dataclass of the table at a place."""
+
+    def inner(annotation: Any) -> Any:
+        if dataclasses.is_dataclass(annotation):
+            return annotation
+        return next(filter(None, map(inner, get_args(annotation))), None)
+
+    for part in place:
+        hints = get_type_hints(kind)
+        kind = inner(hints[part]) or kind if part in hints else kind
+    return kind
