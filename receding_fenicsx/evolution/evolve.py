@@ -7,7 +7,12 @@ from contextlib import suppress
 from dataclasses import replace
 
 from receding_fenicsx.arrays import Array, check_types
-from receding_fenicsx.errors import InputError, NoQuasiStaticContinuation, SolveError
+from receding_fenicsx.errors import (
+    InputError,
+    NoEquilibrium,
+    NoQuasiStaticContinuation,
+    SolveError,
+)
 from receding_fenicsx.evolution.checks import check_force_range
 from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.cycle_data import end_of
@@ -18,9 +23,13 @@ from receding_fenicsx.evolution.problem import Problem, problem_of_history, prob
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.run_state import RunState
 from receding_fenicsx.interface.branches.choice import NO_CHOICE, Choice, Chooser
+from receding_fenicsx.interface.rigid_motions import softest_motion
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History, ended_by
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
+
+NEARLY_LOOSE = 1e-7
+"""Stiffness of the softest motion, over that of the stiffest, below which a refusal names it."""
 
 
 def evolve(
@@ -146,6 +155,14 @@ def continue_history(
             found = error.record.uniqueness
             text = NO_CHOICE if found and found.certified else _choices_before(problem)
             error.args = (f"{error}; {text}",)
+        body = problem.system
+        soft = softest_motion(body.K, body.held, body.rigid)
+        if soft < NEARLY_LOOSE and not isinstance(error, NoEquilibrium):
+            error.args = (
+                f"{error}; the softest motion of the body is {soft:.0e} as stiff as the stiffest: "
+                "forces so small beside the largest, which round-off hides, decide here; stiffen "
+                "the springs that hold the body, or add a [[support]]",
+            )
         raise
     last = None if search is not None and search.steady is not None else run.sample_last()
     record = record_of(problem.system, problem.solver, cycles, last=last)

@@ -39,3 +39,15 @@ def has_rigid(rigid: Array, motion: Array) -> bool:
         return False
     weights = np.linalg.lstsq(rigid, motion, rcond=None)[0]
     return bool(np.abs(rigid @ weights - motion).max() <= RIGID_TOLERANCE)
+
+
+def softest_motion(K: Array, held: NDArray[np.bool_], rigid: Array) -> float:
+    """Return the stiffness of the softest motion that is not free, over that of the stiffest.
+
+    Args:
+        K: (2N, 2N) stiffness.
+        held: (2N,) freedoms that supports hold.
+        rigid: (2N, n) rigid motions that supports leave.
+    """
+    stiffness = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])[rigid.shape[1] :]
+    return float(stiffness[0] / stiffness[-1]) if len(stiffness) else 1.0

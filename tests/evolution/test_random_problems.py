@@ -14,6 +14,7 @@ from problems import (
     FAMILIES,
     REFUSED,
     STEPS,
+    UNJUDGED,
     WRONG,
     Outcome,
     Problem,
@@ -186,6 +187,13 @@ def test_bodies_lifted_off_soft_springs_are_solved(number: int) -> None:
     Samples at the ends of legs are those ends, refined; on such springs others are far off.
     """
     assert judge(sprung(problem(number))).verdict == ACCEPTED
+
+
+@pytest.mark.parametrize("number", [61000569, 61000644, 61001002])
+def test_refusals_of_nearly_loose_bodies_name_the_softest_motion(number: int) -> None:
+    """Forces of 1e-8 to 1e-9 of the largest decide, those of the springs that hold the body."""
+    outcome = judge(sprung(problem(number)))
+    assert outcome.verdict == UNJUDGED and "as stiff as the stiffest" in outcome.said
 
 
 @pytest.mark.parametrize("number", [464364, 621228])
