@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from receding_fenicsx.bulk.mesh.meshing import raw_meshes
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
-from receding_fenicsx.bulk.mesh.raw_meshes import raw_meshes
 from receding_fenicsx.scene.model import Scene
 
 Array = NDArray[np.float64]

@@ -13,7 +13,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from typing import TypeVar
 
-from receding_fenicsx.bulk.mesh.geo_words import takes_elements
+from receding_fenicsx.bulk.mesh.user_mesh import takes_elements
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import MIN_REFINED_GROWTH, MOST_REFINEMENTS, Refinement, Scene
 

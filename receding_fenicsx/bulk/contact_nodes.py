@@ -20,8 +20,6 @@ from receding_fenicsx.scene.model import Scene
 
 NORMAL_TOLERANCE = 1e-10
 """Largest difference of 1 and the component of t or n along an axis that it is parallel to."""
-WEIGHT_TOLERANCE = 1e-9
-"""Weight of a node over the largest weight below which it is no contact node."""
 
 
 @dataclass(frozen=True)
@@ -161,7 +159,7 @@ def _edge_nodes(
     order = np.argsort(x)
     if scene.axisymmetric:
         # at order 2 the node on the axis has no weight: it gets no contact condition
-        order = order[weight[order] > WEIGHT_TOLERANCE * weight.max()]
+        order = order[weight[order] > 1e-9 * weight.max()]
     return node[order], points[order], x[order], weight[order]
 
 

@@ -117,11 +117,15 @@ def probe_matrix(bodies: Stack, scene: Scene) -> ProbeMatrix | None:
 
 def gather_fields(parts: Sequence[BodyFields]) -> Fields | None:
     """Gather fields on rank 0 and complete half bodies by their mirror image; collective."""
-    gathered = [_gather_body(part) for part in parts]
-    bodies = [body for body in gathered if body is not None]
-    if not bodies:
-        return None
-    return bodies[0] if len(bodies) == 1 else _together(bodies)
+    bodies = []
+    for part in parts:
+        points, cells, vectors = _gather(part.bulk, part.displacement)
+        nodal = {name: _gather(part.bulk, f)[2] for name, f in part.stresses.nodal.items()}
+        if part.bulk.comm.rank == 0:
+            values = {name: value[:, 0] for name, value in nodal.items()}
+            whole = Fields(points, cells, vectors, values)
+            bodies.append(_mirrored(whole) if part.bulk.body.half else whole)
+    return _together(bodies) if len(bodies) > 1 else bodies[0] if bodies else None
 
 
 def gather_cell_stresses(parts: Sequence[BodyFields]) -> dict[str, Array] | None:
@@ -133,8 +137,16 @@ def gather_cell_stresses(parts: Sequence[BodyFields]) -> dict[str, Array] | None
     Returns:
         By name the stress of each cell of :func:`gather_fields`, on rank 0; None elsewhere.
     """
-    gathered = [_gather_cells(part) for part in parts]
-    bodies = [body for body in gathered if body is not None]
+    bodies = []
+    for part in parts:
+        stresses = part.stresses.cell
+        space = next(iter(stresses.values())).function_space
+        dofs = _dolfinx.cell_dofs(space)[: space.dofmap.index_map.size_local, 0]
+        values = [function.x.array[dofs] for function in stresses.values()]
+        own: Any = part.bulk.comm.gather(values, root=0)
+        if own is not None:
+            whole = dict(zip(stresses, np.concatenate(own, axis=1), strict=True))
+            bodies.append(_with_image(whole) if part.bulk.body.half else whole)
     if not bodies:
         return None
     if len({part.bulk.body.cell for part in parts}) > 1:
@@ -143,33 +155,6 @@ def gather_cell_stresses(parts: Sequence[BodyFields]) -> dict[str, Array] | None
             if part.bulk.body.cell == "quadrilateral":
                 stress.update({name: np.tile(value, 2) for name, value in stress.items()})
     return {name: np.concatenate([body[name] for body in bodies]) for name in bodies[0]}
-
-
-def _gather_cells(fields: BodyFields) -> dict[str, Array] | None:
-    """Return the cell stresses of one whole body on rank 0, None elsewhere."""
-    comm, stresses = fields.bulk.comm, fields.stresses.cell
-    space = next(iter(stresses.values())).function_space
-    dofs = _dolfinx.cell_dofs(space)[: space.dofmap.index_map.size_local, 0]
-    own: Any = comm.gather([function.x.array[dofs] for function in stresses.values()], root=0)
-    if comm.rank != 0:
-        return None
-    whole = dict(zip(stresses, np.concatenate(own, axis=1), strict=True))
-    if fields.bulk.body.half:
-        image = {name: -value if name == "sxy" else value for name, value in whole.items()}
-        whole = {name: np.concatenate([value, image[name]]) for name, value in whole.items()}
-    return whole
-
-
-def _gather_body(fields: BodyFields) -> Fields | None:
-    """Return the fields of one whole body on rank 0, None elsewhere."""
-    bulk = fields.bulk
-    points, cells, vectors = _gather(bulk, fields.displacement)
-    gathered = {name: _gather(bulk, f)[2] for name, f in fields.stresses.nodal.items()}
-    if bulk.comm.rank != 0:
-        return None
-    values = {name: value[:, 0] for name, value in gathered.items()}
-    whole = Fields(points, cells, vectors, values)
-    return _mirrored(whole) if bulk.body.half else whole
 
 
 def _gather(bulk: Body, function: fem.Function) -> tuple[Array, NDArray[np.int64], Array]:
@@ -213,13 +198,17 @@ def _mirrored(half: Fields) -> Fields:
     """Add the image of the half x >= 0: u_x and s_xy change their sign."""
     n = len(half.points)
     flip = np.array([-1.0, 1.0])
-    stress = {
-        name: np.concatenate([value, -value if name == "sxy" else value])
-        for name, value in half.stress.items()
-    }
     return Fields(
         np.vstack([half.points, half.points * flip]),
         np.vstack([half.cells, half.cells[:, ::-1] + n]),
         np.vstack([half.displacement, half.displacement * flip]),
-        stress,
+        _with_image(half.stress),
     )
+
+
+def _with_image(stress: dict[str, Array]) -> dict[str, Array]:
+    """Return stresses of a half body with those of its image."""
+    return {
+        name: np.concatenate([value, -value if name == "sxy" else value])
+        for name, value in stress.items()
+    }

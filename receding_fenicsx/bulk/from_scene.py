@@ -24,11 +24,6 @@ if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack
     from receding_fenicsx.interface.system import ContactSystem, ProbeMatrix
 
-SERIAL_CELLS = 30_000
-"""Largest number of cells (estimated) of a rectangle that rank 0 condenses alone."""
-SERIAL_FILE_BYTES = 10_000_000
-"""Largest file of a user's mesh, in bytes, that rank 0 condenses alone."""
-
 
 def is_small(scene: Scene) -> bool:
     """Return whether rank 0 condenses a scene's bodies alone.
@@ -40,11 +35,11 @@ def is_small(scene: Scene) -> bool:
         if body.is_half_plane:
             continue
         if body.mesh is not None:
+            # 10 MB of a user's mesh, or 30,000 cells (estimated) of a rectangle
             size = Path(body.mesh).stat().st_size * 4 ** (scene.mesh.refinements or 0)
-            if size > SERIAL_FILE_BYTES:
+            if size > 10_000_000:
                 return False
-            continue
-        if count_cells(scene.mesh, body.height / body.width) > SERIAL_CELLS:
+        elif count_cells(scene.mesh, body.height / body.width) > 30_000:
             return False
     return True
 

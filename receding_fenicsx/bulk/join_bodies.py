@@ -48,7 +48,7 @@ from scipy.linalg import LinAlgError, LinAlgWarning, solve
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk.rigid_motions import common_motions, free_motions, independent, scaled
-from receding_fenicsx.bulk.symmetric_matrix import block, symmetrise
+from receding_fenicsx.bulk.symmetric_matrix import block, norm, symmetrise
 from receding_fenicsx.errors import InputError, SolveError
 
 JOINED_RIGID_RESISTANCE = 1e-11
@@ -188,7 +188,10 @@ def join(
     sign = common_sign(np.array([body.sign for body in bodies]), load_names)
     motions, held = _motions(bodies, places)
     size, free = len(held), 1 + max(motion.rest.max(initial=-1) for motion in motions)
-    K, H, C = np.zeros((size, size)), np.zeros((free, free)), np.zeros((free, size))
+    # one body on planes has K already
+    alone = len(bodies) == 1 and not free
+    K = bodies[0].K if alone else np.zeros((size, size))
+    H, C = np.zeros((free, free)), np.zeros((free, size))
     r_star, L = np.zeros((len(sign), size)), np.zeros((free, len(sign)))
     driven = np.zeros_like(r_star)
     for body, motion, place in zip(bodies, motions, places, strict=True):
@@ -197,16 +200,17 @@ def join(
         H[block(rest, rest)] += body.K[block(on, on)]
         L[rest] += body.r_star[:, on].T
         if motion.factor.any():
-            same = np.all(motion.factor == 1.0)
-            K[block(at, at)] += body.K if same else np.outer(motion.factor, motion.factor) * body.K
+            if not alone:
+                K[block(at, at)] += motion.factor[:, None] * body.K * motion.factor
             C[block(rest, at)] += body.K[on] * motion.factor
             r_star[:, at] += body.r_star * motion.factor
     sides = [dict(zip(p.contact.tolist(), p.side.tolist(), strict=True)) for p in places]
     common = common_motions([body.constraints for body in bodies], sides)
     _pin(H, L, common, bodies, motions, load_names)
     y = -_solve(H, np.hstack([C, L])) if free else np.zeros((0, size + len(sign)))
-    K += C.T @ y[:, :size]
-    symmetrise(K)
+    if free:
+        K += C.T @ y[:, :size]
+        symmetrise(K)
     r_star += (C.T @ y[:, size:]).T
     compliance = sum(body.compliance for body in bodies) + sign[:, None] * (L.T @ y[:, size:])
     own = [body.modes @ free_motions(body.constraints) for body in bodies]
@@ -216,7 +220,13 @@ def join(
         own[k] = scaled(moved)
     # one less for each common motion
     rigid = independent(np.hstack(own), sum(found.shape[1] for _, found in common))
-    _check_rigid(K, rigid, held)
+    error = np.abs((K @ rigid)[~held]).max(initial=0.0) / norm(K)
+    if not error <= JOINED_RIGID_RESISTANCE:
+        raise SolveError(
+            f"the stiffness of the joined bodies resists a rigid motion by {error:.1e} of its size "
+            f"(at most {JOINED_RIGID_RESISTANCE:g}); bring Young's moduli closer together or hold "
+            "the stiffer one"
+        )
     follow = y[:, :size], y[:, size:]
     factors = np.eye(len(sign)), np.zeros_like(r_star)
     return JoinedBodies(
@@ -310,14 +320,3 @@ def _solve(H: Array, columns: Array) -> Array:
             "the stiffness of the joined bodies is singular to round-off; bring their Young's "
             "moduli closer together or hold the stiffer one"
         ) from None
-
-
-def _check_rigid(K: Array, rigid: Array, held: NDArray[np.bool_]) -> None:
-    """Check that K has no force against the rigid motions."""
-    error = np.abs((K @ rigid)[~held]).max(initial=0.0) / np.abs(K).sum(axis=1).max()
-    if not error <= JOINED_RIGID_RESISTANCE:
-        raise SolveError(
-            f"the stiffness of the joined bodies resists a rigid motion by {error:.1e} of its size "
-            f"(at most {JOINED_RIGID_RESISTANCE:g}); bring Young's moduli closer together or hold "
-            "the stiffer one"
-        )

@@ -55,16 +55,28 @@ def add_load(
     Raises:
         InputError: the load's profile cannot be evaluated; on all ranks.
     """
-    if load.force is not None and load.platen:
-        _add_force(vector, space, body, scene, load)
-        return
-    if load.force is not None:
-        load = replace(load, force=None, traction=_spread(space, body, scene, load))
+    comm = body.mesh.comm
     if load.mode is not None:
         # known once the contact is
         return
+    if load.force is not None and load.platen:
+        # as far as it is modelled, at one of the platen's nodes
+        nodes, _ = edge_nodes(space, body, load.edge, load.span)
+        part = 0.5 / np.pi if scene.axisymmetric else 0.5 if body.half else 1.0
+        if comm.rank == 0:
+            dofs = (2 * nodes[0] + np.arange(2)).astype(PETSc.IntType)
+            values = part * np.array(load.force, dtype=float)
+            vector.setValues(dofs, values, addv=PETSc.InsertMode.ADD_VALUES)
+        vector.assemble()
+        return
+    if load.force is not None:
+        # the uniform traction with this resultant, per radian
+        facets = on_all(comm, lambda: edge_facets(space, body, load.edge, load.span))
+        area = integrate(facets, lambda points, _: measure(scene, points)).sum()
+        x, y = np.array(load.force) / comm.allreduce(area)
+        load = replace(load, force=None, traction=(x, y))
     if load.on_body:
-        _add(vector, *on_all(body.mesh.comm, lambda: _domain_forces(space, body, scene, load)))
+        _add(vector, *on_all(comm, lambda: _domain_forces(space, body, scene, load)))
         return
 
     def traction(points: Array, normals: Array) -> Array:
@@ -77,7 +89,7 @@ def add_load(
             values += _beyond_chords(facets, body.arcs, scene, traction, values)
         return facets.nodes, values
 
-    _add(vector, *on_all(body.mesh.comm, forces))
+    _add(vector, *on_all(comm, forces))
 
 
 def _add(vector: PETSc.Vec, nodes: Ints, values: Array) -> None:
@@ -85,16 +97,6 @@ def _add(vector: PETSc.Vec, nodes: Ints, values: Array) -> None:
     rows = (2 * nodes[:, :, None] + np.arange(2)).astype(PETSc.IntType)
     vector.setValues(rows.ravel(), values.ravel(), addv=PETSc.InsertMode.ADD_VALUES)
     vector.assemble()
-
-
-def _spread(
-    space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
-) -> tuple[float, float]:
-    """Return the uniform traction whose resultant (per radian) is the load's force; collective."""
-    facets = on_all(body.mesh.comm, lambda: edge_facets(space, body, load.edge, load.span))
-    area = integrate(facets, lambda points, _: measure(scene, points)).sum()
-    x, y = np.array(load.force) / body.mesh.comm.allreduce(area)
-    return x, y
 
 
 def _beyond_chords(
@@ -118,19 +120,6 @@ def _beyond_chords(
     share = integrate(facets, lambda points, normals: measure(scene, points))[on]
     missing[on] = share / share.sum(axis=1, keepdims=True) * lacking[:, None, :]
     return missing
-
-
-def _add_force(
-    vector: PETSc.Vec, space: fem.FunctionSpace, body: BodyMesh, scene: Scene, load: Load
-) -> None:
-    """Add the resultant force of a platen, as far as it is modelled, at one of its nodes."""
-    nodes, _ = edge_nodes(space, body, load.edge, load.span)
-    part = 0.5 / np.pi if scene.axisymmetric else 0.5 if body.half else 1.0
-    if body.mesh.comm.rank == 0:
-        dofs = (2 * nodes[0] + np.arange(2)).astype(PETSc.IntType)
-        values = part * np.array(load.force, dtype=float)
-        vector.setValues(dofs, values, addv=PETSc.InsertMode.ADD_VALUES)
-    vector.assemble()
 
 
 def profile_values(load: Load, body: BodyMesh, profile: Profile, points: Array) -> Array:

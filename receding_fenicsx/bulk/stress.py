@@ -58,7 +58,8 @@ def stresses(bulk: Bulk, displacement: fem.Function, load: Array | None = None) 
     vertex_dofs = _dolfinx.cell_dofs(linear)[: len(gradient)]
     count = _sum_at_vertices(linear, vertex_dofs, np.ones(vertex_dofs.shape))
     in_cells, at_vertices = {}, {}
-    for name, value in _components(bulk, gradient).items():
+    components = np.moveaxis(linear_stresses(bulk.scene.material, gradient), -1, 0)
+    for name, value in named_stresses(*components).items():
         in_cells[name] = fem.Function(constant, name=name)
         in_cells[name].x.array[cell_dofs] = value[:, -1]
         in_cells[name].x.scatter_forward()
@@ -99,11 +100,6 @@ def _thermal(bulk: Bulk, points: Array, load: Array | None) -> Array:
     places = _dolfinx.evaluate_in_cells(x, points, bulk.space)
     strain = thermal_strain(bulk.scene, bulk.load_names, places) @ given(load)
     return strain[..., None] * free_gradient(bulk.scene.material)
-
-
-def _components(bulk: Bulk, gradient: Array) -> dict[str, Array]:
-    """Return each stress of ``STRESSES`` from gradients (..., [xx, xy, yx, yy, zz])."""
-    return named_stresses(*np.moveaxis(linear_stresses(bulk.scene.material, gradient), -1, 0))
 
 
 def named_stresses(sxx: Array, syy: Array, szz: Array, sxy: Array) -> dict[str, Array]:

@@ -47,10 +47,6 @@ MODE = "mode:"
 """Beginning of the name of a drive that is a mode, as in "mode:1"."""
 COMPLIANCE_TOLERANCE = 1e-6
 """Relative difference of the compliance found by the eigenvalue and by condensation."""
-SHIFT = -1e-12
-"""Shift of the eigenvalues over the ratio of the traces of A and M: A may be singular."""
-RIGID = 1e-11
-"""Largest square of the frequency of a rigid motion, over the same ratio."""
 
 
 def mode_number(drive: str) -> int:
@@ -155,12 +151,15 @@ def _modes(
         raise InputError(f"drive: the bodies have fewer than {number} modes")
     count = min(max(count, number), len(free) - 1)
     ratio = K.diagonal().sum() / m.diagonal().sum()
+    # A may be singular
+    shift = -1e-12 * ratio
     try:
-        squares, y = eigsh(K.tocsc(), count, m.tocsc(), sigma=SHIFT * ratio, v0=np.ones(len(free)))
+        squares, y = eigsh(K.tocsc(), count, m.tocsc(), sigma=shift, v0=np.ones(len(free)))
     except ArpackError as error:
         raise NotConverged(f"drive: the vibration modes were not found ({error})") from error
     order = np.argsort(squares)
-    if squares[order[number - 1]] <= RIGID * ratio:
+    # the square of the frequency of a rigid motion is round-off
+    if squares[order[number - 1]] <= 1e-11 * ratio:
         raise InputError(f"drive: mode {number} moves the bodies rigidly; add a [[support]]")
     phi = whole.turn @ (M @ (T @ y[:, order[number - 1]]))
     omega = np.sqrt(np.maximum(squares[order], 0.0))

@@ -17,8 +17,7 @@ from receding_fenicsx import study
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
-from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
-from receding_fenicsx.bulk.mesh.raw_meshes import raw_meshes
+from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of, raw_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.instants import Instant

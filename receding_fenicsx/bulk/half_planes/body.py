@@ -14,7 +14,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.contact_nodes import ContactNodes
 from receding_fenicsx.bulk.join_bodies import CondensedBody
-from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
+from receding_fenicsx.bulk.mesh.grading import Base, graded
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, contact_nodes_of, make_meshes
 from receding_fenicsx.bulk.rigid_motions import free_motions, motions, scaled
 from receding_fenicsx.bulk.stress import Stresses, named_stresses
@@ -36,8 +36,6 @@ from receding_fenicsx.scene.rectangle_edges import contact_samples
 
 STRAIGHT = 1e-9
 """Distance of a contact node from the half-plane's surface, over its length, that is round-off."""
-DATUM_DEPTH = 10.0
-"""Depth of the datum over the length of the contact, where the scene gives none."""
 
 
 @dataclass
@@ -239,7 +237,11 @@ def half_plane_of(
     else:
         contact = partner
         _check_straight(scene, partner)
-        size = _rotation_length(contact)
+        # the length by which the contact nodes' displacement in a rotation was divided
+        apart = contact.points - _pivot(contact.points)
+        farthest = int(np.argmax(np.abs(apart[:, 0])))
+        turned = contact.modes[len(apart) + farthest, 2] * contact.normal[farthest, 1]
+        size = float(apart[farthest, 0] / turned)
     constraints = np.eye(3)[~far.free[:3]]
     contact = replace(
         contact,
@@ -247,8 +249,14 @@ def half_plane_of(
         constraints=constraints,
         null=scaled(contact.modes @ free_motions(constraints)),
     )
-    surface = surface or _surface(contact, 1 if partner is None else scene.mesh.degree)
-    datum = scene.body.datum or DATUM_DEPTH * surface.length
+    if surface is None:
+        along = np.einsum("nc,nc->n", contact.points, contact.tangent)
+        lower = np.flatnonzero(np.diff(contact.edge) == 0)
+        elements = np.stack([lower, lower + 1], axis=1)
+        if along[elements[0, 1]] < along[elements[0, 0]]:
+            elements = elements[:, ::-1]
+        surface = surface_of(along, elements, 1 if partner is None else scene.mesh.degree)
+    datum = scene.body.datum or 10.0 * surface.length
     side = 1 if partner is None else -1
     return HalfPlane(scene, comm, contact, size, surface, side, datum, far)
 
@@ -260,16 +268,6 @@ def count_nodes(scene: Scene) -> int:
             return sum(contact_nodes_of(part_of(scene, body)))
     owner = scene.find_edge(scene.contacts[0].edge)[0]
     return len(_own_nodes(part_of(scene, owner)).x)
-
-
-def _surface(contact: ContactNodes, order: int) -> Surface:
-    """Return the surface of contact nodes between which elements of some order lie."""
-    along = np.einsum("nc,nc->n", contact.points, contact.tangent)
-    lower = np.flatnonzero(np.diff(contact.edge) == 0)
-    elements = np.stack([lower, lower + 1], axis=1)
-    if along[elements[0, 1]] < along[elements[0, 0]]:
-        elements = elements[:, ::-1]
-    return surface_of(along, elements, order)
 
 
 def _own_nodes(scene: Scene) -> ContactNodes:
@@ -327,14 +325,6 @@ def _stretched(part: HalfPlane, points: Array) -> Array:
 def _pivot(points: Array) -> Array:
     """Return the point that the far field rotates about: the middle of all contact nodes."""
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)))
-
-
-def _rotation_length(contact: ContactNodes) -> float:
-    """Return the length by which the contact nodes' displacement in a rotation was divided."""
-    apart = contact.points - _pivot(contact.points)
-    farthest = int(np.argmax(np.abs(apart[:, 0])))
-    turned = contact.modes[len(apart) + farthest, 2] * contact.normal[farthest, 1]
-    return float(apart[farthest, 0] / turned)
 
 
 def _check_straight(scene: Scene, partner: ContactNodes) -> None:

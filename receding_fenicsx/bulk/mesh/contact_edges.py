@@ -20,9 +20,6 @@ from receding_fenicsx.bulk.mesh.raw_mesh import (
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.model import Contact, Load, Scene, Spring, Support
 
-MATCH_TOLERANCE = 1e-6
-"""Largest distance of matching nodes, over the length of the shortest facet."""
-
 
 @dataclass(frozen=True)
 class Interface:
@@ -174,7 +171,8 @@ def _matched(
     a, b = (points[np.argsort(line.along(points))] for points in (a, b))
     if len(a) < 2 or len(b) < 2:
         raise MeshMisfit(f"{where}: {names} share no facet; refine both meshes")
-    close = MATCH_TOLERANCE * min(np.diff(line.along(p)).min() for p in (a, b))
+    # over the length of the shortest facet
+    close = 1e-6 * min(np.diff(line.along(p)).min() for p in (a, b))
     for here, there, names_of in (
         (a, b, (contact.edge, contact.against)),
         (b, a, (contact.against, contact.edge)),

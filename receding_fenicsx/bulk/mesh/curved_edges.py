@@ -18,10 +18,6 @@ from receding_fenicsx.arrays import Array, Ints
 
 GAUSS_POINTS = 8
 """Gauss points on a facet: at order 2, polynomial loads of degree 13 are integrated exactly."""
-STRAIGHT_TYPES = ("Line", "Discrete curve", "Unknown")
-"""gmsh's types of straight curves, and of curves known by their mesh only."""
-CURVE_TOLERANCE = 1e-6
-"""Largest distance of a node from its curve, over the size of the curve."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +75,8 @@ def arcs_of(gmsh: Any, scale: float) -> Arcs:
 def _arcs_of_curve(gmsh: Any, curve: int) -> tuple[Array, Array, Array] | None:
     """Return ends, points and slopes of one curve's facets; None where it is straight."""
     model = gmsh.model
-    if model.getType(1, curve) in STRAIGHT_TYPES:
+    # straight, or known by its mesh only
+    if model.getType(1, curve) in ("Line", "Discrete curve", "Unknown"):
         return None
     nodes = model.mesh.getElements(1, curve)[2]
     if not len(nodes):
@@ -98,7 +95,7 @@ def _arcs_of_curve(gmsh: Any, curve: int) -> tuple[Array, Array, Array] | None:
         return np.asarray(values.reshape(*u.shape, 3)[..., :2])
 
     _fill_ends(u, ends, at(np.array([low, high])), (low, high))
-    near = CURVE_TOLERANCE * float(np.hypot(*np.ptp(ends.reshape(-1, 2), axis=0)))
+    near = 1e-6 * float(np.hypot(*np.ptp(ends.reshape(-1, 2), axis=0)))
     if not np.all(np.abs(at(u) - ends) <= near):
         return None  # the nodes lie on another curve, such as a compound one
     places, slope = _slope_matrix()

@@ -17,14 +17,8 @@ from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import nearest
 
-FLAT_TOLERANCE = 1e-9
-"""Largest distance of a node from z = 0, over the size of the mesh."""
-MAX_COORDINATE = 1e50
-"""Largest coordinate: products of larger ones overflow."""
 CORNERS = {2: 3, 3: 4}
 """Number of corners of triangles and quadrilaterals, by gmsh's element type."""
-GMSH_LINE = 1
-"""gmsh's element type of a facet with two nodes."""
 HIGHER_ORDER = (
     "has cells of higher order; save it with Mesh.ElementOrder = 1 (mesh.degree sets the degree of "
     "the displacement)"
@@ -86,7 +80,8 @@ def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh
     # nodes that no cell uses are left out
     used = np.isin(tags, around)
     points = scale * coordinates[used]
-    wrong = ~np.all(np.abs(points) < MAX_COORDINATE, axis=1)
+    # products of larger coordinates overflow
+    wrong = ~np.all(np.abs(points) < 1e50, axis=1)
     if np.any(wrong):
         number, place = tags[used][wrong][0], points[wrong][0].tolist()
         raise InputError(
@@ -95,9 +90,10 @@ def mesh_of(gmsh: Any, surface: str | None, where: str, scale: float) -> RawMesh
     number = np.full(int(tags.max()) + 1, -1, dtype=np.int64)
     number[tags[used].astype(np.int64)] = np.arange(len(points))
     size = np.ptp(points[:, :2], axis=0).max()
-    if np.abs(points[:, 2]).max() > FLAT_TOLERANCE * size:
+    if np.abs(points[:, 2]).max() > 1e-9 * size:
         raise InputError(f"{where}: is not plane; a plane body has z = 0 everywhere")
-    if set(mesh.getElementTypes(1)) - {GMSH_LINE}:
+    # facets with two nodes are of type 1
+    if set(mesh.getElementTypes(1)) - {1}:
         raise InputError(f"{where}: {HIGHER_ORDER}")
     edges, spots = {}, {}
     for dim, tag in model.getPhysicalGroups():

@@ -17,11 +17,19 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.bulk import _dolfinx
 from receding_fenicsx.bulk.mesh.contact_edges import Interface, find_interfaces, middle_of
 from receding_fenicsx.bulk.mesh.curved_edges import Arcs
-from receding_fenicsx.bulk.mesh.raw_mesh import STRAIGHT_TOLERANCE, Line, RawMesh, line_of
-from receding_fenicsx.bulk.mesh.raw_meshes import raw_meshes
+from receding_fenicsx.bulk.mesh.raw_mesh import (
+    STRAIGHT_TOLERANCE,
+    Line,
+    RawMesh,
+    line_of,
+    with_radii,
+)
+from receding_fenicsx.bulk.mesh.rectangle import rectangle_mesh
+from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Body, Scene
+from receding_fenicsx.scene.one_body import part_of
 
 CORNERS = {"triangle": 3, "quadrilateral": 4}
 
@@ -68,6 +76,22 @@ class BodyMesh:
     pivot: Array
     half: bool
     cell: str
+
+
+def raw_meshes(scene: Scene, half: bool) -> list[RawMesh]:
+    """Mesh or read the bodies of a scene; the surfaces of one file together, if none is refined."""
+    found: dict[str, RawMesh] = {}
+    for body in scene.bodies:
+        if body.mesh is None:
+            found[body.name] = rectangle_mesh(scene, body, half)
+        elif body.name not in found:
+            file = body.mesh, body.parameters
+            others = () if scene.mesh.refine else scene.others
+            alike = [body, *(b for b in others if b != body and (b.mesh, b.parameters) == file)]
+            meshes = read_user_meshes(alike, part_of(scene, body).mesh, scene.axisymmetric)
+            for each, mesh in zip(alike, meshes, strict=True):
+                found[each.name] = with_radii(mesh) if scene.axisymmetric else mesh
+    return [found[body.name] for body in scene.bodies]
 
 
 def contact_nodes_of(scene: Scene) -> list[int]:
@@ -183,12 +207,22 @@ def _tagged(
             tags[name][facets] = tag
             groups[name].append(tag)
             contacts.append(ContactFacets(tag, interface.line))
-    wanted = {*_used_edges(scene, body), *(mesh.edges if body.mesh is None else ())}
+    named = [edge for contact in scene.contacts for edge in (contact.edge, contact.against)]
+    named += [part.edge for part in (*scene.edge_parts, *scene.supports)]
+    named += [spring.against for spring in scene.springs]
+    owned = [scene.find_edge(edge) for edge in named if edge is not None]
+    wanted = {name for owner, name in owned if owner == body}
+    wanted |= set(mesh.edges if body.mesh is None else ())
     used = [name for name in mesh.edges if name in wanted and len(mesh.edges[name])]
+    lines = {}
+    for edge in used:
+        # not of a curved edge
+        with contextlib.suppress(InputError):
+            lines[edge] = line_of(mesh, edge, "")
     data = {
         "groups": {name: tuple(groups[name]) for name in used},
         "contacts": tuple(contacts),
-        "lines": _lines(mesh, used),
+        "lines": lines,
         "spots": {name: mesh.points[nodes] for name, nodes in mesh.spots.items()},
         "arcs": mesh.arcs,
         **shared,
@@ -196,21 +230,3 @@ def _tagged(
     facets = np.vstack([np.empty((0, 2), dtype=np.int64), *(mesh.edges[name] for name in used)])
     every = np.concatenate([np.empty(0, np.int32), *(tags[name] for name in used)])
     return _Tagged(mesh.points, mesh.cells, facets, every, mesh.cell, data)
-
-
-def _used_edges(scene: Scene, body: Body) -> set[str]:
-    """Return the names of a body's edges that the scene uses."""
-    edges = [c.edge for c in scene.contacts] + [c.against for c in scene.contacts]
-    edges += [part.edge for part in scene.edge_parts] + [s.edge for s in scene.supports]
-    edges += [spring.against for spring in scene.springs]
-    found = [scene.find_edge(edge) for edge in edges if edge is not None]
-    return {name for owner, name in found if owner == body}
-
-
-def _lines(mesh: RawMesh, edges: list[str]) -> dict[str, Line]:
-    """Return the lines of the edges that are straight."""
-    lines = {}
-    for edge in edges:
-        with contextlib.suppress(InputError):
-            lines[edge] = line_of(mesh, edge, "")
-    return lines

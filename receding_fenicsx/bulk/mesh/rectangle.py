@@ -1,4 +1,4 @@
-"""Rectangle in edge coordinates: required vertices, exact node positions, mirror image.
+"""Mesh of a rectangle: required vertices, exact node positions, mirror image.
 
 Edge coordinates (s, d): s runs along the contact edge from its middle, d is the depth below it.
 """
@@ -10,15 +10,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
+from receding_fenicsx.bulk.mesh.gmsh_model import geo_path, gmsh_model, mesh_of
+from receding_fenicsx.bulk.mesh.grading import Base, grade_half, graded
+from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh
 from receding_fenicsx.errors import InputError, MeshMisfit, SolveError
-from receding_fenicsx.scene.model import Refinement, Scene
-from receding_fenicsx.scene.rectangle_edges import edge_points, edge_range, is_cylinder
+from receding_fenicsx.scene.model import Body, Refinement, Scene
+from receding_fenicsx.scene.one_body import part_of
+from receding_fenicsx.scene.rectangle_edges import (
+    EDGES,
+    edge_points,
+    edge_range,
+    is_cylinder,
+    is_horizontal,
+)
 
 POSITION_TOLERANCE = 1e-9
 """Largest distance of coinciding points, over the body's depth below the contact edge."""
-MAX_ELEMENTS_FACTOR = 20
-"""Largest number of contact elements that an error suggests, over the number given."""
 SAME_NAMES = {"bottom": "bottom", "right": "right", "top": "top", "left": "left", "axis": "axis"}
 EDGE_NAMES = {
     "bottom": SAME_NAMES,
@@ -96,6 +103,71 @@ class HalfMesh:
     d: Array
     cells: Ints
     edges: dict[str, Ints]
+
+
+def rectangle_mesh(whole: Scene, body: Body, half: bool) -> RawMesh:
+    """Mesh a rectangle of a scene; no communication.
+
+    gmsh sees lengths in units of the depth below the contact edge, so that a scene whose lengths
+    are multiplied by a power of two has the same mesh to the bit.
+    """
+    scene = part_of(whole, body)
+    if scene.axisymmetric:
+        half = half and is_cylinder(scene, body)
+        if half and not is_horizontal(scene, scene.contacts[0].edge):
+            # the section of a cylinder is meshed from its outer edge like that of a ring
+            section = (0.25 * body.width, body.position[1])
+            scene = replace(scene, body=replace(body, width=0.5 * body.width, position=section))
+            half = False
+    frame = make_frame(scene, half, bool(whole.others))
+    marks = find_marks(scene, frame)
+    mesh = _gmsh_half(scene, frame, marks)
+    snap(scene, frame, marks, mesh)
+    if not half:
+        mesh = mirror(mesh)
+    edges = {EDGE_NAMES[frame.edge][name]: facets for name, facets in mesh.edges.items()}
+    if half:
+        edges["left"] = np.empty((0, 2), dtype=np.int64)
+    middles = {edge: np.hstack(edge_points(scene, edge, [0.0])) for edge in EDGES}
+    points = frame.to_body(mesh.s, mesh.d) + np.array(scene.body.position)
+    return RawMesh(points, mesh.cells, edges, {}, middles, upright=True)
+
+
+def _gmsh_half(scene: Scene, frame: Frame, marks: Marks) -> HalfMesh:
+    """Mesh the half body."""
+    cell = scene.mesh.cell
+    unit = frame.depth
+    numbers = {
+        "width": [frame.length / unit],
+        "height": [1.0],
+        "contact_elements": [float(scene.mesh.contact_elements)],
+        "growth": [float(scene.mesh.growth)],
+        "quadrilaterals": [float(cell == "quadrilateral")],
+        "both_edges": [float(frame.both)],
+        "top_marks": (marks.top / unit).tolist(),
+        "side_marks": (marks.side / unit).tolist(),
+        "inner_x": (marks.inner[:, 0] / unit).tolist(),
+        "inner_y": (marks.inner[:, 1] / unit).tolist(),
+        "end_x": (marks.ends[:, 0] / unit).tolist(),
+        "end_y": (marks.ends[:, 1] / unit).tolist(),
+    }
+    path = str(geo_path("rectangle.geo"))
+    with gmsh_model() as gmsh:
+        for name, value in numbers.items():
+            gmsh.parser.setNumber(name, value)
+        try:
+            gmsh.merge(path)
+            if scene.mesh.refine:
+                grade_half(gmsh, places_of(scene, frame), marks.contact / unit, unit)
+            gmsh.model.mesh.generate(2)
+        except Exception as caught:  # gmsh raises nothing more special
+            raise SolveError(
+                f"gmsh could not mesh the body: {caught}; change mesh.growth or contact_elements"
+            ) from caught
+        if list(gmsh.model.mesh.getElementTypes(2)) != [2 if cell == "triangle" else 3]:
+            raise SolveError(f"gmsh did not fill the body with {cell}s; change contact_elements")
+        mesh = mesh_of(gmsh, None, "rectangle.geo", unit)
+    return HalfMesh(mesh.points[:, 0].copy(), mesh.points[:, 1].copy(), mesh.cells, mesh.edges)
 
 
 def make_frame(scene: Scene, half: bool, stacked: bool = False) -> Frame:
@@ -223,7 +295,7 @@ def _misfit(scene: Scene, frame: Frame, key: str, s: float) -> str:
     text = (
         f"mesh.contact_elements = {n} puts no vertex {s:g} from the middle, where {key} needs one"
     )
-    for m in range(n, MAX_ELEMENTS_FACTOR * n, 2):
+    for m in range(n, 20 * n, 2):
         dx = frame.length / m
         if abs(s - round(s / dx) * dx) <= POSITION_TOLERANCE * frame.depth:
             return f"{text}; use {m}"

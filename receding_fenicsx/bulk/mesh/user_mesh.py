@@ -6,6 +6,7 @@ that they run in, and a damaged mesh can crash it.
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -13,16 +14,12 @@ import numpy as np
 
 from receding_fenicsx import workers
 from receding_fenicsx.arrays import Ints
-from receding_fenicsx.bulk.mesh.geo_words import words_of
 from receding_fenicsx.bulk.mesh.gmsh_model import gmsh_model, mesh_of
-from receding_fenicsx.bulk.mesh.graded_file import mesh_refined
+from receding_fenicsx.bulk.mesh.grading import mesh_refined
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, sides, with_radii
 from receding_fenicsx.errors import InputError, MeshMisfit
 from receding_fenicsx.scene.checks import nearest
 from receding_fenicsx.scene.model import Body, MeshOptions
-
-THIN_TOLERANCE = 1e-6
-"""Largest double area at a corner of a flat cell, over the square of the longest side."""
 
 
 def read_user_meshes(
@@ -49,21 +46,10 @@ def read_user_meshes(
     where = _label(path)
     if not path.is_file():
         raise InputError(f'[body] mesh: "{path}": no such file; check the path')
-    _check_parameters(bodies[0], path, where, path.suffix == ".geo")
-    meshes = _meshes_in_child(bodies, options, axisymmetric)
-    for mesh in meshes:
-        _check_cells(mesh, where)
-    return meshes
-
-
-def _meshes_in_child(
-    bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool
-) -> list[RawMesh]:
-    """Mesh or read the bodies' file in a process of its own; raise the error it raises there."""
-    where = _label(Path(str(bodies[0].mesh)))
+    _check_parameters(bodies[0], path, where)
     try:
         job = workers.submit("gmsh", _meshes, bodies, options, axisymmetric)
-        return workers.result("gmsh", job)
+        meshes: list[RawMesh] = workers.result("gmsh", job)
     except workers.WorkerEnded as ended:
         if ended.code is None or ended.code < 0:
             raise InputError(
@@ -75,6 +61,9 @@ def _meshes_in_child(
     except Exception:
         workers.end("gmsh")  # what has failed may have left something behind
         raise
+    for mesh in meshes:
+        _check_cells(mesh, where)
+    return meshes
 
 
 def _meshes(bodies: Sequence[Body], options: MeshOptions, axisymmetric: bool) -> list[RawMesh]:
@@ -121,11 +110,11 @@ def _label(path: Path) -> str:
     return f'[body] mesh "{path.name}"'
 
 
-def _check_parameters(body: Body, path: Path, where: str, is_geo: bool) -> None:
+def _check_parameters(body: Body, path: Path, where: str) -> None:
     """Refuse parameters that the file does not take."""
     if not body.parameters:
         return
-    if not is_geo:
+    if path.suffix != ".geo":
         raise InputError(
             f"{where}: parameters are for .geo files; leave them out, or give the .geo file"
         )
@@ -146,7 +135,8 @@ def _check_cells(mesh: RawMesh, where: str) -> None:
     mesh.cells[clockwise] = mesh.cells[clockwise][:, ::-1]
     turn[clockwise] *= -1.0
     longest = (after**2).sum(axis=-1).max(axis=1)
-    flat = turn.min(axis=1) <= THIN_TOLERANCE * longest
+    # double area at a corner, over the square of the longest side
+    flat = turn.min(axis=1) <= 1e-6 * longest
     if np.any(flat):
         x, y = corners[np.argmax(flat)].mean(axis=0)
         raise MeshMisfit(
@@ -183,3 +173,25 @@ def _parts(rows: Ints, columns: Ints, n: int) -> tuple[int, Ints]:
     links = coo_matrix((np.ones(len(rows)), (rows, columns)), shape=(n, n))
     count, part = connected_components(links, directed=False)
     return int(count), part
+
+
+def takes_elements(body: Body) -> bool:
+    """Return whether a body's file is a .geo file that takes ``contact_elements``."""
+    path = Path(body.mesh or "")
+    return path.suffix == ".geo" and "contact_elements" in words_of(path)
+
+
+def words_of(path: Path) -> set[str]:
+    """Return the words of a .geo file, and of the .geo files that it includes."""
+    words: set[str] = set()
+    read, todo = set(), [path]
+    while todo:
+        file = todo.pop()
+        if file in read or not file.is_file():
+            continue
+        read.add(file)
+        text = file.read_text(encoding="utf-8", errors="replace")
+        words |= set(re.findall(r"[A-Za-z_]\w*", text))
+        included = re.findall(r'(?:Include|Merge)\s*"([^"]+\.geo)"', text)
+        todo += [(file.parent / name).resolve() for name in included]
+    return words

@@ -14,7 +14,7 @@ from bodies import block, make_mesh
 
 from receding_fenicsx import workers
 from receding_fenicsx.bulk.mesh import user_mesh
-from receding_fenicsx.bulk.mesh.raw_meshes import raw_meshes
+from receding_fenicsx.bulk.mesh.meshing import raw_meshes
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Body, Contact, Load, MeshOptions, Scene
@@ -67,7 +67,7 @@ def test_process_answers_the_mesh_that_gmsh_makes_here(tmp_path: Path) -> None:
     body = geo_scene(tmp_path / "my.geo", GEO + 'Printf("%g", width);').body
     (child,), (here,) = (
         read([body], MeshOptions(contact_elements=8), False)
-        for read in (user_mesh._meshes_in_child, user_mesh._meshes)
+        for read in (user_mesh.read_user_meshes, user_mesh._meshes)
     )
     assert len(here.cells) > 8 and set(here.edges) == {"foot", "head"}
     np.testing.assert_equal(asdict(child), asdict(here))

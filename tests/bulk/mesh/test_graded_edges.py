@@ -14,8 +14,8 @@ from bodies import block, everything, make_mesh
 
 import receding_fenicsx as rf
 from receding_fenicsx.accuracy.meshes import scaled_mesh
-from receding_fenicsx.bulk.mesh.graded_edges import Base, graded
-from receding_fenicsx.bulk.mesh.raw_meshes import raw_meshes
+from receding_fenicsx.bulk.mesh.grading import Base, graded
+from receding_fenicsx.bulk.mesh.meshing import raw_meshes
 from receding_fenicsx.bulk.mesh.user_mesh import read_user_meshes
 from receding_fenicsx.errors import InputError
 
