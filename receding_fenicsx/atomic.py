@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import os
-import shutil
 import stat
 from collections.abc import Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 from receding_fenicsx.errors import NO_ROOM, InputError, RecedingError
@@ -91,42 +90,6 @@ def check_file(path: Path, overwrite: bool = False) -> None:
         raise InputError(f"{path}: already exists; choose another name or give --overwrite")
     if not path.parent.is_dir():
         raise InputError(f"{path}: its folder does not exist; create it first")
-
-
-def check_folder(path: Path, overwrite: bool = False, file: str = "summary.json") -> None:
-    """Raise InputError unless a folder may be created at ``path``.
-
-    Only an empty folder, or one with a given file by which it is known, is replaced.
-    """
-    path = Path(path)
-    if not path.exists():
-        return
-    if not path.is_dir():
-        raise InputError(f"{path}: is a file; give a new folder")
-    try:
-        empty = not any(path.iterdir())
-    except OSError as error:
-        raise InputError(
-            f"{path}: cannot be read ({error.strerror}); choose another folder"
-        ) from None
-    if empty:
-        return
-    if not overwrite:
-        raise InputError(f"{path}: already exists; choose another folder or give --overwrite")
-    if not (path / file).is_file():
-        kind = "a run folder" if file == "summary.json" else f"a folder with {file}"
-        raise InputError(f"{path}: is not {kind}, so it is not replaced; choose another folder")
-
-
-def publish_folder(beside: Path, path: Path) -> None:
-    """Rename a finished folder to its final name; an earlier one is removed after that."""
-    old = path.with_name(f".{path.name}.{os.getpid()}.old")
-    if path.exists():
-        os.replace(path, old)
-    os.replace(beside, path)
-    with suppress(OSError):
-        sync(path.parent)
-    shutil.rmtree(old, ignore_errors=True)
 
 
 def sync(path: Path) -> None:

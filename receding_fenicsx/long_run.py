@@ -5,8 +5,7 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -15,7 +14,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.errors import InputError, Interrupted, SolveError
+from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.collect import record_of
 from receding_fenicsx.evolution.evolve import continue_history
 from receding_fenicsx.evolution.histories.corners import CORNERS, with_corners
@@ -27,6 +26,7 @@ from receding_fenicsx.output.report import summary
 from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.store import hdf5, summary_file
+from receding_fenicsx.store.workspace import interruption
 from receding_fenicsx.timing import duration
 
 if TYPE_CHECKING:
@@ -34,8 +34,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-INTERRUPTED = 130
-"""Exit code after Ctrl-C, 128 + SIGINT."""
 RECENT_CYCLES = 20
 """Number of last cycles from which the remaining time is estimated."""
 
@@ -84,46 +82,17 @@ def run_history(
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None or not journal.cycles:
             raise
-        code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
         last, cycles = len(journal.cycles) - 1, history.history_from_scene(scene).cycles
-        text = f"interrupted after cycle {last} of {cycles}"
+        where = f"after cycle {last} of {cycles}"
         journal.write()
         record = record_of(system, scene.solver, journal.cycles)
         hdf5.write_record(folder / "record.h5", record, overwrite=True)
-        brief = summary.summarise(record, {"failure": text})
+        brief = summary.summarise(record, {"failure": f"interrupted {where}"})
         summary_file.write_summary(folder / "summary.json", brief, overwrite=True)
-        text = f"{text}; {folder} holds the record up to there; continue by --resume"
-        raise Interrupted(text, int(code or 1)) from None
+        raise interruption(signalled, where, folder, "the record up to there") from None
     finally:
         journal.write()
         journal.close()
-
-
-@contextmanager
-def resumable(
-    folder: Path | None, where: str, held: str = "the whole history", file: str = ""
-) -> Iterator[None]:
-    """Say how to continue where a run is interrupted outside its history, which says so itself.
-
-    Args:
-        folder: of the run; None without one.
-        where: what was interrupted.
-        held: what the folder holds from which the run continues.
-        file: where it holds that; without this file there is nothing to continue.
-
-    Raises:
-        Interrupted: a signal asked to end.
-    """
-    try:
-        yield
-    except Interrupted:
-        raise
-    except (KeyboardInterrupt, SystemExit) as signalled:
-        if folder is None or not (folder / file).exists():
-            raise
-        code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
-        text = f"interrupted {where}; {folder} holds {held}; continue by --resume"
-        raise Interrupted(text, int(code or 1)) from None
 
 
 def _with_corners(

@@ -23,6 +23,7 @@ from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store import hdf5, summary_file
 from receding_fenicsx.store.probe_files import PROBES, write_probes
 from receding_fenicsx.store.run_folder import SEARCH, SYSTEM, shared_folder
+from receding_fenicsx.store.workspace import resumable
 from receding_fenicsx.studies.starts import (
     check_landings,
     check_starts,
@@ -130,7 +131,7 @@ def run(
             mpi.on_root(comm, lambda: _write_record(folder, record))
             text = mpi.on_root(comm, lambda: summary.summarise(mpi.given(record), found.extra))
             _write_summary(comm, folder, text, timer)
-            with long_run.resumable(folder, "while drawing"), timer("pictures"):
+            with resumable(folder, "while drawing"), timer("pictures"):
                 if failure is None or isinstance(failure, ToleranceNotMet):
                     drawing.draw(found.scene, found.system, record, folder)
                     if options.pictures and "accuracy" in found.extra:
@@ -161,13 +162,13 @@ def _found(
         return Solved(meshed, system, record, failure, extra)
 
     if scene.accuracy.tolerance is not None:
-        with long_run.resumable(folder, "between meshes", "the meshes that are solved", SEARCH):
+        with resumable(folder, "between meshes", "the meshes that are solved", SEARCH):
             return within_tolerance(scene, comm, folder, solve, timer.say)
     found = solve(scene)
     if options.error and found.failure is None:
         # bolts have their preloads on coarser meshes too, not the shortenings of this one
         own = replace(found.scene, bolts=scene.bolts)
-        with long_run.resumable(folder, "on a coarser mesh"), timer("errors"):
+        with resumable(folder, "on a coarser mesh"), timer("errors"):
             found.extra |= space_errors.errors_of_run(
                 own, found.record, lambda coarse: _headlines(coarse, comm)
             )

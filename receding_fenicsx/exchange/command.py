@@ -2,24 +2,17 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from pathlib import Path
 
 import numpy as np
 from scipy import io
 
-from receding_fenicsx.atomic import (
-    check_file,
-    check_folder,
-    make_folder,
-    publish_folder,
-    unwritable,
-)
+from receding_fenicsx.atomic import check_file
 from receding_fenicsx.exchange.importing import import_system
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.hdf5 import read_system, write_system
 from receding_fenicsx.store.run_folder import SYSTEM
+from receding_fenicsx.store.workspace import FolderKind
 
 COLUMNS = ("x", "px", "py", "weight", "f_forward", "f_backward", "gap", "held_v", "held_w")
 """Columns of ``nodes.csv``; the points are (px, py)."""
@@ -43,24 +36,18 @@ def export_matrices(source: Path, out: Path, overwrite: bool) -> None:
 
     Rows of K are [v; w]: along the edge, then away from the plane.
     """
-    check_folder(out, overwrite, "stiffness.mtx")
+    kind = FolderKind("set of matrices", ("stiffness.mtx",), resumable=False)
+    kind.check(out, overwrite)
     system = read_system(source / SYSTEM if source.is_dir() else source)
-    beside = out.with_name(f".{out.name}.{os.getpid()}.tmp")
-    make_folder(beside)
     matrices = {"stiffness": system.K, "r_star": system.r_star, "rigid": system.rigid}
     law = (system.weight, system.friction.forward, system.friction.backward, system.g0)
     table = np.column_stack([system.x, system.points, *law, system.held.reshape(2, -1).T])
-    try:
+    with kind.new(out, overwrite) as beside:
         for name, matrix in matrices.items():
             symmetry = "symmetric" if name == "stiffness" else "general"
             text = f"{name} of [v; w]; loads {', '.join(system.load_names)}"
             io.mmwrite(beside / f"{name}.mtx", matrix, text, precision=17, symmetry=symmetry)
         np.savetxt(beside / "nodes.csv", table, "%.17g", ",", header=",".join(COLUMNS), comments="")
-        publish_folder(beside, out)
-    except OSError as error:
-        raise unwritable(out, error) from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
     print(f"{system.n} contact nodes, {len(system.load_names)} load(s), written to {out}")
 
 

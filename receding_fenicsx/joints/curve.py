@@ -27,6 +27,7 @@ from receding_fenicsx.joints.figure import joint_figure
 from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.modal.modes import mode_number, mode_system, preload_path
 from receding_fenicsx.output.plots.style import save
+from receding_fenicsx.parameter_sweep.folder import PROVENANCE
 from receding_fenicsx.parameter_sweep.measure import Cell
 from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
 from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
@@ -42,9 +43,11 @@ from receding_fenicsx.scene.model import (
 from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.workspace import FolderKind
 
 TABLE, SUMMARY, PICTURE = "joint.csv", "joint.json", "joint.png"
 """Files of a curve; the sweeps are in folders of their own beside them."""
+CURVE = FolderKind("curve", (SUMMARY, f"cases/{PROVENANCE}"))
 ROUND_OFF = 1e-12
 """Dissipation of a cycle, over the work of all loads, below which it is round-off."""
 CYCLES = 1000
@@ -120,10 +123,10 @@ def joint_curve(
     values = as_numbers(amplitudes, "joint_curve: amplitudes")
     folder = None if out is None else Path(out)
     if isinstance(scene, ContactSystem):
-        replaces = options.overwrite or options.resume
-        return mpi.on_root(comm, lambda: _of_system(scene, drive, values, folder, replaces))
+        return mpi.on_root(comm, lambda: _of_system(scene, drive, values, folder, options))
     cyclic = _driven(scene, drive, values)
-    mpi.on_root(comm, lambda: _check(folder, options.overwrite or options.resume))
+    if folder is not None:
+        mpi.on_root(comm, lambda: CURVE.check(folder, options.overwrite, options.resume))
     # a mode, the preload or the first loading may fail: before anything is written
     omega = np.zeros(0)
     if mode_number(drive):
@@ -161,11 +164,12 @@ def joint_curve(
 
 
 def _of_system(
-    system: ContactSystem, drive: str, values: Array, folder: Path | None, replaces: bool
+    system: ContactSystem, drive: str, values: Array, folder: Path | None, options: SweepOptions
 ) -> JointCurve:
     """Return the curve of a condensed system."""
     preload = _preload(system, drive, values)
-    _check(folder, replaces)
+    if folder is not None:
+        CURVE.check(folder, options.overwrite, options.resume)
     held = np.array([preload.get(name, 0.0) for name in system.load_names])
     start = np.array([0.0 * held, held] if np.any(held) else [held])
     if system.scene_toml:
@@ -253,13 +257,6 @@ def _curve(
         backbone=backbone,
         table=table,
     )
-
-
-def _check(folder: Path | None, replaces: bool) -> None:
-    if folder is None or replaces:
-        return
-    if any((folder / name).exists() for name in (TABLE, SUMMARY, PICTURE)):
-        raise InputError(f"{folder}: holds a curve; give --overwrite, --resume or another folder")
 
 
 def _write(folder: Path, title: str, curve: JointCurve) -> None:

@@ -12,7 +12,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from receding_fenicsx.atomic import make_folder, new_file, unwritable
+from receding_fenicsx.atomic import make_folder, unwritable
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.parameter_sweep.cases import Case, Grid
@@ -21,10 +21,12 @@ from receding_fenicsx.parameter_sweep.worker import Outcome
 from receding_fenicsx.scene.identity import difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.store.run_folder import lock_folder
+from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.workspace import FolderKind, locked
 
 PROVENANCE, CASES, TABLE, SYSTEMS = "sweep.json", "cases.jsonl", "sweep.csv", "systems"
 """Files of a sweep: what it is of, finished cases, table; folder of its condensed systems."""
+SWEEP = FolderKind("sweep", (PROVENANCE,))
 FORMAT_VERSION = 1
 
 
@@ -98,45 +100,23 @@ def sweep_folder(
             with other numbers; or another process is using it.
         RecedingError: the disk is full.
     """
-    has_sweep = _check(path, overwrite, resume)
-    if has_sweep and resume:
+    if SWEEP.check(path, overwrite, resume) and resume:
         _check_same(path, kind)
     make_folder(path)
-    lock = lock_folder(path)
     try:
-        if not resume:
-            for name in (TABLE, CASES):
-                (path / name).unlink(missing_ok=True)
-            shutil.rmtree(path / SYSTEMS, ignore_errors=True)
-        finished = _read_cases(path / CASES)
-        if any(c.scene is not None and c.identity not in finished for c in kind.grid.cases):
-            (path / TABLE).unlink(missing_ok=True)
-        _write_provenance(path, kind)
-        with open(path / CASES, "ab") as file:
-            yield SweepFolder(path, finished, file)
+        with locked(path):
+            if not resume:
+                for name in (TABLE, CASES):
+                    (path / name).unlink(missing_ok=True)
+                shutil.rmtree(path / SYSTEMS, ignore_errors=True)
+            finished = _read_cases(path / CASES)
+            if any(c.scene is not None and c.identity not in finished for c in kind.grid.cases):
+                (path / TABLE).unlink(missing_ok=True)
+            _write_provenance(path, kind)
+            with open(path / CASES, "ab") as file:
+                yield SweepFolder(path, finished, file)
     except OSError as error:
         raise unwritable(path, error) from None
-    finally:
-        os.close(lock)
-
-
-def _check(path: Path, overwrite: bool, resume: bool) -> bool:
-    """Return whether a folder holds a sweep; raise InputError if it may not be written to."""
-    if overwrite and resume:
-        raise InputError("--resume and --overwrite: give one of them")
-    if not path.exists():
-        return False
-    if not path.is_dir():
-        raise InputError(f"{path}: is a file; give a new folder")
-    if (path / PROVENANCE).is_file():
-        if not (overwrite or resume):
-            raise InputError(
-                f"{path}: holds a sweep; continue it with --resume, or replace it with --overwrite"
-            )
-        return True
-    if any(path.iterdir()):
-        raise InputError(f"{path}: is not the folder of a sweep; choose another folder")
-    return False
 
 
 def _check_same(path: Path, kind: SweepKind) -> None:
@@ -156,11 +136,7 @@ def _check_same(path: Path, kind: SweepKind) -> None:
         other = f"key: it is over {', '.join(keys)}"
     if other is None and measure != kind.measure:
         other = "function measure"
-    if other is not None:
-        raise InputError(
-            f"{path}: is a sweep with another {other}; continue it as it was, or choose another "
-            "folder"
-        )
+    SWEEP.check_same(path, other)
 
 
 def _write_provenance(path: Path, kind: SweepKind) -> None:
@@ -175,9 +151,7 @@ def _write_provenance(path: Path, kind: SweepKind) -> None:
         "digest": digest(kind.scene),
         "versions": versions(),
     }
-    with new_file(path / PROVENANCE, overwrite=True) as beside:
-        text = json.dumps(content, indent=2, ensure_ascii=False)
-        beside.write_text(text + "\n", encoding="utf-8")
+    write_summary(path / PROVENANCE, content, overwrite=True)
 
 
 def _read_cases(path: Path) -> dict[str, Outcome]:

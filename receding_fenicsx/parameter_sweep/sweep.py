@@ -20,14 +20,15 @@ from typing import TYPE_CHECKING, Any
 
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import check_types
-from receding_fenicsx.errors import InputError, Interrupted
-from receding_fenicsx.long_run import INTERRUPTED, duration
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.parameter_sweep import processes
 from receding_fenicsx.parameter_sweep.cases import Case, grid_of
 from receding_fenicsx.parameter_sweep.folder import SweepFolder, SweepKind, sweep_folder
 from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
 from receding_fenicsx.parameter_sweep.worker import Measure, Outcome, Task
 from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.store.workspace import interruption
+from receding_fenicsx.timing import duration
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -228,12 +229,8 @@ def _play(
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None:
             raise
-        code = signalled.code if isinstance(signalled, SystemExit) else INTERRUPTED
-        raise Interrupted(
-            f"interrupted after {len(finished)} of {len(cases)} cases; {folder.path} holds them; "
-            "continue by --resume",
-            int(code or 1),
-        ) from None
+        where = f"after {len(finished)} of {len(cases)} cases"
+        raise interruption(signalled, where, folder.path, "them") from None
 
 
 def _row(keys: tuple[str, ...], case: Case, finished: Mapping[str, Outcome]) -> dict[str, Any]:

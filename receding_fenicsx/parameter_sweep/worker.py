@@ -3,10 +3,8 @@
 from __future__ import annotations
 
 import contextlib
-import fcntl
-import os
 import sys
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -19,6 +17,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.parameter_sweep.measure import Cell, cells_of, measure_record
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.store.hdf5 import read_system, write_system
+from receding_fenicsx.store.workspace import locked
 from receding_fenicsx.study import condense
 
 Measure = Callable[[Record], Mapping[str, Any]]
@@ -100,25 +99,13 @@ def _shared(task: Task) -> ContactSystem:
     assert task.systems is not None
     path = task.systems / f"{task.body}.h5"
     make_folder(task.systems)
-    with _locked(path.with_suffix(".lock")):
+    with locked(path.with_suffix(".lock"), wait=True):
         if path.is_file():
             with contextlib.suppress(InputError):  # a damaged file is replaced
                 return read_system(path)
         system = _condensed(task.scene)
         write_system(path, system, overwrite=True)
     return read_system(path)
-
-
-@contextlib.contextmanager
-def _locked(path: Path) -> Iterator[None]:
-    """Let one process at a time through; a process that ends leaves no lock behind."""
-    handle = os.open(path, os.O_RDWR | os.O_CREAT)
-    try:
-        with contextlib.suppress(OSError):  # the file system has no locks
-            fcntl.flock(handle, fcntl.LOCK_EX)
-        yield
-    finally:
-        os.close(handle)
 
 
 def _condensed(scene: Scene) -> ContactSystem:

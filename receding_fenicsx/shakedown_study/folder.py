@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import os
-import shutil
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from receding_fenicsx.atomic import check_folder, make_folder, publish_folder, unwritable
 from receding_fenicsx.environment import versions
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.output.plots.style import save
@@ -20,29 +17,23 @@ from receding_fenicsx.shakedown_study.figures import diagram_figure
 from receding_fenicsx.shakedown_study.opening import BELOW
 from receding_fenicsx.shakedown_study.result import FOUND_BY, ShakedownStudy
 from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.workspace import FolderKind
 
 SUMMARY, SLIP, PICTURE, SCENE = "shakedown.json", "safe_slip.csv", "shakedown.png", "scene.toml"
 """Names of the files."""
+STUDY = FolderKind("shakedown study", (SUMMARY,), resumable=False)
 
 
 def write(path: Path, scene: Scene, result: ShakedownStudy, seconds: Mapping[str, float]) -> None:
     """Write a study beside its folder and rename it; several edges have no profile of safe slip."""
-    path, system = Path(os.path.abspath(path)), result.system
-    beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    make_folder(beside)
-    try:
+    system = result.system
+    with STUDY.new(path, overwrite=True) as beside:
         write_summary(beside / SUMMARY, _summary(scene, result) | {"timings": dict(seconds)})
         (beside / SCENE).write_text(to_toml(scene), encoding="utf-8")
         if len(np.unique(system.edges)) == 1:
             columns = np.column_stack([mirror_of(system).odd(system.x), result.limits.safe_slip])
             np.savetxt(beside / SLIP, columns, "%.17g", ",", header="x,value", comments="")
         save(diagram_figure(result.diagram, result.opening), beside / PICTURE)
-        check_folder(path, True, SUMMARY)
-        publish_folder(beside, path)
-    except OSError as error:
-        raise unwritable(path, error) from None
-    finally:
-        shutil.rmtree(beside, ignore_errors=True)
 
 
 def _summary(scene: Scene, result: ShakedownStudy) -> dict[str, Any]:

@@ -10,7 +10,6 @@ import numpy as np
 
 from receding_fenicsx import mpi, study
 from receding_fenicsx.accuracy.meshes import coarser
-from receding_fenicsx.atomic import check_folder
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.interface.shakedown.limits import (
     CONJECTURE,
@@ -26,7 +25,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.shakedown_study.cycles import limit_by_cycles
 from receding_fenicsx.shakedown_study.diagram import Diagram, limits_at, means
-from receding_fenicsx.shakedown_study.folder import SUMMARY, write
+from receding_fenicsx.shakedown_study.folder import STUDY, write
 from receding_fenicsx.shakedown_study.opening import opening_limit
 from receding_fenicsx.shakedown_study.result import ShakedownStudy
 from receding_fenicsx.timing import Say, Timer
@@ -82,7 +81,7 @@ def shakedown(
     if scene.preloads:
         raise InputError(f"[shakedown]: is for loads alone; remove {', '.join(scene.preloads)}")
     if out is not None:
-        mpi.on_root(comm, lambda: check_folder(Path(out), overwrite, SUMMARY))
+        mpi.on_root(comm, lambda: STUDY.check(Path(out), overwrite))
     # whole: a contact without friction is refused as such
     system = study.condense(scene, comm, timer.say, whole=True)
     with timer("limits"):

@@ -6,7 +6,6 @@ and the record as far as it was written.
 
 from __future__ import annotations
 
-import fcntl
 import os
 import shutil
 from collections.abc import Iterator
@@ -15,7 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from receding_fenicsx.atomic import check_folder, new_file, publish_folder, unwritable
+from receding_fenicsx.atomic import make_folder, new_file, unwritable
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.evolution.histories.corners import CORNERS
 from receding_fenicsx.evolution.journal import JOURNAL, has_checkpoint
@@ -28,6 +27,7 @@ from receding_fenicsx.scene.options import SAMPLES_PER_LEG
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.store.hdf5 import read_record, read_system
 from receding_fenicsx.store.summary_file import read_summary
+from receding_fenicsx.store.workspace import FolderKind, locked
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -36,6 +36,7 @@ SYSTEM, SCENE = "system.h5", "scene.toml"
 """File names of the condensed system and of the scene in a run folder."""
 SEARCH = "search.json"
 """File name of the meshes that a search for a tolerance has left behind, in a working folder."""
+RUN = FolderKind("run", ("summary.json",))
 
 
 def part_of(path: Path) -> Path:
@@ -76,31 +77,35 @@ def run_folder(
     if earlier is not None:
         _check_same(earlier, scene)
     else:
-        check_folder(path, overwrite)
-        if not overwrite and not resume:
-            _check_not_interrupted(part)
-    try:
-        lock = _fill(part, scene, earlier)
-    except OSError as error:
-        if earlier != part:
-            shutil.rmtree(part, ignore_errors=True)
-        raise unwritable(path, error) from None
-    try:
-        yield part
+        if RUN.check(path, overwrite, resume) and resume:
+            raise InputError(f"{path}: holds no run that can be resumed; choose another folder")
+        if not overwrite and not resume and part.exists():
+            with locked(part):  # in use, or left behind
+                raise InputError(
+                    f"{part}: holds an interrupted run; continue it with --resume, or replace it "
+                    "with --overwrite"
+                )
+    make_folder(part)
+    with locked(part):
         try:
-            check_folder(path, overwrite or earlier is not None)
-            publish_folder(part, path)
+            _fill(part, scene, earlier)
         except OSError as error:
+            if earlier != part:
+                shutil.rmtree(part, ignore_errors=True)
             raise unwritable(path, error) from None
-    except BaseException as error:
-        if not _has_news(part, earlier) and (
-            isinstance(error, RecedingError)
-            or not any((part / name).exists() for name in (SYSTEM, SEARCH))
-        ):
-            shutil.rmtree(part, ignore_errors=True)
-        raise
-    finally:
-        os.close(lock)
+        try:
+            yield part
+            try:
+                RUN.publish(part, path, overwrite or earlier is not None)
+            except OSError as error:
+                raise unwritable(path, error) from None
+        except BaseException as error:
+            if not _has_news(part, earlier) and (
+                isinstance(error, RecedingError)
+                or not any((part / name).exists() for name in (SYSTEM, SEARCH))
+            ):
+                shutil.rmtree(part, ignore_errors=True)
+            raise
 
 
 @contextmanager
@@ -121,33 +126,19 @@ def shared_folder(
         on_root(comm, stack.close)
 
 
-def _check_not_interrupted(part: Path) -> None:
-    """Raise InputError if another process is using a working folder, or it is left of one."""
-    if part.exists():
-        os.close(lock_folder(part))
-        raise InputError(
-            f"{part}: holds an interrupted run; continue it with --resume, or replace it with "
-            "--overwrite"
-        )
-
-
-def _fill(part: Path, scene: Scene, earlier: Path | None) -> int:
-    """Create and lock the working folder, with the scene and the files that a resumed run needs.
-
-    Returns:
-        The handle of the lock, to be closed.
-    """
-    part.mkdir(parents=True, exist_ok=True)
-    lock = lock_folder(part)
-    if earlier != part:
-        _clear(part)
+def _fill(part: Path, scene: Scene, earlier: Path | None) -> None:
+    """Fill the working folder with the scene and the files that a resumed run needs."""
+    for item in part.iterdir() if earlier != part else ():
+        if item.is_dir():
+            shutil.rmtree(item)
+        else:
+            item.unlink()
     if earlier is not None and earlier != part:
         for name in (SYSTEM, JOURNAL, CORNERS, SEARCH):
             if (earlier / name).is_file():
                 shutil.copy2(earlier / name, part / name)
     with new_file(part / SCENE, overwrite=True) as beside:
         beside.write_text(to_toml(scene), encoding="utf-8")
-    return lock
 
 
 def read_run(folder: Path) -> tuple[Scene, ContactSystem, Record]:
@@ -233,32 +224,4 @@ def _check_same(folder: Path, scene: Scene) -> None:
     if counts == {None, SAMPLES_PER_LEG}:  # the default, written out or not
         stored = replace(stored, output=replace(stored.output, samples_per_leg=None))
         scene = replace(scene, output=replace(scene.output, samples_per_leg=None))
-    other = difference(stored, scene, FREE_WHEN_RESUMED)
-    if other is not None:
-        raise InputError(
-            f"{folder}: is a run with another {other}; resume it with the same scene, or choose "
-            "another folder"
-        )
-
-
-def lock_folder(part: Path) -> int:
-    """Lock a folder for this process; return the handle, which must be closed."""
-    handle = os.open(part, os.O_RDONLY)
-    try:
-        fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        os.close(handle)
-        raise InputError(
-            f"{part}: another run is using this folder; wait for it, or choose another folder"
-        ) from None
-    except OSError:
-        pass  # the file system has no locks
-    return handle
-
-
-def _clear(folder: Path) -> None:
-    for item in folder.iterdir():
-        if item.is_dir():
-            shutil.rmtree(item)
-        else:
-            item.unlink()
+    RUN.check_same(folder, difference(stored, scene, FREE_WHEN_RESUMED))

@@ -154,7 +154,7 @@ def test_command_writes_a_curve_and_goes_on_with_it(
     comm.barrier()
     capsys.readouterr()
     assert cli.main([*head, "--count", "3"]) == 2
-    assert "holds a curve; give --overwrite, --resume" in capsys.readouterr().err or comm.rank
+    assert "holds a curve; continue it with --resume" in capsys.readouterr().err or comm.rank
     assert cli.main([*head, "--count", "3", "--resume"]) == 0
     comm.barrier()
     with (out / "joint.csv").open() as file:
@@ -199,12 +199,14 @@ def test_bad_input_is_one_line(
     assert not out.exists()
 
 
-def test_a_file_of_that_name_is_not_overwritten_unasked(shared_tmp_path: Path) -> None:
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_a_file_of_that_name_is_not_overwritten(overwrite: bool, shared_tmp_path: Path) -> None:
     if comm.rank == 0:
         (shared_tmp_path / "joint.csv").write_text("mine")
     comm.barrier()
-    with pytest.raises(rf.InputError, match="give --overwrite"):
-        rf.joint_curve(cylinders(40), "Q", [0.1], shared_tmp_path)
+    options = rf.SweepOptions(overwrite=overwrite)
+    with pytest.raises(rf.InputError, match="is not the folder of a curve"):
+        rf.joint_curve(cylinders(40), "Q", [0.1], shared_tmp_path, options=options)
     assert (shared_tmp_path / "joint.csv").read_text() == "mine"
 
 

@@ -155,7 +155,7 @@ def test_folder_of_something_else_is_not_replaced(shared_tmp_path: Path) -> None
         (shared_tmp_path / "notes.txt").write_text("mine")
     MPI.COMM_WORLD.Barrier()
     scene = rf.from_toml(SCENE)
-    with pytest.raises(rf.InputError, match=r"is not a folder with shakedown\.json"):
+    with pytest.raises(rf.InputError, match="is not the folder of a shakedown study"):
         rf.shakedown(scene, shared_tmp_path, overwrite=True)
 
 

@@ -77,11 +77,17 @@ def test_only_earlier_runs_are_replaced_and_only_when_asked(tmp_path: Path) -> N
     (tmp_path / "thesis").mkdir()
     (tmp_path / "thesis" / "chapter.tex").write_text("years of work")
     with (
-        pytest.raises(InputError, match="is not a run folder"),
+        pytest.raises(InputError, match="is not the folder of a run"),
         run_folder(tmp_path / "thesis", BLOCK, overwrite=True),
     ):
         pass
     assert (tmp_path / "thesis" / "chapter.tex").exists()
+    # the finished run has no journal
+    with (
+        pytest.raises(InputError, match="no run that can be resumed"),
+        run_folder(out, BLOCK, resume=True),
+    ):
+        pass
     (tmp_path / "file").write_text("")
     with (
         pytest.raises(InputError, match="is a file"),

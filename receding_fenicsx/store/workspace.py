@@ -1,0 +1,172 @@
+"""Folders of results: which may be written to, who is using one, how an interrupted one goes on.
+
+Those of one piece are written beside their place and renamed when they are complete
+(:meth:`FolderKind.new`). Runs, sweeps and curves are filled bit by bit, under a lock, and are
+continued by ``--resume`` if they are of the same scene.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import shutil
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from pathlib import Path
+
+from receding_fenicsx.atomic import make_folder, sync, unwritable
+from receding_fenicsx.errors import InputError, Interrupted
+
+
+@dataclass(frozen=True)
+class FolderKind:
+    """Kind of a folder of results.
+
+    Attributes:
+        name: what it holds.
+        marks: files, each of which shows that a folder is of this kind; no other one is replaced.
+        resumable: whether what it holds can be continued.
+    """
+
+    name: str
+    marks: tuple[str, ...]
+    resumable: bool = True
+
+    def check(self, path: Path, overwrite: bool = False, resume: bool = False) -> bool:
+        """Return whether a folder holds results of this kind, to be replaced or continued.
+
+        Raises:
+            InputError: the folder may not be written to.
+        """
+        if overwrite and resume:
+            raise InputError("--resume and --overwrite: give one of them")
+        if not path.exists():
+            return False
+        if not path.is_dir():
+            raise InputError(f"{path}: is a file; give a new folder")
+        try:
+            empty = not any(path.iterdir())
+        except OSError as error:
+            raise InputError(
+                f"{path}: cannot be read ({error.strerror}); choose another folder"
+            ) from None
+        if empty:
+            return False
+        if not any((path / mark).is_file() for mark in self.marks):
+            raise InputError(
+                f"{path}: already exists and is not the folder of a {self.name}, so it is not "
+                "replaced; choose another folder"
+            )
+        if not overwrite and not resume:
+            ways = "continue it with --resume, or " if self.resumable else ""
+            raise InputError(
+                f"{path}: already exists and holds a {self.name}; {ways}replace it with "
+                "--overwrite, or choose another folder"
+            )
+        return True
+
+    def check_same(self, path: Path, other: str | None) -> None:
+        """Raise InputError if ``other`` names what a folder is of, and what continues it is not."""
+        if other is not None:
+            raise InputError(
+                f"{path}: is a {self.name} with another {other}; continue it as it was, or choose "
+                "another folder"
+            )
+
+    @contextmanager
+    def new(self, path: Path, overwrite: bool = False) -> Iterator[Path]:
+        """Yield a folder beside ``path`` that takes its place at the end of the block.
+
+        Raises:
+            InputError: the folder exists already, or cannot be created.
+            RecedingError: the disk is full.
+        """
+        path = Path(os.path.abspath(path))
+        beside = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+        make_folder(beside)
+        try:
+            yield beside
+            self.publish(beside, path, overwrite)
+        except OSError as error:
+            raise unwritable(path, error) from None
+        finally:
+            shutil.rmtree(beside, ignore_errors=True)
+
+    def publish(self, beside: Path, path: Path, overwrite: bool) -> None:
+        """Rename a finished folder to its final name; an earlier one is removed after that."""
+        self.check(path, overwrite)
+        old = path.with_name(f".{path.name}.{os.getpid()}.old")
+        if path.exists():
+            os.replace(path, old)
+        os.replace(beside, path)
+        with suppress(OSError):
+            sync(path.parent)
+        shutil.rmtree(old, ignore_errors=True)
+
+
+@contextmanager
+def locked(path: Path, wait: bool = False) -> Iterator[None]:
+    """Keep a folder or a file to this process; one that ends leaves no lock behind.
+
+    Args:
+        path: a folder, or a file, which is created unless it exists.
+        wait: wait for another process that is using it.
+
+    Raises:
+        InputError: another process is using it.
+    """
+    handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT)
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+        except BlockingIOError:
+            raise InputError(
+                f"{path}: another run is using this folder; wait for it, or choose another folder"
+            ) from None
+        except OSError:
+            pass  # the file system has no locks
+        yield
+    finally:
+        os.close(handle)
+
+
+def interruption(
+    signalled: KeyboardInterrupt | SystemExit, where: str, folder: Path, held: str
+) -> Interrupted:
+    """Return the error to raise where a signal ends what can be continued.
+
+    Args:
+        signalled: what the signal raised.
+        where: what was interrupted.
+        folder: the folder.
+        held: what it holds from which it continues.
+    """
+    code = signalled.code if isinstance(signalled, SystemExit) else 130  # 128 + SIGINT
+    text = f"interrupted {where}; {folder} holds {held}; continue by --resume"
+    return Interrupted(text, int(code or 1))
+
+
+@contextmanager
+def resumable(
+    folder: Path | None, where: str, held: str = "the whole history", file: str = ""
+) -> Iterator[None]:
+    """Say how to continue where a signal ends the block, unless that was said inside.
+
+    Args:
+        folder: the folder; None without one.
+        where: what is interrupted.
+        held: what the folder holds from which it continues.
+        file: where it holds that; without this file there is nothing to continue.
+
+    Raises:
+        Interrupted: a signal asked to end.
+    """
+    try:
+        yield
+    except Interrupted:
+        raise
+    except (KeyboardInterrupt, SystemExit) as signalled:
+        if folder is None or not (folder / file).exists():
+            raise
+        raise interruption(signalled, where, folder, held) from None
