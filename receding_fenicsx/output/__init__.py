@@ -5,5 +5,6 @@ The rooms read a :class:`~receding_fenicsx.evolution.record.Record`; they comput
 1. :mod:`plots`: ``figures.plot_all`` draws all figures of a record.
 2. :mod:`snapshots`: ``draw.snapshots`` draws stresses on the deformed body, ``animation.animate``
    a film of a cycle.
-3. :mod:`report`: ``summary.summarise``, ``text.run_table``, ``html.write_report``.
+3. :mod:`report`: sections (``summary.SECTIONS``), as ``summary.summarise``,
+   ``text.run_table`` and ``html.write_report``.
 """

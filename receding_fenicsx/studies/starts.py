@@ -19,7 +19,7 @@ from receding_fenicsx.evolution.prepare import system_for
 from receding_fenicsx.evolution.problem import problem_of_scene
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.report.limit import limit_summary
+from receding_fenicsx.output.report.cycles import limit_summary
 from receding_fenicsx.scene.model import Scene
 
 FEWEST = 2

@@ -25,7 +25,7 @@ from receding_fenicsx.evolution.replay import turning_point
 from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.output.report.text import zones_header, zones_shown
+from receding_fenicsx.output.report.turning_points import zones_header, zones_shown
 from receding_fenicsx.output.snapshots.view import view_of
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import (

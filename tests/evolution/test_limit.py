@@ -19,7 +19,7 @@ from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.replay import state_at
 from receding_fenicsx.evolution.run_state import RunState
-from receding_fenicsx.output.report.limit import limit_lines
+from receding_fenicsx.output.report.cycles import limit_rows
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.scene.history import ended_by, history_from_scene
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
@@ -97,7 +97,7 @@ def test_record_and_summary_hold_the_limit(limit: Record, tmp_path: Path) -> Non
     D = limit.cycles.dissipation
     assert summary["limit"]["dissipation_ratio"] == D[-1] / D[0]
     assert summary["limit"]["reached"] is True and summary["limit"]["unique"] is True
-    assert "found by" in limit_lines(summary)[0]
+    assert "found by" in limit_rows(summary)[0][1]
     assert "limit" not in summarise(evolve(BLOCK, cyclic(2)))
 
 
@@ -121,7 +121,7 @@ def test_a_search_that_fails_goes_on_playing(monkeypatch: pytest.MonkeyPatch) ->
     # each of the searches after cycles 2, 3, 4 and 6 plays one, the last one two
     assert record.limit.cycles_played == 8 + 4 + 2
     assert np.array_equal(record.cycles.dissipation, plain.cycles.dissipation)
-    assert "not reached" in limit_lines(summarise(record))[0]
+    assert "not reached" in limit_rows(summarise(record))[0][1]
 
 
 def test_load_steps_from_the_exact_limit_repeat_themselves() -> None:

@@ -17,7 +17,7 @@ from receding_fenicsx.evolution.problem import problem_of_history
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.evolution.record_data import PathUniqueness
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.output.report.uniqueness import uniqueness_lines, uniqueness_summary
+from receding_fenicsx.output.report.checks import uniqueness_rows, uniqueness_summary
 from receding_fenicsx.scene.model import SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -39,7 +39,7 @@ def test_the_node_of_three_solutions_is_told_to_have_three() -> None:
     assert (unique.solutions, unique.first_loading, unique.first_loading_proved) == (3, 3, True)
     assert (unique.cycle, unique.leg, unique.s, unique.nodes.tolist()) == (0, 0, 0.0, [0])
     told = {"method": "events", **uniqueness_summary(record)}
-    lines = dict(uniqueness_lines(told))
+    lines = dict(uniqueness_rows(told))
     assert lines["only path from its start"] == "not certified"
     assert lines["first doubt"] == (
         "cycle 0, leg 0, s = 0, nodes 0; at most 3 solutions found at one instant"
@@ -53,7 +53,7 @@ def test_a_certificate_says_where_the_first_loading_is_not_proved(proved: bool) 
     unique = record.uniqueness
     assert unique is not None and unique.certified and unique.first_loading == 1
     record.uniqueness = replace(unique, first_loading_proved=proved)
-    lines = dict(uniqueness_lines({"method": "events", **uniqueness_summary(record)}))
+    lines = dict(uniqueness_rows({"method": "events", **uniqueness_summary(record)}))
     words = lines["only path from its start"]
     assert words.startswith("certified") and ("not proved" in words) != proved
     rest = "proved to be all" if proved else "others not excluded"

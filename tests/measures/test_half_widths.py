@@ -16,8 +16,8 @@ from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
 from receding_fenicsx.measures.half_widths import contact_betas, half_width_estimates
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report.html import report_html
-from receding_fenicsx.output.report.summary import FITTED_CYCLES, summarise
-from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.output.report.summary import summarise
+from receding_fenicsx.output.report.turning_points import FITTED_CYCLES, TURNING_POINTS
 from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene, to_toml
@@ -122,8 +122,7 @@ def test_a_contact_off_the_middle_has_zones_and_no_half_width(tmp_path: Path) ->
         assert pushed[key] is pushed[key.removesuffix("_estimate")] is None
     write_summary(tmp_path / "summary.json", summary)
     assert '"stick_half_width": null' in (tmp_path / "summary.json").read_text()
-    shown = run_table(summary).splitlines()[3]
-    assert shown.split()[3:7] == ["-"] * 4
+    assert TURNING_POINTS.rows(summary)[1][2:6] == [None] * 4
     assert report_html(summary).count("<td>\u2013</td>") >= 2
 
 

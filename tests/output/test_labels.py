@@ -19,8 +19,8 @@ from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.output.plots.load_kinds import kind_of
 from receding_fenicsx.output.plots.zones.zone_axes import add_legends
 from receding_fenicsx.output.plots.zones.zone_map import stacked_map
-from receding_fenicsx.output.report.bolts import force_lines
-from receding_fenicsx.output.report.text import largest_shown
+from receding_fenicsx.output.report.forces import FORCES
+from receding_fenicsx.output.report.turning_points import largest_shown
 
 pytestmark = pytest.mark.one_rank
 
@@ -195,7 +195,7 @@ def test_the_force_of_a_prescribed_displacement_is_that_of_the_contact(kinematic
     # the body is in equilibrium: of the whole edge, or of the full circle
     resultant = found.turning_points.P.sum(axis=1)
     assert summary["forces"] == {"d": pytest.approx(resultant.tolist(), rel=1e-9)}
-    assert f"displacement d: force {resultant.min():.6g} to" in rf.run_table(summary)
+    assert f"displacement d {resultant.min():.4g} to" in rf.run_table(summary)
     axes = rf.figures.hysteresis(found, 1).axes[0]
     assert axes.get_title(loc="left") == "(a) force on the edge"
     assert curve(axes, 0)[-1] == pytest.approx([1.0, resultant[-1]], rel=1e-9)
@@ -204,7 +204,7 @@ def test_the_force_of_a_prescribed_displacement_is_that_of_the_contact(kinematic
 
 
 def test_forces_and_tractions_of_the_console_are_the_smallest_largest_and_last() -> None:
-    assert force_lines({"bolts": {"b": [1.0, 3.0, 2.0]}}) == ["bolt b: force 1 to 3, last 2"]
+    assert FORCES.rows({"bolts": {"b": [1.0, 3.0, 2.0]}}) == [["bolt b", 1.0, 3.0, 2.0]]
     point = {"p_max": 3.0, "q_min": -2.0, "q_max": 1.0}
     assert largest_shown(point, ".1f") == ("3.0", "2.0")
 

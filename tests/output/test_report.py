@@ -19,10 +19,10 @@ from small import cyclic
 
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit
-from receding_fenicsx.output.report.bolts import loose_warnings
+from receding_fenicsx.output.report.checks import uniqueness_rows
+from receding_fenicsx.output.report.forces import loose_warnings
 from receding_fenicsx.output.report.html import report_html
-from receding_fenicsx.output.report.text import extremes_of
-from receding_fenicsx.output.report.uniqueness import uniqueness_lines
+from receding_fenicsx.output.report.turning_points import extremes_of
 from receding_fenicsx.store.summary_file import write_summary
 
 pytestmark = pytest.mark.one_rank
@@ -142,7 +142,7 @@ def test_report_holds_every_picture_over_its_own_words_and_nothing_from_outside(
         "Turning points",
         "Figures",
         "Stresses in the body",
-        "Cycles",
+        "Steady state and limit",
     ]
 
 
@@ -196,6 +196,45 @@ def test_report_says_what_is_wrong_with_space_errors() -> None:
     for key in ("errors_warning", "errors_failure"):
         page = Page(report_html({**summary, key: f"the {key} of a < b"}))
         assert f"the {key} of a < b" in page.text
+
+
+def crowded() -> dict[str, Any]:
+    """A summary with everything that wants a line on the console."""
+    _, summary = run()
+    points = [
+        {**p, "edge": edge, "load": {f"load number {k}": 1.0 / 3.0 for k in range(9)}}
+        for p in summary["turning_points"]
+        for edge in ("left", "right")
+    ]
+    errors = {f"number_{k}": {"value": 1.0, "error": 0.1, "relative": 0.1} for k in range(9)}
+    forces = {f"bolt {k}": [1.0, 2.0] for k in range(9)}
+    return {**summary, "turning_points": points, "errors": errors, "bolts": forces}
+
+
+@pytest.mark.parametrize("warnings", [0, 1, 20])
+@pytest.mark.parametrize("full", [False, True])
+def test_console_has_ten_lines_of_100_columns_and_warnings_first(full: bool, warnings: int) -> None:
+    texts = [f"number {k}: {'a mesh too coarse ' * 3}" for k in range(warnings)]
+    text = rf.run_table({**(crowded() if full else run()[1]), "warnings": texts})
+    lines, flat = text.splitlines(), " ".join(text.split())
+    # one more says where the files are
+    assert len(lines) <= 9 and max(map(len, lines)) <= 100
+    for words in ("a < b & c: 41 contact nodes", "cycle", "22 ", *texts[:1]):
+        assert words.strip() in flat, words
+    assert ("the rest is in report.html" in text) == (full or warnings > 1)
+    if not full and not warnings:
+        assert "only symmetric path from its start" in text and "largest residual" in text
+
+
+def test_all_sections_of_the_page_are_those_of_the_text() -> None:
+    summary = crowded()
+    text = rf.run_table(summary, everything=True)
+    page = Page(report_html(summary))
+    for heading in page.headings:
+        assert f"\n{heading}\n" in text
+    flat = re.sub(r"\s+", " ", text)
+    for row in page.rows:
+        assert re.sub(r"\s+", " ", " ".join(row)).replace("\u2013", "-").strip() in flat
 
 
 def test_run_without_cycles_or_costs_has_a_report_too() -> None:
@@ -254,7 +293,7 @@ def test_a_limit_of_a_period_reports_the_mean_over_it(period: int) -> None:
 def test_half_a_model_speaks_of_mirror_symmetric_paths_alone(half: bool) -> None:
     system = models.block_system(24 if half else 48, 6, half=half)
     summary = rf.summarise(rf.evolve(system, cyclic(1)))
-    head, words = uniqueness_lines(summary)[0]
+    head, words = uniqueness_rows(summary)[0]
     assert head == "only path from its start"
     assert ("among mirror-symmetric paths" in words) == half == system.half
 

@@ -15,7 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
 from receding_fenicsx.interface.measures.zone_ends import Tractions, kolosov
 from receding_fenicsx.measures.corner_exponents import corners_of
-from receding_fenicsx.output.report.text import corner_lines
+from receding_fenicsx.output.report.turning_points import corner_rows
 from receding_fenicsx.reference.corners import corner_exponent
 
 DEMOS = Path(__file__).parents[2] / "demos"
@@ -134,10 +134,11 @@ def test_fit_on_graded_edges_finds_the_exponent(f: float) -> None:
             assert corner["fitted"] == pytest.approx(exact, rel=0.01)
             fits += 1
     assert fits >= 3
-    lines = corner_lines([{"corners": corners_of(record, 1)["corners"]}])
-    assert "m = -0.2888 (closed form, 90 degrees)" in lines[0] and "singular" in lines[0]
-    table = rf.run_table(rf.summarise(record))
-    assert "singular" in table and "-0.2888" in table
+    summary = rf.summarise(record)
+    words = corner_rows(summary)[0][1]
+    assert "m = -0.2888 (closed form, 90 degrees)" in words and words.endswith("; singular")
+    assert "infinite stresses" in rf.run_table(summary)
+    assert "-0.2888" in rf.run_table(summary, everything=True)
 
 
 @pytest.mark.parametrize("f", [0.1, 0.3])
@@ -205,4 +206,4 @@ def test_corner_without_pressure_is_not_told() -> None:
     record = rf.run(scene)
     if record is not None:
         assert corners_of(record, 0) == {}
-        assert "singular" not in rf.run_table(rf.summarise(record))
+        assert "singular" not in rf.run_table(rf.summarise(record), everything=True)

@@ -14,7 +14,7 @@ from shakedown_cases import TO_AND_FRO, UPPER, two_nodes
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.report.limit import limit_lines
+from receding_fenicsx.output.report.cycles import limit_rows
 from receding_fenicsx.studies.starts import starts_summary
 
 SCENE = """
@@ -103,8 +103,8 @@ def test_coupled_starts_differ_and_uncoupled_ones_do_not() -> None:
     differ, same = spread_of(1.0), spread_of(0.0)
     assert not differ["same"] and differ["kinds"].keys() == {"shakedown", "cyclic slip"}
     assert same["same"] and same["dissipation"][0] > 0.0
-    (line,) = limit_lines({"limit": {"reached": False, "reason": "", "starts": differ}})[1:]
-    assert line.startswith("limits from 21 initial slips differ: ")
+    (row,) = limit_rows({"limit": {"reached": False, "reason": "", "starts": differ}})[1:]
+    assert row[0] == "limits from 21 initial slips differ"
 
 
 def test_a_run_that_its_limit_has_ended_is_not_played_again(

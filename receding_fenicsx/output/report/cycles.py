@@ -1,0 +1,203 @@
+"""Sections on cycles: dissipation, steady state, limit of infinitely many cycles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.steady import RATCHETTING, limit_of_decay
+from receding_fenicsx.output.report.section import Section, Summary, shown
+from receding_fenicsx.scene.history import history_from_scene
+from receding_fenicsx.scene.history.harmonic import DEFAULT_TOLERANCE, is_straight
+
+FIRST_CYCLES = 20
+"""Number of first cycles in the table of cycles, which also holds the last one."""
+
+
+def _summary(record: Record) -> dict[str, Any]:
+    slip = np.abs(record.cycles.slip_increment)
+    return {
+        "dissipation_first_loading": float(record.dissipation_first_loading),
+        "dissipation_per_cycle": record.cycles.dissipation.tolist(),
+        "dissipates": record.dissipates,
+        # of nodes in contact at the cycle's start and end
+        "slip_per_cycle_max": slip.max(axis=1, initial=0.0).tolist(),
+    }
+
+
+def _rows(summary: Summary) -> list[list[Any]]:
+    D, slip = summary["dissipation_per_cycle"], summary["slip_per_cycle_max"]
+    first = D[0] if D and summary.get("dissipates", True) else 0.0
+    numbers = sorted({*range(min(FIRST_CYCLES, len(D))), len(D) - 1}) if D else []
+    return [[k + 1, D[k], D[k] / first if first else None, slip[k]] for k in numbers]
+
+
+def ratio_words(summary: Summary) -> tuple[str, str] | None:
+    """Return what the ratio of the last to the first dissipation is, and the ratio in figures."""
+    D = summary["dissipation_per_cycle"]
+    if not D or not D[0] or not summary.get("dissipates", True):
+        return None
+    return f"dissipation of cycle {len(D)} over cycle 1", f"{D[-1] / D[0]:.5f}"
+
+
+CYCLES = Section(
+    "Cycles",
+    summary=_summary,
+    rows=_rows,
+    head=lambda _: ["cycle N", "dissipation D", "over cycle 1", "largest slip increment"],
+    note=lambda summary: (
+        f"Dissipation of the first loading: {shown(summary['dissipation_first_loading'])}. "
+        "All cycles are in summary.json."
+    ),
+    form="{:z.8g}",
+)
+
+
+# -- steady state --------------------------------------------------------------------------------
+
+
+def _steady(record: Record) -> dict[str, Any]:
+    """Return the steady state, or else the trend of the dissipation with its extrapolated limit."""
+    steady, D = record.steady, record.cycles.dissipation
+    found: dict[str, Any] = {
+        "reached": bool(steady.reached),
+        "cycle": int(steady.cycle),
+        "kind": steady.kind,
+        "period": int(steady.period),
+    }
+    # fewer cycles show no trend
+    if not steady.reached and len(D) >= 8 and record.dissipates:
+        keys = ("trend", "trend_value", "dissipation_limit")
+        found |= dict(zip(keys, limit_of_decay(D), strict=True))
+    return {"steady": found, **_polygon(record), **limit_summary(record)}
+
+
+def _polygon(record: Record) -> dict[str, Any]:
+    """Return the polygon that stands for a harmonic history, and its error estimate."""
+    scene, doubling = record.scene, record.doubling
+    if scene is None or scene.history.kind != "harmonic":
+        return {}
+    found: dict[str, Any] = {"corners": len(history_from_scene(scene).loop) - 1}
+    if is_straight(scene.history):
+        return {"harmonic": {**found, "error_estimate": 0.0}}
+    if doubling is None:
+        return {"harmonic": {**found, "error_estimate": None}}
+    tolerance = scene.history.tolerance or DEFAULT_TOLERANCE
+    found |= {"error_estimate": float(doubling[-1, 1]), "tolerance": tolerance}
+    return {"harmonic": {**found, "doubling": [[int(n), float(e)] for n, e in doubling]}}
+
+
+def limit_summary(record: Record) -> dict[str, Any]:
+    """Return the key "limit" of the summary; nothing where the limit was not asked for."""
+    limit, D = record.limit, record.cycles.dissipation
+    if limit is None:
+        return {}
+    period, last, walk = record.steady.period, None, None
+    if limit.reached:
+        last = float(D[-period:].mean())
+        if record.steady.kind == RATCHETTING:
+            gained = record.cycles.slip_increment[-period:].mean(axis=0)
+            walk = float(gained[np.abs(gained).argmax()])
+    return {
+        "limit": {
+            "reached": bool(limit.reached),
+            "cycle": int(limit.cycle),
+            "cycles_played": int(limit.cycles_played),
+            "dissipation": last,
+            "dissipation_ratio": last / float(D[0]) if last and record.dissipates else None,
+            "residual": float(limit.residual) if np.isfinite(limit.residual) else None,
+            "period": int(period) if limit.reached else None,
+            # the largest slip that each cycle of ratchetting adds
+            "walk": walk,
+            # None where it was not examined
+            "unique": {1: True, 0: False}.get(int(limit.unique)),
+            "reason": limit.reason,
+            "jumped": bool(limit.jumped),
+        }
+    }
+
+
+def _steady_rows(summary: Summary) -> list[list[Any]]:
+    D, steady = summary["dissipation_per_cycle"], summary["steady"]
+    if not D:
+        return []
+    start = f", from cycle {steady['cycle']}, period {steady['period']}"
+    rows: list[list[Any]] = [
+        ["steady state", steady["kind"] + (start if steady["reached"] else "")]
+    ]
+    if ratio := ratio_words(summary):
+        rows.append([*ratio])
+    if steady.get("dissipation_limit"):
+        law = f"{steady['trend']} law, {steady['trend_value']:.3g}"
+        rows.append(["extrapolated", f"{steady['dissipation_limit'] / D[0]:.4f} ({law})"])
+    return [*rows, *limit_rows(summary), *_polygon_rows(summary)]
+
+
+def limit_rows(summary: Summary) -> list[list[str]]:
+    """Return rows on the limit of infinitely many cycles, if it was asked for."""
+    limit = summary.get("limit")
+    if limit is None:
+        return []
+    head = "limit of infinitely many cycles"
+    walk = limit.get("walk")
+    if not limit["reached"]:
+        rows = [[head, f"not reached; {limit['reason']}"]]
+    elif not limit["jumped"]:
+        rows = [[head, f"cycle {limit['cycle']}; {limit['reason']}"]]
+    else:
+        words = f"shown as cycle {limit['cycle']}, residual {limit['residual']:.1e}, found by a "
+        words += f"search, {limit['cycles_played']} cycles played"
+        rows = [[head, words], ["found", limit["reason"]]]
+    if walk is not None:
+        rows.append(["ratchetting", f"a cycle adds the slip {walk:.6g}"])
+    return [*rows, *_starts_rows(limit.get("starts"))]
+
+
+def _starts_rows(starts: Mapping[str, Any] | None) -> list[list[str]]:
+    """Return a row on the limits from further initial slips, if they were asked for."""
+    if starts is None:
+        return []
+    words = ", ".join(f"{count} {kind}" for kind, count in starts["kinds"].items())
+    if starts["dissipation"] is not None:
+        low, high = starts["dissipation"]
+        spread = "" if starts["spread"] is None else f" (spread {starts['spread']:.2g})"
+        words += f"; dissipation per cycle {low:.6g} to {high:.6g}{spread}"
+    if len(starts["zones"]) > 1:
+        nodes = f"{starts['nodes_that_differ']} of {starts['nodes']} nodes"
+        words += f"; {len(starts['zones'])} arrangements of zones, which differ at {nodes}"
+    differ = "do not differ" if starts["same"] else "differ"
+    return [[f"limits from {starts['count']} initial slips {differ}", words]]
+
+
+def _polygon_rows(summary: Summary) -> list[list[str]]:
+    """Return the row on the polygon that stands for a harmonic history, if it is one."""
+    polygon = summary.get("harmonic")
+    if polygon is None:
+        return []
+    error = polygon["error_estimate"]
+    words = "not estimated, fixed corners" if error is None else f"{error:.1e}"
+    if error == 0.0:
+        words = "none, a straight line"
+    elif error is None and "tolerance" in polygon:
+        words = "unknown, the history ended early"
+    head = f"harmonic history, polygon of {polygon['corners']} corners"
+    return [[head, f"error of the dissipation per cycle {words}"]]
+
+
+def _steady_lines(summary: Summary) -> list[str]:
+    """Return the steady state with the ratio of dissipations, and the limit, on a line each."""
+    rows = [f"{head}: {words}" for head, words in _steady_rows(summary)]
+    limit, others = limit_rows(summary), _polygon_rows(summary)
+    # the law of an extrapolation is in the report
+    first = [row.partition(" (")[0] for row in rows[: len(rows) - len(limit) - len(others)]]
+    found = rows[len(first) :]
+    if len(limit) > 1 and limit[1][0] == "found":
+        # how it was found is in the report
+        found[:2] = [found[0].partition(", found")[0]]
+    return [*(["; ".join(first)] if first else []), *found]
+
+
+STEADY = Section("Steady state and limit", summary=_steady, rows=_steady_rows, lines=_steady_lines)

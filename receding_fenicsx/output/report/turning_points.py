@@ -1,0 +1,282 @@
+"""Section on turning points: half widths, extreme tractions, zones, ends of zones, corners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.arrays import aligned
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.measures.axis import on_axis
+from receding_fenicsx.interface.measures.zones import contact_zones
+from receding_fenicsx.measures.corner_exponents import corners_of, is_singular
+from receding_fenicsx.measures.half_widths import (
+    contact_betas,
+    estimated_ends,
+    half_width_estimates,
+    half_widths,
+)
+from receding_fenicsx.output.report.section import Rows, Section, Summary
+from receding_fenicsx.scene.units import in_unit
+
+FITTED_LEGS = 32
+"""Largest number of legs of a cycle at whose turning points ends of zones are fitted."""
+FITTED_CYCLES = 20
+"""Number of first cycles at whose turning points ends of zones are fitted, as in the last cycle. A
+fit takes longer than a cycle."""
+MANY_LEGS = 12
+"""Largest number of legs of a cycle whose turning points are all in the table."""
+EXTREMES = ("p_max", "q_min", "q_max")
+"""Extreme tractions of a turning point."""
+CONSOLE_WIDTH = 100
+"""Largest number of characters of a line of the console."""
+UNIT_OF_COLUMN = {
+    **dict.fromkeys(("contact half width", "stick half width"), "length"),
+    **dict.fromkeys(("p_max", "|q|_max", "p max", "q min", "q max"), "stress"),
+}
+"""Unit of a column; other columns have none."""
+
+Point = Summary
+"""A turning point of the summary."""
+
+
+def _summary(record: Record) -> dict[str, Any]:
+    """Return the turning points in order; with several contact edges one for each edge."""
+    edges = record.by_edge()
+    parts = [(name, part, contact_betas(part)) for name, part in edges.items()]
+    return {
+        "turning_points": [
+            ({"edge": name} if len(edges) > 1 else {}) | _turning_point(part, i, betas)
+            for i in range(len(record.turning_points.s))
+            for name, part, betas in parts
+        ]
+    }
+
+
+def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
+    table = record.turning_points
+    x, state, cycle = record.x, table.state[i], table.cycle
+    found = contact_zones(x, state, record.friction.mean, record.begins_on_axis)
+    fitted = np.count_nonzero(cycle == cycle[i]) <= FITTED_LEGS and (
+        cycle[i] <= FITTED_CYCLES or cycle[i] == cycle[-1]
+    )
+    return {
+        "cycle": int(cycle[i]),
+        "leg": int(table.leg[i]),
+        "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
+        "zones": [[name, float(a), float(b)] for name, a, b in found],
+        **({"p_axis": float(on_axis(x, table.p[i]))} if record.begins_on_axis else {}),
+        **half_widths(record, i),
+        "p_max": float(table.p[i].max()),
+        "q_min": float(table.q[i].min()),
+        "q_max": float(table.q[i].max()),
+        **(_below_spacing(record, i, betas) if fitted else {}),
+    }
+
+
+def _below_spacing(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
+    return {
+        **half_width_estimates(record, i, betas),
+        "zone_ends": estimated_ends(record, i, betas),
+        **corners_of(record, i),
+    }
+
+
+def headline_points(summary: Summary) -> list[Point]:
+    """Return the turning points of cycles 0, 1 and the last, of many legs those at extreme loads.
+
+    In a cycle of more than ``MANY_LEGS`` these are where a load factor is the smallest or the
+    largest of the cycle, and the end of the cycle.
+    """
+    points = summary["turning_points"]
+    last = max((p["cycle"] for p in points), default=0)
+    found = []
+    for cycle in sorted({0, 1, last}):
+        rows = [p for p in points if p["cycle"] == cycle]
+        legs = {p["leg"]: p["load"] for p in rows}
+        kept = {*legs}
+        if len(legs) > MANY_LEGS:
+            factors = [[load[name] for load in legs.values()] for name in rows[0]["load"]]
+            ends = [(v.index(min(v)), v.index(max(v))) for v in factors if min(v) < max(v)]
+            kept = {list(legs)[k] for pair in ends for k in pair} | {max(legs)}
+        found += [p for p in rows if p["leg"] in kept]
+    return found
+
+
+def _rows(summary: Summary) -> Rows:
+    form = length_format(summary)
+    rows = []
+    for p in headline_points(summary):
+        load = ", ".join(f"{name} = {value:z.6g}" for name, value in p["load"].items())
+        half = [p["contact_half_width"], p["stick_half_width"]]
+        below = [_fitted(p.get(f"{k}_half_width_estimate"), form) for k in ("contact", "stick")]
+        widths = [part for pair in zip(half, below, strict=True) for part in pair]
+        values: list[float | str] = list(extremes_of(p))
+        if p.get("p_max_singular"):
+            values = ["singular", *("singular" if value else value for value in values[1:])]
+        edge = [p["edge"]] if "edge" in p else []
+        rows.append([*edge, p["cycle"], load, *widths, *values, zones_shown(p, summary)])
+    return rows
+
+
+def _head(summary: Summary) -> list[str]:
+    head = ["cycle", "load", "contact half width", "fitted", "stick half width", "fitted"]
+    edge = ["edge"] if any("edge" in p for p in summary["turning_points"]) else []
+    head = [_in_units(name, summary) for name in [*edge, *head, "p max", "q min", "q max"]]
+    return [*head, zones_header(summary)]
+
+
+def console_table(summary: Summary, most: int) -> list[str]:
+    """Return a table of at most so many turning points: of the last cycle, then of cycles 0 and 1.
+
+    It is at most ``CONSOLE_WIDTH`` wide: columns that do not fit are left out. Half widths are the
+    fitted ones where all that are shown are fitted.
+    """
+    points = headline_points(summary)
+    last = max((p["cycle"] for p in points), default=0)
+    rank = {1: 2, 0: 1, last: 0}
+    order = sorted(range(len(points)), key=lambda k: (rank[points[k]["cycle"]], -k))
+    # all contact edges of an instant, or none
+    edges = len({p.get("edge") for p in points}) or 1
+    chosen = [points[k] for k in sorted(order[: max(most // edges * edges, 1)])]
+    traction = _format([p[k] for p in points for k in EXTREMES])
+    columns = {
+        "edge": [p.get("edge", "") for p in chosen],
+        "cycle": [str(p["cycle"]) for p in chosen],
+        "load": [
+            " ".join(f"{name}={value:z.4g}" for name, value in p["load"].items()) for p in chosen
+        ],
+        "contact half width": _half_widths("contact", chosen, summary),
+        "stick half width": _half_widths("stick", chosen, summary),
+        "p_max": [largest_shown(p, traction)[0] for p in chosen],
+        "|q|_max": [largest_shown(p, traction)[1] for p in chosen],
+        zones_header(summary): [zones_shown(p, summary) for p in chosen],
+    }
+    columns = {head: cells for head, cells in columns.items() if any(cells)}
+    while columns:
+        heads = [_in_units(head, summary) for head in columns]
+        lines = aligned([heads, *zip(*columns.values(), strict=True)])
+        if max(map(len, lines)) <= CONSOLE_WIDTH:
+            return lines
+        # the zones are in the report
+        columns.pop([*columns][-1])
+    return []
+
+
+def _half_widths(kind: str, points: Sequence[Point], summary: Summary) -> list[str]:
+    """Return the cells of a column of half widths; empty ones where none is known."""
+    values = [p[f"{kind}_half_width"] for p in points]
+    below = [p.get(f"{kind}_half_width_estimate") for p in points]
+    if all(e is not None and e["fitted"] for e in below):
+        values = [e["value"] for e in below if e is not None]
+    if all(value is None for value in values):
+        return [""] * len(points)
+    return ["-" if value is None else f"{value:{length_format(summary)}}" for value in values]
+
+
+def largest_shown(point: Point, form: str) -> tuple[str, str]:
+    """Return the largest pressure and shear traction in words, "singular" where they have none."""
+    p, *q = extremes_of(point)
+    largest = max(map(abs, q))
+    if point.get("p_max_singular"):
+        return "singular", "singular" if largest > 0.0 else f"{largest:{form}}"
+    return f"{p:{form}}", f"{largest:{form}}"
+
+
+def extremes_of(point: Point) -> list[float]:
+    """Return p_max, q_min and q_max of a turning point, with 0 in place of round-off."""
+    values = [point[key] for key in EXTREMES]
+    largest = max(map(abs, values))
+    return [value if abs(value) > 1e-12 * largest else 0.0 for value in values]
+
+
+def _in_units(name: str, summary: Summary) -> str:
+    """Return the head of a column, with the scene's unit where it has one."""
+    return in_unit(name, (summary.get("units") or {}).get(UNIT_OF_COLUMN.get(name)))
+
+
+def zones_header(summary: Summary) -> str:
+    """Return the header of the column of zones; of a symmetric contact only one half is shown."""
+    points = summary["turning_points"]
+    if any("edge" in p or _off_axis(p, summary) for p in points):
+        return "zones"
+    return {
+        "mirror": "zones (x > 0, from the centre)",
+        "axisymmetric": "zones (from the axis)",
+    }.get(summary["symmetry"], "zones")
+
+
+def zones_shown(point: Point, summary: Summary) -> str:
+    """Return the zones of a turning point; of a symmetric contact those from the centre."""
+    zones, symmetry = point["zones"], summary["symmetry"]
+    form = length_format(summary)
+    mirrored = symmetry in ("mirror", "axisymmetric")
+    if not mirrored or "edge" in point or _off_axis(point, summary):
+        first = f"{zones[0][1]:{form}} " if zones else ""
+        return first + " | ".join(f"{name} to {end:{form}}" for name, _, end in zones)
+    centre = 0.0 if symmetry == "axisymmetric" else 0.5 * (zones[0][1] + zones[-1][2])
+    return " | ".join(f"{name} to {end:{form}}" for name, _, end in zones if end > centre)
+
+
+def _off_axis(point: Point, summary: Summary) -> bool:
+    """Return whether the contact of a body of revolution does not begin on the axis."""
+    return summary["symmetry"] == "axisymmetric" and "p_axis" not in point
+
+
+def _fitted(estimate: Point | None, form: str) -> str | None:
+    """Format a fitted half width with its interval; None if nothing was fitted."""
+    if estimate is None or not estimate["fitted"]:
+        return None
+    low, high = estimate["interval"]
+    return f"{estimate['value']:{form}} ({low:{form}} to {high:{form}})"
+
+
+def length_format(summary: Summary) -> str:
+    """Return the format of positions along the contact, for any unit of length."""
+    zones = [zone for point in summary["turning_points"] for zone in point["zones"]]
+    return _format([end for _, *ends in zones for end in ends])
+
+
+def _format(values: Sequence[float]) -> str:
+    """Return a format that shows about five digits of the largest value.
+
+    Values that round to zero have no sign.
+    """
+    largest = max((abs(value) for value in values), default=0.0)
+    if largest == 0.0 or 0.1 <= largest < 100.0:
+        return "z.4f"
+    places = 4 - math.floor(math.log10(largest))
+    return f"z.{places}f" if 0 <= places <= 8 else "z.4e"
+
+
+def corner_rows(summary: Summary) -> list[list[str]]:
+    """Return a row for each different corner and state at the turning points of the table."""
+    last = {
+        (f"{corner['x']:z.4g}", corner["state"]): corner
+        for point in headline_points(summary)
+        for corner in point.get("corners") or []
+    }
+    rows = []
+    for (x, state), corner in last.items():
+        exact, fitted = (
+            "-" if corner[k] is None else f"{corner[k]:z.4f}" for k in ("exponent", "fitted")
+        )
+        origin = (
+            f"closed form, {corner['angle']:g} degrees" if exact != "-" else "no closed form here"
+        )
+        words = f"stresses like d^m, m = {exact} ({origin}), fitted {fitted}"
+        end = "; singular" if is_singular(corner) else ""
+        rows.append([f"corner at {x}, {state}", words + end])
+    return rows
+
+
+def singular_corners(summary: Summary) -> list[str]:
+    """Return the positions of corners with infinite stresses at the turning points of the table."""
+    corners = [c for point in headline_points(summary) for c in point.get("corners") or []]
+    return [f"{x:z.4g}" for x in sorted({c["x"] for c in corners if is_singular(c)})]
+
+
+TURNING_POINTS = Section("Turning points", summary=_summary, rows=_rows, head=_head)
