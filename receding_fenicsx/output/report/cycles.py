@@ -150,7 +150,7 @@ def limit_rows(summary: Summary) -> list[list[str]]:
     else:
         words = f"shown as cycle {limit['cycle']}, residual {limit['residual']:.1e}, found by a "
         words += f"search, {limit['cycles_played']} cycles played"
-        rows = [[head, words], ["found", limit["reason"]]]
+        rows = [[head, words], ["reason", limit["reason"]]]
     if walk is not None:
         rows.append(["ratchetting", f"a cycle adds the slip {walk:.6g}"])
     return [*rows, *_starts_rows(limit.get("starts"))]
@@ -194,7 +194,7 @@ def _steady_lines(summary: Summary) -> list[str]:
     # the law of an extrapolation is in the report
     first = [row.partition(" (")[0] for row in rows[: len(rows) - len(limit) - len(others)]]
     found = rows[len(first) :]
-    if len(limit) > 1 and limit[1][0] == "found":
+    if len(limit) > 1 and limit[1][0] == "reason":
         # how it was found is in the report
         found[:2] = [found[0].partition(", found")[0]]
     return [*(["; ".join(first)] if first else []), *found]
