@@ -9,12 +9,14 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, condense, make_mesh, reactions
+from bodies import CELLS, block, built, condense, displacements, make_mesh, reactions
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
-from receding_fenicsx.bulk.body import Bulk, back_substitute
+from receding_fenicsx.bulk.body import Bulk, back_substitute, gather_contact
 from receding_fenicsx.bulk.elasticity import build
+from receding_fenicsx.bulk.mesh.meshing import make_meshes
+from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.bulk.stress import stresses
 from receding_fenicsx.errors import InputError, NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
@@ -145,7 +147,7 @@ def test_condensed_system_is_that_of_multipliers(
             assert np.array_equal(system.load_sign, sign)
 
 
-def displacements(bulk: Bulk, load: Array, u: Array | None) -> Array:
+def on_top(bulk: Bulk, load: Array, u: Array | None) -> Array:
     """Displacements (n, 2) of the nodes on the top, on every rank."""
     field = back_substitute(bulk, load, u)
     own = _dolfinx.owned_values(field).reshape(-1, 2)
@@ -164,7 +166,7 @@ def test_platen_moves_rigidly_by_its_load_displacement(degree: int) -> None:
     bulk = built(block(degree=degree, loads=(PRESS, WEIGHT, SHEAR)))
     system = condense(bulk)
     u, load = some(system), np.array([0.8, 0.3, -0.4])
-    moved = displacements(bulk, load, u)
+    moved = on_top(bulk, load, u)
     assert np.ptp(moved, axis=0) == pytest.approx([0.0, 0.0], abs=1e-14)
     found = reactions(bulk, load, back_substitute(bulk, load, u))
     if system is not None:
@@ -300,7 +302,7 @@ def test_support_at_one_point_of_a_platen_holds_all_of_it(
     bulk = built(block(loads=(PRESS, SHEAR), supports=supports))
     system = condense(bulk)
     u = some(system)
-    moved = displacements(bulk, np.array([1.0, 1.0]), u)
+    moved = on_top(bulk, np.array([1.0, 1.0]), u)
     assert np.ptp(moved, axis=0) == pytest.approx([0.0, 0.0], abs=1e-13)
     for support in supports:
         if support.point != (-2.0, 0.5):
@@ -317,7 +319,7 @@ def test_platen_may_be_pressed_by_a_force_and_moved_along() -> None:
     bulk = built(block(degree=2, loads=(PRESS, move)))
     system = condense(bulk)
     u, load = some(system), np.array([0.8, 0.25])
-    moved = displacements(bulk, load, u)
+    moved = on_top(bulk, load, u)
     assert moved[:, 0] == pytest.approx(0.25, abs=1e-15)
     assert np.ptp(moved[:, 1]) < 1e-14
     if system is not None:
@@ -450,6 +452,28 @@ def test_a_platen_at_the_contact_moved_as_its_force_moves_it_gives_the_same() ->
             a, b = getattr(first, name)[-1], getattr(second, name)[-1]
             assert np.abs(a - b).max() < 1e-9 * np.abs(a).max(), name
         assert second.load_displacement[-1, 1] == pytest.approx(1.0, rel=1e-9)
+
+
+def test_bodies_move_apart_as_the_contact_and_the_driven_face_say() -> None:
+    """Any displacements of the contact, in a fit that a face is driven over."""
+    scene = bars(PUSHES["displacement"])
+    fit = replace(scene.contacts[0], interference="0.1 + 0.02*x")
+    held = (*scene.supports, Support("y", "a.top"))
+    scene = replace(scene, contacts=(fit,), supports=held)
+    pair = build_all(scene, make_meshes(comm, scene, False))
+    system = condense(pair)
+    load = np.array([0.3, 0.7, 0.9])
+    u = some(system)
+    sides: list[Array] = []
+    for part, field in displacements(pair, load, u):
+        gathered = gather_contact(part, _dolfinx.owned_values(field)[:, None])
+        sides += [] if gathered is None else [part.contact.to_local(gathered[:, 0])]
+    pair.destroy()
+    if system is not None and u is not None:
+        # overlapping by what of the interference is there
+        u[system.n :] += load[2] * (0.1 + 0.02 * system.x)
+        assert np.abs(sides[0] - sides[1] - u).max() < 1e-12 * np.abs(sides[0]).max()
+        assert sides[0][0] == pytest.approx(10.0 * load[1], rel=1e-14)
 
 
 def test_edge_held_at_zero_may_touch_the_contact() -> None:

@@ -36,6 +36,7 @@ STRESSES = ("sxx", "syy", "szz", "sxy")
 PRESS = Load("P", "top", platen=True, force=(0.0, -1.0))
 SIDE = Load("s", "left", (-0.25, 0.25), traction=(1.0, 0.5))
 PULL = Load("d", "right", (0.0, 0.5), displacement=(1.0, "y - 2"))
+DRIVE = Load("d", "upper.left", displacement=(1.0, "y - 2"))
 PAIR = Scene(
     body=Body("upper", width=4.0, position=(0.0, 2.0)),
     others=(Body("lower", width=8.0, height=2.0),),
@@ -58,6 +59,7 @@ CASES = {
     "revolution, order 1": (cylinder("quadrilateral", 1), True),
     "revolution, order 2": (cylinder(degree=2), True),
     "two bodies": (PAIR, False),
+    "a face driven at the contact": (replace(PAIR, loads=(*PAIR.loads, DRIVE)), False),
     "halves of two bodies": (replace(PAIR, loads=PAIR.loads[:1]), True),
 }
 
