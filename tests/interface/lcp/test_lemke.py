@@ -62,7 +62,7 @@ def test_lemke_processes_copositive_matrices() -> None:
         M = rng.uniform(0.0, 1.0, (n, n)) * rng.choice([0.0, 3.0], (n, n)) + 0.3 * np.eye(n)
         q = rng.standard_normal(n)
         solutions = all_solutions(M, q)
-        z = lemke(M, q, np.ones(n))
+        z = lemke(M, q, rng.uniform(0.1, 3.0, n))
         assert z is not None and is_solution(M, q, z)
         assert any(np.abs(z - one).max() <= 1e-8 for one in solutions)
         several += len(solutions) > 1
