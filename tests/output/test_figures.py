@@ -684,6 +684,16 @@ def around(legs: int, cycles: int = 2) -> rf.Record:
     return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
 
 
+def test_the_first_loading_has_a_panel_for_each_of_its_own_legs() -> None:
+    system, loop = two_nodes(), [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]]
+    for path in ([loop[0]], [[0.5, 0.1], loop[0]]):
+        history = table(system, [[0.0, 0.0], *path], loop, 2)
+        found = rf.evolve(system, history, output=rf.OutputOptions(4, "all"))
+        for cycle, legs in ((0, len(path)), (1, 3), (2, 3)):
+            panels = [axes for axes in rf.figures.zone_maps(found, cycle).axes if axes.get_title()]
+            assert len(panels) == legs
+
+
 @pytest.mark.parametrize("legs", [2, 4, 5])
 def test_each_of_few_legs_has_a_panel(legs: int) -> None:
     found = around(legs)

@@ -363,6 +363,24 @@ def test_the_height_is_the_unit_of_length_only_where_it_means_something() -> Non
     assert length_of(replace(block, body=rf.Body(mesh="body.geo"))) == 0.0
 
 
+@pytest.mark.parametrize(
+    ("pressures", "divided"),
+    [((2.0,), True), ((2.0, 2.0), True), ((2.0, 3.0), False), ((-2.0,), False), (("x",), False)],
+)
+def test_tractions_are_divided_by_the_one_pressure_of_a_scene(
+    pressures: tuple[float | str, ...], divided: bool
+) -> None:
+    record = odd("plane strain")
+    assert record.scene is not None
+    spans = ((-1.0, 0.0), (0.0, 1.0))
+    loads = tuple(
+        rf.Load("p0", "top", span, pressure=p) for span, p in zip(spans, pressures, strict=False)
+    )
+    other = replace(record, scene_toml=rf.to_toml(replace(record.scene, loads=loads)))
+    axes = rf.figures.tractions(other, other.at(1, "minimum")).axes[1]
+    assert ("/" in axes.get_ylabel()) == divided
+
+
 def test_the_first_cycle_is_seen_where_the_last_one_lies_on_it() -> None:
     record = odd("plane strain")
     for figure in (
