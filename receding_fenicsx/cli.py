@@ -519,6 +519,17 @@ def check(scene: SceneFile, /, *, set: Sequence[str] = ()) -> None:
 
 
 @app.command
+def schema() -> None:
+    """Print the JSON Schema of scene files, by which editors complete and check them."""
+    import json
+
+    from receding_fenicsx.scene.schema import scene_schema
+
+    if is_root(world()):
+        print(json.dumps(scene_schema(), indent=2))
+
+
+@app.command
 def doctor() -> int:
     """List installed versions and test the installation."""
     from receding_fenicsx.environment import examine

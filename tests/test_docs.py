@@ -1,12 +1,9 @@
 """The pages of the documentation: keys of scenes, API, gallery; formulas survive Markdown."""
 
-import dataclasses
 import inspect
-import json
 import re
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
 
 import api_pages
 import gallery_pages
@@ -17,44 +14,10 @@ import site_source
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 
 import receding_fenicsx
-import receding_fenicsx as rf
 
 pytestmark = pytest.mark.one_rank
 
 ROOT = Path(__file__).parent.parent
-
-
-SECTIONS = {
-    "[body]": rf.Body,
-    "[material]": rf.Material,
-    "[mesh]": rf.MeshOptions,
-    "[contact]": rf.Contact,
-    "[[load]]": rf.Load,
-    "[[support]]": rf.Support,
-    "[[probe]]": rf.Probe,
-    "[units]": rf.Units,
-    "[history]": rf.HistoryOptions,
-    "[solver]": rf.SolverOptions,
-    "[output]": rf.OutputOptions,
-}
-
-
-def default_of(field: dataclasses.Field[Any]) -> str:
-    """How the guide writes a key's default."""
-    if field.default is dataclasses.MISSING:
-        return "needed" if field.default_factory is dataclasses.MISSING else "-"
-    if field.default is None or field.default == () or field.default == "":
-        return "-"
-    return json.dumps(field.default)
-
-
-@pytest.mark.parametrize("heading", SECTIONS)
-def test_every_key_of_a_scene_is_told_with_its_default(heading: str) -> None:
-    guide = (ROOT / "docs" / "scene.md").read_text(encoding="utf-8")
-    section = guide.partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
-    told = dict(re.findall(r"^\| `(\w+)` \| .* \| (.*) \|$", section, re.M))
-    kind = SECTIONS[heading]
-    assert told == {field.name: default_of(field) for field in dataclasses.fields(kind)}
 
 
 def test_formulas_in_docstrings_survive_markdown() -> None:

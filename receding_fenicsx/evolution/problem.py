@@ -18,6 +18,7 @@ from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
 from receding_fenicsx.scene.profiles import evaluate_checked
 from receding_fenicsx.scene.toml_file import known_scene
+from receding_fenicsx.scene.toml_reader import check_values
 from receding_fenicsx.scene.validate import check_solver, validate
 
 LEAST_TOLERANCE = 1e-13
@@ -153,6 +154,8 @@ def _checked(
         node = np.argmin(np.abs(v) <= LARGEST)
         raise InputError(f"initial_slip of node {node} is not finite, or beyond {LARGEST:g}")
     v[system.held[:n]] = 0.0
+    # a method may be registered in Python
+    check_values(replace(solver, method=SolverOptions.method), "[solver]")
     check_solver(solver)
     if history.until_limit and solver.branch != FIRST:
         raise InputError(

@@ -136,9 +136,9 @@ class ShakedownOptions(Table):
     """Load range of the command ``shakedown``: mean + lambda range[k].
 
     Attributes:
-        mean: load factors of the mean loads, by the names of their loads.
-        range: changes of the load factors at the corners of the range at lambda = 1; the other
-            loads do not change there.
+        mean: load factors of the mean loads, by name; loads that are not named have 0.
+        range: corners of the range at lambda = 1, changes of load factors by name; their convex
+            combinations hold the mean load.
         separated: nodes that are separated under the mean loads: "refuse" them, or let them "stay"
             separated throughout.
         largest_slip: bound of the residual slips that the lower limit is for, as far as they stay

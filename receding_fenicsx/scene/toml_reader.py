@@ -187,7 +187,7 @@ def _label(values: dict[str, Any], place: Place) -> tuple[str, Place]:
 
 
 @lru_cache(maxsize=32)
-def _adapter(kind: type) -> Any:
+def type_adapter(kind: type) -> Any:
     """Return Pydantic's reader of a dataclass; Pydantic is loaded when it is first needed."""
     from pydantic import TypeAdapter
 
@@ -212,7 +212,7 @@ def convert(kind: type[T], raw: Any, label: Callable[[Place], tuple[str, Place]]
     for place in _with_nul(raw) if r"\u0000" in text else ():
         raise InputError(f"{_where(label, place)}: holds a NUL character; remove it")
     try:
-        found: T = _adapter(kind).validate_json(text)  # type: ignore[arg-type]
+        found: T = type_adapter(kind).validate_json(text)  # type: ignore[arg-type]
         return found
     except ValidationError as error:
         errors: list[Any] = error.errors(include_url=False)

@@ -413,7 +413,7 @@ def test_largest_errors_are_those_of_all_legs_so_far(solver: SolverOptions) -> N
 
 
 def test_an_unknown_method_is_refused() -> None:
-    with pytest.raises(InputError, match='"newton" is unknown; use "events" or "gauss-seidel"'):
+    with pytest.raises(InputError, match='"newton": is unknown; use one of events, gauss-seidel'):
         evolve(BLOCK, cyclic(1), SolverOptions(method="newton"))
 
 

@@ -1,0 +1,73 @@
+"""JSON Schema of scene files, and the tables of keys in the documents."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import key_tables
+import pytest
+
+import receding_fenicsx as rf
+from receding_fenicsx import cli
+from receding_fenicsx.scene.schema import descriptions, scene_schema
+
+pytestmark = pytest.mark.one_rank
+
+ROOT = Path(__file__).parents[2]
+
+
+def parts(schema: Any) -> Iterator[dict[str, Any]]:
+    """Yield a schema and all schemas in it."""
+    if isinstance(schema, dict):
+        yield schema
+    for part in schema.values() if isinstance(schema, dict) else schema:
+        if isinstance(part, dict | list):
+            yield from parts(part)
+
+
+@pytest.mark.parametrize("table", key_tables.KINDS)
+def test_schema_describes_every_key_by_the_text_of_its_docstring(table: str) -> None:
+    schema, kind = scene_schema(), key_tables.KINDS[table]
+    assert table in schema["properties"]
+    properties = schema["$defs"][kind.__name__]["properties"]
+    keys = {field.name for field in dataclasses.fields(kind)}
+    assert set(descriptions(kind)) == keys
+    assert set(properties) == keys - ({"name"} if kind is rf.Material else set())
+    for key, part in properties.items():
+        assert part["description"] == descriptions(kind)[key]
+
+
+def test_schema_has_the_ranges_and_choices_and_nothing_that_toml_has_not(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert cli.main(["schema"]) == 0
+    schema = json.loads(capsys.readouterr().out)
+    assert schema == scene_schema()
+    material, mesh = (schema["$defs"][name]["properties"] for name in ("Material", "MeshOptions"))
+    assert material["young"]["exclusiveMinimum"] == 0 and "maximum" not in material["young"]
+    assert "axisymmetric" in material["kinematics"]["enum"]
+    assert (mesh["contact_elements"]["minimum"], mesh["degree"]["enum"]) == (4, [1, 2])
+    assert schema["$defs"]["Load"]["required"] == ["name"]
+    assert not any(
+        part.get("type") == "null" or part.get("maximum") == 1e50 for part in parts(schema)
+    )
+    references = {part["$ref"].split("/")[-1] for part in parts(schema) if "$ref" in part}
+    assert references <= set(schema["$defs"])
+
+
+def test_tables_of_keys_in_the_documents_are_those_of_the_docstrings() -> None:
+    text = (ROOT / "docs" / "scene.md").read_text(encoding="utf-8")
+    assert key_tables.with_tables(text) == text, "run python docs/key_tables.py"
+    for kind in key_tables.KINDS.values():
+        assert key_tables.key_table(kind) in text
+
+
+def test_the_package_is_imported_without_pydantic() -> None:
+    code = "import sys, receding_fenicsx.evolution; assert 'pydantic' not in sys.modules"
+    subprocess.run([sys.executable, "-c", code], check=True)
