@@ -37,8 +37,15 @@ cycles = 1
 ROUND = BLOCK.replace("[-1.0, 1.0]", "[0.0, 1.0]").replace("plane strain", "axisymmetric")
 PLATEN = '[[load]]\nname = "q"\nedge = "right"\nplaten = true\nforce = '
 SPRING = '[[spring]]\nedge = "left"\n'
+SEVERAL = (
+    BLOCK.replace("[contact]", "[contact]\nspan = [-2.0, -1.0]")
+    .replace("[[load]]", '[[contact]]\nedge = "bottom"\nspan = [1.0, 2.0]\n[[load]]', 1)
+    .replace("[contact]", "[[contact]]", 1)
+)
 BOLT = '[[bolt]]\nname = "b"\nhead = "a.left"\nnut = "b.left"\npreload = 1.0\n'
-BASES = {"block": BLOCK, "two": TWO, "far": FAR, "round": ROUND}
+TABLE = "contact.friction={"
+WEIGHT = '[[load]]\nname = "p0"\nbody_force = [0.0, -1.0]\n'
+BASES = {"block": BLOCK, "two": TWO, "far": FAR, "round": ROUND, "several": SEVERAL}
 POLYGON = 'kind="table"\ncolumns = ["p0"]\nrows = '
 
 RULES: list[tuple[str, str, str, str]] = [
@@ -141,6 +148,30 @@ RULES: list[tuple[str, str, str, str]] = [
     ("block", '[[load]]\nname = "m"\nmode = 1', "[material] density: vibration modes need", ""),
     ("block", "material.density=-1.0", "[material] density", "material.density=1e-9"),
     ("block", "material.poisson=0.5", "[material] poisson", "material.poisson=0.499"),
+    ("block", TABLE + "x=[0], value=[0.3]}", "at least 2", TABLE + "x=[0, 1], value=[0.3, 0.3]}"),
+    ("block", TABLE + "x=[0, 1], value=[0.3]}", "equal length", ""),
+    (
+        "block",
+        TABLE + "x=[1, 1], value=[0.3, 0.2]}",
+        "increase",
+        TABLE + "forward=0.3, backward=0.2}",
+    ),
+    ("block", TABLE + "forward=0.3, bckward=0.2}", "did you mean 'backward'", ""),
+    ("several", "contact.0.friction=0.1", "N (1 to 2)", "contact.1.friction=0.1"),
+    ("several", "contact.3.friction=0.1", "N (1 to 2)", "contact.2.friction=0.1"),
+    ("block", WEIGHT + 'edge = "top"', "acts on a whole body; remove edge", ""),
+    ("block", WEIGHT + "span = [0.0, 1.0]", "acts on a whole body; remove span", ""),
+    ("block", WEIGHT + "pressure = 1.0", "load 'p0'", ""),
+    ("block", WEIGHT + "thermal_strain = 1.0", "load 'p0'", WEIGHT),
+    ("block", "contact.friction=-1e-9", "[contact] friction", "contact.friction=0"),
+    ("block", "load.p0.span=[-1.0, 2.01]", "beyond edge", "load.p0.span=[-1.0, 2.0]"),
+    ("block", "load.p0.pressure=0", "load 'p0' pressure: is zero", "load.p0.pressure=-1e-9"),
+    ("block", "material.young=0", "[material] young", "material.young=1e-9"),
+    ("block", "material.poisson=-1", "[material] poisson", "material.poisson=-0.999"),
+    ("block", "mesh.degree=0", "[mesh] degree", "mesh.degree=1"),
+    ("block", "mesh.contact_elements=9", "9 is odd", "mesh.contact_elements=10"),
+    ("block", "solver.steps_per_leg=0", "steps_per_leg", "solver.steps_per_leg=1"),
+    ("block", "solver.residual_tolerance=1", "residual_tol", "solver.residual_tolerance=0.9"),
     ("block", "mesh.contact_elements=2", "must be at least 4", "mesh.contact_elements=4"),
     ("block", "mesh.growth=3.1", "[mesh] growth", "mesh.growth=3"),
     ("block", "mesh.refinements=1", "refinements: is for bodies from", "mesh.refinements=0"),
