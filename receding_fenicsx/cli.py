@@ -232,7 +232,9 @@ def run(
             if study.overwrite:
                 raise InputError("--resume and --overwrite: give one of them")
             if system is not None:
-                raise InputError("--resume and --system: the run has its own system")
+                raise InputError(
+                    "--resume and --system: the run has its own system; give one of them"
+                )
             finished = comm.bcast(on_root(comm, lambda: is_finished(out, read)))
             if finished and (error or starts):
                 raise InputError(

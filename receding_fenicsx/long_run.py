@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import logging
-import time
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -27,15 +25,12 @@ from receding_fenicsx.scene import history
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.store import hdf5, summary_file
 from receding_fenicsx.store.workspace import interruption
-from receding_fenicsx.timing import duration
+from receding_fenicsx.timing import Countdown
 
 if TYPE_CHECKING:
     from receding_fenicsx.interface.system import ContactSystem
 
 log = logging.getLogger(__name__)
-
-RECENT_CYCLES = 20
-"""Number of last cycles from which the remaining time is estimated."""
 
 
 def run_history(
@@ -67,9 +62,16 @@ def run_history(
         if journal.cycles:
             log.info("resumes from the checkpoint after cycle %d", len(journal.cycles) - 1)
     doubling = None
+    tell = Countdown(say, "evolve: cycle", "at most")
+
+    def progress(cycle: int, cycles: int, message: str) -> None:
+        log.info("cycle %d: %s", cycle, message)
+        # the terminal has one line for the counts and the time
+        tell(cycle, cycles, message.partition(",")[0])
+
     try:
         scene, doubling = _with_corners(scene, system, folder, say)
-        record = continue_history(problem_of_scene(system, scene), journal, _Pace(say))
+        record = continue_history(problem_of_scene(system, scene), journal, progress)
         record.doubling = doubling
         return record, None
     except SolveError as error:
@@ -116,23 +118,3 @@ def _with_corners(
         with new_file(file) as beside:
             np.savetxt(beside, found, header="corners, error estimate of the dissipation")
     return scene, found
-
-
-class _Pace:
-    """Progress of the evolution: cycles done, and an upper estimate of the remaining time."""
-
-    def __init__(self, say: Callable[[str], None] | None) -> None:
-        self.say = say
-        self.times = deque([time.monotonic()], maxlen=RECENT_CYCLES + 1)
-
-    def __call__(self, cycle: int, cycles: int, message: str) -> None:
-        """Log a finished cycle and tell the progress."""
-        self.times.append(time.monotonic())
-        log.info("cycle %d of %d: %s", cycle, cycles, message)
-        if self.say is None:
-            return
-        a_cycle = (self.times[-1] - self.times[0]) / (len(self.times) - 1)
-        left = duration(a_cycle * (cycles - cycle))
-        # the terminal has one line for the counts and the time; the rest is logged
-        events = message.partition(",")[0]
-        self.say(f"evolve: cycle {cycle} of {cycles}, {events}, {left} left at most")

@@ -241,7 +241,7 @@ class Drawing:
             from receding_fenicsx.output.plots import figures
         place, formats = folder / "figures", figures.FORMATS if self.pdf else ("png",)
         if self.beside is None:
-            figures.plot_all(record, place, formats, self._tell, self.everything)
+            figures.plot_all(record, place, formats, self.say, self.everything)
         else:
             job = (folder / "record.h5", place, formats, self.everything)
             self.beside = workers.submit("figures", _draw_figures, *job)
@@ -255,10 +255,6 @@ class Drawing:
                 workers.result("figures", self.beside)
             except workers.WorkerEnded as ended:
                 raise RecedingError(f"figures: drawing failed ({ended})") from None
-
-    def _tell(self, name: str, done: int) -> None:
-        if self.say is not None:
-            self.say(f"figures: {done + 1}, {name}")
 
 
 def _draw_figures(file: Path, folder: Path, formats: tuple[str, ...], everything: bool) -> None:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NoReturn
 from rich.console import Console
 
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.timing import Say
+from receding_fenicsx.timing import Say, Step
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -82,9 +82,16 @@ def progress(verbose: int = 0) -> Iterator[Say]:
     if not is_root(world()) or not sys.stderr.isatty() or verbose:
         yield lambda text: None
         return
-    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import BarColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = SpinnerColumn(), TextColumn("{task.description}", markup=False), TimeElapsedColumn()
+    text = TextColumn("{task.description}", markup=False)
+    columns = SpinnerColumn(), TimeElapsedColumn(), BarColumn(bar_width=16), text
     with Progress(*columns, console=Console(stderr=True), transient=True) as shown:
-        task = shown.add_task("starting")
-        yield lambda text: shown.update(task, description=text, refresh=True)
+        task = shown.add_task("starting", total=None)
+
+        def say(text: str) -> None:
+            step = text if isinstance(text, Step) else Step(text)
+            total = step.total or None  # without it the bar only says that work goes on
+            shown.update(task, description=text, completed=step.done, total=total, refresh=True)
+
+        yield say

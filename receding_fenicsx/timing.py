@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import logging
 import time
+from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 
 log = logging.getLogger(__name__)
 
 Say = Callable[[str], None]
-"""Called with the name of each stage, and with the progress; on rank 0."""
+"""Called on rank 0 with the name of each stage, and with each :class:`Step` within it."""
 
 STAGES = ("mesh", "assemble", "condense", "evolve", "pictures")
 
@@ -37,28 +38,40 @@ class Timer:
             log.info("%s: %.3f s", stage, self.seconds[stage])
 
 
-Tell = Callable[[str, int], None]
-"""Called with the name of each picture before it is drawn, and the number of those before it."""
+class Step(str):
+    """Text of the progress within a stage; a terminal draws ``done`` of ``total`` as a bar."""
+
+    done, total = 0, 0
 
 
 class Countdown:
-    """Progress of a known number of pictures: those done, and the time left."""
+    """Progress of a known number of steps: those done, and the time left at the recent pace."""
 
-    def __init__(self, say: Say | None, what: str, total: int) -> None:
-        """Start to count; ``say`` is called with the progress."""
-        self.say, self.what, self.total = say, what, total
-        self.begin = time.monotonic()
+    def __init__(self, say: Say | None, what: str, about: str = "about") -> None:
+        """Start to count.
 
-    def __call__(self, name: str, done: int) -> None:
-        """Tell the next picture and the number of those before it."""
-        log.info("%s: %d of %d, %s", self.what, done + 1, self.total, name)
+        Args:
+            say: called with a :class:`Step`.
+            what: what is counted, the beginning of the text.
+            about: what to say before the time left.
+        """
+        self.say, self.what, self.about = say, what, about
+        self.ends = deque([time.monotonic()], maxlen=21)
+
+    def __call__(self, done: int, total: int, text: str) -> None:
+        """Log and tell the number of steps done, and a text about the last or the next one."""
+        if done > 0:
+            self.ends.append(time.monotonic())
+        told = f"{self.what} {done} of {total}, {text}"
+        log.info(told)
         if self.say is None:
             return
-        text = f"{self.what}: {done + 1} of {self.total}, {name}"
-        if done:
-            spent = time.monotonic() - self.begin
-            text += f", about {duration(spent / done * (self.total - done))} left"
-        self.say(text)
+        if len(self.ends) > 1:
+            a_step = (self.ends[-1] - self.ends[0]) / (len(self.ends) - 1)
+            told += f", {self.about} {duration(a_step * (total - done))} left"
+        step = Step(told)
+        step.done, step.total = done, total
+        self.say(step)
 
 
 def duration(seconds: float) -> str:

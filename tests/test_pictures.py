@@ -7,6 +7,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -45,7 +46,7 @@ def test_pictures_of_a_run_are_the_same_on_one_core_and_on_two(
         assert drawn == 6
         # drawn here they are counted
         assert {"figures"} < {line for line in heard if line.startswith("figures")}
-        last = f"pictures of the body: {drawn} of {drawn}, "
+        last = f"pictures of the body: {drawn - 1} of {drawn}, "
         assert sum(line.startswith(last) for line in heard) == 2
 
     on_root(COMM, compare)
@@ -97,15 +98,16 @@ def test_run_without_pictures_loads_no_drawing_library(tmp_path: Path) -> None:
 
 def test_countdown_tells_the_time_left(monkeypatch: pytest.MonkeyPatch) -> None:
     clock = iter([0.0, 2.0, 6.0])
-    heard: list[str] = []
+    heard: list[Any] = []
     with monkeypatch.context() as patched:
         patched.setattr(time, "monotonic", lambda: next(clock))
-        tell = Countdown(heard.append, "frames", 4)
+        tell = Countdown(heard.append, "frames:")
         for done, name in enumerate(("a", "b", "c")):
-            tell(name, done)
+            tell(done, 4, name)
     # 2 s for the first frame, 6 s for two of them
     assert heard == [
-        "frames: 1 of 4, a",
-        "frames: 2 of 4, b, about 6 s left",
-        "frames: 3 of 4, c, about 6 s left",
+        "frames: 0 of 4, a",
+        "frames: 1 of 4, b, about 6 s left",
+        "frames: 2 of 4, c, about 6 s left",
     ]
+    assert [(step.done, step.total) for step in heard] == [(0, 4), (1, 4), (2, 4)]

@@ -13,9 +13,9 @@ import pytest
 import receding_fenicsx as rf
 from receding_fenicsx import mpi, study
 from receding_fenicsx.bulk.from_scene import is_small
-from receding_fenicsx.long_run import duration
 from receding_fenicsx.pictures import default_instants, drawing_modules
 from receding_fenicsx.store.run_folder import is_finished
+from receding_fenicsx.timing import duration
 
 DEMOS = Path(__file__).parents[1] / "demos"
 SMALL = [

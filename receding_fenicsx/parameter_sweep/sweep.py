@@ -10,7 +10,6 @@ import hashlib
 import inspect
 import pickle
 import signal
-import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Executor
 from contextlib import ExitStack, closing, contextmanager, suppress
@@ -28,7 +27,7 @@ from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
 from receding_fenicsx.parameter_sweep.worker import Measure, Outcome, Task
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.store.workspace import interruption
-from receding_fenicsx.timing import duration
+from receding_fenicsx.timing import Countdown
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -214,7 +213,7 @@ def _play(
     progress: Callable[[str], None] | None,
 ) -> None:
     """Keep each of the cases that are played, ``total`` of all ``cases``, as it finishes."""
-    done, begin, failed = len(cases) - total, time.monotonic(), 0
+    done, failed, tell = len(cases) - total, 0, Countdown(progress, "sweep: case")
     try:
         with closing(played):
             for count, (number, outcome) in enumerate(played, 1):
@@ -222,10 +221,7 @@ def _play(
                 if folder is not None:
                     folder.add(cases[number], outcome)
                 failed += bool(outcome.error)
-                if progress is not None:
-                    left = duration((time.monotonic() - begin) / count * (total - count))
-                    bad = f", {failed} failed" if failed else ""
-                    progress(f"sweep: case {done + count} of {len(cases)}{bad}, {left} left")
+                tell(done + count, len(cases), f"{failed} failed")
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None:
             raise

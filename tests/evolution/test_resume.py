@@ -166,11 +166,11 @@ def test_resuming_from_the_command_line(
 
 KILLED = """
 import os, signal, sys
-from receding_fenicsx import cli, long_run
+from receding_fenicsx import cli, timing
 from receding_fenicsx.evolution import journal
 
 journal.WRITING_SHARE = float("inf")  # however slow the disk, every checkpoint is written
-write, told, blocks = journal.JournalFile._append, long_run._Pace.__call__, []
+write, told, blocks = journal.JournalFile._append, timing.Countdown.__call__, []
 
 def die():
     os.kill(os.getpid(), signal.SIGKILL)
@@ -187,7 +187,7 @@ def tell(self, cycle, cycles, message):
     if sys.argv[1] == "cycle" and cycle == int(sys.argv[2]):
         die()
 
-journal.JournalFile._append, long_run._Pace.__call__ = append, tell
+journal.JournalFile._append, timing.Countdown.__call__ = append, tell
 sys.exit(cli.main(sys.argv[3:]))
 """
 """A run that is killed in the middle of writing a block of its journal, or after a cycle."""

@@ -62,7 +62,7 @@ def test_film_shows_all_frames_with_the_states_and_the_loads(
     assert made is not None
     for what in ("fields", "frames"):
         told = [text.split(",")[0] for text in heard if text.startswith(what)]
-        assert told == [f"{what}: {n + 1} of {FRAMES}" for n in range(FRAMES)]
+        assert told == [f"{what}: {n} of {FRAMES}" for n in range(FRAMES)]
     # the page stays as it is, with room for the tractions of all frames
     assert len(drawn) == FRAMES and len({layout for _, layout, _ in drawn}) == 1
     assert len({clock.tractions for *_, clock in drawn}) == 1

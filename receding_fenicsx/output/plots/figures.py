@@ -42,7 +42,7 @@ from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.output.plots.traction_plots import tractions
 from receding_fenicsx.output.plots.zones.cycle_maps import cycle_maps
 from receding_fenicsx.output.plots.zones.zone_plots import MAX_PANELS, zone_maps
-from receding_fenicsx.timing import Tell
+from receding_fenicsx.timing import Say
 
 __all__ = [
     "FIGURES",
@@ -117,7 +117,7 @@ def plot_all(
     record: Record,
     folder: str | Path,
     formats: str | Iterable[str] = FORMATS,
-    tell: Tell | None = None,
+    say: Say | None = None,
     everything: bool = True,
 ) -> list[Path]:
     """Draw and save the figures that a record has data for.
@@ -128,7 +128,7 @@ def plot_all(
         record: the record.
         folder: folder of the files, created if necessary; existing files are replaced.
         formats: file formats, as endings.
-        tell: called with the name of each figure before it is drawn.
+        say: called with the name of each figure before it is drawn.
         everything: draw all figures, not only those that answer a scene's question.
 
     Returns:
@@ -153,8 +153,8 @@ def plot_all(
             if set(files) <= set(made):
                 continue
             make_folder(place)
-            if tell is not None:
-                tell(name, len(made) // len(formats))
+            if say is not None:
+                say(f"figures: {name}")
             drawn = draw()
             for path in files:
                 save(drawn, path)

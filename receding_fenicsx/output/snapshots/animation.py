@@ -98,9 +98,10 @@ def animate(
     on_root(bulk.comm, find_renderer)
     film: Scenario = bulk.comm.bcast(scenario)
     fields: list[Fields] = []
-    tell = Countdown(say, "fields", len(film.instants))
+    tell = Countdown(say, "fields:")
     for now in film.instants:
-        tell(f"cycle {now.cycle}, leg {now.leg}, s = {now.s:.3f}", len(fields))
+        of = len(film.instants)
+        tell(len(fields), of, f"cycle {now.cycle}, leg {now.leg}, s = {now.s:.3f}")
         found = fields_at(bulk, now.load, np.concatenate([now.v, now.state.w]))
         if found is not None:
             # keep one stress only: all stresses of all frames would take much memory
@@ -149,11 +150,11 @@ def draw_frames(
         for now, part in zip(film.time, load, strict=True)
     ]
     frames: list[Frame] = []
-    tell = Countdown(say, "frames", len(views))
+    tell = Countdown(say, "frames:")
     with mpl.rc_context(style.RC):
         layout = layout_of(*views, dpi=FILM_DPI)
         for page in draw_sheets(sheets_of(views, quantity, layout, clocks)):
-            tell(f"time {clocks[len(frames)].now:.2f} of 1", len(frames))
+            tell(len(frames), len(views), f"time {clocks[len(frames)].now:.2f} of 1")
             canvas = FigureCanvasAgg(page)
             canvas.draw()
             frames.append(np.array(canvas.buffer_rgba())[:, :, :3])

@@ -84,10 +84,10 @@ def snapshots(
             for quantity in quantities:
                 sheets += sheets_of([given(view)], quantity, layout)
                 paths.append(folder / f"{_name(now)}_{quantity.name}.png")
-        tell = Countdown(say, "pictures of the body", len(paths))
+        tell = Countdown(say, "pictures of the body:")
         with mpl.rc_context(style.RC):
             for path, page in zip(paths, draw_sheets(sheets), strict=True):
-                tell(path.stem, len(made))
+                tell(len(made), len(paths), path.stem)
                 style.save(page, path)
                 made.append(path)
         return [*made, *[beside / f"{_name(now)}.xdmf" for now in instants]]
