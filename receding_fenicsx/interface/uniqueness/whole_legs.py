@@ -68,53 +68,6 @@ class Extent(NamedTuple):
         ) and all(pattern.turns(nodes & pattern.rubbing) for nodes in self.together)
 
 
-class Known(NamedTuple):
-    """A pattern of legs.
-
-    Attributes:
-        extent: what the nodes do on these legs, or on more.
-        pattern: their pattern.
-        keeps: (N, 5, 5) changes of state, by node, old and new, known to keep a leg within it.
-    """
-
-    extent: Extent
-    pattern: Pattern
-    keeps: NDArray[np.bool_]
-
-    def holds(
-        self, judge: Certificate, state: States, changes: Changes, together: frozenset[int]
-    ) -> bool:
-        """Return whether the pattern holds a leg, as far as single changes tell.
-
-        Args:
-            judge: certificate of the contact.
-            state: (N,) states after the start of the leg.
-            changes: its changes of state after the start, and its ties.
-            together: as of its extent.
-        """
-        forward, backward, open_, _ = Sides.of(state).of_nodes(judge.rubbing)
-        if not Extent(forward, backward, open_, open_, 0, together).within(self.pattern):
-            return False
-        made = changes.select(~self.keeps[changes.node, changes.old, changes.new])
-        if not all(self._keeps(change, judge.rubbing) for _, *change in made):
-            return False
-        self.keeps[made.node, made.old, made.new] = True
-        return True
-
-    def _keeps(self, change: list[int], rubbing: int) -> bool:
-        """Return whether the pattern holds the states before, after and at a change."""
-        (i, old, new), pattern = change, self.pattern
-        node = 1 << i
-        slips = node & rubbing
-        turns = SEPARATION in (old, new) or STICK not in (old, new)
-        return not (
-            (FORWARD in (old, new) and slips & ~pattern.forward)
-            or (BACKWARD in (old, new) and slips & ~pattern.backward)
-            or (turns and (node & ~pattern.may_open or slips & ~pattern.either))
-            or (turns and node & pattern.opened)
-        )
-
-
 def turning(changes: Changes) -> NDArray[np.bool_]:
     """Return at which changes a node opens, closes or turns round its slip."""
     old, new = changes.old, changes.new
@@ -167,7 +120,7 @@ def extent(
 
 
 class WholeLegs:
-    """Certifies whole legs; remembers the pattern of the last in each direction of the loads."""
+    """Certifies whole legs."""
 
     def __init__(self, judge: Certificate, margin: float, patterns: list[Pattern]) -> None:
         """Begin with nothing known.
@@ -178,8 +131,8 @@ class WholeLegs:
             patterns: those of this margin, to which those of legs are added.
         """
         self._judge, self._margin, self._patterns = judge, margin, patterns
-        self._known: dict[bytes, Known | None] = {}
         self._latest: Extent | None = None
+        self._indefinite: set[bytes] = set()
 
     def hold(self, way: bytes, state: States, events: Changes, later: NDArray[np.bool_]) -> bool:
         """Return whether all sets of states of a leg, but for its start, are definite.
@@ -190,31 +143,24 @@ class WholeLegs:
             events: its changes of state after that, and its ties, in order.
             later: whether each of them is later than the one before.
         """
-        known, judge = self._known.get(way), self._judge
-        if way in self._known and known is None:
+        judge, latest = self._judge, self._latest
+        if way in self._indefinite:
             return False
-        together = turning_together(events, later)
-        if known and known.holds(judge, state, events, together):
-            return True
-        leg = extent(judge, state, events, together)
+        leg = extent(judge, state, events, turning_together(events, later))
         if leg is None:
             return False
-        none = np.zeros((len(state), 5, 5), dtype=bool)
         # a pattern holds for all directions of the loads; it is likely to hold the next leg too
-        for k, old in enumerate(self._patterns[:MOST_SEARCHED]):
-            if leg.within(old):
+        for k, pattern in enumerate(self._patterns[:MOST_SEARCHED]):
+            if leg.within(pattern):
                 self._patterns.insert(0, self._patterns.pop(k))
-                self._known[way] = known or Known(leg, old, none)
                 return True
-        before = known.extent if known else self._latest
-        for nodes in (before.united(leg), leg) if before else (leg,):
-            if nodes.forward & nodes.backward:
-                continue
-            pattern = certify(judge, nodes.sets(), self._margin)
-            if pattern is not None and leg.within(pattern):
-                self._patterns.insert(0, pattern)
-                self._known[way] = Known(nodes, pattern, none)
+        for nodes in (latest.united(leg), leg) if latest else (leg,):
+            made = None
+            if not nodes.forward & nodes.backward:
+                made = certify(judge, nodes.sets(), self._margin)
+            if made is not None and leg.within(made):
+                self._patterns.insert(0, made)
                 self._latest = nodes
                 return True
-        self._known[way] = None
+        self._indefinite.add(way)
         return False
