@@ -30,6 +30,9 @@ NAMED_NODES = 8
 LARGE_MARGIN = 1.5
 """Margin beyond which sets of states are measured at the ends of legs only."""
 
+LEGS_KEPT = 4096
+"""Legs that are kept, to be known where they come again."""
+
 COUNTED = 8
 """Instants without certificate whose solutions are counted between two checkpoints."""
 
@@ -109,8 +112,7 @@ class UniquenessWatch:
         self._measured: set[Sides] = set()
         self._solved: set[bytes] = set()
         self._jumps: list[float] = []
-        self._last: dict[bytes, tuple[bytes, ...]] = {}
-        self._begun: dict[bytes, tuple[bytes, ...]] = {}
+        self._judged: set[tuple[bytes, ...]] = set()
         self._doubtful: list[tuple[bytes, Instant]] = []
         self._left = COUNTED
 
@@ -120,8 +122,7 @@ class UniquenessWatch:
             self._instants.forget(way, [instant])
         self._doubtful, self._left = [], COUNTED
         self._solved.clear()
-        self._last.clear()
-        self._begun.clear()
+        self._judged.clear()
 
     def add(
         self,
@@ -207,6 +208,7 @@ class UniquenessWatch:
     ) -> None:
         """Judge the rates along a leg, or a part of it, given as for ``InstantsOfLegs.new``."""
         way, (start, events, ties) = direction.tobytes(), path
+        parts: tuple[bytes, ...] = ()
         if self._jumps or self.in_steps:
             # what an event has decided is no tie
             seen = {(s, i, state) for s, i, *states in events for state in states}
@@ -215,10 +217,10 @@ class UniquenessWatch:
             every, is_tie = in_order(events, ties)
             later = np.diff(every.s, prepend=0.0) > SIMULTANEOUS
             arrays = start, later, is_tie, every.node, every.old, every.new
-            leg = tuple(part.tobytes() for part in arrays)
-            if self._last.get(way) == leg:
+            parts = tuple(part.tobytes() for part in arrays)
+            # definite sets of states are so whatever the loads
+            if (b"", *parts) in self._judged or (way, *parts) in self._judged:
                 return
-            self._last[way] = leg
             # those at the start, and the others
             first = int(later.argmax()) if later.any() else len(later)
             begun, others = every.select(slice(first)), every.select(slice(first, None))
@@ -227,14 +229,7 @@ class UniquenessWatch:
             state[made.node] = made.new
             if self._whole_legs.hold(way, state, others, later[first:]):
                 events, ties = made, begun.select(at_start)
-                parts = start, made.node, made.new, ties.node, ties.new
-                beginning = tuple(part.tobytes() for part in parts)
-                if self._begun.get(way) == beginning:
-                    return
-                self._begun[way] = beginning
         instants = self._instants.new(way, start, events, ties, self._is_finite)
-        if not instants:
-            return
         rubbing = self.certificate.rubbing
         sets = {id(instant): instant.sides.of_nodes(rubbing) for instant in instants}
         self.judge(
@@ -244,6 +239,10 @@ class UniquenessWatch:
             if sets[id(instant)] in self.indefinite:
                 self._doubtful.append((way, instant))
                 self._doubt((*place, instant.s), direction, instant)
+        if parts:
+            if len(self._judged) == LEGS_KEPT:
+                self._judged.clear()
+            self._judged.add((way if self.indefinite else b"", *parts))
 
     def _is_new(self, one: Sides) -> bool:
         """Return whether nothing is known of a set of states."""
