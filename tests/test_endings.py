@@ -26,7 +26,7 @@ from small import cyclic
 import receding_fenicsx as rf
 from receding_fenicsx import study
 from receding_fenicsx.cli import main
-from receding_fenicsx.output.plots.load_names import load_symbol, peak, shown_name
+from receding_fenicsx.output.plots.labels import load_symbol, peak, shown_name
 
 comm = MPI.COMM_WORLD
 Run = Callable[..., "subprocess.CompletedProcess[str]"]

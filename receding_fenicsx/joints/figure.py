@@ -9,7 +9,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.load_names import load_text
+from receding_fenicsx.output.plots.labels import load_text
 
 
 def joint_figure(curve: JointCurve) -> Figure:

@@ -10,7 +10,7 @@ from receding_fenicsx.evolution.limit.starts import SteadyStates
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.shakedown.opening import Opening
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.load_names import load_text
+from receding_fenicsx.output.plots.labels import load_text
 from receding_fenicsx.shakedown_study.diagram import Diagram
 
 SAFE, DEPENDS = "#bdbdbd", "#e6e6e6"

@@ -21,7 +21,7 @@ from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import MIRRORED
 from receding_fenicsx.interface.system import ContactState
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots.units import scales_of
+from receding_fenicsx.output.plots.labels import scales_of
 from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.turning_points import zones_header
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact

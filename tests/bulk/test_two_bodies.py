@@ -25,7 +25,7 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.plots.units import pressure_of
+from receding_fenicsx.output.plots.labels import pressure_of
 from receding_fenicsx.scene.model import (
     Body,
     Contact,

@@ -24,7 +24,7 @@ from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.measures.limit_nodes import LimitNodes
-from receding_fenicsx.output.plots.descriptions import describe_factors
+from receding_fenicsx.output.plots.labels import describe_factors
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report import checks
 from receding_fenicsx.output.report.html import report_html

@@ -21,10 +21,8 @@ from small import cyclic, small_system, table
 import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import limit_nodes
 from receding_fenicsx.output.plots import series
-from receding_fenicsx.output.plots.descriptions import describe_factors
-from receding_fenicsx.output.plots.load_names import load_symbol
+from receding_fenicsx.output.plots.labels import describe_factors, load_symbol, scales_of
 from receding_fenicsx.output.plots.series import first_unloading, slip_lines
-from receding_fenicsx.output.plots.units import scales_of
 from receding_fenicsx.output.plots.zones.timelines import Timeline, timeline, without_flicker
 from receding_fenicsx.output.plots.zones.zone_labels import MAX_NUMBERS
 from receding_fenicsx.output.plots.zones.zone_map import FLICKER, fill_strip, stacked_map, zone_map
@@ -192,7 +190,7 @@ def test_tractions_are_divided_by_no_pressure_that_no_scene_tells() -> None:
     scales = scales_of(rf.evolve(replace(system, r_star=3.0 * system.r_star), cyclic(1)))
     assert scales.peak_traction() == (1.0, "")
     assert scales.traction_labels()[:2] == ("$p$", "$q$")
-    assert not scales.normalised()
+    assert scales.elastic(1, 1) == scales.elastic(2, 1) == (1.0, "")
 
 
 def test_slip_lines_find_the_power_that_the_slip_follows() -> None:

@@ -16,7 +16,7 @@ from matplotlib.lines import Line2D
 import receding_fenicsx as rf
 from receding_fenicsx.measures.limit_nodes import LimitNodes
 from receding_fenicsx.output.plots.figures import draw_all
-from receding_fenicsx.output.plots.load_kinds import kind_of
+from receding_fenicsx.output.plots.labels import kind_of
 from receding_fenicsx.output.plots.zones.zone_axes import add_legends
 from receding_fenicsx.output.plots.zones.zone_map import stacked_map
 from receding_fenicsx.output.report.forces import FORCES

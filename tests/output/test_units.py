@@ -20,8 +20,7 @@ from matplotlib.text import Text
 
 import receding_fenicsx as rf
 from receding_fenicsx import study
-from receding_fenicsx.output.plots.load_kinds import kind_of
-from receding_fenicsx.output.plots.units import length_of, scales_of, three_digits
+from receding_fenicsx.output.plots.labels import kind_of, length_of, scales_of, three_digits
 
 pytestmark = pytest.mark.one_rank
 

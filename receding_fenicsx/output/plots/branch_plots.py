@@ -15,7 +15,7 @@ from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.load_names import is_word, load_symbol, load_text
+from receding_fenicsx.output.plots.labels import is_word, load_symbol, load_text
 
 DRAWN_BRANCHES = 12
 """Branches that one figure shows; the first ones."""

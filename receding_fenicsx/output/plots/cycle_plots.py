@@ -12,8 +12,8 @@ from matplotlib.ticker import MaxNLocator, ScalarFormatter
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.labels import Scales, scales_of
 from receding_fenicsx.output.plots.series import fitted_cycles, slip_lines
-from receding_fenicsx.output.plots.units import Scales, scales_of
 
 METHODS = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
 MAX_LINEAR_CYCLES = 40
@@ -27,7 +27,7 @@ def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
         InputError: the record has too few cycles, or no node slips in all of them.
     """
     scales = scales or scales_of(record)
-    unit, behind = scales.slip()
+    unit, behind = scales.elastic(1, 1)
     lines = slip_lines(record, scales.length, unit)
     if not lines:
         raise InputError("slip per cycle: no node slips in enough cycles; run more cycles")
@@ -105,7 +105,7 @@ def dissipation_per_cycle(
 def dissipation_density(record: Record, scales: Scales | None = None) -> Figure:
     """Draw the dissipation per contact area in the first and the last cycle."""
     scales = scales or scales_of(record)
-    unit, behind = scales.dissipation_density()
+    unit, behind = scales.elastic(2, 1)
     density = record.cycles.dissipation_density / unit
     used = record.weight > 0.0
     x = record.x[used] / scales.length

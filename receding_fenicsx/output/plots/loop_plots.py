@@ -17,9 +17,8 @@ from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import Friction
 from receding_fenicsx.output.plots import selection, style
-from receding_fenicsx.output.plots.load_names import is_word, load_symbol
+from receding_fenicsx.output.plots.labels import Scales, is_word, load_symbol, scales_of
 from receding_fenicsx.output.plots.loops import Loop, loop_of, representative_nodes, shown_cycles
-from receding_fenicsx.output.plots.units import Scales, scales_of
 
 FIRST_LOADING = {"color": style.GUIDE_COLOUR, "lw": 1.4}
 LAST_WIDTH, WIDER, WIDEST = 0.8, 1.4, 4.2
@@ -147,7 +146,7 @@ def trajectories(
                 style.ticks(axes.xaxis, 3)
                 style.ticks(axes.yaxis, 5)
                 axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
-        traction, slip = scales.peak_traction()[1], scales.slip()[1]
+        traction, slip = scales.peak_traction()[1], scales.elastic(1, 1)[1]
         panels[0, 0].set_ylabel(scales.with_unit(f"$p{traction}$", traction, stress=1))
         panels[1, 0].set_ylabel(scales.with_unit(f"$w{slip}$", slip, length=1))
         handles: list[Any] = _cycle_handles(paths)
@@ -174,7 +173,7 @@ def _draw_displacement_path(
     axes: Axes, record: Record, paths: Sequence[Loop], node: int, scales: Scales
 ) -> None:
     """Draw w against v of a node, with the plane w = -g0 if the node separates from it."""
-    unit, divided = scales.slip()
+    unit, divided = scales.elastic(1, 1)
     for path in paths:
         _draw_path(axes, path.v[:, node] / unit, path.w[:, node] / unit, path, paths)
     if np.any(paths[-1].w[:, node] > -record.g0[node]):
@@ -191,7 +190,7 @@ def _normal_range(
     paths: Sequence[Loop], nodes: Sequence[int], scales: Scales
 ) -> tuple[float, float]:
     """Return the common range of w of several nodes."""
-    unit, _ = scales.slip()
+    unit, _ = scales.elastic(1, 1)
     low, high = (f([f(path.w[:, nodes]) for path in paths]) / unit for f in (np.min, np.max))
     room = 0.1 * (high - low) or 1.0
     return low - room, high + room

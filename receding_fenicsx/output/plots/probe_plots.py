@@ -13,8 +13,8 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.evolution.probe_history import ProbeHistory
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.output.plots import style
+from receding_fenicsx.output.plots.labels import Scales, scales_of
 from receding_fenicsx.output.plots.series import CURVED_LEGS, phases
-from receding_fenicsx.output.plots.units import Scales, scales_of
 
 PLANE = (r"\sigma_{xx}", r"\sigma_{yy}", r"\sigma_{zz}", r"\sigma_{xy}", r"\sigma_\mathrm{v}")
 """Symbols of the stresses; the last is von Mises' equivalent stress."""

@@ -19,8 +19,7 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.descriptions import describe_load
-from receding_fenicsx.output.plots.units import Scales, scales_of
+from receding_fenicsx.output.plots.labels import Scales, load_pieces, scales_of
 
 MAX_LABEL_LENGTH = 28
 """Length of the friction cone's label below which three labels fit in a row."""
@@ -57,7 +56,7 @@ def tractions(
     panels = len(moments)
     with mpl.rc_context(style.RC):
         texts = [
-            style.panel_title(n, panels, describe_load(record, moment, scales, TITLE_WIDTH))
+            style.panel_title(n, panels, _title(record, moment, scales))
             for n, moment in enumerate(moments)
         ]
         lines = sum(text.count("\n") for text in texts)
@@ -94,6 +93,14 @@ def tractions(
         patches = style.state_patches(states, record.friction.present)
         figure.legend(handles=patches, loc="outside lower center", ncols=2, columnspacing=1.4)
     return figure
+
+
+def _title(record: Record, moment: Moment, scales: Scales) -> str:
+    """Return the leg of an instant and its load, or below it several loads."""
+    leg, loads = load_pieces(record, moment, scales)
+    if len(loads) > 1:
+        return f"{leg}\n{style.wrapped(loads, TITLE_WIDTH)}"
+    return style.wrapped([leg, *loads], TITLE_WIDTH)
 
 
 def _draw_band(axes: Axes, record: Record, state: NDArray[np.int8], scales: Scales) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.output.plots.load_kinds import kind_of
+from receding_fenicsx.output.plots.labels import kind_of
 from receding_fenicsx.output.report.section import Section, Summary
 
 KINDS = (("bolt", "bolts"), ("displacement", "forces"))

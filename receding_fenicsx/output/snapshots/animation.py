@@ -24,8 +24,7 @@ from receding_fenicsx.errors import RecedingError
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.load_names import load_symbol, peak
-from receding_fenicsx.output.plots.units import pressure_of
+from receding_fenicsx.output.plots.labels import load_symbol, peak, pressure_of
 from receding_fenicsx.output.snapshots.colours import Quantity
 from receding_fenicsx.output.snapshots.draw import draw_sheets, sheets_of
 from receding_fenicsx.output.snapshots.layout import layout_of

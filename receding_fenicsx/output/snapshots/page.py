@@ -17,7 +17,7 @@ from matplotlib.tri import Triangulation
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.measures.zones import zones
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.units import position_label
+from receding_fenicsx.output.plots.labels import position_label
 from receding_fenicsx.output.snapshots.body_marks import draw_loads, draw_outlines, draw_states
 from receding_fenicsx.output.snapshots.colours import Colours
 from receding_fenicsx.output.snapshots.layout import RIGHT, Layout

@@ -12,8 +12,14 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction
-from receding_fenicsx.output.plots.descriptions import describe_factors, name_leg
-from receding_fenicsx.output.plots.units import NO_UNITS, length_of, pressure_of, shown_unit
+from receding_fenicsx.output.plots.labels import (
+    NO_UNITS,
+    describe_factors,
+    length_of,
+    name_leg,
+    pressure_of,
+    shown_unit,
+)
 from receding_fenicsx.output.snapshots.load_arrows import Arrows, largest_factors, load_arrows
 from receding_fenicsx.output.snapshots.vertices import edge_values, merge_axis, outline
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact

@@ -14,9 +14,8 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.measures.limit_nodes import LimitNodes, limit_nodes_of_cycles
 from receding_fenicsx.output.plots import selection, style
-from receding_fenicsx.output.plots.load_names import load_text
+from receding_fenicsx.output.plots.labels import Scales, load_text, scales_of
 from receding_fenicsx.output.plots.series import leg_ends, legs_of, phases
-from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zones.zone_axes import add_legends, draw_limit, draw_map
 from receding_fenicsx.output.plots.zones.zone_map import FLICKER, stacked_map
 

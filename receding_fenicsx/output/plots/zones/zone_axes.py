@@ -15,7 +15,7 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.measures.limit_nodes import NEGLIGIBLE_SLIP, LimitNodes
 from receding_fenicsx.output.plots import style
-from receding_fenicsx.output.plots.units import Scales
+from receding_fenicsx.output.plots.labels import Scales
 from receding_fenicsx.output.plots.zones.zone_labels import Label, place_labels
 from receding_fenicsx.output.plots.zones.zone_map import ZoneMap
 

@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.measures.limit_nodes import LimitNodes, limit_nodes_of_cycles
 from receding_fenicsx.output.plots import selection, style
-from receding_fenicsx.output.plots.descriptions import describe_leg
+from receding_fenicsx.output.plots.labels import Scales, leg_pieces, scales_of
 from receding_fenicsx.output.plots.series import leg_ends
-from receding_fenicsx.output.plots.units import Scales, scales_of
 from receding_fenicsx.output.plots.zones.cycle_maps import cycle_maps
 from receding_fenicsx.output.plots.zones.zone_axes import add_legends, draw_limit, draw_map
 from receding_fenicsx.output.plots.zones.zone_map import FLICKER, zone_map
@@ -95,10 +94,8 @@ def _titles(
     record: Record, legs: list[tuple[int, int]], scales: Scales, inches: float
 ) -> list[str]:
     """Return the panels' titles, broken into lines that fit their width."""
-    return [
-        style.panel_title(n, len(legs), describe_leg(record, *leg, scales, inches - 0.25))
-        for n, leg in enumerate(legs)
-    ]
+    texts = [style.wrapped(leg_pieces(record, *leg, scales), inches - 0.25) for leg in legs]
+    return [style.panel_title(n, len(legs), text) for n, text in enumerate(texts)]
 
 
 def _places(legs: list[tuple[int, int]], columns: int) -> list[tuple[int, int]]:

@@ -1,0 +1,430 @@
+"""Labels and units of figures and pictures: loads, scales, instants and legs.
+
+Numbers are in the scene's units, or else nondimensional. A load with factor lambda does the work
+dW = lambda dU, a prescribed displacement dW = U dlambda; the record holds U. Where the load is one
+number F (a force, a stress, a prescribed displacement), figures show F lambda and U / F, so that
+the area of a loop is still the work.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from math import hypot
+
+import numpy as np
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.evolution.moment import Moment
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.interface.law import MIRRORED
+from receding_fenicsx.output.plots.series import first_unloading, is_unloading, leg_ends, phases
+from receding_fenicsx.scene.model import FREE, Load, Scene
+from receding_fenicsx.scene.units import Units, in_unit
+
+NO_UNITS = Units()
+
+# -- names of loads: a symbol as mathematics, a word as text -------------------------------------
+
+IN_MATHEMATICS = {
+    **{letter: f"\\{letter}" for letter in "_%${} "},
+    **{"\\": r"\backslash ", "^": r"\wedge ", "~": r"\sim ", "#": r"\sharp ", '"': "''", "`": "'"},
+}
+"""Replacements of letters of a name that are commands in Matplotlib's mathematics."""
+
+
+def is_word(name: str) -> bool:
+    """Return whether a load's name is a word, not a symbol."""
+    return load_symbol(name).startswith(r"\mathrm")
+
+
+def shown_name(name: str) -> str:
+    """Return a load's name as text; the middle of a long name is left out."""
+    return _shortened(name).replace("$", r"\$")
+
+
+def _shortened(name: str) -> str:
+    return name if len(name) <= 10 else f"{name[:5]}…{name[-4:]}"
+
+
+def load_symbol(name: str) -> str:
+    """Write a load's name as mathematics: "p0" as a letter with an index, a word as a word."""
+    found = re.fullmatch(r"([A-Za-z])_?([A-Za-z0-9]*)", name)
+    if found and (len(found[2]) == 0 or found[2].isdigit()):
+        return found[1] + (f"_{{{found[2]}}}" if found[2] else "")
+    word = "".join(IN_MATHEMATICS.get(letter, letter) for letter in _shortened(name))
+    return rf"\mathrm{{{word}}}"
+
+
+def load_text(name: str) -> str:
+    """Return a load's name as a text: a symbol as mathematics, a word as it is."""
+    return shown_name(name) if is_word(name) else f"${load_symbol(name)}$"
+
+
+def peak(symbol: str) -> str:
+    """Return the symbol of the largest value of a load."""
+    return rf"{symbol}^{{\,\mathrm{{max}}}}"
+
+
+# -- kinds of loads and their work-conjugate quantities ------------------------------------------
+
+
+@dataclass(frozen=True)
+class LoadKind:
+    """What a load is.
+
+    Attributes:
+        size: the load at factor 1; 1 if it is no single number.
+        unit: powers of stress and length in its unit; (0, 0) for a load factor.
+        conjugate: name of the work-conjugate quantity U / size.
+        conjugate_unit: powers of stress and length in the unit of that.
+        symbol: symbol of the conjugate quantity.
+    """
+
+    size: float
+    unit: tuple[int, int]
+    conjugate: str
+    conjugate_unit: tuple[int, int]
+    symbol: str
+
+
+def kind_of(scene: Scene | None, name: str, axisymmetric: bool) -> LoadKind:
+    """Return the kind of a load; forces and work are those of the full circle if axisymmetric."""
+    # work is stress times area in the plane, for unit thickness, or stress times volume
+    work = (1, 3 if axisymmetric else 2)
+    parts = [load for load in scene.loads if load.name == name] if scene else []
+    if scene and name in [bolt.name for bolt in scene.bolts]:
+        return LoadKind(1.0, (0, 1), "force of the bolt", (1, work[1] - 1), "F")
+    found = {_size_and_kind(part) for part in parts}
+    size, kind = found.pop() if len(found) == 1 else (0.0, "factor")
+    if (len(parts) > 1 and kind in ("force", "displacement")) or size == 0.0:
+        size, kind = 1.0, "factor"
+    displaced = "displaced volume" if axisymmetric else "displaced area"
+    unit, conjugate, symbol = {
+        "force": ((1, work[1] - 1), "displacement along the force", r"\delta"),
+        "stress": ((1, 0), displaced, r"\delta"),
+        "tension": ((1, 0), "area conjugate to the tension", r"\delta"),
+        "displacement": ((0, 1), "force on the edge", "F"),
+        "factor": ((0, 0), "work over load factor", "U"),
+    }[kind]
+    return LoadKind(size, unit, conjugate, (work[0] - unit[0], work[1] - unit[1]), symbol)
+
+
+def _size_and_kind(load: Load) -> tuple[float, str]:
+    """Return the size of one part of a load and its kind; 0 if it is no single number."""
+    if load.on_body:
+        return 0.0, "factor"
+    if load.tension is not None:
+        return float(load.tension), "tension"
+    if load.force is not None:
+        return hypot(*load.force), "force"
+    if load.pressure is not None:
+        return (load.pressure if isinstance(load.pressure, float | int) else 0.0), "stress"
+    kind = "displacement" if load.traction is None else "stress"
+    values = [0.0 if v == FREE else v for v in load.traction or load.displacement or ()]
+    numbers = [float(v) for v in values if isinstance(v, float | int)]
+    return (hypot(*numbers) if len(numbers) == len(values) else 0.0), kind
+
+
+# -- scales --------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Conjugate:
+    """The work-conjugate quantity of a load in figures.
+
+    Attributes:
+        unit: what the load displacement U is divided by.
+        symbol, behind, bracket: its symbol, the suffix of that, and its unit in brackets.
+        name: what it is.
+        upright: whether it is a force, or the work over a prescribed displacement; its axis is then
+            the vertical one.
+    """
+
+    unit: float
+    symbol: str
+    behind: str
+    bracket: str
+    name: str
+    upright: bool
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Units of the figures of a record.
+
+    Attributes:
+        length, length_symbol: unit of length; height "h" of a rectangle, or 1 and "".
+        pressure: pressure of the only load at factor 1; 1 if there is none.
+        pressure_symbol: its symbol; "" if tractions are not divided by it.
+        load_max: (n_loads,) largest absolute factor of each load over the history, or 1.
+        young: Young's modulus; 0 if unknown.
+        symmetric: whether all states are mirror-symmetric about x = 0.
+        axisymmetric: whether forces and work are those of the full circle.
+        radial: whether positions are radii.
+        begins_on_axis: whether the contact edge begins on the axis r = 0.
+        units: units of the scene; with a unit of length (or stress) no length (or stress) is
+            nondimensional.
+        kinds: kind of each load.
+    """
+
+    length: float
+    length_symbol: str
+    pressure: float
+    pressure_symbol: str
+    load_max: Array
+    young: float
+    symmetric: bool
+    axisymmetric: bool = False
+    radial: bool = False
+    begins_on_axis: bool = False
+    units: Units = NO_UNITS
+    kinds: tuple[LoadKind, ...] = ()
+
+    @property
+    def x_label(self) -> str:
+        """Label of the axis along the contact edge."""
+        return position_label(self.length_symbol, self.radial, self.units)
+
+    def position(self, x: float, digits: str) -> str:
+        """Return "x/h = 0.5", or "x = 5 mm", of a position over the length scale."""
+        symbol = position_label(self.length_symbol, self.radial)
+        return f"{symbol[:-1]} = {x:z{digits}}$ {shown_unit(self.units.length)}".rstrip()
+
+    def with_unit(self, label: str, divided: str, stress: int = 0, length: int = 0) -> str:
+        """Return a label with the unit stress^a length^b, if it is divided by nothing."""
+        return label if divided else in_unit(label, shown_unit(self.units.product(stress, length)))
+
+    def ends(self, x: Array) -> tuple[float, float]:
+        """Range of positions x that figures show, over the length scale."""
+        first = 0.0 if self.begins_on_axis else float(x[0])
+        return first / self.length, float(x[-1]) / self.length
+
+    def traction_unit(self, moment: Moment) -> float:
+        """Return the unit of tractions at an instant: the pressure acting then, or 1."""
+        if not self.pressure_symbol:
+            return 1.0
+        return abs(next(iter(moment.load.values()))) * self.pressure or 1.0
+
+    def peak_traction(self) -> tuple[float, str]:
+        """Return the unit of tractions of several instants, and the suffix of their symbols."""
+        if not self.pressure_symbol:
+            return 1.0, ""
+        return self.pressure * float(self.load_max[0]), f"/{peak(self.pressure_symbol)}"
+
+    def traction_labels(self) -> tuple[str, str, str]:
+        """Return the labels of normal traction, tangential traction and friction limit."""
+        divided = f"/{self.pressure_symbol}" if self.pressure_symbol else ""
+        return f"$p{divided}$", f"$q{divided}$", rf"$\pm f p{divided}$"
+
+    def load_axis(self, k: int, name: str) -> tuple[float, str]:
+        """Return what a load factor is divided by on an axis, and the label of this axis.
+
+        It is the load in the scene's units, or the load over its largest value.
+        """
+        unit = self.load_unit(k)
+        if unit:
+            return 1.0 / self.kinds[k].size, in_unit(load_text(name), unit)
+        symbol = load_symbol(name)
+        label = f"{shown_name(name)} / largest" if is_word(name) else f"${symbol}/{peak(symbol)}$"
+        return float(self.load_max[k]), label
+
+    def load_unit(self, k: int) -> str:
+        """Return the unit of a load; "" if it is not known or the load is a factor."""
+        return self._unit_of(self.kinds[k].unit) if self.kinds else ""
+
+    def conjugate(self, k: int, prescribed: bool) -> Conjugate:
+        """Return the work-conjugate quantity of a load, which may be a prescribed displacement."""
+        if not self.kinds:
+            name = "work over load factor" if prescribed else "work-conjugate displacement"
+            return Conjugate(1.0, "U", "", "", name, prescribed)
+        kind = self.kinds[k]
+        unit, behind = kind.size, ""
+        if not prescribed and self._nondimensional():
+            # conjugate to the pressure, not to its factor: an area, or the volume of a circle
+            unit, behind = self.elastic(1, 3 if self.axisymmetric else 2)
+            unit *= self.pressure
+        # a tension of the far field is a prescribed strain; the tension does its work on -U
+        tension = prescribed and kind.unit == (1, 0)
+        bracket = "" if behind else in_unit("", self._unit_of(kind.conjugate_unit))
+        unit, upright = (-unit, False) if tension else (unit, prescribed)
+        return Conjugate(unit, kind.symbol, behind, bracket, kind.conjugate, upright)
+
+    def _unit_of(self, powers: tuple[int, int]) -> str:
+        if powers == (1, 2 if self.axisymmetric else 1):
+            return shown_unit(self.units.of_force(self.axisymmetric))
+        return shown_unit(self.units.product(*powers))
+
+    def elastic(self, pressures: int, lengths: int) -> tuple[float, str]:
+        """Return the unit p^a h^b / E with the largest pressure p, and the suffix of its symbols.
+
+        Displacements have a = b = 1, energies per contact area a = 2, b = 1. Without a length, a
+        pressure or Young's modulus the unit is 1.
+        """
+        if not self._nondimensional():
+            return 1.0, ""
+        p, top = self.pressure * float(self.load_max[0]), peak(self.pressure_symbol)
+        top = top if pressures == 1 else f"({top})^{pressures}"
+        height = self.length_symbol + (f"^{lengths}" if lengths > 1 else "")
+        return p**pressures * self.length**lengths / self.young, rf"\,E/({top}\,{height})"
+
+    def _nondimensional(self) -> bool:
+        return bool(self.length_symbol and self.pressure_symbol and self.young > 0.0)
+
+
+def scales_of(record: Record) -> Scales:
+    """Return the units of a record: those of the scene, else its height and pressure."""
+    scene = record.scene
+    length = length_of(scene)
+    pressure, symbol = pressure_of(scene, record.load_names)
+    largest = np.abs(record.turning_points.load).max(axis=0, initial=0.0)
+    x, tables = record.x, (record.turning_points.state, record.samples.state)
+    centred = len(x) > 0 and np.abs(x + x[::-1]).max() <= 1e-9 * np.ptp(x)
+    mirrored = (np.array_equal(MIRRORED[state][:, ::-1], state) for state in tables)
+    return Scales(
+        length=length or 1.0,
+        length_symbol="h" if length else "",
+        pressure=pressure,
+        pressure_symbol=symbol,
+        load_max=np.where(largest > 0.0, largest, 1.0),
+        young=scene.material_of(scene.body).young if scene is not None else 0.0,
+        symmetric=bool(centred) and all(mirrored),
+        axisymmetric=record.axisymmetric,
+        radial=record.radius is not None and np.allclose(record.x, record.radius),
+        begins_on_axis=record.begins_on_axis,
+        units=scene.units if scene is not None else NO_UNITS,
+        kinds=tuple(kind_of(scene, name, record.axisymmetric) for name in record.load_names),
+    )
+
+
+def position_label(length_symbol: str, radial: bool, units: Units = NO_UNITS) -> str:
+    """Return the label of positions along the contact edge."""
+    symbol = "r" if radial else "x"
+    if length_symbol:
+        return f"${symbol}/{length_symbol}$"
+    return in_unit(f"${symbol}$", shown_unit(units.length))
+
+
+def shown_unit(unit: str | None) -> str:
+    """Return a unit as text that Matplotlib does not take for mathematics."""
+    return (unit or "").replace("$", r"\$")
+
+
+def length_of(scene: Scene | None) -> float:
+    """Return the height of a rectangular body if it is the natural length; else 0.
+
+    It is not where the scene has a unit of length, where the contact edge is upright, or where two
+    rectangles have different heights.
+    """
+    if scene is None or scene.units.length or not scene.body.is_rectangle:
+        return 0.0
+    upright = any(contact.edge.endswith(("left", "right")) for contact in scene.contacts)
+    heights = {body.height for body in scene.bodies if body.is_rectangle}
+    return 0.0 if upright or len(heights) > 1 else scene.body.height
+
+
+def pressure_of(scene: Scene | None, load_names: tuple[str, ...]) -> tuple[float, str]:
+    """Return the pressure of the only load at factor 1 and its symbol.
+
+    Without such a pressure, and in a scene with a unit of stress, they are 1 and "".
+    """
+    if scene is None or not scene.loads or len(load_names) != 1 or scene.units.stress:
+        return 1.0, ""
+    value = scene.loads[0].pressure
+    # a load may have parts on two bodies
+    same = all(load.pressure == value for load in scene.loads)
+    if not same or not isinstance(value, float | int) or value <= 0.0:
+        return 1.0, ""
+    return float(value), load_symbol(load_names[0])
+
+
+# -- instants and legs: where on the load path they are, and their loads -------------------------
+
+
+def load_pieces(record: Record, moment: Moment, scales: Scales) -> tuple[str, list[str]]:
+    """Return the name of the leg of an instant, and a text for each load there."""
+    found = []
+    for k, (name, value) in enumerate(moment.load.items()):
+        unit, (one, _) = scales.load_unit(k), scales.load_axis(k, name)
+        own = f"{load_text(name)} ${three_digits(value / one)}$ {unit}"
+        part = np.array([value / scales.load_max[k]])
+        found.append(own if unit else describe_factors((name,), part))
+    return _place(record, moment.cycle, moment.leg, moment.s), found
+
+
+def leg_pieces(record: Record, cycle: int, leg: int, scales: Scales) -> list[str]:
+    """Return the name of a leg; with several loads also the range of each load that changes."""
+    text = _place(record, cycle, leg, 1.0)
+    if len(record.load_names) == 1:
+        return [text]
+    begin, end = leg_ends(record, cycle, leg)
+    moves = []
+    for k, name in enumerate(record.load_names):
+        unit = scales.load_unit(k)
+        one = scales.load_axis(k, name)[0] if unit else scales.load_max[k]
+        if begin[k] != end[k]:
+            first, last = (three_digits(factor[k] / one) for factor in (begin, end))
+            moves.append(f"{load_text(name)} ${first}$ to ${last}$ {unit}".rstrip())
+    return [f"{text}: {moves[0]}", *moves[1:]] if moves else [text]
+
+
+def describe_factors(names: tuple[str, ...], parts: Array) -> str:
+    """Describe load factors as parts of their largest values."""
+    symbols = [load_symbol(name) for name in names]
+    return ", ".join(
+        f"{shown_name(name)} at ${three_digits(part)}$ of its largest"
+        if is_word(name)
+        else f"${symbol} = {_number(float(part))}{peak(symbol) if part else ''}$"
+        for name, symbol, part in zip(names, symbols, parts, strict=True)
+    )
+
+
+def _place(record: Record, cycle: int, leg: int, s: float) -> str:
+    table = record.turning_points
+    legs = len(np.unique(table.leg[table.cycle == cycle]))
+    plain = legs <= 2 and len(record.load_names) == 1
+    falls = is_unloading(record, cycle, leg)
+    first = falls and (cycle, leg) == first_unloading(record)
+    angles = phases(record)
+    if angles is not None and cycle and not first:
+        return rf"cycle {cycle}, phase ${np.interp(leg + s, np.arange(legs + 1), angles):.0f}$°"
+    return name_leg(cycle, leg, falls, first, plain)
+
+
+def name_leg(cycle: int, leg: int, falls: bool, first: bool, plain: bool) -> str:
+    """Name a leg: "first loading", "unloading, cycle 9", "cycle 9, leg 3".
+
+    Args:
+        cycle: cycle, 0 for the first loading.
+        leg: leg within the cycle, from 0.
+        falls: whether the sum of the loads falls along the leg.
+        first: whether it is the first unloading.
+        plain: whether the cycle is unloading and reloading of one load.
+    """
+    if first:
+        return "first unloading"
+    if cycle == 0:
+        return f"first loading, leg {leg}" if leg else "first loading"
+    if not plain:
+        return f"cycle {cycle}, leg {leg}"
+    return f"{'unloading' if falls else 'reloading'}, cycle {cycle}"
+
+
+def three_digits(value: float) -> str:
+    """Write a number in mathematics, with three significant digits."""
+    text = f"{value:z.3g}"
+    mantissa, _, power = text.partition("e")
+    if not power:
+        return text
+    if 0 < int(power) <= 5:
+        return f"{float(text):.0f}"
+    return rf"{mantissa} \times 10^{{{int(power)}}}"
+
+
+def _number(value: float) -> str:
+    """Format a factor of a symbol: "" for 1, a fraction for thirds, else three digits."""
+    known = {-1.0: "-", 1.0: "", 1.0 / 3.0: r"\frac{1}{3}\,", 2.0 / 3.0: r"\frac{2}{3}\,"}
+    for part, text in known.items():
+        if abs(value - part) < 1e-9:
+            return text
+    return rf"{three_digits(value)}\," if value else "0"
