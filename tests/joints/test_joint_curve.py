@@ -114,6 +114,17 @@ def test_a_spring_that_is_moved_obeys_the_closed_form_of_a_slider() -> None:
 
 
 @pytest.mark.one_rank
+def test_a_preload_without_equilibrium_is_no_macroslip() -> None:
+    """A slider on rollers is pulled off before it is driven."""
+    system = small_system(
+        np.diag([2.5, 0.0]), {"P": [0.0, 1.0], "U": [-2.5, 0.0]}, 0.4, rigid=[[0.0, 1.0]]
+    )
+    with pytest.raises(rf.NoEquilibrium) as caught:
+        first_loading(system, "U", np.array([[0.0, 0.0], [-1.0, 0.0]]), [0.1])
+    assert "lift-off" in str(caught.value)
+
+
+@pytest.mark.one_rank
 @pytest.mark.parametrize("drive", ["F", "mode:1"])
 def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiffness(
     drive: str,
@@ -137,6 +148,11 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     ends = np.array([np.asarray(path.vertices)[:, 1] for path in bars.get_paths()]).T
     assert ends == pytest.approx(np.stack([0.9 * D, 1.1 * D]) / unit)
     assert right.lines[0].get_ydata() == pytest.approx(omega if drive == "mode:1" else k)
+    words = ("damping ratio", "frequency") if drive == "mode:1" else ("dissipation", "stiffness")
+    for axes, word in zip((left, right), words, strict=True):
+        assert word in axes.get_ylabel() and "amplitude of" in axes.get_xlabel()
+        (end,) = (line for line in axes.lines if line.get_label() == "macroslip")
+        assert list(end.get_xdata()) == [backbone.macroslip] * 2
     assert curve.masing_defect == pytest.approx([1 / 3, 1 / 9, 1 / 7])
     line = linregress(np.log(a), np.log(D))
     assert curve.exponent == pytest.approx((line.slope, line.stderr))

@@ -70,25 +70,12 @@ def drawn_in(figure: Figure) -> tuple[list[str], list[np.ndarray]]:
     return texts, shapes
 
 
-def some_of_each(record: rf.Record) -> list[Figure]:
-    """One figure of each kind."""
-    return [
-        rf.figures.tractions(record, record.at(1, "minimum")),
-        rf.figures.zone_maps(record, [(1, 0)]),
-        rf.figures.slip_per_cycle(record),
-        rf.figures.dissipation_per_cycle(record),
-        rf.figures.dissipation_density(record),
-        rf.figures.hysteresis(record, CYCLES),
-        rf.figures.trajectories(record, 3 * len(record.x) // 4, CYCLES),
-    ]
-
-
 @pytest.mark.parametrize("kinematics", KINEMATICS)
 def test_figures_without_units_are_the_same_in_all_units(kinematics: str) -> None:
-    ones, others = (some_of_each(record) for record in (run(kinematics), odd(kinematics)))
-    for figure, other in zip(ones, others, strict=True):
+    ones, others = (rf.figures.draw_all(record) for record in (run(kinematics), odd(kinematics)))
+    for (name, figure), (other_name, other) in zip(ones, others, strict=True):
         (texts, shapes), (other_texts, other_shapes) = drawn_in(figure), drawn_in(other)
-        assert texts == other_texts
+        assert (name, texts) == (other_name, other_texts)
         for a, b in zip(shapes, other_shapes, strict=True):
             assert a.shape == b.shape, texts
             assert b == pytest.approx(a, rel=1e-6, abs=1e-8), texts

@@ -50,6 +50,7 @@ mean = {press = 1.0}
 range = [{shear = 1.0}, {shear = -1.0}]
 """
 root = MPI.COMM_WORLD.rank == 0
+BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 
 
 def scene_file(folder: Path) -> str:
@@ -127,6 +128,18 @@ def test_command_writes_what_the_next_run_can_start_from(
     record = rf.run(rf.read_scene(file, changes))
     if record is not None:
         assert np.all(record.cycles.dissipation == 0.0)
+
+
+@pytest.mark.one_rank
+def test_the_safe_slip_of_half_a_body_is_written_for_both_halves(tmp_path: Path) -> None:
+    changes = ["mesh.contact_elements=8", 'shakedown.separated="stay"', "shakedown.mean={p0=1.0}"]
+    changes += ["shakedown.range=[{p0=0.5}, {p0=-0.5}]"]
+    options = [word for change in changes for word in ("--set", change)]
+    out = tmp_path / "study"
+    assert cli.main(["shakedown", str(BLOCK), *options, "--out", str(out)]) == 0
+    x, slip = np.loadtxt(out / "safe_slip.csv", delimiter=",", skiprows=1).T
+    assert x == pytest.approx(np.linspace(-2.0, 2.0, len(x))) and len(x) == 17
+    assert np.array_equal(slip, -slip[::-1]) and slip.any()
 
 
 @pytest.mark.parametrize(

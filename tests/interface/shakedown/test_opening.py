@@ -15,7 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.interface.shakedown import opening
 from receding_fenicsx.interface.shakedown.margins import load_range
 from receding_fenicsx.interface.shakedown.opening import largest_opening
-from receding_fenicsx.shakedown_study.cycles import limit_by_cycles, shakes_down
+from receding_fenicsx.shakedown_study.cycles import dissipated, limit_by_cycles, shakes_down
 
 
 def rocked(seed: int, n: int, corners: int = 2) -> Case:
@@ -123,6 +123,21 @@ def test_loop_of_three_corners_ends_where_the_closed_contact_does(seed: int) -> 
     assert found.value == pytest.approx(limits.upper, rel=1e-6)
     low, high = limit_by_cycles(*case, limits.upper, limits.safe_slip_modelled)
     assert low * (1.0 - 1e-9) <= found.value <= high
+
+
+@pytest.mark.parametrize("unit", [2.0**-60, 2.0**60])
+def test_what_shakes_down_does_not_depend_on_the_unit_of_force(unit: float) -> None:
+    system, mean, corners = rocked(13, 3, corners=3)
+    limits = rf.shakedown_limits(system, mean, corners)
+    K, r_star = unit * np.asarray(system.K), unit * system.r_star
+    scaled = replace(system, K=K, r_star=r_star)
+    for factor, ends in ((0.999, True), (1.001, False), (1.3, False)):
+        history = rf.range_history(scaled, mean, corners, factor * limits.upper)
+        start = limits.safe_slip_modelled
+        assert any(shakes_down(scaled, history, s) for s in (start, None)) == ends
+        record = rf.evolve(scaled, history, output=rf.OutputOptions(1, ()), until="limit")
+        plain = rf.evolve(system, history, output=rf.OutputOptions(1, ()), until="limit")
+        assert dissipated(scaled, record) == pytest.approx(dissipated(system, plain), rel=1e-9)
 
 
 def test_node_without_friction_opens_on_a_loop_too() -> None:
