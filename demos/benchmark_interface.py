@@ -32,7 +32,6 @@ from mpi4py import MPI
 
 import numpy as np
 
-from receding_fenicsx import study
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.interface.exact.path import EventPath
@@ -42,6 +41,7 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene.history import History, history_from_scene
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene
+from receding_fenicsx.studies import run as study
 
 SCENE = Path(__file__).with_name("block.toml")
 HIGH, LOW = np.array([1.0]), np.array([1.0 / 3.0])

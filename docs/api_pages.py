@@ -20,7 +20,7 @@ SECTIONS = {
 }
 ENTRY = re.compile(r"^([\w, *]+|\"[^\"]+\"(?:, \"[^\"]+\")*): ?(.*)")
 ROLE = re.compile(r":(func|class|meth|mod|data|attr|obj|exc):`")
-ORDER = ("", "scene", "bulk", "interface", "evolution", "output", "parameter_sweep", "reference")
+ORDER = ("", "scene", "bulk", "interface", "evolution", "output", "studies", "reference")
 """Folders of the package in the order of the pages."""
 
 

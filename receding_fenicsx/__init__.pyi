@@ -29,7 +29,7 @@ from .scene.validate import validate as validate, scene_warnings as scene_warnin
 from .scene.history import History as History, history_from_scene as history_from_scene
 
 # Contact system
-from .study import condense as condense
+from .studies.run import condense as condense
 from .interface.system import (
     ContactSystem as ContactSystem,
     ContactState as ContactState,
@@ -41,7 +41,7 @@ from .exchange.importing import import_system as import_system
 from .exchange.reduced import reduced_model as reduced_model, ReducedModel as ReducedModel
 
 # Run
-from .study import run as run, RunOptions as RunOptions
+from .studies.run import run as run, RunOptions as RunOptions
 from .evolution.evolve import evolve as evolve
 from .interface.solver import Solver as Solver
 from .evolution.solvers import SOLVERS as SOLVERS
@@ -63,14 +63,18 @@ from .interface.branches.critical_friction import (
 )
 
 # Sweep
-from .parameter_sweep.sweep import sweep as sweep, SweepOptions as SweepOptions
-from .parameter_sweep.table import SweepTable as SweepTable
+from .studies.sweep.sweep import sweep as sweep, SweepOptions as SweepOptions
+from .studies.sweep.table import SweepTable as SweepTable
 
 # Joints
-from .joints.curve import joint_curve as joint_curve
-from .joints.result import JointCurve as JointCurve
-from .joints.fits import fit_iwan as fit_iwan, fit_jenkins as fit_jenkins, JointFit as JointFit
-from .joints.figure import joint_figure as joint_figure
+from .studies.joint.curve import joint_curve as joint_curve
+from .studies.joint.result import JointCurve as JointCurve
+from .studies.joint.fits import (
+    fit_iwan as fit_iwan,
+    fit_jenkins as fit_jenkins,
+    JointFit as JointFit,
+)
+from .studies.joint.figure import joint_figure as joint_figure
 
 # Evaluation
 from .interface.measures.zones import (
@@ -113,12 +117,12 @@ from .interface.shakedown.limits import (
     ShakedownLimits as ShakedownLimits,
 )
 from .scene.model import ShakedownOptions as ShakedownOptions
-from .shakedown_study.study import shakedown as shakedown
-from .shakedown_study.result import ShakedownStudy as ShakedownStudy
-from .shakedown_study.opening import opening_limit as opening_limit
-from .shakedown_study.cycles import range_history as range_history
+from .studies.shakedown.study import shakedown as shakedown
+from .studies.shakedown.result import ShakedownStudy as ShakedownStudy
+from .studies.shakedown.opening import opening_limit as opening_limit
+from .studies.shakedown.cycles import range_history as range_history
 from .evolution.limit.starts import steady_states as steady_states, SteadyStates as SteadyStates
-from .shakedown_study.figures import steady_states_figure as steady_states_figure
+from .studies.shakedown.figures import steady_states_figure as steady_states_figure
 
 # Known solutions
 from . import reference as reference

@@ -217,12 +217,12 @@ def run(
             table [accuracy] names the numbers and the budget)
     """
     with study.started(scene) as (read, comm, say):
-        from receding_fenicsx import study as studies
         from receding_fenicsx.output.report.accuracy import unmet
         from receding_fenicsx.output.report.text import run_table
         from receding_fenicsx.scene.validate import validate
         from receding_fenicsx.store.run_folder import has_run, is_finished
         from receding_fenicsx.store.summary_file import read_summary
+        from receding_fenicsx.studies import run as studies
 
         out, finished = study.out, False
         if tolerance is not None:
@@ -271,9 +271,9 @@ def run(
 def condense(scene: SceneFile, /, study: Study) -> None:
     """Condense the body to its contact nodes and save the system."""
     with study.started(scene) as (read, comm, say):
-        from receding_fenicsx import study as studies
         from receding_fenicsx.atomic import check_file
         from receding_fenicsx.store.hdf5 import write_system
+        from receding_fenicsx.studies import run as studies
 
         on_root(comm, lambda: check_file(study.out, study.overwrite))
         system = studies.condense(read, comm, say, whole=True)
@@ -296,9 +296,9 @@ def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str]) -> int:
             run
     """
     with study.started(scene) as (read, comm, say):
-        from receding_fenicsx.parameter_sweep.sweep import SweepOptions
-        from receding_fenicsx.parameter_sweep.sweep import sweep as sweep_scene
-        from receding_fenicsx.parameter_sweep.values import read_over
+        from receding_fenicsx.studies.sweep.sweep import SweepOptions
+        from receding_fenicsx.studies.sweep.sweep import sweep as sweep_scene
+        from receding_fenicsx.studies.sweep.values import read_over
 
         options = SweepOptions(
             study.overwrite, study.resume, folder=Path(scene).parent, progress=say
@@ -314,7 +314,7 @@ def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str]) -> int:
 def shakedown(scene: SceneFile, /, study: Study) -> None:
     """Find the load range up to which the contact stops slipping."""
     with study.started(scene) as (read, comm, say):
-        from receding_fenicsx.shakedown_study import study as studies
+        from receding_fenicsx.studies.shakedown import study as studies
 
         found = studies.shakedown(read, study.out, study.overwrite, comm, say)
     if found is not None:
@@ -346,10 +346,10 @@ def joint(
     with progress(study.verbose) as say:
         import numpy as np
 
-        from receding_fenicsx.joints.curve import joint_curve
-        from receding_fenicsx.parameter_sweep.sweep import SweepOptions
         from receding_fenicsx.scene.toml_file import read_scene
         from receding_fenicsx.store.hdf5 import read_system
+        from receding_fenicsx.studies.joint.curve import joint_curve
+        from receding_fenicsx.studies.sweep.sweep import SweepOptions
 
         is_system = scene.endswith(".h5") and not study.set
         read: Any = read_system(Path(scene)) if is_system else read_scene(scene, study.set)
@@ -501,11 +501,11 @@ def check(scene: SceneFile, /, *, set: Sequence[str] = ()) -> None:
     Args:
         set: table.key=value: change a value of the scene; repeatable
     """
-    from receding_fenicsx import study
     from receding_fenicsx.scene.history import history_from_scene
     from receding_fenicsx.scene.symmetry import is_mirror_symmetric
     from receding_fenicsx.scene.toml_file import read_scene
     from receding_fenicsx.scene.validate import scene_warnings
+    from receding_fenicsx.studies import run as study
 
     read, comm = read_scene(scene, set), require_mpi()
     half = read.solver.symmetry == "auto" and is_mirror_symmetric(read)

@@ -16,7 +16,7 @@ from models import block_system, grid_system
 from small import cyclic, small_system, table
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
+from receding_fenicsx.studies import run as study
 
 BLOCK = Path(__file__).parent.parent / "demos" / "block.toml"
 

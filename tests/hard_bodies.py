@@ -13,7 +13,7 @@ from hard import HOVERS, JUMPS, PULLS, SLIDES, SOLVED, TIPS, Case, Tally, requir
 from hard_block import load_named, summed, with_friction
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
+from receding_fenicsx.studies import run as study
 
 Path_ = tuple[tuple[float, ...], ...]
 

@@ -11,9 +11,10 @@ from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import cli, environment, read_scene, run, study
+from receding_fenicsx import cli, environment, read_scene, run
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.store.hdf5 import read_system
+from receding_fenicsx.studies import run as study
 
 DEMOS = Path(__file__).parents[1] / "demos"
 BLOCK = str(DEMOS / "block.toml")
@@ -345,7 +346,8 @@ FAILS_ALONE = """
 import os, signal, sys
 from mpi4py import MPI
 import receding_fenicsx as rf
-from receding_fenicsx import cli, mpi, study
+from receding_fenicsx import cli, mpi
+from receding_fenicsx.studies import run as study
 mpi.RANK_WAIT_SECONDS = 0.5
 def work(scene, comm):
     rf.on_root(comm, lambda: None)

@@ -24,9 +24,9 @@ from models import block_system
 from small import cyclic
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
 from receding_fenicsx.cli import main
 from receding_fenicsx.output.plots.labels import load_symbol, peak, shown_name
+from receding_fenicsx.studies import run as study
 
 comm = MPI.COMM_WORLD
 Run = Callable[..., "subprocess.CompletedProcess[str]"]

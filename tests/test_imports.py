@@ -25,10 +25,7 @@ FLOORS = (
     ("measures",),
     ("accuracy", "output"),
     ("pictures", "long_run"),
-    ("studies",),
-    ("study",),
-    ("parameter_sweep", "shakedown_study", "exchange"),
-    ("joints",),
+    ("studies", "exchange"),
     ("__init__",),
     ("terminal",),
     ("cli",),
@@ -59,6 +56,9 @@ INTERFACE = (
 OUTPUT = (("plots",), ("snapshots", "report"))
 """Rooms of the output."""
 
+STUDIES = (("starts", "tolerance"), ("run",), ("sweep", "shakedown"), ("joint",))
+"""Rooms of the studies."""
+
 FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")
 """Libraries that the interface and the evolution do without."""
 
@@ -78,7 +78,7 @@ MECHANICS = (
 )
 """What computes histories, exponents and ends of zones."""
 
-MODULES_IN_ROOT, MODULES_IN_FOLDER = 12, 20
+MODULES_IN_ROOT, MODULES_IN_FOLDER = 11, 20
 
 
 def name_of(path: Path) -> str:
@@ -137,7 +137,8 @@ def floor_of(name: str, floors: tuple[tuple[str, ...], ...], depth: int) -> int:
 
 
 @pytest.mark.parametrize(
-    ("inside", "floors"), [("", FLOORS), ("interface.", INTERFACE), ("output.", OUTPUT)]
+    ("inside", "floors"),
+    [("", FLOORS), ("interface.", INTERFACE), ("output.", OUTPUT), ("studies.", STUDIES)],
 )
 def test_imports_lead_downwards(inside: str, floors: tuple[tuple[str, ...], ...]) -> None:
     depth = inside.count(".")

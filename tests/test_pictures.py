@@ -13,9 +13,10 @@ from mpi4py import MPI
 
 import pytest
 
-from receding_fenicsx import environment, pictures, read_scene, study, workers
+from receding_fenicsx import environment, pictures, read_scene, workers
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.mpi import on_root
+from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Countdown
 
 BLOCK = Path(__file__).parents[1] / "demos" / "block.toml"

@@ -11,10 +11,11 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx import mpi, study
+from receding_fenicsx import mpi
 from receding_fenicsx.bulk.from_scene import is_small
 from receding_fenicsx.pictures import default_instants, drawing_modules
 from receding_fenicsx.store.run_folder import is_finished
+from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import duration
 
 DEMOS = Path(__file__).parents[1] / "demos"
@@ -331,7 +332,7 @@ def test_interrupt_after_the_history_says_how_to_continue(
     out = shared_tmp_path / "out"
     options = study.RunOptions(pictures=False, error=place == "_headlines")
     with monkeypatch.context() as patch:
-        patch.setattr(f"receding_fenicsx.study.{place}", interrupt)
+        patch.setattr(f"receding_fenicsx.studies.run.{place}", interrupt)
         with pytest.raises(KeyboardInterrupt) as caught:
             study.run(small(), out, options)
     if MPI.COMM_WORLD.rank == 0:

@@ -45,8 +45,8 @@ def evolve(
 
     ``evolve(system, scene)`` plays a whole scene on the body that the system was condensed from:
     friction, gap, history, initial slip, solver and output are the scene's. The record equals that
-    of :func:`~receding_fenicsx.study.run` bit by bit. The corners of a harmonic history are doubled
-    until they meet its tolerance; the record's scene has their number.
+    of :func:`~receding_fenicsx.studies.run.run` bit by bit. The corners of a harmonic history are
+    doubled until they meet its tolerance; the record's scene has their number.
 
     ``evolve(system, History(...))`` plays a path of load factors on the system as it is. The
     record's ``scene_toml`` is then empty.

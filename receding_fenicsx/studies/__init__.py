@@ -1,5 +1,8 @@
-"""Studies of a scene in a run's folder.
+"""Studies of a scene, each in a folder of its own.
 
-``tolerance.within_tolerance`` refines the mesh until a tolerance is met; ``starts`` compares the
-limits of a history from many initial slips.
+1. ``run.run`` takes a scene from its mesh to its record, files and pictures;
+   ``tolerance.within_tolerance`` refines the mesh until a tolerance is met, ``starts`` compares the
+   limits of a history from many initial slips.
+2. :mod:`sweep` runs a scene for many values of its keys, :mod:`joint` over the amplitude of a load.
+3. :mod:`shakedown` finds the load range up to which slip ceases.
 """

@@ -12,12 +12,12 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
 from receding_fenicsx.accuracy.meshes import graded_at_ends, scaled_mesh
 from receding_fenicsx.bulk.mesh.meshing import contact_sizes_of
 from receding_fenicsx.errors import InputError, ToleranceNotMet
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import read_scene
+from receding_fenicsx.studies import run as study
 
 DEMOS = Path(__file__).parents[2] / "demos"
 COMM = MPI.COMM_WORLD

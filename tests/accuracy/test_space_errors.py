@@ -9,7 +9,6 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from receding_fenicsx import study
 from receding_fenicsx.accuracy import space_errors
 from receding_fenicsx.accuracy.estimate import Level, estimated_error, estimates_of, observed_order
 from receding_fenicsx.accuracy.meshes import scaled_mesh, to_limit
@@ -35,6 +34,7 @@ from receding_fenicsx.scene.model import (
 from receding_fenicsx.scene.options import HEADLINE_NAMES
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.summary_file import read_summary
+from receding_fenicsx.studies import run as study
 
 DEMOS = Path(__file__).parents[2] / "demos"
 

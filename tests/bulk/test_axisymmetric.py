@@ -36,7 +36,7 @@ from receding_fenicsx.scene.model import (
     Support,
 )
 from receding_fenicsx.scene.validate import validate
-from receding_fenicsx.study import condense as condense_scene
+from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]

@@ -35,7 +35,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.symmetry import is_half_meshed, is_mirror_symmetric
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.study import condense
+from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]

@@ -32,7 +32,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.store.hdf5 import read_system, write_system
-from receding_fenicsx.study import condense
+from receding_fenicsx.studies.run import condense
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD

@@ -12,7 +12,6 @@ import pytest
 from bodies import CELLS, block, built, condense, everything
 from numpy.typing import NDArray
 
-from receding_fenicsx import study
 from receding_fenicsx.bulk import elastic_body, schur
 from receding_fenicsx.bulk.body import BLOCK_COLUMNS, Bulk, Elimination
 from receding_fenicsx.bulk.mesh.meshing import BodyMesh, make_meshes
@@ -20,6 +19,7 @@ from receding_fenicsx.bulk.stack import build_all
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Body, Contact, Load, Material, Scene, Support
+from receding_fenicsx.studies import run as study
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]

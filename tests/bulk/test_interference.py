@@ -37,7 +37,7 @@ from receding_fenicsx.scene.model import (
 from receding_fenicsx.scene.symmetry import is_half_meshed
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.store.hdf5 import read_system, write_system
-from receding_fenicsx.study import condense
+from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]

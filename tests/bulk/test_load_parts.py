@@ -18,7 +18,7 @@ from receding_fenicsx.mpi import given
 from receding_fenicsx.scene.model import HistoryOptions, Load, Scene, SolverOptions
 from receding_fenicsx.scene.symmetry import is_mirror_symmetric
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.study import condense
+from receding_fenicsx.studies.run import condense
 
 PRESS = Load("P", "top", pressure="1 + 0.2*x")
 PARTS = {

@@ -28,7 +28,7 @@ from receding_fenicsx.scene.model import (
     SolverOptions,
 )
 from receding_fenicsx.scene.symmetry import is_half_meshed
-from receding_fenicsx.study import condense
+from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
 Array = NDArray[np.float64]

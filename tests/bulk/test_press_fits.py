@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
 from receding_fenicsx.bulk.mesh.meshing import make_meshes
 from receding_fenicsx.bulk.mesh.raw_mesh import RawMesh, line_of, with_radii
 from receding_fenicsx.bulk.stack import build_all
@@ -26,6 +25,7 @@ from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.turning_points import zones_header
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact
 from receding_fenicsx.scene.toml_file import to_toml
+from receding_fenicsx.studies import run as study
 
 comm = MPI.COMM_WORLD
 E, NU, F = 196000.0, 0.3, 0.1

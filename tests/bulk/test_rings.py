@@ -13,7 +13,6 @@ import pytest
 from bodies import CELLS, NU, YOUNG, built, cylinder
 from msh import write_msh
 
-from receding_fenicsx import study
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.bulk.fields import fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
@@ -38,6 +37,7 @@ from receding_fenicsx.scene.model import (
     Support,
 )
 from receding_fenicsx.scene.validate import validate
+from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD

@@ -29,7 +29,7 @@ from receding_fenicsx.scene.model import (
     Support,
 )
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.study import condense
+from receding_fenicsx.studies.run import condense
 
 comm = MPI.COMM_WORLD
 E, K = 2.0, 0.7

@@ -39,7 +39,7 @@ from receding_fenicsx.scene.model import (
 )
 from receding_fenicsx.scene.one_body import part_of
 from receding_fenicsx.scene.validate import validate
-from receding_fenicsx.study import condense as condense_scene
+from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
 Array = np.ndarray

@@ -26,7 +26,7 @@ from receding_fenicsx.output.report.turning_points import headline_points
 from receding_fenicsx.reference.closed_forms import CattaneoMindlin, Hertz
 from receding_fenicsx.scene.model import Contact, Harmonic, HistoryOptions, Load, Scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
-from receding_fenicsx.study import RunOptions
+from receding_fenicsx.studies.run import RunOptions
 
 comm = MPI.COMM_WORLD
 ROOT = Path(__file__).parents[2]

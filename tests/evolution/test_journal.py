@@ -301,7 +301,7 @@ def test_block_renewed_near_its_steady_state_keeps_its_accuracy() -> None:
     # where round-off cleared on the way counts as slip, this ends in cycle 371
     from receding_fenicsx.scene.history import history_from_scene
     from receding_fenicsx.scene.toml_file import read_scene
-    from receding_fenicsx.study import condense
+    from receding_fenicsx.studies.run import condense
 
     settings = ["mesh.contact_elements=160", "mesh.growth=1.3", "history.cycles=375"]
     scene = read_scene(Path(__file__).parents[2] / "demos" / "block.toml", settings)

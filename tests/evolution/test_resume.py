@@ -16,7 +16,7 @@ import h5py
 import numpy as np
 import pytest
 
-from receding_fenicsx import cli, environment, study
+from receding_fenicsx import cli, environment
 from receding_fenicsx.errors import InputError, Interrupted
 from receding_fenicsx.evolution import journal
 from receding_fenicsx.scene.model import Scene
@@ -24,6 +24,7 @@ from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.hdf5 import read_record
 from receding_fenicsx.store.run_folder import is_finished
 from receding_fenicsx.store.summary_file import read_summary
+from receding_fenicsx.studies import run as study
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"
 SMALL = ["mesh.contact_elements=24", "output.checkpoint_cycles=5"]

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
 from receding_fenicsx.output.report.summary import summarise
+from receding_fenicsx.studies import run as study
 
 F = 0.35
 

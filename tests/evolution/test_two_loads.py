@@ -27,7 +27,7 @@ from receding_fenicsx.scene.model import (
     SolverOptions,
     Support,
 )
-from receding_fenicsx.study import condense
+from receding_fenicsx.studies.run import condense
 
 pytestmark = pytest.mark.one_rank
 

@@ -12,8 +12,8 @@ from scipy.linalg import eigh
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.joints.curve import _driven
 from receding_fenicsx.modal.modes import mode_system
+from receding_fenicsx.studies.joint.curve import _driven
 
 pytestmark = pytest.mark.one_rank
 

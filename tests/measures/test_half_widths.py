@@ -9,7 +9,6 @@ from bodies import block
 from models import block_system, pushed_block
 from small import cyclic, table
 
-from receding_fenicsx import study
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.zone_ends import dundurs_beta
@@ -22,6 +21,7 @@ from receding_fenicsx.reference import closed_forms
 from receding_fenicsx.scene.model import Contact, HistoryOptions, Load, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene, to_toml
 from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.studies import run as study
 
 pytestmark = pytest.mark.one_rank
 

@@ -15,7 +15,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from PIL import Image
 
-from receding_fenicsx import evolve, read_scene, study
+from receding_fenicsx import evolve, read_scene
 from receding_fenicsx.bulk.fields import Fields, fields_at
 from receding_fenicsx.bulk.from_scene import bulk_of
 from receding_fenicsx.errors import InputError, RecedingError
@@ -30,6 +30,7 @@ from receding_fenicsx.output.snapshots.layout import RIGHT, Layout
 from receding_fenicsx.output.snapshots.page import CLOCK_BOX, Clock, _draw_clock, compose
 from receding_fenicsx.output.snapshots.view import View
 from receding_fenicsx.pictures import animate
+from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Timer
 
 BLOCK = Path(__file__).parents[2] / "demos" / "block.toml"

@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from pictured import small_block
 
-from receding_fenicsx import environment, study
+from receding_fenicsx import environment
 from receding_fenicsx.bulk.fields import gather_cell_stresses, gather_fields, solve_fields
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.instants import Instant
@@ -25,6 +25,7 @@ from receding_fenicsx.output.snapshots.vertices import merge_axis
 from receding_fenicsx.output.snapshots.whole_contact import whole_contact
 from receding_fenicsx.pictures import picture_body
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Material, Scene, Support
+from receding_fenicsx.studies import run as study
 
 COMM = MPI.COMM_WORLD
 LEGS = {0.5: (0, "0"), 1.5: (1, "0"), 2.0: (1, "1")}

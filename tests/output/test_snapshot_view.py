@@ -20,7 +20,6 @@ from matplotlib.figure import Figure
 from pictured import instant_of_row, view_at
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
 from receding_fenicsx.bulk.fields import Fields
 from receding_fenicsx.evolution.instants import Instant
 from receding_fenicsx.interface.law import Friction
@@ -31,6 +30,7 @@ from receding_fenicsx.output.snapshots.load_arrows import Arrows, _traction
 from receding_fenicsx.output.snapshots.page import compose
 from receding_fenicsx.output.snapshots.view import Strip, View
 from receding_fenicsx.pictures import shown_instant
+from receding_fenicsx.studies import run as study
 
 COMM = MPI.COMM_WORLD
 PRESSURE, HEIGHT, YOUNG, LARGEST = 2.0, 3.0, 5.0, 4.0

@@ -19,8 +19,8 @@ from matplotlib.figure import Figure
 from matplotlib.text import Text
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
 from receding_fenicsx.output.plots.labels import kind_of, length_of, scales_of, three_digits
+from receding_fenicsx.studies import run as study
 
 pytestmark = pytest.mark.one_rank
 

@@ -11,7 +11,7 @@ import pytest
 from models import block_system
 from small import small_system
 
-from receding_fenicsx import cli, study
+from receding_fenicsx import cli
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.interface.gauss_seidel.compliance_form import solve_problem, step_problem
 from receding_fenicsx.interface.gauss_seidel.sweeps import GaussSeidelOptions, solve_step
@@ -19,6 +19,7 @@ from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.scene.toml_file import read_scene
 from receding_fenicsx.store.fclib import export, write_fclib
 from receding_fenicsx.store.hdf5 import write_system
+from receding_fenicsx.studies import run as study
 
 pytestmark = pytest.mark.one_rank
 

@@ -12,20 +12,21 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
-from receding_fenicsx import cli, study
+from receding_fenicsx import cli
 from receding_fenicsx.accuracy.meshes import is_refined, scaled_mesh
 from receding_fenicsx.accuracy.numbers import headline
 from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.report.accuracy import verdict
 from receding_fenicsx.output.report.text import run_table
-from receding_fenicsx.parameter_sweep.sweep import sweep
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml
 from receding_fenicsx.store.hdf5 import read_record
 from receding_fenicsx.store.run_folder import SEARCH
 from receding_fenicsx.store.summary_file import read_summary
+from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.sweep.sweep import sweep
 
 DEMOS = Path(__file__).parents[2] / "demos"
 COMM = MPI.COMM_WORLD

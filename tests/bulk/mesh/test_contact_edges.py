@@ -25,7 +25,7 @@ from receding_fenicsx.output.report.summary import summarise
 from receding_fenicsx.output.report.text import run_table
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, SolverOptions
 from receding_fenicsx.store import hdf5
-from receding_fenicsx.study import condense as condense_scene
+from receding_fenicsx.studies.run import condense as condense_scene
 
 comm = MPI.COMM_WORLD
 

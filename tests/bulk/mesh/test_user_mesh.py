@@ -13,7 +13,6 @@ import pytest
 from bodies import CELLS, block, built, make_mesh
 from msh import Array, Ints, rectangle, turned, write_msh
 
-from receding_fenicsx import study
 from receding_fenicsx.bulk.from_scene import condensed
 from receding_fenicsx.cli import main
 from receding_fenicsx.errors import InputError
@@ -23,6 +22,7 @@ from receding_fenicsx.mpi import given, on_root
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, Support
 from receding_fenicsx.scene.toml_file import to_toml
 from receding_fenicsx.store.hdf5 import write_system
+from receding_fenicsx.studies import run as study
 from receding_fenicsx.timing import Timer
 
 comm = MPI.COMM_WORLD

@@ -14,7 +14,6 @@ from legs import cold
 from models import block_system
 from small import cyclic, small_system, table
 
-from receding_fenicsx import study
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
@@ -28,6 +27,7 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 from receding_fenicsx.scene.toml_file import read_scene
+from receding_fenicsx.studies import run as study
 
 TRIALS = Path(__file__).parents[2] / "trials"
 ALL = OutputOptions(samples_per_leg=8, cycles="all")

@@ -10,10 +10,10 @@ import pytest
 from bodies import cylinder
 
 import receding_fenicsx as rf
-from receding_fenicsx import study
 from receding_fenicsx.evolution.prepare import with_profiles
 from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.reference.closed_forms import PUNCH_STICK
+from receding_fenicsx.studies import run as study
 
 PUNCH = Path(__file__).parents[3] / "demos" / "punch_axisymmetric.toml"
 A, R, MODULUS = 0.8, 4.0, 1.0 / (1.0 - 0.3**2)

@@ -7,9 +7,9 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
-from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import load_text
+from receding_fenicsx.studies.joint.result import JointCurve
 
 
 def joint_figure(curve: JointCurve) -> Figure:

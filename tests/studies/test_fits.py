@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import quad
 
 import receding_fenicsx as rf
-from receding_fenicsx.joints.fits import iwan, jenkins
+from receding_fenicsx.studies.joint.fits import iwan, jenkins
 
 pytestmark = pytest.mark.one_rank
 

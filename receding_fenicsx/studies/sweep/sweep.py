@@ -20,13 +20,13 @@ from typing import TYPE_CHECKING, Any
 from receding_fenicsx import mpi
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.parameter_sweep import processes
-from receding_fenicsx.parameter_sweep.cases import Case, grid_of
-from receding_fenicsx.parameter_sweep.folder import SweepFolder, SweepKind, sweep_folder
-from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
-from receding_fenicsx.parameter_sweep.worker import Measure, Outcome, Task
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.store.workspace import interruption
+from receding_fenicsx.studies.sweep import processes
+from receding_fenicsx.studies.sweep.cases import Case, grid_of
+from receding_fenicsx.studies.sweep.folder import SweepFolder, SweepKind, sweep_folder
+from receding_fenicsx.studies.sweep.table import ERROR, SweepTable
+from receding_fenicsx.studies.sweep.worker import Measure, Outcome, Task
 from receding_fenicsx.timing import Countdown
 
 if TYPE_CHECKING:

@@ -7,7 +7,7 @@ from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future
 
 from receding_fenicsx import workers
 from receding_fenicsx.errors import RecedingError
-from receding_fenicsx.parameter_sweep.worker import Outcome, Task, play
+from receding_fenicsx.studies.sweep.worker import Outcome, Task, play
 
 Played = Generator[tuple[int, Outcome], None, None]
 """Numbers of the cases as they finish, and their outcomes."""

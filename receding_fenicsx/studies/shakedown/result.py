@@ -9,7 +9,7 @@ import numpy as np
 from receding_fenicsx.interface.shakedown.limits import ShakedownLimits
 from receding_fenicsx.interface.shakedown.opening import Opening
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.shakedown_study.diagram import Diagram
+from receding_fenicsx.studies.shakedown.diagram import Diagram
 
 FOUND_BY = "by a mixed-integer program, verified by exact cycles"
 """How the range with opening nodes is known."""

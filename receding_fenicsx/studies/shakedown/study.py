@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from receding_fenicsx import mpi, study
+from receding_fenicsx import mpi
 from receding_fenicsx.accuracy.meshes import coarser
 from receding_fenicsx.errors import InputError, RecedingError
 from receding_fenicsx.interface.shakedown.limits import (
@@ -23,11 +23,12 @@ from receding_fenicsx.interface.shakedown.mean_loads import prepared
 from receding_fenicsx.interface.shakedown.programs import Answer
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.shakedown_study.cycles import limit_by_cycles
-from receding_fenicsx.shakedown_study.diagram import Diagram, limits_at, means
-from receding_fenicsx.shakedown_study.folder import STUDY, write
-from receding_fenicsx.shakedown_study.opening import opening_limit
-from receding_fenicsx.shakedown_study.result import ShakedownStudy
+from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.shakedown.cycles import limit_by_cycles
+from receding_fenicsx.studies.shakedown.diagram import Diagram, limits_at, means
+from receding_fenicsx.studies.shakedown.folder import STUDY, write
+from receding_fenicsx.studies.shakedown.opening import opening_limit
+from receding_fenicsx.studies.shakedown.result import ShakedownStudy
 from receding_fenicsx.timing import Say, Timer
 
 if TYPE_CHECKING:

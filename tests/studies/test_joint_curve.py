@@ -16,9 +16,9 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.joints.backbone import Backbone, first_loading
-from receding_fenicsx.joints.figure import joint_figure
-from receding_fenicsx.parameter_sweep.table import SweepTable
+from receding_fenicsx.studies.joint.backbone import Backbone, first_loading
+from receding_fenicsx.studies.joint.figure import joint_figure
+from receding_fenicsx.studies.sweep.table import SweepTable
 
 ROOT = Path(__file__).parents[2]
 CYLINDERS = ROOT / "demos" / "half_planes.toml"
@@ -233,6 +233,6 @@ def test_a_solver_that_fails_is_no_macroslip(monkeypatch: pytest.MonkeyPatch) ->
     def fails(*_: object) -> rf.Record:
         raise rf.SolveError("lost accuracy")
 
-    monkeypatch.setattr("receding_fenicsx.joints.backbone.evolve", fails)
+    monkeypatch.setattr("receding_fenicsx.studies.joint.backbone.evolve", fails)
     with pytest.raises(rf.SolveError, match="lost accuracy"):
         first_loading(system, "pull", np.zeros((1, 2)), [0.2])

@@ -15,14 +15,14 @@ from typing import Any, BinaryIO
 from receding_fenicsx.atomic import make_folder, unwritable
 from receding_fenicsx.environment import versions
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.parameter_sweep.cases import Case, Grid
-from receding_fenicsx.parameter_sweep.table import SweepTable
-from receding_fenicsx.parameter_sweep.worker import Outcome
 from receding_fenicsx.scene.identity import difference, digest
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.store.summary_file import write_summary
 from receding_fenicsx.store.workspace import FolderKind, locked
+from receding_fenicsx.studies.sweep.cases import Case, Grid
+from receding_fenicsx.studies.sweep.table import SweepTable
+from receding_fenicsx.studies.sweep.worker import Outcome
 
 PROVENANCE, CASES, TABLE, SYSTEMS = "sweep.json", "cases.jsonl", "sweep.csv", "systems"
 """Files of a sweep: what it is of, finished cases, table; folder of its condensed systems."""

@@ -20,7 +20,7 @@ from receding_fenicsx.interface.shakedown.margins import Loads, load_range
 from receding_fenicsx.interface.shakedown.opening import Opening, largest_opening
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.model import OutputOptions
-from receding_fenicsx.shakedown_study.cycles import FACTORS, dissipated, range_history
+from receding_fenicsx.studies.shakedown.cycles import FACTORS, dissipated, range_history
 
 ALL_NODES, MOST_NODES = 6, 20
 """Nodes of a contact up to which all may open in a program, and most that may."""

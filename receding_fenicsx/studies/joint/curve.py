@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from receding_fenicsx import mpi, study
+from receding_fenicsx import mpi
 from receding_fenicsx.accuracy.meshes import coarser
 from receding_fenicsx.arrays import Array, as_numbers, check_types
 from receding_fenicsx.atomic import make_folder, new_file
@@ -22,15 +22,8 @@ from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.measures.steady import SHAKEDOWN
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.joints.backbone import NO_DISSIPATION, Backbone, first_loading
-from receding_fenicsx.joints.figure import joint_figure
-from receding_fenicsx.joints.result import JointCurve
 from receding_fenicsx.modal.modes import mode_number, mode_system, preload_path
 from receding_fenicsx.output.plots.style import save
-from receding_fenicsx.parameter_sweep.folder import PROVENANCE
-from receding_fenicsx.parameter_sweep.measure import Cell
-from receding_fenicsx.parameter_sweep.sweep import SweepOptions, sweep
-from receding_fenicsx.parameter_sweep.table import ERROR, SweepTable
 from receding_fenicsx.scene.checks import suggestion
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import (
@@ -44,6 +37,14 @@ from receding_fenicsx.scene.toml_file import from_toml
 from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.summary_file import write_summary
 from receding_fenicsx.store.workspace import FolderKind
+from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
+from receding_fenicsx.studies.joint.figure import joint_figure
+from receding_fenicsx.studies.joint.result import JointCurve
+from receding_fenicsx.studies.sweep.folder import PROVENANCE
+from receding_fenicsx.studies.sweep.measure import Cell
+from receding_fenicsx.studies.sweep.sweep import SweepOptions, sweep
+from receding_fenicsx.studies.sweep.table import ERROR, SweepTable
 
 TABLE, SUMMARY, PICTURE = "joint.csv", "joint.json", "joint.png"
 """Files of a curve; the sweeps are in folders of their own beside them."""

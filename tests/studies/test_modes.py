@@ -14,8 +14,8 @@ from small import small_system
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.joints.curve import _driven
 from receding_fenicsx.modal.modes import mode_system
+from receding_fenicsx.studies.joint.curve import _driven
 
 ROOT = Path(__file__).parents[2]
 comm = MPI.COMM_WORLD

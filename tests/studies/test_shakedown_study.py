@@ -18,10 +18,10 @@ from small import small_system
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.evolution.limit import starts
-from receding_fenicsx.shakedown_study import study
-from receding_fenicsx.shakedown_study.diagram import Diagram
-from receding_fenicsx.shakedown_study.figures import diagram_figure, steady_states_figure
-from receding_fenicsx.shakedown_study.result import ShakedownStudy
+from receding_fenicsx.studies.shakedown import study
+from receding_fenicsx.studies.shakedown.diagram import Diagram
+from receding_fenicsx.studies.shakedown.figures import diagram_figure, steady_states_figure
+from receding_fenicsx.studies.shakedown.result import ShakedownStudy
 
 SCENE = """
 title = "sheared block"

@@ -22,8 +22,8 @@ import sweep_measures
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.parameter_sweep import processes, worker
-from receding_fenicsx.parameter_sweep.values import read_over
+from receding_fenicsx.studies.sweep import processes, worker
+from receding_fenicsx.studies.sweep.values import read_over
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
 SMALL = ["mesh.contact_elements=10", "history.cycles=2"]

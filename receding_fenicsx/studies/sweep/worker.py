@@ -14,11 +14,11 @@ from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.parameter_sweep.measure import Cell, cells_of, measure_record
 from receding_fenicsx.scene.model import OutputOptions, Scene
 from receding_fenicsx.store.hdf5 import read_system, write_system
 from receding_fenicsx.store.workspace import locked
-from receding_fenicsx.study import condense
+from receding_fenicsx.studies.run import condense
+from receding_fenicsx.studies.sweep.measure import Cell, cells_of, measure_record
 
 Measure = Callable[[Record], Mapping[str, Any]]
 """Function that takes the numbers of a case from its record."""

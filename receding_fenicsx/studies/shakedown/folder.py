@@ -13,11 +13,11 @@ from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.output.plots.style import save
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import to_toml
-from receding_fenicsx.shakedown_study.figures import diagram_figure
-from receding_fenicsx.shakedown_study.opening import BELOW
-from receding_fenicsx.shakedown_study.result import FOUND_BY, ShakedownStudy
 from receding_fenicsx.store.summary_file import write_summary
 from receding_fenicsx.store.workspace import FolderKind
+from receding_fenicsx.studies.shakedown.figures import diagram_figure
+from receding_fenicsx.studies.shakedown.opening import BELOW
+from receding_fenicsx.studies.shakedown.result import FOUND_BY, ShakedownStudy
 
 SUMMARY, SLIP, PICTURE, SCENE = "shakedown.json", "safe_slip.csv", "shakedown.png", "scene.toml"
 """Names of the files."""
