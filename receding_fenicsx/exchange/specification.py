@@ -112,9 +112,10 @@ def read_specification(path: Path) -> Import:
     for load in tables["load"]:
         if bool(load.forces) == bool(load.reactions):
             raise InputError(f"load '{load.name}': give either forces or reactions")
-    columns = read_columns(files.nodes, path.parent, "nodes")
-    if columns.values.shape[1] != 3:
-        columns.refuse(f"has {columns.values.shape[1]} column(s), not node, x, y")
+    wanted = ("node", "x", "y")
+    columns = read_columns(files.nodes, path.parent, "nodes", wanted, wanted)
+    if len(columns.names) != 3:
+        columns.refuse(f"has {len(columns.names)} column(s), not node, x, y")
     points = {int(row[0]): row[1:] for row in columns.values}
     if len(points) < len(columns.values) or np.any(columns.values[:, 0] % 1.0):
         columns.refuse("the numbers of the nodes have to be whole and different")

@@ -5,9 +5,8 @@ nothing of finite elements. From a file to a history:
 
 1. :func:`~receding_fenicsx.scene.toml_file.read_scene` parses the file.
    :func:`~receding_fenicsx.scene.toml_overrides.apply_override` applies ``--set table.key=value``,
-   and :func:`~receding_fenicsx.scene.profiles.inline_files` replaces ``{file = "gap.csv"}`` by the
-   table in that file, read by :func:`~receding_fenicsx.scene.column_file.read_columns`;
-   :func:`~receding_fenicsx.scene.history.signal_file.with_signals` does so for rows of a history.
+   and :func:`~receding_fenicsx.scene.column_file.with_files` replaces ``{file = "gap.csv"}`` by the
+   table or the rows in that file.
 2. :func:`~receding_fenicsx.scene.toml_reader.scene_of` converts the tables into the dataclass
    :class:`~receding_fenicsx.scene.model.Scene`. The types there say what each key may be; Pydantic
    checks them, and all errors are told at once.

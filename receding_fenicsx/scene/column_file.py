@@ -1,24 +1,42 @@
-"""Reader of text files with columns of numbers: commas, semicolons, tabs or blanks, header, #."""
+"""Text files with columns of numbers: profiles along an edge, measured rows of load factors.
+
+The one format: a line with the names of the columns, then a row of numbers on each line. Columns
+are separated by semicolons, commas or tabs, or else by blanks. Text after ``#``, lines that begin
+with ``%``, and empty lines are comments.
+"""
 
 from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import NoReturn
+from typing import Any, NoReturn
 
 import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError
+from receding_fenicsx.scene.checks import suggestion
+from receding_fenicsx.scene.profiles import DIRECTIONS
+from receding_fenicsx.scene.toml_reader import as_list
 
-SEPARATORS = (";", ",", "\t")
-"""Separators of columns, the first that a line holds counts; without any of them, blanks."""
-
-COMMENTS = ("#", "%")
-"""Marks at the beginning of a comment line."""
+PROFILE_KEYS = (
+    "friction",
+    "initial_gap",
+    "interference",
+    "pressure",
+    "traction",
+    "displacement",
+    "initial_slip",
+)
+"""Keys whose profiles may be read from a file."""
+SIGNAL_KEYS = ("rows", "cycle_rows")
+"""Keys of [history] whose rows may be read from a file."""
+TIME = ("time", "t")
+"""Names, in any case, of a column that is checked and dropped, unless a load has the name."""
 
 
 @dataclass(frozen=True)
@@ -27,15 +45,13 @@ class Columns:
 
     Attributes:
         label: key and path, for messages.
-        names: (columns,) names in the header line; empty without a header.
-        remark: (columns,) words of the last comment above the rows with as many; empty without.
+        names: (columns,) names, without units in brackets.
         values: (rows, columns), all finite.
         lines: number of the line of each row, from 1.
     """
 
     label: str
     names: tuple[str, ...]
-    remark: tuple[str, ...]
     values: Array
     lines: tuple[int, ...]
 
@@ -45,51 +61,61 @@ class Columns:
         raise InputError(f"{self.label}:{line} {reason}")
 
 
-def read_columns(name: object, folder: Path, where: str) -> Columns:
+def read_columns(
+    name: object, folder: Path, where: str, known: Sequence[str], default: Sequence[str] = ()
+) -> Columns:
     """Read a text file with columns of numbers.
 
-    Text after ``#``, lines that begin with ``%`` and empty lines are ignored. Lines without any
-    number above the first row are header lines; the first of them with as many filled cells as the
-    rows names the columns. Cells are separated by semicolons, commas, tabs or blanks, all as in the
-    first row. Numbers have a decimal point.
+    The first line above the numbers with as many cells as they have names the columns; a comment
+    does so only where it holds one of the known names.
 
     Args:
         name: path in the scene file.
         folder: folder that it is relative to.
         where: table and key, for messages.
+        known: names that are looked for; other ones are taken without a unit in brackets.
+        default: names of the columns of a file that does not name them.
 
     Raises:
-        InputError: the file cannot be read or has no rows, rows differ in length, or a cell is not
-            a finite number; one line with the number of the line.
+        InputError: the file cannot be read or has no rows or names, rows differ in length, or a
+            cell is not a finite number; one line with the number of the line.
     """
     if not isinstance(name, str):
         raise InputError(f"{where} file: must be a path in quotes")
     label = f'{where} file "{name}"'
-    text = read_text(folder / name, label)
-    lines = [(i, _content(line)) for i, line in enumerate(text.splitlines(), 1)]
+    text = read_text(folder / name, label).splitlines()
+    lines = [(i, _content(line)) for i, line in enumerate(text, 1)]
     filled = [(i, line) for i, line in lines if line]
     first = next((k for k, (_, line) in enumerate(filled) if _has_number(line)), None)
     if first is None:
         raise InputError(f"{label}: has no row of numbers; write one row a line")
-    separator = _separator(filled[first][1])
-    rows = [_row(line, separator, f"{label}: line {i}") for i, line in filled[first:]]
-    for (i, _), row in zip(filled[first:], rows, strict=True):
-        if len(row) != len(rows[0]):
+    rows, head = filled[first:], filled[first][0] - 1
+    mark = _separator(rows[0][1])
+    values = [_row(line, mark, f"{label}: line {i}") for i, line in rows]
+    for (i, _), row in zip(rows, values, strict=True):
+        if len(row) != len(values[0]):
             raise InputError(
-                f"{label}: line {i}: has {len(row)} column(s), line {filled[first][0]} has "
-                f"{len(rows[0])}; all rows need the same"
+                f"{label}: line {i}: has {len(row)} column(s), line {rows[0][0]} has "
+                f"{len(values[0])}; all rows need the same"
             )
-    heads = (_cells(line, separator) for _, line in filled[:first])
-    names = next((tuple(head) for head in heads if len(head) == len(rows[0]) and all(head)), ())
-    if first and not names:
-        raise InputError(
-            f"{label}: line {filled[first - 1][0]}: the header does not name the {len(rows[0])} "
-            "column(s) of the rows; name each, or begin the line with #"
-        )
-    above = [line.strip() for line in text.splitlines()[: filled[first][0] - 1]]
-    remarks = (tuple(_cells(line[1:].strip(), separator)) for line in above if line[:1] in COMMENTS)
-    remark = ([words for words in remarks if len(words) == len(rows[0])] or [()])[-1]
-    return Columns(label, names, remark, np.array(rows), tuple(i for i, _ in filled[first:]))
+
+    def names_in(line: str) -> tuple[str, ...]:
+        cells = _cells(line, mark)
+        return tuple(cell if cell in known else _without_unit(cell) for cell in cells)
+
+    headers = [names_in(line) for _, line in filled[:first]]
+    comments = [names_in(line.strip()[1:].strip()) for line in text[:head] if line[:1] in "#%"]
+    comments = [names for names in comments if {*known} & {*map(str.lower, names), *names}]
+    found = [n for n in (*headers, *comments[::-1]) if len(n) == len(values[0]) and all(n)]
+    if not found and (headers or len(default) != len(values[0])):
+        reason = f"no line above the numbers names their {len(values[0])} column(s)"
+        raise InputError(f"{label}: line {head or 1}: {reason}; name each, as in x,value")
+    names = found[0] if found else tuple(default)
+    columns = Columns(label, names, np.array(values), tuple(i for i, _ in rows))
+    for one in names:
+        if names.count(one) > 1:
+            columns.refuse(f"the column '{one}' occurs twice; name each once")
+    return columns
 
 
 def _content(line: str) -> str:
@@ -97,14 +123,13 @@ def _content(line: str) -> str:
     return "" if line.lstrip()[:1] == "%" else line.partition("#")[0].strip()
 
 
-def without_unit(name: str) -> str:
-    """Return a column's name without a unit in brackets."""
+def _without_unit(name: str) -> str:
     return re.sub(r"\s*[\[(][^\])]*[\])]$", "", name)
 
 
 def _separator(line: str) -> str | None:
     """Return the separator of a line's cells, None for blanks."""
-    return next((mark for mark in SEPARATORS if mark in line), None)
+    return next((mark for mark in ";,\t" if mark in line), None)
 
 
 def _cells(line: str, separator: str | None) -> list[str]:
@@ -112,11 +137,8 @@ def _cells(line: str, separator: str | None) -> list[str]:
 
 
 def _is_number(cell: str) -> bool:
-    try:
-        float(cell.replace(",", "."))
-    except ValueError:
-        return False
-    return "_" not in cell
+    number = r"\d+[.,]?\d*|[.,]\d+"
+    return bool(re.fullmatch(rf"[+-]?(({number})(e[+-]?\d+)?|inf|infinity|nan)", cell, re.I))
 
 
 def _has_number(line: str) -> bool:
@@ -141,3 +163,103 @@ def _row(line: str, separator: str | None, where: str) -> list[float]:
             raise InputError(f'{where}: column {count} is "{cell}", not a finite number; mend it')
         numbers.append(number)
     return numbers
+
+
+def with_files(raw: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Replace every ``{file = "..."}`` of a parsed scene by the values in that file.
+
+    A scene saved with its results then needs no other file, and a changed file is noticed.
+
+    Args:
+        raw: parsed TOML.
+        folder: folder that paths are relative to.
+
+    Raises:
+        InputError: a file cannot be read, or has not the columns that are needed; one line.
+    """
+    history = raw.get("history")
+    if isinstance(history, dict):
+        raw = {**raw, "history": _with_signals(history, raw.get("load", []), folder)}
+    return {key: _with_profiles(value, folder, (key,)) for key, value in raw.items()}
+
+
+def _with_profiles(raw: Any, folder: Path, keys: tuple[str, ...]) -> Any:
+    """Return a part of a parsed scene with tables of x and value for files."""
+    if isinstance(raw, list):
+        return [_with_profiles(item, folder, keys) for item in raw]
+    if not isinstance(raw, dict):
+        return raw
+    key = next((key for key in reversed(keys) if key not in DIRECTIONS), "")
+    if set(raw) != {"file"} or key not in PROFILE_KEYS:
+        return {name: _with_profiles(item, folder, (*keys, name)) for name, item in raw.items()}
+    columns = read_columns(raw["file"], folder, " ".join(keys), ("x", "value"), ("x", "value"))
+    names = [name.lower() for name in columns.names]
+    if len(names) == 2 and ("x" in names or "value" not in names):
+        # the one beside x may have any name, and so may both
+        at = [1, 0] if names[1] == "x" else [0, 1]
+    elif names.count("x") == names.count("value") == 1:
+        at = [names.index("x"), names.index("value")]
+    else:
+        columns.refuse(f"its columns are {', '.join(columns.names)}; it needs one x and one value")
+    x, value = columns.values[:, at].T
+    falls = np.flatnonzero(np.diff(x) <= 0.0)
+    if len(falls):
+        row = int(falls[0]) + 1
+        columns.refuse(f"x = {x[row]:g} follows {x[row - 1]:g}; sort the rows by x", row)
+    if len(x) < 2:
+        columns.refuse("has one row; a table needs at least 2")
+    return {"x": x.tolist(), "value": value.tolist()}
+
+
+def _with_signals(history: dict[str, Any], loads: Any, folder: Path) -> dict[str, Any]:
+    """Return the table [history] with the rows of files, and ``columns`` if only files name them.
+
+    Equal successive rows are merged: a load that dwells changes nothing.
+    """
+    files = [key for key in SIGNAL_KEYS if isinstance(history.get(key), dict)]
+    wanted = history.get("columns")
+    if not files:
+        return history
+    if wanted is None and any(key in history and key not in files for key in SIGNAL_KEYS):
+        raise InputError(
+            "[history] columns: is missing; name the load of each column, as one of rows and "
+            "cycle_rows is no file"
+        )
+    if wanted is not None and not all(isinstance(name, str) for name in wanted):
+        raise InputError("[history] columns: must be a list of strings in quotes")
+    names = [table.get("name") for table in as_list(loads, "load")]
+    known = [name for name in names if isinstance(name, str)]
+
+    def is_time(name: str) -> bool:
+        return name.lower() in TIME and name not in known
+
+    history = dict(history)
+    for key in files:
+        where = f"[history] {key}"
+        for other in history[key].keys() - {"file"}:
+            raise InputError(f"{where}: unknown key '{other}'; {suggestion(other, ['file'])}")
+        file = history[key].get("file")
+        columns = read_columns(file, folder, where, wanted or known, wanted or ())
+        chosen = [name for name in wanted or columns.names if not is_time(name)]
+        for name in chosen:
+            if name not in (columns.names if wanted else known):
+                have = ", ".join(columns.names)
+                columns.refuse(
+                    f"has no column '{name}'; its columns are {have}"
+                    if wanted
+                    else f"the column '{name}' is no load, {suggestion(name, known)}; rename it, "
+                    "or choose the columns by [history] columns"
+                )
+        for k in (k for k, name in enumerate(columns.names) if is_time(name)):
+            time = columns.values[:, k]
+            falls = np.flatnonzero(np.diff(time) < 0.0)
+            if len(falls):
+                row = int(falls[0]) + 1
+                columns.refuse(
+                    f"time {time[row]:g} follows {time[row - 1]:g}; sort the rows by time", row
+                )
+        values = columns.values[:, [columns.names.index(name) for name in chosen]]
+        moves = np.concatenate([[True], np.any(np.diff(values, axis=0) != 0.0, axis=1)])
+        history |= {"columns": chosen, key: values[moves].tolist()}
+        wanted = wanted or chosen
+    return history

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-from typing import Annotated, Any, cast
+from typing import Annotated, cast
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -11,7 +10,6 @@ from numpy.typing import ArrayLike
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.checks import Number, OneOf, check_size
-from receding_fenicsx.scene.column_file import Columns, read_columns, without_unit
 from receding_fenicsx.scene.expressions import evaluate_expression
 
 Profile = Number | str | dict[Annotated[str, OneOf("x", "value")], list[Number]]
@@ -22,17 +20,6 @@ DIRECTIONS = ("forward", "backward")
 
 FrictionProfile = Profile | dict[Annotated[str, OneOf(*DIRECTIONS)], Profile]
 """A profile, or one for each of the ``DIRECTIONS``."""
-
-PROFILE_KEYS = (
-    "friction",
-    "initial_gap",
-    "interference",
-    "pressure",
-    "traction",
-    "displacement",
-    "initial_slip",
-)
-"""Keys of a scene file whose values may be read from a file."""
 
 
 def evaluate(profile: Profile, x: ArrayLike, y: ArrayLike | None = None) -> Array:
@@ -129,73 +116,3 @@ def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) ->
         raise InputError(f"{where}: {error}") from None
     check_size(float(np.abs(found).max(initial=0.0)), where)
     return found
-
-
-def inline_files(raw: Any, folder: Path, where: str = "") -> Any:
-    """Replace every ``{file = "..."}`` of a parsed scene by the table that the file holds.
-
-    A scene saved with its results then needs no other file.
-
-    Args:
-        raw: parsed TOML, or a part of it.
-        folder: folder that paths are relative to.
-        where: keys down to the part, for messages.
-
-    Returns:
-        The parsed scene with tables for files.
-
-    Raises:
-        InputError: a file cannot be read, or is not a table of two columns; one line.
-    """
-    if isinstance(raw, dict):
-        if set(raw) == {"file"}:
-            keys = [key for key in where.split() if key not in DIRECTIONS]
-            if keys and keys[-1] in PROFILE_KEYS:
-                return _read_table(raw["file"], folder, where)
-            if keys and isinstance(raw["file"], str):
-                raise InputError(
-                    f"{where.strip()}: cannot be read from a file, only "
-                    f"{', '.join(PROFILE_KEYS)} can; write its values into the scene"
-                )
-        return {key: inline_files(value, folder, f"{where} {key}") for key, value in raw.items()}
-    if isinstance(raw, list):
-        return [inline_files(item, folder, where) for item in raw]
-    return raw
-
-
-def _read_table(name: object, folder: Path, where: str) -> dict[str, list[float]]:
-    """Read a table of x and value: the columns of these names, else the only two columns."""
-    columns = read_columns(name, folder, where.strip())
-    x, value = columns.values[:, _order(columns)].T
-    falls = np.flatnonzero(np.diff(x) <= 0.0)
-    if len(falls):
-        row = int(falls[0]) + 1
-        columns.refuse(f"x = {x[row]:g} follows {x[row - 1]:g}; sort the rows by x", row)
-    if len(x) < 2:
-        columns.refuse("has one row; a table needs at least 2")
-    return {"x": x.tolist(), "value": value.tolist()}
-
-
-def _order(columns: Columns) -> list[int]:
-    """Return the columns of x and value; units and capitals in their names do not matter.
-
-    Raises:
-        InputError: the header names only one of the two, or one of them twice, or has neither in
-            a file of other than two columns.
-    """
-    for header in (columns.names, columns.remark):
-        names = [without_unit(name).lower() for name in header]
-        if names.count("x") == 1 and len(names) == 2:
-            return [names.index("x"), 1 - names.index("x")]
-        if names.count("x") == names.count("value") == 1:
-            return [names.index("x"), names.index("value")]
-        if header == columns.names and {"x", "value"} & {*names}:
-            columns.refuse(
-                f"the header names {', '.join(columns.names)}; it needs one x and one value"
-            )
-    if columns.values.shape[1] != 2:
-        columns.refuse(
-            f"has {columns.values.shape[1]} column(s); give x and value on each line, or a header "
-            "line with the names x and value"
-        )
-    return [0, 1]

@@ -15,9 +15,8 @@ import tomli_w
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError, InputErrors
-from receding_fenicsx.scene.history.signal_file import with_signals
+from receding_fenicsx.scene.column_file import with_files
 from receding_fenicsx.scene.model import TABLE_OF, Body, Scene
-from receding_fenicsx.scene.profiles import inline_files
 from receding_fenicsx.scene.toml_overrides import apply_override
 from receding_fenicsx.scene.toml_reader import parse_toml, plain, scene_of
 from receding_fenicsx.scene.validate import check_rules
@@ -74,8 +73,7 @@ def known_scene(text: str) -> Scene:
 
 def from_raw(raw: dict[str, Any], folder: Path | None = None) -> Scene:
     """Convert parsed TOML into a scene and validate it; see :func:`from_toml`."""
-    raw = with_signals(raw, folder or Path())
-    scene = scene_of(inline_files(raw, folder or Path()))
+    scene = scene_of(with_files(raw, folder or Path()))
     if folder is not None:
         found = [_with_path(body, folder) for body in scene.bodies]
         scene = replace(scene, body=found[0], others=tuple(found[1:]))

@@ -274,9 +274,11 @@ def _resolved(errors: list[Any]) -> list[tuple[Place, dict[str, Any]]]:
             best = min(fitting, key=lambda inner: sum(item["type"] == "key" for _, item in inner))
             found += [(place + inner, item) for inner, item in _resolved(best)]
         else:
-            words = re.findall("'[^']*'", choice["ctx"]["expected"]) if choice else []
-            words += [WANTED[item["type"]] for item in own if item["type"] in WANTED]
-            found.append((place, {**own[0], "type": "union", "wanted": list(dict.fromkeys(words))}))
+            choices = re.findall("'[^']*'", choice["ctx"]["expected"]) if choice else []
+            types = [WANTED[item["type"]] for item in own if item["type"] in WANTED]
+            text = isinstance(own[0]["input"], str)
+            wanted = dict.fromkeys([*choices, *types] if text else [*types, *choices])
+            found.append((place, {**own[0], "type": "union", "wanted": [*wanted]}))
     return found
 
 

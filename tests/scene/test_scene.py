@@ -157,7 +157,10 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["contact.friction={x=[0, 1]}"], ["[contact] friction", "two lists"]),
         (["contact.friction={x=[0, 1], values=[0, 1]}"], ["did you mean 'value'?"]),
         (["output.cycles=last"], ['[output] cycles: "last" is unknown; use "all" or a list in']),
-        (["solver.branch=true"], ["[solver] branch: must be", "or a whole number, not true"]),
+        (
+            ["solver.branch=true"],
+            ['[solver] branch: must be a whole number, "first", ', "not true"],
+        ),
         (["body.parameters={a = true}"], ["[body] parameters.a: must be a number"]),
         (["mesh.refine=[{size=0.1, att=1}]"], ["refine entry 1: unknown key 'att'; did you mean"]),
         (["mesh.refine=[{at=1}]"], ["[mesh] refine entry 1: the key 'size' is missing"]),

@@ -131,7 +131,7 @@ def test_scene_holds_the_rows_and_notices_another_file(shared_tmp_path: Path) ->
         ("P,R\n1,2\n", ["the column 'R' is no load"]),
         ("P,Qq\n1,2\n", ["'Qq'", "did you mean 'Q'?"]),
         ("P,P\n1,2\n", ["'P' occurs twice"]),
-        ("1,2\n3,4\n", ["no header line"]),
+        ("1,2\n3,4\n", ["line 1", "names their 2 column(s)"]),
         ("time,P\n0,1\n1,2\n", ["load 'Q'", "not driven"]),
         ("", ["no row of numbers"]),
         ("P,Q\n# nothing\n", ["no row of numbers"]),
@@ -169,11 +169,11 @@ def test_bad_file_is_refused_in_one_line_with_code_2_and_nothing_written(
         ("rows = {file = 3}", ["[history] rows file", "path in quotes"]),
         ('rows = {fil = "signal.csv"}', ["[history] rows", "did you mean 'file'?"]),
         (FILE + "cycle_rows = [[1, 0]]", ["[history] columns", "missing"]),
-        (FILE + 'columns = ["P", "R"]', ["no column(s) 'R'", "P, Q"]),
+        (FILE + 'columns = ["P", "R"]', ["no column 'R'", "P, Q"]),
         (FILE + "columns = [1]", ["[history] columns", "string"]),
         (FILE + "constant = {P = 1}", ["[history] constant", "'P' varies"]),
         ('kind = "cyclic"\n' + FILE, ["rows", 'kind = "table" only']),
-        (FILE + 'cycle_rows = {file = "other.csv"}', ["other.csv", "no column(s) 'P'"]),
+        (FILE + 'cycle_rows = {file = "other.csv"}', ["other.csv", "no column 'P'"]),
     ],
 )
 def test_bad_keys_beside_a_file_are_refused(

@@ -4,7 +4,6 @@
 * :mod:`~receding_fenicsx.scene.history.kinds`: the history of a scene, by its kind.
 * :mod:`~receding_fenicsx.scene.history.table`: kind "table".
 * :mod:`~receding_fenicsx.scene.history.harmonic`: kind "harmonic".
-* :mod:`~receding_fenicsx.scene.history.signal_file`: rows of a table from a file.
 """
 
 from receding_fenicsx.scene.history.kinds import history_from_scene as history_from_scene

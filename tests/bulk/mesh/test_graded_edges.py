@@ -201,7 +201,7 @@ def test_refine_is_read_and_written() -> None:
     assert scene.mesh.refine == (rf.Refinement(0.1), rf.Refinement(0.2, (0.1, 0.2), 1.5))
     assert rf.from_toml(rf.to_toml(scene)).mesh == scene.mesh
     for wrong, message in (
-        ("[{at = 1.0}]", r"number 1: must be a table \{at"),
+        ("[{at = 1.0}]", r"entry 1: the key 'size' is missing"),
         ("[{size = 1.0, grow = 2}]", "did you mean 'growth'"),
         ("[{size = 1.0, at = true}]", "at: must be a number"),
         ("0.1", "must be a list"),
