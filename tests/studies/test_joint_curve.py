@@ -215,6 +215,12 @@ def test_bad_input_is_one_line(
     assert not out.exists()
 
 
+@pytest.mark.parametrize("amplitudes", [[], [0.0], [0.1, -0.1], [float("nan")], [float("inf")]])
+def test_amplitudes_are_positive_numbers(amplitudes: list[float]) -> None:
+    with pytest.raises(rf.InputError, match="amplitudes: must be positive numbers"):
+        rf.joint_curve(cylinders(40), "Q", amplitudes)
+
+
 @pytest.mark.parametrize("overwrite", [False, True])
 def test_a_file_of_that_name_is_not_overwritten(overwrite: bool, shared_tmp_path: Path) -> None:
     if comm.rank == 0:

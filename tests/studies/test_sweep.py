@@ -216,6 +216,8 @@ def test_a_sweep_goes_on_with_more_values_but_nothing_else(shared_tmp_path: Path
     table = rf.sweep(scene(), more, out, options=replace(resume, progress=said.append))
     if table is not None:
         assert len(said) == 1 and table["contact.friction"].tolist() == [0.4, 0.2]
+    # a title says nothing of the cases
+    rf.sweep(scene("title=x"), over, out, options=resume)
     with pytest.raises(rf.InputError, match="holds a sweep; continue it"):
         rf.sweep(scene(), over, out)
     rf.sweep(scene(), over, out, options=rf.SweepOptions(overwrite=True))
@@ -348,6 +350,22 @@ def test_bad_input_is_refused_in_one_line_before_anything_runs(
     for word in words if comm.rank == 0 else ():
         assert word in captured.err
     assert os.listdir(shared_tmp_path) == []
+
+
+@pytest.mark.parametrize("name", ["file", "folder"])
+@pytest.mark.parametrize("choice", [{}, {"resume": True}, {"overwrite": True}], ids=str)
+def test_what_is_no_folder_of_a_sweep_is_left_alone(
+    name: str, choice: dict[str, bool], shared_tmp_path: Path
+) -> None:
+    place = shared_tmp_path / name
+    mine = place if name == "file" else place / "mine"
+    if comm.rank == 0:
+        mine.parent.mkdir(exist_ok=True)
+        mine.write_text("mine")
+    comm.barrier()
+    with pytest.raises(rf.InputError, match=r"is a file; give|is not the folder of a sweep"):
+        rf.sweep(scene(), {"contact.friction": [0.2]}, place, options=rf.SweepOptions(**choice))
+    assert mine.read_text() == "mine"
 
 
 @pytest.mark.parametrize(

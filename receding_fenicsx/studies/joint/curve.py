@@ -217,10 +217,11 @@ def _driven(scene: Scene, drive: str, values: Array) -> Scene:
     if mode_number(drive):
         mode = Load(drive, mode=mode_number(drive))
         scene = replace(scene, loads=(*scene.loads, mode), probes=())
+    preload = _preload(scene, drive, values)
     history = HistoryOptions(
         kind="harmonic",
         harmonic={drive: Harmonic(amplitude=float(values[0]))},
-        constant=_preload(scene, drive, values),
+        constant=preload,
         cycles=CYCLES,
         until="limit",
     )
