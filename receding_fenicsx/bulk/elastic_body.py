@@ -40,13 +40,6 @@ from receding_fenicsx.bulk.symmetric_matrix import norm, turn
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.mpi import given, on_root
 
-RIGID_RESISTANCE = 1e-12
-"""Largest force of a rigid motion over the largest row sum of |K|."""
-PROBE_TOLERANCE = 1e-10
-"""Largest error of K times a probe, found by a solve, over the largest row sum of |K|."""
-ODD = (0, 5)
-"""Components u_x and s_xy, which change their sign in a mirror image about x = 0."""
-
 
 @dataclass
 class ElasticBody(Bulk):
@@ -70,16 +63,16 @@ class ElasticBody(Bulk):
         if eliminated.probe is not None:
             u, force = (contact.to_local(part) for part in eliminated.probe)
             error = np.abs(K @ u - force).max() / (scale * np.abs(u).max())
-            if not error <= PROBE_TOLERANCE:
+            if not error <= 1e-10:
                 raise SolveError(
                     f"the condensed stiffness is off by {error:.1e} from a solve (at most "
-                    f"{PROBE_TOLERANCE:g}): move Poisson's ratio off its limit, or mend the mesh"
+                    "1e-10): move Poisson's ratio off its limit, or mend the mesh"
                 )
         error = np.abs(K @ contact.null).max(initial=0.0) / scale
-        if not error <= RIGID_RESISTANCE:
+        if not error <= 1e-12:
             raise SolveError(
                 f"the condensed stiffness resists a rigid motion by {error:.1e} of its size "
-                f"(at most {RIGID_RESISTANCE:g}); check the mesh for degenerate cells"
+                "(at most 1e-12); check the mesh for degenerate cells"
             )
         K *= self.young
         none = np.zeros(len(contact.held))
@@ -142,9 +135,10 @@ class ElasticBody(Bulk):
             return None
         rows = np.vstack([given(block) for block in blocks]).reshape(len(points), 6, -1)
         if mirrored:
+            # u_x and s_xy change their sign in the image
             near = POSITION_TOLERANCE * self.body.size
             sign = np.where(np.abs(points[:, 0]) <= near, 0.0, np.sign(points[:, 0]))
-            rows[:, ODD] *= sign[:, None, None]
+            rows[:, [0, 5]] *= sign[:, None, None]
         return rows
 
     def _rows(self, solve: Solve, values: PointValues, rows: tuple[int, int]) -> Array | None:

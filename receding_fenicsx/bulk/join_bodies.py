@@ -51,8 +51,6 @@ from receding_fenicsx.bulk.rigid_motions import common_motions, free_motions, in
 from receding_fenicsx.bulk.symmetric_matrix import block, norm, symmetrise
 from receding_fenicsx.errors import InputError, SolveError
 
-JOINED_RIGID_RESISTANCE = 1e-11
-"""Largest force of a common or relative rigid motion over the largest row sum of |K|."""
 BALANCE_TOLERANCE = 1e-9
 """Largest resultant, over the sum of the reactions, of a load that counts as balanced."""
 
@@ -221,10 +219,10 @@ def join(
     # one less for each common motion
     rigid = independent(np.hstack(own), sum(found.shape[1] for _, found in common))
     error = np.abs((K @ rigid)[~held]).max(initial=0.0) / norm(K)
-    if not error <= JOINED_RIGID_RESISTANCE:
+    if not error <= 1e-11:
         raise SolveError(
             f"the stiffness of the joined bodies resists a rigid motion by {error:.1e} of its size "
-            f"(at most {JOINED_RIGID_RESISTANCE:g}); bring Young's moduli closer together or hold "
+            f"(at most 1e-11); bring Young's moduli closer together or hold "
             "the stiffer one"
         )
     follow = y[:, :size], y[:, size:]

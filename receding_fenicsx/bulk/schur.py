@@ -21,9 +21,6 @@ from receding_fenicsx.mpi import on_root
 
 ICNTL_ORDERING, ICNTL_SCHUR, ICNTL_SCHUR_SOLVE = 7, 19, 26
 """Numbers of MUMPS's control parameters."""
-MINIMUM_DEGREE = 0
-"""Ordering that MUMPS 5.5 always uses with a Schur complement. MUMPS 5.8 would choose METIS, which
-takes 1.5 times as long for uniform squares (641 contact nodes), as long for graded triangles."""
 
 
 def factorise(matrix: PETSc.Mat, contact: Ints) -> tuple[PETSc.PC, Array | None]:
@@ -52,7 +49,9 @@ def factorise(matrix: PETSc.Mat, contact: Ints) -> tuple[PETSc.PC, Array | None]
     indices = contact if comm.rank == 0 else contact[:0]
     where = PETSc.IS().createGeneral(indices.astype(PETSc.IntType), comm=comm)
     _call("MatFactorSetSchurIS", factor.handle, where.handle)
-    factor.setMumpsIcntl(ICNTL_ORDERING, MINIMUM_DEGREE)
+    # minimum degree, which MUMPS 5.5 always uses with a Schur complement. MUMPS 5.8 would choose
+    # METIS: 1.5 times as long for uniform squares (641 nodes), as long for graded triangles
+    factor.setMumpsIcntl(ICNTL_ORDERING, 0)
     failure: PETSc.Error | None = None
     try:
         pc.setUp()

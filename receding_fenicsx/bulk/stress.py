@@ -51,7 +51,13 @@ def stresses(bulk: Bulk, displacement: fem.Function, load: Array | None = None) 
     """
     corners = _dolfinx.REFERENCE_CORNERS[bulk.body.cell]
     points = np.vstack([corners, corners.mean(axis=0)])
-    gradient = _gradient(bulk, displacement, points) - _thermal(bulk, points, load)
+    gradient = _gradient(bulk, displacement, points)
+    if any(part.thermal_strain is not None for part in bulk.scene.loads):
+        # at order 1 that of the midpoint, the last one
+        at = np.repeat(points[-1:], len(points), axis=0) if bulk.scene.mesh.degree == 1 else points
+        places = _dolfinx.evaluate_in_cells(ufl.SpatialCoordinate(bulk.body.mesh), at, bulk.space)
+        strain = thermal_strain(bulk.scene, bulk.load_names, places) @ given(load)
+        gradient -= strain[..., None] * free_gradient(bulk.scene.material)
     constant = _dolfinx.scalar_space(bulk.body.mesh, "DG", 0)
     linear = _dolfinx.scalar_space(bulk.body.mesh, "Lagrange", 1)
     cell_dofs = _dolfinx.cell_dofs(constant)[: len(gradient), 0]
@@ -87,19 +93,6 @@ def _gradient(bulk: Bulk, displacement: fem.Function, points: Array) -> Array:
     on_axis = np.abs(r) <= POSITION_TOLERANCE * bulk.body.size
     hoop = np.where(on_axis, values[..., 0], values[..., 4] / np.where(on_axis, 1.0, r))
     return np.concatenate([values[..., :4], hoop[..., None]], axis=-1)
-
-
-def _thermal(bulk: Bulk, points: Array, load: Array | None) -> Array:
-    """Return the gradients (cells, n, 5) of the thermal strain at reference points."""
-    if all(part.thermal_strain is None for part in bulk.scene.loads):
-        return np.zeros(5)
-    if bulk.scene.mesh.degree == 1:
-        # the last point is the midpoint
-        points = np.repeat(points[-1:], len(points), axis=0)
-    x = ufl.SpatialCoordinate(bulk.body.mesh)
-    places = _dolfinx.evaluate_in_cells(x, points, bulk.space)
-    strain = thermal_strain(bulk.scene, bulk.load_names, places) @ given(load)
-    return strain[..., None] * free_gradient(bulk.scene.material)
 
 
 def named_stresses(sxx: Array, syy: Array, szz: Array, sxy: Array) -> dict[str, Array]:

@@ -22,9 +22,6 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.half_plane.stiffness import HalfPlaneMaterial, Surface
 
-NEAREST = 1e-9
-"""Smallest depth of a point, over the shortest element: nearer ones are moved to it, as the
-integrals have logarithms of the distance from the nodes."""
 Complexes = NDArray[np.complex128]
 
 
@@ -45,7 +42,8 @@ def point_values(
         relative to the datum.
     """
     shortest = float(np.diff(surface.x[surface.elements], axis=1).min())
-    z = points[:, 0] + 1j * np.maximum(points[:, 1], NEAREST * shortest)
+    # at some depth, as the integrals have logarithms of the distance from the nodes
+    z = points[:, 0] + 1j * np.maximum(points[:, 1], 1e-9 * shortest)
     cauchy, slope, logs = _integrals(surface, z)
     over = -0.5 / np.pi * tractions
     Phi, Psi = cauchy @ over, cauchy @ np.conj(over)

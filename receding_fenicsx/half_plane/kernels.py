@@ -13,10 +13,6 @@ NEAR = 8.0
 closed form; beyond, these lose digits and Gauss's rule has an error below 1e-13."""
 GAUSS_POINTS = 4
 """Points of Gauss's rule on an element."""
-SIGN_ON_ELEMENT = np.array([[0.0, -1.0], [1.0, 0.0]]) / 6.0
-"""Integrals of N_i(x) N_j(s) sgn(x - s) over an element of length 1."""
-BLOCK_PAIRS = 200_000
-"""Pairs of elements whose kernels are evaluated together."""
 
 
 def log_integral(n: int, z: Array) -> Array:
@@ -40,7 +36,8 @@ def surface_integrals(x: Array, elements: Ints) -> tuple[Array, Array]:
     """
     a, b = x[elements].T
     log_matrix, sign_matrix = np.zeros((len(x), len(x))), np.zeros((len(x), len(x)))
-    step = max(1, BLOCK_PAIRS // len(a))
+    # kernels of 200,000 pairs of elements together
+    step = max(1, 200_000 // len(a))
     for first in range(0, len(a), step):
         rows = slice(first, first + step)
         logs, signs = _far_pairs(a[rows], b[rows], a, b)
@@ -50,7 +47,8 @@ def surface_integrals(x: Array, elements: Ints) -> tuple[Array, Array]:
         logs[e, f] = _near_pairs(a[rows][e], b[rows][e], a[f], b[f])
         # the sign is antisymmetric on an element itself
         itself = np.arange(len(logs)), first + np.arange(len(logs))
-        signs[itself] = ((b - a)[rows] ** 2)[:, None, None] * SIGN_ON_ELEMENT
+        on_element = np.array([[0.0, -1.0], [1.0, 0.0]]) / 6.0
+        signs[itself] = ((b - a)[rows] ** 2)[:, None, None] * on_element
         for i in range(2):
             for j in range(2):
                 # a node is the lower end of one element at most, and the upper end of one

@@ -88,25 +88,19 @@ def _mesh_of(scene: Scene, meshes: Sequence[RawMesh], edge: str) -> tuple[RawMes
     return meshes[scene.bodies.index(body)], name
 
 
-def _uses(scene: Scene) -> list[tuple[str, str]]:
-    """Return every edge that the scene names, with its table and key for messages."""
-    several = len(scene.contacts) > 1
-    found = []
-    for i, contact in enumerate(scene.contacts):
-        where = f"[[contact]] number {i + 1}" if several else "[contact]"
-        found.append((contact.edge, f"{where} edge"))
-        if contact.against is not None:
-            found.append((contact.against, f"{where} against"))
-    found += [(part.edge, f"{part.label} edge") for part in scene.edge_parts]
-    found += [(s.against, "[[spring]] against") for s in scene.springs if s.against is not None]
-    found += [(s.edge, "[[support]] edge") for s in scene.supports if s.edge is not None]
-    return found
-
-
 def _check_groups(scene: Scene, name: str, mesh: RawMesh, half: bool) -> None:
     """Check that the groups used on a body exist, lie on its boundary and do not overlap."""
+    named: list[tuple[str | None, str]] = []
+    for i, contact in enumerate(scene.contacts):
+        where = f"[[contact]] number {i + 1}" if len(scene.contacts) > 1 else "[contact]"
+        named += [(contact.edge, f"{where} edge"), (contact.against, f"{where} against")]
+    named += [(part.edge, f"{part.label} edge") for part in scene.edge_parts]
+    named += [(spring.against, "[[spring]] against") for spring in scene.springs]
+    named += [(support.edge, "[[support]] edge") for support in scene.supports]
     used: dict[str, Ints] = {}
-    for edge, where in _uses(scene):
+    for edge, where in named:
+        if edge is None:
+            continue
         body, group = scene.find_edge(edge)
         if body.name != name or group in used:
             continue

@@ -98,22 +98,15 @@ def _arcs_of_curve(gmsh: Any, curve: int) -> tuple[Array, Array, Array] | None:
     near = 1e-6 * float(np.hypot(*np.ptp(ends.reshape(-1, 2), axis=0)))
     if not np.all(np.abs(at(u) - ends) <= near):
         return None  # the nodes lie on another curve, such as a compound one
-    places, slope = _slope_matrix()
-    points = at(u[:, :1] + places * (u[:, 1:] - u[:, :1]))
-    return ends, points[:, 1:-1], np.einsum("qp,npk->nqk", slope, points)
-
-
-def _slope_matrix() -> tuple[Array, Array]:
-    """Return ends and Gauss points in [0, 1], and the matrix from values there to derivatives.
-
-    gmsh's own derivatives are finite differences, good to 1e-10 only.
-    """
-    s, _ = gauss()
-    places = np.concatenate([[0.0], s, [1.0]])
+    # derivatives at Gauss's points of the polynomial through these and the ends: gmsh's own are
+    # finite differences, good to 1e-10 only
+    places = np.concatenate([[0.0], gauss()[0], [1.0]])
     degree = len(places) - 1
     coefficients = np.linalg.inv(legendre.legvander(2.0 * places - 1.0, degree))
     derivative = 2.0 * legendre.legder(coefficients, axis=0)
-    return places, legendre.legvander(2.0 * s - 1.0, degree - 1) @ derivative
+    slope = legendre.legvander(2.0 * places[1:-1] - 1.0, degree - 1) @ derivative
+    points = at(u[:, :1] + places * (u[:, 1:] - u[:, :1]))
+    return ends, points[:, 1:-1], np.einsum("qp,npk->nqk", slope, points)
 
 
 def _fill_ends(u: Array, ends: Array, bounds: Array, limits: tuple[float, float]) -> None:

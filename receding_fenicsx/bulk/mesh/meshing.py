@@ -31,8 +31,6 @@ from receding_fenicsx.mpi import on_root
 from receding_fenicsx.scene.model import Body, Scene
 from receding_fenicsx.scene.one_body import part_of
 
-CORNERS = {"triangle": 3, "quadrilateral": 4}
-
 
 @dataclass(frozen=True)
 class ContactFacets:
@@ -145,32 +143,25 @@ def make_meshes(comm: MPI.Comm, scene: Scene, half: bool) -> tuple[BodyMesh, ...
     """
     made = on_root(comm, lambda: _make_on_root(scene, half))
     shared = comm.bcast(None if made is None else [(m.cell, m.data) for m in made])
-    return tuple(
-        _distribute(comm, None if made is None else made[i], cell, data)
-        for i, (cell, data) in enumerate(shared)
-    )
+    found = []
+    for i, (cell, data) in enumerate(shared):
+        points, cells = np.empty((0, 2)), np.empty((0, 3 if cell == "triangle" else 4), np.int64)
+        facets, tags = np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int32)
+        if made is not None:
+            points, cells, facets, tags = made[i].arrays
+        mesh = _dolfinx.create_mesh(comm, cell, cells, points)
+        tagged = _dolfinx.tag_entities(mesh, 1, facets, tags)
+        found.append(BodyMesh(mesh, tagged, cell=cell, **data))
+    return tuple(found)
 
 
 @dataclass(frozen=True)
 class _Tagged:
-    """A mesh on rank 0 with facet tags, and the other attributes of its BodyMesh."""
+    """Points, cells, facets and tags of a mesh on rank 0, and other attributes of its BodyMesh."""
 
-    points: Array
-    cells: Ints
-    facets: Ints
-    tags: NDArray[np.int32]
+    arrays: tuple[Array, Ints, Ints, NDArray[np.int32]]
     cell: str
     data: dict[str, Any]
-
-
-def _distribute(comm: MPI.Comm, made: _Tagged | None, cell: str, data: dict[str, Any]) -> BodyMesh:
-    if made is None:
-        points, cells = np.empty((0, 2)), np.empty((0, CORNERS[cell]), dtype=np.int64)
-        facets, tags = np.empty((0, 2), dtype=np.int64), np.empty(0, dtype=np.int32)
-    else:
-        points, cells, facets, tags = made.points, made.cells, made.facets, made.tags
-    mesh = _dolfinx.create_mesh(comm, cell, cells, points)
-    return BodyMesh(mesh, _dolfinx.tag_entities(mesh, 1, facets, tags), cell=cell, **data)
 
 
 def _make_on_root(scene: Scene, half: bool) -> list[_Tagged]:
@@ -229,4 +220,4 @@ def _tagged(
     }
     facets = np.vstack([np.empty((0, 2), dtype=np.int64), *(mesh.edges[name] for name in used)])
     every = np.concatenate([np.empty(0, np.int32), *(tags[name] for name in used)])
-    return _Tagged(mesh.points, mesh.cells, facets, every, mesh.cell, data)
+    return _Tagged((mesh.points, mesh.cells, facets, every), mesh.cell, data)

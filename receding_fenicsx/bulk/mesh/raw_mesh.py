@@ -112,11 +112,6 @@ class Line:
         return (points - self.middle) @ self.direction
 
 
-def _upwards(direction: Array) -> Array:
-    """Return the direction or its opposite, so that its larger component is positive."""
-    return direction * np.sign(direction[np.argmax(np.abs(direction))]) + 0.0
-
-
 def sides(cells: Ints) -> tuple[Ints, Ints]:
     """Return the sides of all cells (n, 2), the smaller point first, and the cell of each."""
     pairs = np.stack([cells, np.roll(cells, -1, axis=1)], axis=2).reshape(-1, 2)
@@ -146,7 +141,9 @@ def line_of(mesh: RawMesh, edge: str, where: str) -> Line:
     end = points[np.argmax(np.hypot(*(points - points[0]).T))]
     other = points[np.argmax(np.hypot(*(points - end).T))]
     length = float(np.hypot(*(other - end)))
-    direction = _upwards((other - end) / length)
+    direction = (other - end) / length
+    # the larger component is positive
+    direction = direction * np.sign(direction[np.argmax(np.abs(direction))]) + 0.0
     middle = mesh.middles.get(edge, 0.5 * (end + other))
     offset = float((0.5 * (end + other) - middle) @ direction)
     if abs(abs(offset) - 0.5 * length) <= STRAIGHT_TOLERANCE * length:

@@ -236,7 +236,12 @@ def find_marks(scene: Scene, frame: Frame) -> Marks:
         else:
             inner.append((s, d))
     points = np.array(sorted(set(inner))).reshape(-1, 2)
-    stations = _stations(scene, frame, stops)
+    n, half = scene.mesh.contact_elements, 0.5 * frame.length
+    stations = frame.length * np.arange(n // 2 + 1) / n
+    if scene.mesh.refine:
+        base = Base(np.array([0.0, half]), np.array([dx]))
+        breaks = [Refinement(dx, s, 2.0) for s in stops]
+        stations = graded((0.0, half), base, [*places_of(scene, frame), *breaks])
     return Marks(stations, _apart(top, near), _apart(side, near), points, _find_ends(scene, frame))
 
 
@@ -259,16 +264,6 @@ def places_of(scene: Scene, frame: Frame) -> list[Refinement]:
         s = [frame.from_body(float(x) - left, float(y) - bottom)[0] for x, y in along]
         found += [replace(place, at=(s[0], s[1])), replace(place, at=(-s[1], -s[0]))]
     return found
-
-
-def _stations(scene: Scene, frame: Frame, stops: list[float]) -> Array:
-    """Return s of the vertices on the contact edge, from 0 to its end."""
-    n, half = scene.mesh.contact_elements, 0.5 * frame.length
-    if not scene.mesh.refine:
-        return frame.length * np.arange(n // 2 + 1) / n
-    base = Base(np.array([0.0, half]), np.array([frame.length / n]))
-    breaks = [Refinement(frame.length / n, s, 2.0) for s in stops]
-    return graded((0.0, half), base, [*places_of(scene, frame), *breaks])
 
 
 def _find_ends(scene: Scene, frame: Frame) -> Array:
