@@ -6,17 +6,17 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.legs import SIMULTANEOUS
 from receding_fenicsx.interface.exact.path import EventPath
+from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.law import SEPARATION, STICK
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.system import ContactState, Leg
 
 
-def cold(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Let paths be followed without the compiled loop from now on."""
-    monkeypatch.setattr(EventPath, "_compiled", lambda *_: None)
+def asking(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let the loop ask for all rates from now on, as it does where motions are left free."""
+    monkeypatch.setattr(Segments, "is_special", True)
 
 
 def play(path: EventPath, loads: Sequence[Sequence[float]], samples: int = 0) -> list[Leg]:
@@ -59,14 +59,3 @@ def assert_same(legs: list[Leg], others: list[Leg]) -> None:
         assert leg.dissipation == pytest.approx(other.dissipation, abs=1e-11 * force)
         assert leg.work == pytest.approx(other.work, rel=1e-10, abs=1e-12 * force)
         assert leg.residual < 1e-11
-
-
-def assert_that_of_single_events(system: ContactSystem, loads: Sequence[Sequence[float]]) -> None:
-    """Assert that a path, or its error, is that with every event looked at by itself."""
-    try:
-        plain = play(EventPath(system, check_all=True), loads)
-    except SolveError as error:
-        with pytest.raises(type(error)):
-            play(EventPath(system), loads)
-        return
-    assert_same(play(EventPath(system), loads), plain)

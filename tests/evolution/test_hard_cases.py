@@ -22,14 +22,12 @@ from hard_block import body
 from hard_bodies import CASES as BODY_CASES
 from hard_trials import CASES as TRIAL_CASES
 from law import worst_slip, worst_violation
-from legs import cold
 from small import cyclic
 
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.exact import walk
-from receding_fenicsx.interface.exact.segments import Segment
 from receding_fenicsx.scene.model import OutputOptions
 
 pytestmark = pytest.mark.one_rank
@@ -76,15 +74,19 @@ def test_a_way_on_that_is_denied_is_found(monkeypatch: pytest.MonkeyPatch) -> No
     system = body("mesh.contact_elements=12")
     events = Tally().solve(system, cyclic(1)).events
     denied = events.load[np.flatnonzero((events.cycle == 1) & (events.s > 0.0))[4], 0]
-    cold(monkeypatch)
-    pass_event = walk.Walk._event
+    run = walk.Walk.run
 
-    def deny(self: walk.Walk, label: int, segment: Segment) -> Segment:
-        if abs(self.point.load[0] - denied) <= 1e-12:
-            raise self.states.error(self.point.state, np.array([label % self.system.n]))
-        return pass_event(self, label, segment)
+    def deny(self: walk.Walk, s_end: float) -> None:
+        (a,), (b,) = self.problem.ends
+        s = (denied - a) / (b - a)
+        if not 0.0 < s < s_end:
+            run(self, s_end)
+            return
+        run(self, s)
+        states = self._states_at(self.path.state)
+        raise states.error(self.path.state, np.zeros(0, dtype=np.intp))
 
-    monkeypatch.setattr(walk.Walk, "_event", deny)
+    monkeypatch.setattr(walk.Walk, "run", deny)
     with pytest.raises(Wrong, match="a way on exists"):
         Tally().solve(system, cyclic(1))
 

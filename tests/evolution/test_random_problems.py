@@ -33,7 +33,7 @@ from small import small_system, table
 from receding_fenicsx.errors import NoQuasiStaticContinuation
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.exact.round_off import RoundOff
+from receding_fenicsx.interface.exact import loop
 from receding_fenicsx.scene.model import OutputOptions, SolverOptions
 
 pytestmark = pytest.mark.one_rank
@@ -161,7 +161,7 @@ def test_an_event_at_the_place_of_a_jump_is_left_out(
 ) -> None:
     """In cycle 5 a node begins to slip just where the contact jumps, and sticks behind."""
     if cleared:
-        monkeypatch.setattr(RoundOff, "count_event", RoundOff.clear)
+        monkeypatch.setattr(loop, "ON_THE_WAY", 0.0)
     p = limited(problem(1110647))
     assert judge(p) == Outcome(ACCEPTED, "with jumps")
     events = play(p).events

@@ -12,8 +12,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact.legs import LegProblem
-from receding_fenicsx.interface.exact.segments import Segment, Segments
-from receding_fenicsx.interface.exact.walk import Walk
+from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
 from receding_fenicsx.interface.system import ContactState
 
@@ -39,25 +38,6 @@ class Stop(NamedTuple):
     q: Array
     label: int
     state: NDArray[np.int8]
-
-
-class TracedWalk(Walk):
-    """Path along one leg that keeps its stops."""
-
-    def __init__(self, segments: Segments, problem: LegProblem, leg: int) -> None:
-        """Start at the beginning of a leg."""
-        super().__init__(segments, problem)
-        self.leg, self.trace = leg, list[Stop]()
-
-    def _advance(self, segment: Segment, ds: float) -> None:
-        super()._advance(segment, ds)
-        point = self.point
-        u = point.displacements(point.y)
-        self.trace.append(Stop(self.leg, point.s, point.load, u, segment.q, -1, point.state))
-
-    def _event(self, label: int, segment: Segment) -> Segment:
-        self.trace[-1] = self.trace[-1]._replace(label=label)
-        return super()._event(label, segment)
 
 
 class MovingEvents(NamedTuple):
@@ -184,9 +164,16 @@ def trace(segments: Segments, start: ContactState, loop: Array, force: float) ->
         SolveError: the path ends, or its residual is above its tolerance.
         SingularExchange: a motion without stiffness is left.
     """
-    state, stops = start, list[Stop]()
+    # loads Numba, which takes longer than all the rest
+    from receding_fenicsx.interface.exact.compilation import loop_of
+    from receding_fenicsx.interface.exact.walk import Walk
+
+    state, stops, follows = start, list[Stop](), loop_of(segments)
     for k, ends in enumerate(pairwise(loop)):
-        walk = TracedWalk(segments, LegProblem(state, ends, force), k)
+        problem = LegProblem(state, ends, force)
+        walk = Walk(follows, problem, traced=True)
         walk.run(1.0)
-        state, stops = walk.finish().end, stops + walk.trace
+        state = walk.finish().end
+        for s, u, q, label, on_the_way in walk.stops():
+            stops.append(Stop(k, s, problem.load(s), u, q, label, on_the_way))
     return TracedCycle(start, state, stops, segments)

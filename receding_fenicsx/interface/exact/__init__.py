@@ -7,9 +7,10 @@ are no load steps. The method, from top to bottom:
 1. **What kind of leg** (`path`: `EventPath.trace_leg`). A leg from rest is solved as in 9, one
    through complete unloading is cut there, as in 10. A body with gaps that carries nothing first
    rolls to where it rests under the load (`rolling.at_rest`). All others are followed from event to
-   event: by one compiled loop (`kernel.follow`, driven by `compiled.CompiledPath`), and by
-   `walk.Walk`, which does the same one event at a time in NumPy, where the loop gives up (motions
-   without stiffness, states without end, inaccuracy), where legs end unloaded or a path branches.
+   event (`walk.Walk`) by one compiled loop (`kernel.follow`), which works on the arrays of a
+   tableau and a memory (`loop.Loop`), and asks where it cannot go on by itself: for rates that are
+   not those of the tableau, for states where changing them one by one does not end, for a choice
+   where a path branches, for round-off to be removed.
 2. **Quantities** (`segments`: `Segments.values`). Each node has $v$, the gap $g = g_0 + w$ and the
    margins to both friction limits,
    $$A = Q + f_\mathrm{forward} P, \qquad B = f_\mathrm{backward} P - Q ,$$
@@ -31,27 +32,27 @@ are no load steps. The method, from top to bottom:
    Columns of nodes that stick throughout are left out, and added when one is to be exchanged.
    `balance.BalanceCheck` measures whether the rates satisfy the equation above; if not, they are
    refined. Rates of known states are stored (`kernel.Memory`), and turn round with the loads.
-4. **Consistent states** (`kernel.turned`, `consistency`: `ConsistentStates.find`). At the start of
-   a leg and after an event, nodes on a limit may go either way. Nodes whose rates violate a
+4. **Consistent states** (`kernel.turned`, `consistency`: `ConsistentStates.decide`). At the start
+   of a leg and after an event, nodes on a limit may go either way. Nodes whose rates violate a
    condition change state, all at first, then the worst one; if a set of states returns, the linear
    complementarity problem of the rates decides (`interface.lcp`). Along rigid motions that
    the states leave free the body drifts as little as the conditions allow (`drift`).
-5. **Next event** (`kernel.looked`, `Walk.run`). A quantity $y_j \ge 0$ that falls reaches zero
+5. **Next event** (`kernel.looked`). A quantity $y_j \ge 0$ that falls reaches zero
    after
    $$\Delta s_j = -y_j / \dot y_j .$$
    The smallest one is the event: $y \leftarrow y + \dot y\, \Delta s$, the node changes state
-   (`Walk._event`), and 4 is checked. The leg ends at $s = 1$.
+   (`kernel.put`), and 4 is checked. The leg ends at $s = 1$.
    In states that have been left by an event before, that one is tried first: all other quantities
    must stay positive up to it.
-6. **Integrals** (`kernel.advanced`, `accumulate`: `Sums`). Between two events $a$ and $b$ forces
+6. **Integrals** (`kernel.advanced`). Between two events $a$ and $b$ forces
    and displacements are linear, so that the dissipation and the work of the loads are exactly
    $$D = -\sum_i \tfrac12 (Q_i^a + Q_i^b)(v_i^b - v_i^a), \qquad
      W = \sum_k \tfrac12 (\lambda_k^a + \lambda_k^b)\, r^*_k \cdot (u^b - u^a) .$$
    The balance of forces is followed from event to event.
-7. **Round-off** (`round_off`: `RoundOff`, `compiled`). Where the imbalance of $y$ has grown it is
-   removed by one step of iterative refinement, and at the end of each leg, by the tableau or by a
-   factor of the states there (`compiled.ActiveSets`). The reactions of the end are evaluated afresh
-   and its residual is checked.
+7. **Round-off** (`Walk._balanced`, `Walk._refined`, `round_off`). Where the imbalance of $y$ has
+   grown it is removed by iterative refinement, and at the end of a leg where forces that vanish are
+   more than round-off: by the tableau, or by a factor of the states there (`loop.ActiveSets`). The
+   reactions of the end are evaluated afresh and its residual is checked.
 8. **No continuation** (`failures`, `jumps`). Where no states are consistent, `failures.explain`
    says whether the body lifts off, slides or jumps. A jump is an error, or (`on_jump = "static"`) a
    static problem at a load just beyond, which releases the energy

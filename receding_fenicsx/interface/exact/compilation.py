@@ -13,9 +13,10 @@ import numpy as np
 from numba.core import event
 
 from receding_fenicsx.interface.exact import kernel
-from receding_fenicsx.interface.exact.compiled import CompiledPath
 from receding_fenicsx.interface.exact.legs import LegProblem
+from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import STICK
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
 
@@ -42,10 +43,10 @@ def _tell() -> None:
     event.register("numba:compile", _Told())
 
 
-def compiled_path(segments: Segments) -> CompiledPath:
-    """Return what follows legs by the compiled loop; log a line where it has to be compiled."""
+def loop_of(segments: Segments) -> Loop:
+    """Return the compiled loop of a contact; log a line where it has to be compiled."""
     _tell()
-    return CompiledPath(segments)
+    return Loop(segments)
 
 
 def warm_up() -> float:
@@ -71,5 +72,5 @@ def warm_up() -> float:
     pressed = np.array([1.0, 0.0])
     state = np.full(1, STICK, dtype=np.int8)
     start = ContactState(np.zeros(2), reactions(system, pressed, np.zeros(2)), state)
-    CompiledPath(Segments(system)).follow(LegProblem(start, (pressed, np.ones(2)), 1.0))
+    Walk(Loop(Segments(system)), LegProblem(start, (pressed, np.ones(2)), 1.0)).run(1.0)
     return time.perf_counter() - clock

@@ -23,12 +23,12 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
 from receding_fenicsx.interface.exact.drift import drifting
 from receding_fenicsx.interface.exact.failures import explain
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import middle
+from receding_fenicsx.interface.exact.round_off import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.segments import (
     EPSILON,
     LIMIT_TOLERANCE,
@@ -59,7 +59,6 @@ class ConsistentStates:
         self,
         segments: Segments,
         point: PathPoint,
-        sums: Sums,
         equilibrium_ends: EquilibriumEnd,
     ) -> None:
         """Prepare for one leg.
@@ -67,61 +66,15 @@ class ConsistentStates:
         Args:
             segments: rates in known sets of states.
             point: present point of the path; its states and quantities on limits are changed.
-            sums: integrals along the leg.
             equilibrium_ends: place on the leg beyond which there is no equilibrium; looked for only
                 where rates alone do not decide.
         """
-        self.segments, self.point, self.sums = segments, point, sums
+        self.segments, self.point = segments, point
         self.equilibrium_ends = equilibrium_ends
         a, b = point.problem.ends
         self.direction = b - a
         self.on_limit = segments.limit * point.problem.force_scale
         self._highest_limit = float(self.on_limit.max())
-
-    def find(
-        self,
-        hit: int | None = None,
-        rates: Array | None = None,
-    ) -> Segment:
-        """Change states until no node on a limit is driven across it; return the rates.
-
-        Args:
-            hit: label of the quantity that has just reached its limit.
-            rates: (4N,) rates on the way there: a node that has closed is taken to slip on.
-
-        Raises:
-            SolveError: there are no such states.
-        """
-        before, chooser = self.point.state, self.point.problem.chooser
-        segment = self._find(before, hit, rates)
-        return segment if chooser is None else chooser.choose(self, before, segment)
-
-    def _find(self, before: States, hit: int | None, rates: Array | None) -> Segment:
-        segments, point = self.segments, self.point
-        point.state = state = before.copy()
-        seen = {before.tobytes()}
-        rounds = 0
-        if hit is not None:
-            self.change([hit], rates)
-        try:
-            while True:
-                segment = segments.at(state, self.direction)
-                violating = self.violations(segment)
-                if len(violating) == 0:
-                    return segment
-                seen.add(state.tobytes())
-                rounds += 1
-                if rounds > SIMULTANEOUS_ROUNDS:
-                    badness = np.abs(segment.q[violating]) * segments.weight[violating]
-                    violating = violating[[int(np.argmax(badness))]]
-                self.change(violating.tolist())
-                if state.tobytes() in seen or rounds > len(state):
-                    return self._decide(before)
-        except SingularExchange:
-            if rates is not None:  # it may be the slip of the node that has closed
-                return self._find(before, hit, None)
-            state[:] = before
-            return self._decide(before)
 
     def violations(self, segment: Segment) -> NDArray[np.intp]:
         """Return labels of quantities on their limit that are driven across it."""
@@ -131,31 +84,6 @@ class ConsistentStates:
         if not len(y) or y[y.argmin()] > self._highest_limit:
             return segment.reversed_nodes
         return np.concatenate([segment.reversed_nodes, fall[y <= self.on_limit[fall]]])
-
-    def change(self, labels: list[int], rates: Array | None = None) -> None:
-        """Change the present states of the nodes whose labelled quantities are violated.
-
-        Args:
-            labels: the quantities.
-            rates: (4N,) rates on the way there, in whose direction a node that closes slips on;
-                without them it is taken to stick.
-        """
-        state, y, on_limit = self.point.state, self.point.y, self.on_limit
-        n = len(state)
-        kinds_of: dict[int, int] = {}
-        for label in labels:
-            kind, i = divmod(label, n)
-            kinds_of[i] = kinds_of.get(i, 0) | 1 << kind
-        frictional = self.segments.frictional
-        for i, kinds in kinds_of.items():
-            slip = 0.0 if rates is None else rates[i]
-            state[i] = new = state_after(int(state[i]), kinds, bool(frictional[i]), slip)
-            # what the new states fix, and what is within round-off of its limit, is exactly zero
-            a, b = A * n + i, B * n + i
-            if new == SEPARATION or y[a] <= on_limit[a]:
-                y[a] = 0.0
-            if new == SEPARATION or y[b] <= on_limit[b]:
-                y[b] = 0.0
 
     def error(
         self, states: States, nodes: NDArray[np.intp] | None = None, exhausted: bool = False
@@ -167,13 +95,23 @@ class ConsistentStates:
             nodes: those whose rates have no solution; all on a limit when left out.
             exhausted: all sets of their states were tried.
         """
-        scale = self.sums.force_scale
+        scale = self.point.problem.force_scale
         if nodes is None:
             nodes = undecided_nodes(self.segments, self.point.y, states, self.on_limit).nodes
         return explain(self.segments, self.point, states, scale, nodes, exhausted)
 
-    def _decide(self, before: States) -> Segment:
-        """Decide the nodes on limits by linear complementarity."""
+    def decide(self, before: States) -> Segment:
+        """Bring the states to consistent ones where changing them one by one does not end.
+
+        Args:
+            before: (N,) states on the way to the present point.
+
+        Returns:
+            The rates there.
+
+        Raises:
+            SolveError: there are no such states.
+        """
         segments, point = self.segments, self.point
         if point.s >= self.equilibrium_ends(point.problem.ends) - LIMIT_APPROACH:
             raise self.error(before)
@@ -216,7 +154,7 @@ class ConsistentStates:
         Where a nearly singular body is displaced far they exceed ``LIMIT_TOLERANCE``.
         """
         system, segments = self.segments.system, self.segments
-        n, u = system.n, self.point.contact_state().u
+        n, u = system.n, self.point.displacements()
         Q, P = ROUND_OFFS * EPSILON * (np.abs(system.K) @ np.abs(u)).reshape(2, n)
         friction, gap = segments.friction, P / segments.weight[n : 2 * n]
         A = np.where(segments.frictional, Q + friction.forward * P, P)
@@ -283,7 +221,6 @@ class ConsistentStates:
             return False
         y[: 2 * n] += turn
         y[n : 2 * n][~open_] = 0.0
-        self.sums.restart(point.s, y, before)
         return True
 
 

@@ -41,10 +41,12 @@ from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 
 F = TypeVar("F", bound=Callable[..., Any])
 
-DONE, RATES, PENDING, MEMORY, ROOM, BALANCE, CYCLING = range(7)
-"""What :func:`follow` returns: the end of the leg is reached; or what it asks for: rates in the
-present states, pending updates of the tableau to be applied, a larger memory, room for more events,
-round-off to be removed; or that states follow one another without end."""
+DONE, RATES, PENDING, MEMORY, ROOM, BALANCE, UNDECIDED, CHOICE, UNLOADING, ENDLESS = range(10)
+"""What :func:`follow` returns: the end is reached; or what it asks for: rates in the present
+states, pending updates of the tableau to be applied, a larger memory, room for more events,
+round-off to be removed, a decision where states follow one another without end, a choice among
+several continuations, whether unloading ends here; or that events follow one another without
+progress."""
 
 HALF_WAY = 0
 """State in the tableau of a node whose exchanges could be made by half only."""
@@ -171,6 +173,10 @@ class Way(NamedTuple):
         on_limit: (4N,) distance from a limit up to which a node is on it.
         accepted: imbalance that need not be removed.
         sample_at: (k,) places of samples.
+        end: place at which it ends.
+        unloading: part of the leg before its end within which events may be round-off, else 0.
+        asks_rates: all rates are asked for.
+        asks_choice: consistent states are asked for at each event.
     """
 
     start: Array
@@ -180,6 +186,10 @@ class Way(NamedTuple):
     on_limit: Array
     accepted: float
     sample_at: Array
+    end: float
+    unloading: float
+    asks_rates: bool
+    asks_choice: bool
 
 
 class Path(NamedTuple):
@@ -187,9 +197,8 @@ class Path(NamedTuple):
 
     Attributes:
         y, state: (4N,) quantities and (N,) states.
-        place: s, and where the last events without progress began.
-        counts: events, the first of those at the present instant, ties, stops, samples, rounds of
-            changes, events without progress, whether the ties at the start are noted.
+        place: s, where the last events without progress began, and the way to the next event.
+        counts: see ``COUNTS``.
         dissipation: (N,) frictional dissipation.
         work: (n_loads,) integral of lambda_k r*_k . du.
         imbalance: (sums,) of the balance check.
@@ -197,6 +206,8 @@ class Path(NamedTuple):
         event_at, event: (k,) places and (k, 3) node, old state, new state.
         tie_at, tie: likewise: node, state, other state.
         stop_at, stop: (k,) places and (k, 4N) quantities at events, where asked for.
+        stop_label, stop_state, stop_rate: (k,) quantities that have reached their limit there, -1
+            at the end, (k, N) states and (k, 4N) rates on the way there, where it is traced.
         sample, sample_state: (k, 4N) and (k, N) at the places of samples.
     """
 
@@ -214,12 +225,22 @@ class Path(NamedTuple):
     tie: Ints
     stop_at: Array
     stop: Array
+    stop_label: Ints
+    stop_state: NDArray[np.int8]
+    stop_rate: Array
     sample: Array
     sample_state: NDArray[np.int8]
 
 
-EVENTS, FIRST, TIES, STOPS, SAMPLES, ROUNDS, HERE, BEGUN = range(8)
-"""Places in ``Path.counts``."""
+COUNTS = range(14)
+EVENTS, FIRST, TIES, STOPS, SAMPLES, ROUNDS, HERE, BEGUN, ENTRY, GIVEN, HIT = COUNTS[:11]
+STUCK, CHOSEN, ASKED = COUNTS[11:]
+"""Places in ``Path.counts``: numbers of events, of those before the present instant, of ties,
+stops, samples, of rounds of changes at the present instant, of events without progress; whether
+the ties at the start are noted; the present entry of the memory; one more than an entry that is
+given for this instant alone, 0 for none; the quantity that has reached its limit last, -1 for none;
+and whether, at the present instant, a node that has closed is taken to stick, a choice has been
+made, the end of unloading has been asked for."""
 
 
 @compiled
@@ -304,10 +325,8 @@ def found(memory: Memory, mark: np.uint64, state: NDArray[np.int8]) -> int:
 
 
 @compiled
-def kept(
-    contact: Contact, memory: Memory, way: Way, mark: np.uint64, state: NDArray[np.int8]
-) -> bool:
-    """Keep the rates in the next free entry; return False where they are not in balance."""
+def filled(contact: Contact, memory: Memory, way: Way, state: NDArray[np.int8]) -> bool:
+    """Complete the next free entry, its rates given; return whether these are in balance."""
     n, entry = len(state), memory.used[0]
     q, weight = memory.rates[entry], contact.weight
     displacements = forces = 0.0
@@ -350,10 +369,17 @@ def kept(
     memory.hit[entry] = -1
     for i in range(n):
         memory.state[entry, i] = state[i]
-    memory.mark[entry] = mark
-    memory.table[-1 - found(memory, mark, state)] = entry
     of_all, of_forces = contact.imbalances
     return bool(worst <= max(of_all * size, of_forces * np.sqrt(forces)))
+
+
+@compiled
+def kept(memory: Memory, mark: np.uint64, state: NDArray[np.int8]) -> None:
+    """Keep the entry that has been completed last."""
+    entry = memory.used[0]
+    memory.mark[entry] = mark
+    memory.table[-1 - found(memory, mark, state)] = entry
+    memory.used[0] += 1
 
 
 @compiled
@@ -367,6 +393,8 @@ def made(
     n, entry = len(path.state), memory.used[0]
     if entry == len(memory.rates):
         return MEMORY
+    if way.asks_rates:
+        return RATES
     q = memory.rates[entry]
     back = found(memory, mark ^ way.mark ^ way.back, path.state)
     if back >= 0:
@@ -397,22 +425,10 @@ def made(
                 q[label] = rate[a] / contact.stiffness
             elif label < 4 * n:
                 q[label] = rate[a]
-    if not kept(contact, memory, way, mark, path.state):
-        # of no use: the table forgets it
-        memory.table[found_place(memory, mark, entry)] = -1
+    if not filled(contact, memory, way, path.state):
         return RATES
-    memory.used[0] += 1
+    kept(memory, mark, path.state)
     return DONE
-
-
-@compiled
-def found_place(memory: Memory, mark: np.uint64, entry: int) -> int:
-    """Return the place in the table of the entry made last."""
-    last = len(memory.table) - 1
-    place = np.int64(mark & np.uint64(last))
-    while memory.table[place] != entry:
-        place = (place + 1) & last
-    return int(place)
 
 
 @compiled
@@ -554,6 +570,22 @@ def sampled(memory: Memory, way: Way, path: Path, entry: int, s_to: float) -> No
 
 
 @compiled
+def stopped(path: Path, label: int, q: Array) -> None:
+    """Note a stop: its quantities, and where the path is traced how it has come there."""
+    k = path.counts[STOPS]
+    path.stop_at[k] = path.place[0]
+    for a in range(len(q)):
+        path.stop[k, a] = path.y[a]
+    if len(path.stop_label):
+        path.stop_label[k] = label
+        for i in range(len(path.state)):
+            path.stop_state[k, i] = path.state[i]
+        for a in range(len(q)):
+            path.stop_rate[k, a] = q[a]
+    path.counts[STOPS] += 1
+
+
+@compiled
 def on_limits(y: Array, on: Array) -> int:
     """Return the number of gaps and margins on their limit."""
     n, count = len(y) // 4, 0
@@ -565,7 +597,7 @@ def on_limits(y: Array, on: Array) -> int:
 
 @compiled
 def tied(contact: Contact, way: Way, path: Path, hit: int) -> None:
-    """Note nodes on a limit besides the one that has reached its own, see ``accumulate.tied``."""
+    """Note nodes on a limit besides the one that has reached its own, see ``ties.tied``."""
     n, y, on, state = len(path.state), path.y, way.on_limit, path.state
     for i in range(n):
         on_A, on_B = y[A * n + i] <= on[A * n + i], y[B * n + i] <= on[B * n + i]
@@ -596,58 +628,66 @@ def follow(contact: Contact, matrix: Matrix, memory: Memory, way: Way, path: Pat
         tied(contact, way, path, -1)
         count[BEGUN] = 1
     while True:
-        if count[EVENTS] + 2 * n > len(path.event_at) or count[TIES] + n > len(path.tie_at):
+        most = max(count[EVENTS], count[TIES], count[STOPS])
+        if most + 2 * n > len(path.event_at):
             return ROOM
-        entry = found(memory, mark, state)
+        given, label = count[GIVEN] > 0, -1
+        entry = count[GIVEN] - 1 if given else found(memory, mark, state)
         if entry < 0:
             request = made(contact, matrix, memory, way, path, mark)
             if request != DONE:
                 return request
             entry = found(memory, mark, state)
-        q, s, label = memory.rates[entry], path.place[0], memory.hit[entry]
-        left = 1.0 - s
-        first = np.inf
+        if not given:
+            label = memory.hit[entry]
+        count[ENTRY] = entry
+        q, s = memory.rates[entry], path.place[0]
+        left, first = way.end - s, np.inf
         if label >= 0:
             first = -y[label] / q[label]
         if (
-            memory.reversed_nodes[entry]
+            given
+            or way.asks_choice
+            or memory.reversed_nodes[entry]
             or not first >= SIMULTANEOUS
             or passed(y, q, min(first, left), label if first < left else -1)
         ):
             label, first, violations = looked(contact, memory, way, path, entry)
-            if violations:
+            if violations and not given:
                 count[ROUNDS] += 1
                 if count[ROUNDS] > n + consistency.SIMULTANEOUS_ROUNDS:
-                    return CYCLING
+                    return UNDECIDED
                 mark = turned(contact, memory, way, path, entry, mark)
                 continue
+            if way.asks_choice and not count[CHOSEN]:
+                return CHOICE
         for k in range(len(path.imbalance)):
             if abs(path.imbalance[k]) > way.accepted:
                 return BALANCE
         ends = first >= left - END_TOLERANCE
+        if not ends and left - first <= way.unloading and not count[ASKED]:
+            path.place[2] = first
+            return UNLOADING
         ds = left if ends else max(first, 0.0)
-        sampled(memory, way, path, entry, 1.0 if ends else s + ds)
+        sampled(memory, way, path, entry, way.end if ends else s + ds)
         advanced(contact, memory, way, path, entry, ds)
+        path.place[0] = way.end if ends else s + ds
+        if not given:
+            memory.hit[entry] = -1 if ends else label
+        if len(path.stop_label) or (len(path.stop_at) and not ends):
+            stopped(path, -1 if ends else label, q)
         if ends:
-            path.place[0] = 1.0
-            memory.hit[entry] = -1
             return DONE
-        memory.hit[entry] = label
-        path.place[0] = s + ds
         if path.place[0] - path.place[1] > SIMULTANEOUS:
             path.place[1], count[HERE] = path.place[0], 0
         count[HERE] += 1
         if count[HERE] > EVENTS_WITHOUT_PROGRESS * n:
-            return CYCLING
-        if len(path.stop_at):
-            path.stop_at[count[STOPS]] = path.place[0]
-            for a in range(4 * n):
-                path.stop[count[STOPS], a] = y[a]
-            count[STOPS] += 1
+            return ENDLESS
         i, kind = label % n, label // n
         if on_limits(y, way.on_limit) != memory.resting[entry] + 1:
             tied(contact, way, path, i)
-        count[FIRST], count[ROUNDS] = count[EVENTS], 0
+        count[FIRST], count[HIT], count[ROUNDS], count[GIVEN] = count[EVENTS], label, 0, 0
+        count[STUCK] = count[CHOSEN] = count[ASKED] = 0
         y[label] = 0.0
         new = state_after(state[i], 1 << kind, contact.frictional[i], q[i])
         mark = put(contact, way, path, i, new, mark)

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
 END_TOLERANCE = 1e-13
 """Part of the leg before its end in which events are left to the next leg: round-off decides there
@@ -21,13 +21,6 @@ EVENTS_WITHOUT_PROGRESS = 20
 
 SIMULTANEOUS = 1e-9
 """Part of the leg within which events count as simultaneous: all nodes on limits are looked at."""
-
-Event = tuple[float, int, int, int]
-"""Place s on the leg, node, old state, new state."""
-
-
-Change = tuple[int, int, int]
-"""Node, old state, new state."""
 
 
 class Chooser(Protocol):
@@ -119,7 +112,7 @@ class PathPoint:
         system: the condensed body in 2N form.
         s: place on the leg.
         y: (4N,) quantities [v, gap, A, B].
-        state: (N,) states; replaced, not changed in place, once a stop has been recorded.
+        state: (N,) states.
     """
 
     problem: LegProblem
@@ -133,63 +126,15 @@ class PathPoint:
         """(n_loads,) load factors."""
         return self.problem.load(self.s)
 
-    def contact_state(self) -> ContactState:
-        """Return displacements, states and reactions, the latter evaluated afresh."""
-        return self.extrapolated(self.s, self.y)
-
-    def extrapolated(self, s: float, y: Array) -> ContactState:
-        """Return the same for quantities ``y`` at another place, with the present states."""
-        return self.with_displacements(s, self.displacements(y))
-
-    def displacements(self, y: Array) -> Array:
-        """Return the displacements (2N,) that belong to quantities ``y``."""
+    def displacements(self) -> Array:
+        """Return the displacements (2N,)."""
         n = self.system.n
-        return np.concatenate([y[:n], y[n : 2 * n] - self.system.g0])
-
-    def with_displacements(self, s: float, u: Array) -> ContactState:
-        """Return the same for displacements (2N,) at another place."""
-        r = reactions(self.system, self.problem.load(s), u)
-        return ContactState(u, r, self.state.copy())
-
-
-class Course:
-    """What a walk notes on its way.
-
-    Attributes:
-        sample_at: places at which states are still to be stored.
-        samples: states stored so far, with their places.
-        events: changes of state so far.
-        stops: displacements at the start and at the events, where samples are asked for.
-    """
-
-    def __init__(self, problem: LegProblem) -> None:
-        """Stand at the start of a leg."""
-        self.sample_at = list(problem.samples)
-        self.samples: list[tuple[float, ContactState]] = []
-        self.events: list[Event] = []
-        self.stops = [(problem.s_start, problem.start.u)] if problem.samples else []
-
-    def add_events(self, s: float, made: list[Change]) -> None:
-        """Note changes of state at s."""
-        for i, old, new in made:
-            self.events.append((s, i, old, new))
-
-    def sample(self, point: PathPoint, q: Array, s_to: float) -> None:
-        """Store the states asked for up to ``s_to``, where quantities change at rates q (4N,)."""
-        while self.sample_at and self.sample_at[0] <= s_to:
-            s = self.sample_at.pop(0)
-            self.samples.append((s, point.extrapolated(s, point.y + (s - point.s) * q)))
+        return np.concatenate([self.y[:n], self.y[n : 2 * n] - self.system.g0])
 
 
 def evenly_spaced(samples: int) -> tuple[float, ...]:
     """Return so many places on a leg, the last one at s = 1."""
     return tuple(j / samples for j in range(1, samples + 1))
-
-
-def changed_nodes(old: NDArray[np.int8], new: NDArray[np.int8]) -> list[Change]:
-    """Return the changes between two sets of states."""
-    nodes = (old != new).nonzero()[0]
-    return list(zip(nodes.tolist(), old[nodes].tolist(), new[nodes].tolist(), strict=True))
 
 
 WIDENING = 0.01

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from contextlib import suppress
-from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,7 +12,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
-from receding_fenicsx.interface.exact.accumulate import ties_at
 from receding_fenicsx.interface.exact.first_loading import load_from_rest
 from receding_fenicsx.interface.exact.jumps import (
     JUMP_STEP,
@@ -31,6 +29,7 @@ from receding_fenicsx.interface.exact.legs import (
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
+from receding_fenicsx.interface.exact.ties import ties_at
 from receding_fenicsx.interface.exact.unloading import (
     REMAINING_LOAD,
     UNLOADING_ROUND_OFF,
@@ -40,13 +39,13 @@ from receding_fenicsx.interface.exact.unloading import (
     stops_short,
     zero_crossing,
 )
-from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.residual import largest_force
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
 
 if TYPE_CHECKING:
-    from receding_fenicsx.interface.exact.compiled import CompiledPath
+    from receding_fenicsx.interface.exact.loop import Loop
+    from receding_fenicsx.interface.exact.walk import Walk
 
 LOW_FRICTION = 1e-5
 """Coefficient of friction below which a path that ends may have been lost in round-off of f P."""
@@ -73,7 +72,6 @@ class EventPath:
     def __init__(
         self,
         system: ContactSystem,
-        check_all: bool = False,
         on_jump: str = "stop",
         chooser: Chooser | None = None,
     ) -> None:
@@ -81,15 +79,14 @@ class EventPath:
 
         Args:
             system: the condensed body, ``kind = "frictional"``.
-            check_all: evaluate the residual afresh after every event.
             on_jump: "stop" where no quasi-static path continues, or pass the jump by one "static"
                 problem.
             chooser: chooses among several continuations; None takes the first one found.
         """
-        self.system, self.check_all, self.on_jump = system, check_all, on_jump
+        self.system, self.on_jump = system, on_jump
         self.chooser = chooser
         self.segments = Segments(system)
-        self._loop: CompiledPath | None = None
+        self._loop: Loop | None = None
         self._low_friction_node = _low_friction_node(self.segments)
         self.changed: dict[bytes, NDArray[np.bool_]] = {}
         self._opened = np.zeros(system.n, dtype=bool)
@@ -97,17 +94,8 @@ class EventPath:
 
     @property
     def trials(self) -> int:
-        """Sets of states whose rates were computed."""
-        return self.segments.trials + (0 if self._loop is None else self._loop.trials)
-
-    def expect(self, loop: Array, changing: NDArray[np.bool_], opening: NDArray[np.bool_]) -> None:
-        """Expect only some nodes to change their states on the legs of a loop of load factors.
-
-        The columns of the others are left out of the tableau until one of them changes after all.
-        """
-        for a, b in pairwise(loop):
-            self.changed[(b - a).tobytes()] = changing.copy()
-        self._opened |= opening
+        """Sets of states whose rates were computed, as far as they are remembered."""
+        return 0 if self._loop is None else int(self._loop.memory.used[0])
 
     def trace_leg(
         self, start: ContactState, ends: tuple[Array, Array], force_scale: float, samples: int = 0
@@ -188,7 +176,7 @@ class EventPath:
         scale = max(largest_force(self.system, load, start.r, scale) for load in (a, b))
         problem = problem.piece(start, (a, b), scale, (0.0, 1.0))
         try:
-            leg = self._compiled(problem) or self._walk(problem)
+            leg = self._walk(problem)
         except SingularExchange as error:
             raise SolveError(
                 f"the exact path is lost on the way to load factors {b.tolist()}: a motion of the "
@@ -217,18 +205,26 @@ class EventPath:
 
     def _walk(self, problem: LegProblem) -> Leg:
         """Follow one leg from event to event."""
+        # loads Numba, which takes longer than all the rest
+        from receding_fenicsx.interface.exact.compilation import loop_of
+        from receding_fenicsx.interface.exact.walk import Walk
+
         (a, b), resolved = problem.ends, self._low_friction_node is None
-        walk = Walk(self.segments, problem, self.check_all, self._equilibrium_ends, resolved)
+        self._loop = loop = self._loop or loop_of(self.segments)
+        if (b - a).tobytes() in self.changed and not self.segments.is_special:
+            changed = np.logical_or.reduce(list(self.changed.values()))
+            loop.leave_out(problem.start.state, changed, self._opened)
+        walk = Walk(loop, problem, self._equilibrium_ends, resolved)
         short = stops_short(self.segments, b)
         try:
             walk.run(1.0 - REMAINING_LOAD if short else 1.0)
         except NoQuasiStaticContinuation:
             at_end = LEFT_TO_NEXT_LEG if np.any(b) else UNLOADING_ROUND_OFF
-            if walk.point.s >= 1.0 - at_end:
+            if walk.s >= 1.0 - at_end:
                 # at the end itself only round-off decides: left to the next leg
-                walk.point.s = 1.0
+                walk.path.place[0] = 1.0
                 leg = walk.stop_here()
-                leg.samples += [(s, leg.end) for s in walk.course.sample_at]
+                leg.samples += [(s, leg.end) for s in problem.samples[len(leg.samples) :]]
                 return leg
             if self.on_jump != "static" or not resolved:
                 raise
@@ -242,7 +238,7 @@ class EventPath:
         place = walk.point.load
         check_jumps(problem.jumps, place)
         before = walk.stop_here()
-        s = walk.point.s + JUMP_STEP
+        s = walk.s + JUMP_STEP
         if s >= 1.0:
             raise no_state_beyond(place)
         (a, b), load = problem.ends, problem.load(s)
@@ -252,10 +248,10 @@ class EventPath:
         )
         jumped = Changes.between(s, before.end.state, jump.end.state)
         before.events = Changes.joined(before.events, jumped)
-        before.stops += [(walk.point.s, before.end.u), (s, jump.end.u)]
+        before.stops += [(walk.s, before.end.u), (s, jump.end.u)]
         leg = joined(before, rest, s)
         leg.work += jump.work
-        leg.jumps = [(walk.point.s, jump.released), *leg.jumps]
+        leg.jumps = [(walk.s, jump.released), *leg.jumps]
         self._remember(b - a, leg)
         return leg
 
@@ -265,24 +261,6 @@ class EventPath:
         events = leg.events
         changed[events.node] = True
         self._opened[events.node[(events.old == SEPARATION) | (events.new == SEPARATION)]] = True
-
-    def _compiled(self, problem: LegProblem) -> Leg | None:
-        """Follow a leg by the compiled loop; None where it is left to the walk."""
-        (a, b), segments = problem.ends, self.segments
-        if problem.chooser is not None or self.check_all or segments.is_special or not np.any(b):
-            return None
-        if self._loop is None:
-            # loads Numba, which takes longer than all the rest
-            from receding_fenicsx.interface.exact.compilation import compiled_path
-
-            self._loop = compiled_path(segments)
-        if (b - a).tobytes() in self.changed:
-            changed = np.logical_or.reduce(list(self.changed.values()))
-            self._loop.leave_out(problem.start.state, changed, self._opened)
-        leg = self._loop.follow(problem)
-        if leg is not None:
-            self._remember(b - a, leg)
-        return leg
 
     def _limit(self, a: Array, b: Array) -> Limit | None:
         """Return where equilibrium ends on a leg, None where it does not."""

@@ -1,4 +1,4 @@
-"""Rates along a leg in known sets of states, remembered: what the event search works on.
+"""Rates along a leg in given sets of states, one by one.
 
 Quantities are kept in one vector y = [v, gap, A, B] with the margins A and B of
 :mod:`receding_fenicsx.interface.law` (P in place of A at nodes without friction), see
@@ -7,7 +7,6 @@ Quantities are kept in one vector y = [v, gap, A, B] with the margins A and B of
 
 from __future__ import annotations
 
-from collections import OrderedDict
 from dataclasses import dataclass, replace
 from math import sqrt
 
@@ -63,29 +62,24 @@ because f is, and only a node without pressure may count as on both limits at on
 TINY_FRICTION = 1e-3
 """Friction below which the rates A + B of slipping nodes are computed from P itself."""
 
-CACHE_BYTES = 2**28
-"""Memory for the rates of sets of states that have been met before."""
-
 
 @dataclass(frozen=True, slots=True)
 class Segment:
-    """Rates along a leg in one set of states, ready for the event search.
+    """Rates along a leg in one set of states.
 
     Attributes:
         q: (4N,) rates of y per unit of s.
         falling: labels of quantities that must stay >= 0 and fall.
-        time: (len(falling),) -1 / rate of each.
         reversed_nodes: slipping nodes whose rate contradicts their state.
     """
 
     q: Array
     falling: NDArray[np.intp]
-    time: Array
     reversed_nodes: NDArray[np.intp]
 
 
 class Segments:
-    """Makes and remembers segments; owns the tableau.
+    """Makes segments; owns the tableau.
 
     Attributes:
         system: the condensed body in 2N form.
@@ -97,26 +91,14 @@ class Segments:
         friction: coefficients of friction.
         shares: (N,) factors a, b of Q = a A - b B; 0 at nodes without friction.
         balance: check that forces and displacements belong together.
-        trials: sets of states whose rates were computed.
         refinements: refinements of rates since the tableau was made.
         lifts_freely, slides_freely: nothing but the contact holds the body against lifting,
         sliding.
     """
 
-    def __init__(
-        self,
-        system: ContactSystem,
-        opening: NDArray[np.bool_] | None = None,
-        carried: int | None = None,
-    ) -> None:
-        """Start with nothing remembered.
-
-        Args:
-            system: the condensed body in 2N form.
-            opening: (N,) nodes expected to open, see :class:`Tableau`.
-            carried: the first loads, by which legs mostly differ, see :class:`Tableau`.
-        """
-        self.system, self._opening, self._carried = system, opening, carried
+    def __init__(self, system: ContactSystem) -> None:
+        """Prepare for ``system`` in 2N form."""
+        self.system = system
         n = system.n
         normal = ~system.held[n:]
         self.frictional = ~system.held[:n] & normal & system.friction.present
@@ -137,10 +119,9 @@ class Segments:
         self.balance = BalanceCheck(system, self.frictional, self.smooth)
         self.lifts_freely = has_rigid(system.rigid, np.repeat([0.0, 1.0], n))
         self.slides_freely = has_rigid(system.rigid, np.repeat([1.0, 0.0], n))
-        self.trials = self.refinements = 0
+        self.refinements = 0
         self._tableau: Tableau | None = None
         self._last_pinned: tuple[bytes, Array, Tableau] | None = None
-        self._known: OrderedDict[tuple[bytes, bytes], Segment] = OrderedDict()
 
     def tableau(self, state: States, renew: bool = False) -> Tableau:
         """Return the tableau, brought to the given states.
@@ -154,7 +135,7 @@ class Segments:
         """
         try:
             if self._tableau is None:
-                self._tableau = Tableau(self.system, state, self._opening, self._carried)
+                self._tableau = Tableau(self.system, state)
             elif renew:
                 self._tableau.build(state)
             else:
@@ -220,33 +201,20 @@ class Segments:
         return bool(np.abs(lean).max(initial=0.0) > accepted)
 
     def at(self, state: States, direction: Array) -> Segment:
-        """Return the rates in the given states along a leg whose loads change by ``direction``."""
-        key = state.tobytes(), direction.tobytes()
-        known = self._known.get(key)
-        if known is not None:
-            return known
-        self.trials += 1
-        made = self._known[key] = self._make(state, direction)
-        if len(self._known) * 2 * made.q.nbytes > CACHE_BYTES:  # forget the oldest ones
-            self._known.popitem(last=False)
-        return made
+        """Return the rates in the given states along a leg whose loads change by ``direction``.
 
-    def known(self, state: States, direction: Array) -> Segment | None:
-        """Return the same if they are remembered."""
-        return self._known.get((state.tobytes(), direction.tobytes()))
+        Raises:
+            SingularExchange: a motion of the body is left without stiffness.
+        """
+        q = self._rates(state, direction)
+        if self._works_on_pins(state, q, direction):
+            raise SingularExchange
+        return self.segment(state, q, direction)
 
     def is_near(self, state: States) -> bool:
         """Return whether the tableau is brought to the given states by a few exchanges."""
         tableau = self._tableau
         return tableau is not None and np.count_nonzero(tableau.state != state) <= ONE_BY_ONE
-
-    def _make(self, state: States, direction: Array) -> Segment:
-        back = None if self.is_special else self.known(state, 0.0 - direction)
-        # where the loads turn back the rates do so too
-        q = self._rates(state, direction) if back is None else 0.0 - back.q
-        if self._works_on_pins(state, q, direction):
-            raise SingularExchange
-        return self.segment(state, q, direction)
 
     def segment(self, state: States, q: Array, direction: Array) -> Segment:
         """Return the segment with rates (4N,) along a leg; those of low friction are corrected."""
@@ -259,7 +227,7 @@ class Segments:
         below = (forces < threshold).nonzero()[0]
         k = below.searchsorted(n)
         falling = below[k:]
-        return Segment(q, falling, -1.0 / q[falling], below[:k])
+        return Segment(q, falling, below[:k])
 
     def _rates(self, state: States, direction: Array) -> Array:
         """Return the rates in the given states, refined where they do not balance.
@@ -288,11 +256,6 @@ class Segments:
             self.refinements = 2 * len(state)
             return self._rates(state, direction)
         return q
-
-    def balances(self, q: Array, direction: Array, forces: Array) -> bool:
-        """Return whether rates (4N,), given as forces too, balance as well as can be had."""
-        imbalance = self.balance.error(q, direction, of_rates=True)
-        return imbalance <= self._accepted(forces, imbalance)
 
     def _accepted(self, forces: Array, imbalance: float) -> float:
         """Return the imbalance that rates may have, given as forces; a part of it if they do."""

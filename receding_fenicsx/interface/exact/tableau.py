@@ -101,7 +101,6 @@ class Tableau:
     Attributes:
         state: (N,) present states.
         matrix: the map, displacements multiplied by ``unit``, a typical stiffness.
-        n_carried: number of loads whose rates are at hand.
         rebuilds: times that the tableau was made from scratch.
     """
 
@@ -109,8 +108,6 @@ class Tableau:
         self,
         system: ContactSystem,
         state: NDArray[np.int8],
-        opening: NDArray[np.bool_] | None = None,
-        carried: int | None = None,
         singular: float = SINGULAR_PIVOT,
     ) -> None:
         """Make the tableau of ``system`` (2N form) for the given states.
@@ -118,10 +115,6 @@ class Tableau:
         Args:
             system: the condensed body.
             state: (N,) states.
-            opening: (N,) nodes expected to open; w of the others stays an input, whose column is
-                left out until one of them opens after all. None where all may open.
-            carried: the first loads, whose rates are to be at hand; None for all. Those of others
-                take a product with the whole matrix.
             singular: smallest pivot, see :class:`PivotMatrix`.
 
         Raises:
@@ -141,14 +134,12 @@ class Tableau:
         diagonal = np.abs(np.diagonal(system.K))
         typical = np.median(diagonal[diagonal > 0.0]) if np.any(diagonal) else 1.0
         self.unit = 2.0 ** int(np.frexp(typical)[1])
-        stays = np.zeros(n, dtype=bool) if opening is None else ~opening & (state != SEPARATION)
-        self._left_out = W * n + np.flatnonzero(stays)
-        self.n_carried = len(system.r_star[:carried])
-        self._all_stuck = self._with_all_stuck(system.r_star[:carried].T)
+        self._left_out = np.zeros(0, dtype=np.intp)
+        self._all_stuck = self._with_all_stuck(system.r_star.T)
         self._copies: deque[tuple[NDArray[np.int8], PivotData]] = deque(maxlen=STORED_COPIES)
         self.rebuilds = 0
         self._singular = singular
-        self.matrix = PivotMatrix(self._all_stuck.without(self._left_out), 5 * n, singular)
+        self.matrix = PivotMatrix(self._all_stuck, 5 * n, singular)
         self.build(state)
 
     def _with_all_stuck(self, r_star: Array) -> PivotData:
@@ -270,11 +261,9 @@ class Tableau:
         Returns:
             (4N,) rates by label; zero for the inputs.
         """
-        n, carried = len(self.state), self.n_carried
-        if len(direction) > carried and direction[carried:].any():
-            return self.following(direction @ self.system.r_star)
+        n = len(self.state)
         rates = np.zeros(4 * n)
-        rates[self.matrix.row_label] = self.matrix.of_loads(direction[:carried])
+        rates[self.matrix.row_label] = self.matrix.of_loads(direction)
         dscal(1.0 / self.unit, rates, n=2 * n)  # a power of two
         return rates
 

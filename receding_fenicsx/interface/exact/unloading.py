@@ -10,7 +10,6 @@ from __future__ import annotations
 import numpy as np
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.accumulate import Sums
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments
 from receding_fenicsx.interface.law import STICK
 from receding_fenicsx.interface.residual import ROUND_OFFS
@@ -88,12 +87,18 @@ def displacements_at_rest(segments: Segments, end: ContactState) -> Array:
     return u
 
 
-def keeps_limits(segments: Segments, sums: Sums, y: Array) -> bool:
-    """Return whether y (4N,) at the end of unloading passes limits by round-off at most."""
+def keeps_limits(segments: Segments, start: Array, y: Array, force_scale: float) -> bool:
+    """Return whether y (4N,) at the end of unloading passes limits by round-off at most.
+
+    Args:
+        segments: of the condensed body.
+        start: (2N,) displacements at the start of the leg, whose round-off gaps keep.
+        y: the quantities.
+        force_scale: largest nodal force of the history so far.
+    """
     n, weight = segments.system.n, segments.weight
-    # gaps keep the round-off of the displacements at the start of the leg
-    at_start = float(np.abs(sums.start * weight[: 2 * n]).max())
-    allowed = UNLOADED_FORCE * sums.force_scale
+    at_start = float(np.abs(start * weight[: 2 * n]).max())
+    allowed = UNLOADED_FORCE * force_scale
     gaps = max(allowed, ROUND_OFFS * EPSILON * at_start)
     passed = y * weight
     return bool(passed[2 * n :].min() >= -allowed and passed[n : 2 * n].min() >= -gaps)

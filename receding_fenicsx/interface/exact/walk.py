@@ -1,26 +1,33 @@
-"""Path along one leg, from one change of state to the next."""
+"""Path along one leg, from one change of state to the next.
+
+The loop (:mod:`~receding_fenicsx.interface.exact.kernel`) goes on by itself as long as it can; what
+it asks for is answered here: rates in states that leave motions free, states that cycle, a choice
+among several continuations, round-off that has grown, the last events before a complete unloading.
+"""
 
 from __future__ import annotations
 
+from contextlib import suppress
+
 import numpy as np
-from scipy.linalg.blas import daxpy
+from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.exact.accumulate import EVENT_RESIDUAL, Sums
+from receding_fenicsx.interface.exact import kernel
 from receding_fenicsx.interface.exact.consistency import ConsistentStates, EquilibriumEnd
-from receding_fenicsx.interface.exact.legs import (
-    END_TOLERANCE,
-    EVENTS_WITHOUT_PROGRESS,
-    SIMULTANEOUS,
-    Course,
-    LegProblem,
-    PathPoint,
-    changed_nodes,
+from receding_fenicsx.interface.exact.legs import LegProblem, PathPoint
+from receding_fenicsx.interface.exact.loop import Loop
+from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
+from receding_fenicsx.interface.exact.round_off import (
+    EVENT_RESIDUAL,
+    IMBALANCE_GROWTH,
+    NODAL_IMBALANCE,
+    displacement_uncertainty,
+    summed,
 )
-from receding_fenicsx.interface.exact.round_off import RoundOff, displacement_uncertainty
-from receding_fenicsx.interface.exact.segments import Segment, Segments
+from receding_fenicsx.interface.exact.segments import EPSILON, Segment, States
 from receding_fenicsx.interface.exact.unloading import (
     UNLOADING_EVENTS,
     UNLOADING_REFINEMENTS,
@@ -28,142 +35,248 @@ from receding_fenicsx.interface.exact.unloading import (
     displacements_at_rest,
     keeps_limits,
 )
-from receding_fenicsx.interface.residual import residual_at_rest
-from receding_fenicsx.interface.system import ContactState, Leg
+from receding_fenicsx.interface.law import SEPARATION, STICK
+from receding_fenicsx.interface.residual import reachable, residual_at_rest
+from receding_fenicsx.interface.system import ContactState, Leg, reactions
+
+REFINEMENTS = 4
+"""Steps of iterative refinement at most: on soft springs one leaves a large part of the error, that
+of the tableau's pivots."""
 
 
 class Walk:
     """Path along one leg, under way.
 
     Attributes:
-        point: present place, quantities and states.
-        states: search for consistent states.
-        sums: dissipation, work and residual so far.
-        round_off: imbalance of displacements and forces.
-        course: samples, events and stops so far.
+        problem: the leg.
+        path: what has been followed so far.
+        residual: largest residual so far of states evaluated afresh, over the force scale.
     """
 
     def __init__(
         self,
-        segments: Segments,
+        loop: Loop,
         problem: LegProblem,
-        check_all: bool = False,
         equilibrium_ends: EquilibriumEnd = lambda ends: np.inf,
         accept_round_off: bool = True,
+        traced: bool = False,
     ) -> None:
         """Start at the beginning of a leg.
 
         Args:
-            segments: rates in known sets of states.
+            loop: the compiled loop of the contact.
             problem: the leg; its force scale includes the held reactions at both ends.
-            check_all: evaluate the residual afresh after every event.
             equilibrium_ends: place on the leg beyond which there is no equilibrium.
             accept_round_off: accept a residual that round-off of the displacements explains; not
                 where only friction too low to be resolved holds them.
+            traced: keep all stops of the path.
         """
-        self.segments, self.system, self.problem = segments, segments.system, problem
-        start = problem.start
-        y = segments.values(start)
-        self.point = PathPoint(problem, self.system, problem.s_start, y, start.state.copy())
-        self.sums = Sums(segments, self.point, check_all)
-        self.states = ConsistentStates(segments, self.point, self.sums, equilibrium_ends)
-        self.round_off = RoundOff(segments, self.point, self.sums)
-        self.course = Course(problem)
+        self.loop, self.segments, self.system = loop, loop.segments, loop.system
+        self.problem, self.force_scale = problem, problem.force_scale
+        self.path = loop.path(problem, traced)
+        self.residual, self._excess = 0.0, False
+        self._states = ConsistentStates(self.segments, self.point, equilibrium_ends)
         self._accept_round_off = accept_round_off
-        self._unloading = not np.any(problem.ends[1])
-        self._progress_at, self._events_here = problem.s_start, 0
+
+    @property
+    def s(self) -> float:
+        """Place on the leg."""
+        return float(self.path.place[0])
+
+    @property
+    def point(self) -> PathPoint:
+        """Present place; its quantities are the path's, its states a copy."""
+        return PathPoint(self.problem, self.system, self.s, self.path.y, self.path.state.copy())
 
     def run(self, s_end: float) -> None:
         """Follow the path from event to event up to ``s_end``.
 
         Raises:
             SolveError: the path ends before.
+            SingularExchange: a motion is left that nothing resists.
         """
-        point, y = self.point, self.point.y
-        segment = self._consistent()
-        looked_at = True
+        way = self.loop.way(self.problem, s_end)
+        if not np.any(self.problem.ends[1]):
+            way = way._replace(unloading=UNLOADING_EVENTS)
         while True:
-            times = y[segment.falling] * segment.time
-            k = int(times.argmin()) if len(times) else -1
-            first = float(times[k]) if k >= 0 else np.inf
-            if first < SIMULTANEOUS and not looked_at:
-                segment, looked_at = self._consistent(), True
-                continue
-            last = first >= s_end - point.s - END_TOLERANCE
-            if self._unloading and not last:
-                unloaded = self._unloaded(segment, first, s_end)
-                if unloaded is not None:
-                    self._end_at(unloaded, segment, s_end)
-                    return
-            ds = s_end - point.s if last else max(first, 0.0)
-            if self.course.sample_at:
-                self.course.sample(point, segment.q, point.s + ds)
-            self._advance(segment, ds)
-            if last:
-                point.s = s_end
+            try:
+                request = self.loop.advance(way, self.path)
+                if request == kernel.RATES:
+                    self.loop.ask(way, self.path)
+            except SingularExchange:
+                request = kernel.UNDECIDED
+                if self._sticks_instead():
+                    continue
+            if request == kernel.DONE:
                 return
-            if self.problem.samples:
-                self.course.stops.append((point.s, point.displacements(y)))
-            if ds <= SIMULTANEOUS:
-                self._check_progress()
-            segment, looked_at = self._event(int(segment.falling[k]), segment), True
+            if request == kernel.ROOM:
+                self.path = self.loop.enlarged(self.path)
+            elif request == kernel.BALANCE:
+                way = way._replace(accepted=self._balanced(way.accepted))
+            elif request == kernel.UNDECIDED:
+                way = self._decided(way)
+            elif request == kernel.CHOICE:
+                self._choose(way)
+            elif request == kernel.UNLOADING:
+                self.path.counts[kernel.ASKED] = 1
+                y = self._unloaded(way)
+                if y is not None:
+                    self._end_at(y, way)
+                    return
+            elif request == kernel.ENDLESS:
+                raise self._states_at(self._before()).error(
+                    self.path.state, np.zeros(0, dtype=np.intp)
+                )
 
-    def _unloaded(self, segment: Segment, first: float, s_end: float) -> Array | None:
+    def _before(self) -> States:
+        """Return the (N,) states on the way to the present instant."""
+        count, before = self.path.counts, self.path.state.copy()
+        now = self.path.event[count[kernel.FIRST] : count[kernel.EVENTS]]
+        before[now[:, 0]] = now[:, 1]
+        return before
+
+    def _states_at(self, state: States) -> ConsistentStates:
+        """Return the search for consistent states at the present point, in given states."""
+        self._states.point = self.point
+        self._states.point.state = state.copy()
+        return self._states
+
+    def _set(self, before: States, state: States) -> None:
+        """Put states in place of those at the present instant."""
+        count, path = self.path.counts, self.path
+        changed = Changes.between(self.s, before, state)
+        first, last = count[kernel.FIRST], count[kernel.FIRST] + len(changed)
+        path.event_at[first:last] = self.s
+        path.event[first:last] = np.stack([changed.node, changed.old, changed.new], axis=1)
+        count[kernel.EVENTS] = last
+        path.state[:] = state
+
+    def _sticks_instead(self) -> bool:
+        """Let the node that has closed stick, once, where its slip leaves a motion free."""
+        before, count = self._before(), self.path.counts
+        i = int(count[kernel.HIT]) % self.system.n
+        if count[kernel.HIT] < 0 or before[i] != SEPARATION or count[kernel.STUCK]:
+            return False
+        count[kernel.STUCK], count[kernel.ROUNDS] = 1, 0
+        state = before.copy()
+        state[i] = STICK
+        self._set(before, state)
+        return True
+
+    def _decided(self, way: kernel.Way) -> kernel.Way:
+        """Decide the states at the present point; return the leg with its limits, maybe wider."""
+        before = self._before()
+        states = self._states_at(before)
+        segment = states.decide(before)
+        self._give(way, before, states.point.state, segment)
+        load = self.problem.load(self.s)
+        self.path.imbalance[:] = self.segments.balance.errors(self.path.y, load)
+        return way._replace(on_limit=np.where(way.on_limit < 0.0, -1.0, states.on_limit))
+
+    def _give(self, way: kernel.Way, before: States, state: States, segment: Segment) -> None:
+        """Give states and rates with which to go on from here."""
+        self._set(before, state)
+        entry = self.loop.fill(way, self.path.state, segment.q)
+        self.path.counts[kernel.GIVEN] = entry + 1
+
+    def _choose(self, way: kernel.Way) -> None:
+        """Let the chooser take one of the continuations."""
+        chooser, before, path = self.problem.chooser, self._before(), self.path
+        path.counts[kernel.CHOSEN] = 1
+        assert chooser is not None
+        states = self._states_at(path.state)
+        q = self.loop.memory.rates[path.counts[kernel.ENTRY]].copy()
+        segment = self.segments.segment(states.point.state, q, way.direction)
+        chosen = chooser.choose(states, before, segment)
+        if chosen is not segment:
+            self._give(way, before, states.point.state, chosen)
+
+    def _balanced(self, accepted: float) -> float:
+        """Remove the imbalance of forces and displacements; return what is accepted from here."""
+        path, load = self.path, self.problem.load(self.s)
+        self._check(path.imbalance)
+        state = self._refined(self._at(path.y), load)
+        path.y[:] = self.segments.values(state)
+        path.imbalance[:] = self.segments.balance.errors(path.y, load)
+        return max(accepted, IMBALANCE_GROWTH * float(np.abs(path.imbalance).max()))
+
+    def _check(self, imbalance: Array) -> None:
+        """Note the residual of the present point where forces and displacements do not balance."""
+        if np.abs(imbalance).max() > summed(self.system.n, EVENT_RESIDUAL) * self.force_scale:
+            self._note(self.here())
+
+    def _unloaded(self, way: kernel.Way) -> Array | None:
         """Return the (4N,) quantities at the end of unloading.
 
-        None where the event just before, after ``first``, is more than round-off.
+        None where the event just before is more than round-off.
         """
-        left = s_end - self.point.s
-        if left - first > UNLOADING_EVENTS:
-            return None
-        y = self.point.y + left * segment.q
-        if left - first <= UNLOADING_ROUND_OFF and keeps_limits(self.segments, self.sums, y):
+        path, left = self.path, way.end - self.s
+        y = path.y + left * self.loop.memory.rates[path.counts[kernel.ENTRY]]
+        start = self.problem.start.u
+        if left - path.place[2] <= UNLOADING_ROUND_OFF and keeps_limits(
+            self.segments, start, y, self.force_scale
+        ):
             return y
-        if np.any(self.problem.load(s_end)):
+        if np.any(self.problem.load(way.end)):
             return None
         # the round-off of large displacements before is no error at the end
-        y = self.segments.margins(self.round_off.refined(s_end, y, UNLOADING_REFINEMENTS))
-        return y if keeps_limits(self.segments, self.sums, y) else None
+        load = self.problem.load(way.end)
+        end = self._refined(self._at(y, way.end), load, UNLOADING_REFINEMENTS)
+        y = self.segments.margins(end)
+        return y if keeps_limits(self.segments, start, y, self.force_scale) else None
 
-    def _end_at(self, y: Array, segment: Segment, s_end: float) -> None:
+    def _end_at(self, y: Array, way: kernel.Way) -> None:
         """Move on to the end of unloading, where the quantities (4N,) are given."""
-        self.course.sample(self.point, segment.q, float(np.nextafter(s_end, 0.0)))
-        self.point.y[:], self.point.s = y, s_end
-        self.course.sample(self.point, segment.q, s_end)
-        self.sums.add_stop(s_end, self.point.y, self.point.state)
+        loop, path, end = self.loop, self.path, way.end
+        entry = int(path.counts[kernel.ENTRY])
+        kernel.sampled(loop.memory, way, path, entry, float(np.nextafter(end, 0.0)))
+        kernel.advanced(loop.contact, loop.memory, way, path, entry, end - self.s)
+        path.y[:], path.place[0] = y, end
+        kernel.sampled(loop.memory, way, path, entry, end)
 
-    def _advance(self, segment: Segment, ds: float) -> None:
-        """Move on by ds."""
-        point, y = self.point, self.point.y
-        daxpy(segment.q, y, a=ds)  # in place, as y is contiguous
-        point.s += ds
-        self.sums.add_stop(point.s, y, point.state)
+    def _at(self, y: Array, s: float | None = None, state: States | None = None) -> ContactState:
+        """Return the state for quantities y (4N,), reactions evaluated afresh."""
+        n, load = self.system.n, self.problem.load(self.s if s is None else s)
+        u = np.concatenate([y[:n], y[n : 2 * n] - self.system.g0])
+        state = self.path.state if state is None else state
+        return ContactState(u, reactions(self.system, load, u), state.copy())
 
-    def _event(self, label: int, segment: Segment) -> Segment:
-        """Pass an event; return the rates after it."""
-        point, states = self.point, self.states
-        point.y[label] = 0.0
-        before = point.state
-        following = states.find(label, segment.q)
-        self.course.add_events(point.s, changed_nodes(before, point.state))
-        self.round_off.count_event()
-        return following
+    def _refined(self, state: ContactState, load: Array, steps: int = 0) -> ContactState:
+        """Return a state after iterative refinement.
 
-    def _consistent(self) -> Segment:
-        """Bring the states to consistent ones; return their rates."""
-        before = self.point.state
-        segment = self.states.find()
-        self.course.add_events(self.point.s, changed_nodes(before, self.point.state))
-        return segment
+        Args:
+            state: the state.
+            load: (n_loads,) load factors there.
+            steps: fewer are taken where corrections become negligible or no longer smaller; 0 for
+                as many as bring the forces that vanish to round-off; after a complete unloading
+                round-off of larger displacements before must not remain as slip.
+        """
+        n, weight, last, before = self.system.n, self.segments.weight, np.inf, state
+        for _ in range(steps or REFINEMENTS):
+            wrong = self.loop.sets.of(state.state).forces(state)
+            if not steps and np.abs(wrong).max(initial=0.0) <= NODAL_IMBALANCE * self.force_scale:
+                break
+            change = self._correction(state)
+            largest = float(np.abs(change * weight[: 2 * n]).max())
+            if largest >= last:
+                return before
+            before, last, u = state, largest, state.u + change
+            state = ContactState(u, reactions(self.system, load, u), state.state)
+            if largest <= EPSILON * self.force_scale:
+                break
+        return state
 
-    def _check_progress(self) -> None:
-        """Raise an error when events follow each other without end at one place of the leg."""
-        point = self.point
-        if point.s - self._progress_at > SIMULTANEOUS:
-            self._progress_at, self._events_here = point.s, 0
-        self._events_here += 1
-        if self._events_here > EVENTS_WITHOUT_PROGRESS * self.system.n:
-            raise self.states.error(point.state, np.zeros(0, dtype=np.intp))
+    def _correction(self, state: ContactState) -> Array:
+        """Return the change (2N,) of displacements that brings forces which vanish back to zero."""
+        segments = self.segments
+        if not segments.is_special and not segments.is_near(state.state):
+            with suppress(SingularExchange):
+                return self.loop.sets.correction(state)
+        return segments.tableau(state.state).correction(state.r)[: 2 * self.system.n]
+
+    def here(self) -> ContactState:
+        """Return the state at the present point, reactions evaluated afresh."""
+        return self._at(self.path.y)
 
     def stop_here(self) -> Leg:
         """Return the leg up to the place where the path ends, in the states on the way there.
@@ -171,20 +284,12 @@ class Walk:
         Raises:
             SolveError: the residual is above its tolerance.
         """
-        events, last = self.course.events, self.sums.state
-        state = self.problem.start.state.copy()
-        for _, i, _, new in events:
-            state[i] = new
-        while not np.array_equal(state, last):
-            _, i, old, _ = events.pop()
-            state[i] = old
-        self.point.state = last.copy()
+        before = self._before()
+        self._set(before, before)
         return self.finish()
 
     def finish(self, at_rest: bool = False) -> Leg:
         """Return the leg, its reactions evaluated afresh and its residual checked.
-
-        Round-off is removed where the tableau is near, and where it is not small.
 
         Args:
             at_rest: the leg ends at complete unloading, just beyond the present point.
@@ -192,62 +297,92 @@ class Walk:
         Raises:
             SolveError: the residual is above its tolerance.
         """
-        sums = self.sums
-        sums.add_up(at_end=True)
-        end = self._refined_end()
-        last = self._residual(end)
-        residual = max(sums.residual, last)
-        if (sums.excess > 0.0 or self._exceeds(last, end)) and not self._explained(residual, end):
+        path, problem = self.path, self.problem
+        load = problem.load(self.s)
+        self._check(self.segments.balance.errors(path.y, load))
+        reached = self.here()
+        end = self._refined(reached, load, 0 if np.any(load) else UNLOADING_REFINEMENTS)
+        self._note(end)
+        leg = self._leg(end)
+        if self._excess and not self._explained(leg):
             raise SolveError(
-                f"the exact path lost accuracy before load factors {self.point.load.tolist()}: "
-                f"residual {residual:.1e} over {EVENT_RESIDUAL:.0e}; try the other solver method"
+                f"the exact path lost accuracy before load factors {load.tolist()}: residual "
+                f"{self.residual:.1e} over {EVENT_RESIDUAL:.0e}; try the other solver method"
             )
         if at_rest:
             u = displacements_at_rest(self.segments, end)
-            end = ContactState(u, np.zeros_like(u), end.state)
-            self.course.samples += [(s, end) for s in self.course.sample_at]
-        return Leg(
-            end=end,
-            dissipation=sums.dissipation,
-            work=float(sums.work.sum()),
-            residual=residual,
-            force_scale=sums.force_scale,
-            samples=self.course.samples,
-            events=Changes.of(self.course.events),
-            stops=self.course.stops,
-            ties=Changes.joined(*sums.ties),
-        )
+            leg.end = ContactState(u, np.zeros_like(u), end.state)
+            leg.samples += [(s, leg.end) for s in problem.samples[len(leg.samples) :]]
+        else:
+            y = path.y if end is reached else self.segments.values(end)
+            self.loop.last = (end, y)
+        return leg
 
-    def _refined_end(self) -> ContactState:
-        """Return the state at the present point, round-off removed where it matters."""
-        loaded = np.any(self.point.load)
-        if loaded and (self.segments.is_near(self.point.state) or not self.round_off.is_small()):
-            return self.round_off.remove()
-        end = self.point.contact_state()
-        if self._exceeds(self._residual(end), end):
-            end = self.round_off.remove()
-            if loaded or self._exceeds(self._residual(end), end):
-                return end
-        if loaded:
-            return end
-        # unloaded: round-off of larger displacements before must not remain as slip
-        return self.round_off.remove(UNLOADING_REFINEMENTS)
+    def _note(self, state: ContactState) -> None:
+        """Note the residual of a state."""
+        scale = max(self.force_scale, float(np.abs(state.r).max(initial=0.0)))
+        self.force_scale = scale
+        residual = residual_at_rest(self.system, state, scale)
+        self.residual = max(self.residual, residual)
+        if residual > EVENT_RESIDUAL:
+            places = self.problem.start.u, state.u
+            accepted = max(reachable(self.system, u, scale) for u in places)
+            self._excess |= residual > accepted
 
-    def _residual(self, end: ContactState) -> float:
-        """Return the residual at one instant."""
-        scale = max(self.sums.force_scale, float(np.abs(end.r).max(initial=0.0)))
-        self.sums.force_scale = scale
-        return residual_at_rest(self.system, end, scale)
-
-    def _exceeds(self, residual: float, end: ContactState) -> bool:
-        """Return whether a residual is above what is accepted at one instant."""
-        return residual > EVENT_RESIDUAL and residual > self.sums.accepted(end.u)
-
-    def _explained(self, residual: float, end: ContactState) -> bool:
-        """Return whether round-off of the displacements explains a residual."""
+    def _explained(self, leg: Leg) -> bool:
+        """Return whether round-off of the displacements explains the residual."""
         if not self._accept_round_off:
             return False
-        states = self.problem.start, end
-        scale = self.sums.force_scale
-        events = self.course.events
-        return residual <= displacement_uncertainty(self.segments, states, events, scale)
+        states = self.problem.start, leg.end
+        return self.residual <= displacement_uncertainty(
+            self.segments, states, leg.events, self.force_scale
+        )
+
+    def _leg(self, end: ContactState) -> Leg:
+        """Return what has been followed."""
+        path, problem = self.path, self.problem
+        counts = path.counts.tolist()
+        events, ties = counts[kernel.EVENTS], counts[kernel.TIES]
+        stops, samples = counts[kernel.STOPS], counts[kernel.SAMPLES]
+        sampled = zip(problem.samples[:samples], path.sample, path.sample_state, strict=False)
+        made = []
+        if problem.samples:
+            made = [(problem.s_start, problem.start.u)] + [
+                (s, self.displacements(y))
+                for s, y in zip(path.stop_at[:stops].tolist(), path.stop[:stops], strict=True)
+            ]
+        return Leg(
+            end=end,
+            dissipation=path.dissipation,
+            work=float(path.work.sum()),
+            residual=self.residual,
+            force_scale=self.force_scale,
+            samples=[(s, self._at(y, s, state)) for s, y, state in sampled],
+            events=_changes(path.event_at[:events], path.event[:events]),
+            stops=made,
+            ties=_changes(path.tie_at[:ties], path.tie[:ties]),
+        )
+
+    def displacements(self, y: Array) -> Array:
+        """Return the displacements (2N,) that belong to quantities y (4N,)."""
+        n = self.system.n
+        return np.concatenate([y[:n], y[n : 2 * n] - self.system.g0])
+
+    def stops(self) -> list[tuple[float, Array, Array, int, States]]:
+        """Return the events and the end of a path that is traced.
+
+        Of each its place, displacements (2N,), rates (4N,) on the way there, the quantity that has
+        reached its limit, -1 at the end, and the (N,) states on the way there.
+        """
+        path, count = self.path, self.path.counts[kernel.STOPS]
+        columns = path.stop_at, path.stop, path.stop_rate, path.stop_label, path.stop_state
+        return [
+            (float(s), self.displacements(y), q.copy(), int(label), state.copy())
+            for s, y, q, label, state in zip(*(part[:count] for part in columns), strict=True)
+        ]
+
+
+def _changes(at: Array, what: NDArray[np.int64]) -> Changes:
+    """Return changes given by places (k,) and (k, 3) nodes, old and new states, as copies."""
+    states = what[:, 1:].astype(np.int8)
+    return Changes(at.copy(), what[:, 0].copy(), states[:, 0], states[:, 1])

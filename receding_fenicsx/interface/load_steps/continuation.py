@@ -16,6 +16,7 @@ answer is another equilibrium, at a finite distance however small the step. Two 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -25,10 +26,13 @@ from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.unloading import REMAINING_LOAD, stops_short
-from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.residual import largest_force, local_stiffness
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+
+if TYPE_CHECKING:
+    from receding_fenicsx.interface.exact.loop import Loop
+    from receding_fenicsx.interface.exact.walk import Walk
 
 LIMIT_TOLERANCE = 1e-10
 """Distance from a limit, over the largest nodal force, up to which a node is on it."""
@@ -51,12 +55,12 @@ class ExactPath:
     @property
     def s(self) -> float:
         """Place on the leg up to which it leads."""
-        return self.walk.point.s
+        return self.walk.s
 
     @property
     def end(self) -> ContactState:
         """State there."""
-        return self.walk.point.contact_state()
+        return self.walk.here()
 
     def finish(self) -> Leg:
         """Return the path to the end of the part; raise SolveError where its residual is large."""
@@ -74,6 +78,7 @@ class Continuation:
     def __init__(self, system: ContactSystem) -> None:
         """Start with nothing remembered."""
         self.system, self.segments = system, Segments(system)
+        self._loop: Loop | None = None
         self._stiffness = np.concatenate(local_stiffness(system))
 
     def size(self, change: Array) -> float:
@@ -113,12 +118,17 @@ class Continuation:
             s_end: place on the leg where the part ends.
             limit: where equilibrium ends on the leg.
         """
+        # loads Numba, which takes longer than all the rest
+        from receding_fenicsx.interface.exact.compilation import loop_of
+        from receding_fenicsx.interface.exact.walk import Walk
+
+        self._loop = loop = self._loop or loop_of(self.segments)
         start, ends = problem.start, problem.ends
         scale = problem.force_scale
         scale = max(largest_force(self.system, load, start.r, scale) for load in ends)
         s_limit = np.inf if limit is None else limit.s
         problem = replace(problem, force_scale=scale)
-        walk = Walk(self.segments, problem, equilibrium_ends=lambda ends: s_limit)
+        walk = Walk(loop, problem, lambda ends: s_limit)
         short = stops_short(self.segments, problem.load(s_end))
         try:
             walk.run(max(s_end - REMAINING_LOAD, problem.s_start) if short else s_end)

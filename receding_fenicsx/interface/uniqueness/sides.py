@@ -13,8 +13,10 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from receding_fenicsx.interface.exact.legs import Change
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+
+Change = tuple[int, int, int]
+"""Node, old state, new state."""
 
 States = NDArray[np.int8]
 

@@ -1,19 +1,19 @@
-"""Legs followed by the compiled loop are those of the cold path, whatever it has to ask for."""
+"""Legs followed by the compiled loop are those of a path written plainly."""
 
 from dataclasses import replace
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 import pytest
 from law import random_system
-from legs import assert_same, play
+from legs import asking, assert_same, play
 from models import block_system
+from plain_walk import PlainPath
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.interface.exact import compiled, kernel
-from receding_fenicsx.interface.exact.compiled import CompiledPath
+from receding_fenicsx.interface.exact import loop
 from receding_fenicsx.interface.exact.legs import widen
+from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.path import EventPath
 from receding_fenicsx.interface.exact.tableau import Tableau
 from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK
@@ -23,26 +23,19 @@ CYCLES = [[0.0], [1.0], *[[0.6], [1.0]] * 6]
 TWO_LOADS = [[0.0, 0.0], [1.0, 0.0], *[[0.9, 0.1], [0.95, -0.1], [1.0, 0.0]] * 4]
 
 
-class Cold(EventPath):
-    """A path without the compiled loop."""
-
-    def _compiled(self, *_: object) -> None:
-        return None
-
-
-def loop_of(path: EventPath) -> CompiledPath:
+def loop_of(path: EventPath) -> Loop:
     """Return the compiled loop that a path has used."""
     assert path._loop is not None
     return path._loop
 
 
 @pytest.mark.parametrize("half", [True, False])
-def test_the_loop_follows_the_cold_path(half: bool) -> None:
+def test_the_loop_follows_a_plain_path(half: bool) -> None:
     system = block_system(64, 16, half=half)
     path = EventPath(system)
     legs = play(path, CYCLES, 3)
-    assert loop_of(path).trials > 100
-    assert_same(legs, play(Cold(system), CYCLES, 3))
+    assert path.trials > 100
+    assert_same(legs, play(PlainPath(system), CYCLES, 3))
     for before, leg in pairwise(legs):
         stored = 0.5 * (leg.end.u - before.end.u) @ system.K @ (leg.end.u + before.end.u)
         assert abs(leg.dissipation.sum() + stored + leg.work) <= 1e-12 * abs(stored)
@@ -56,31 +49,31 @@ def end_or_error(path: EventPath, loads: list[list[float]]) -> list[Leg] | type[
         return type(error)
 
 
-def test_random_paths_have_the_events_of_the_cold_path() -> None:
+def test_random_paths_have_the_events_of_a_plain_one() -> None:
     followed = 0
     for seed in range(60):
         system = random_system(seed, 6 + seed % 9, 0.4)
         if seed % 3 == 0:
             system = replace(system, f=np.where(np.arange(system.n) % 5 == 0, 0.0, system.f))
         path = EventPath(system)
-        legs, expected = (end_or_error(one, TWO_LOADS) for one in (path, Cold(system)))
+        legs, expected = (end_or_error(one, TWO_LOADS) for one in (path, PlainPath(system)))
         if isinstance(expected, type) or isinstance(legs, type):
             assert legs is expected
             continue
         # later cycles end where events crowd, and round-off decides of their order
         assert_same(legs[:4], expected[:4])
         assert np.abs(legs[-1].end.r - expected[-1].end.r).max() <= 1e-10 * legs[-1].force_scale
-        followed += loop_of(path).trials > 0
+        followed += path.trials > 0
     assert followed > 40
 
 
 def limited(system: ContactSystem, monkeypatch: pytest.MonkeyPatch) -> EventPath:
     """Return a path whose loop has no room and little memory."""
-    monkeypatch.setattr(compiled, "FIRST_ENTRIES", 4)
-    monkeypatch.setattr(compiled, "CACHE_BYTES", 32 * 4 * system.n * 8)
+    monkeypatch.setattr(loop, "FIRST_ENTRIES", 4)
+    monkeypatch.setattr(loop, "CACHE_BYTES", 32 * 4 * system.n * 8)
     path = EventPath(system)
-    path._loop = CompiledPath(path.segments)
-    path._loop._room = 1
+    path._loop = Loop(path.segments)
+    path._loop.room = 1
     return path
 
 
@@ -89,12 +82,12 @@ def test_a_loop_without_room_and_memory_asks_for_more(monkeypatch: pytest.Monkey
     expected = play(EventPath(system), CYCLES, 3)
     path = limited(system, monkeypatch)
     assert_same(play(path, CYCLES, 3), expected)
-    assert loop_of(path).trials <= 32 and loop_of(path)._room > 1
+    assert path.trials <= 32 and loop_of(path).room > 1
 
 
 def test_columns_that_are_left_out_come_back() -> None:
     system = block_system(64, 16)
-    path, expected = EventPath(system), play(Cold(system), CYCLES, 3)
+    path, expected = EventPath(system), play(PlainPath(system), CYCLES, 3)
     legs = play(path, CYCLES[:6], 3)
     tableau = path.segments.tableau_at_hand(legs[-1].end.state)
     assert tableau.left_out > 0
@@ -113,7 +106,7 @@ def test_columns_cannot_be_left_out_of_a_tableau_without_stiffness() -> None:
     path = EventPath(system)
     path.segments.tableau(np.full(system.n, STICK, dtype=np.int8))
     path.segments.leave_out(lifted, np.zeros(0, dtype=np.intp))
-    assert_same(play(path, CYCLES, 3), play(Cold(system), CYCLES, 3))
+    assert_same(play(path, CYCLES, 3), play(PlainPath(system), CYCLES, 3))
 
 
 def test_the_loop_leaves_stored_copies_of_the_tableau_alone() -> None:
@@ -135,36 +128,22 @@ def test_the_loop_leaves_stored_copies_of_the_tableau_alone() -> None:
     assert np.abs(rates - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
-@pytest.mark.parametrize("request_", [kernel.CYCLING, kernel.RATES])
-def test_what_the_loop_cannot_decide_is_left_to_the_cold_path(
-    request_: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_rates_that_the_loop_asks_for_are_its_own(monkeypatch: pytest.MonkeyPatch) -> None:
     system = block_system(32, 16)
-    expected = play(Cold(system), CYCLES, 3)
-    follow, calls = kernel.follow, [0]
-
-    def stopping(*arguments: Any) -> int:
-        calls[0] += 1
-        return request_ if calls[0] % 3 == 0 else follow(*arguments)
-
-    monkeypatch.setattr(kernel, "follow", stopping)
-    path = EventPath(system)
-    if request_ == kernel.RATES:  # the rates that it asks for are there already
-        monkeypatch.setattr(CompiledPath, "_rates", lambda *_: None)
-    assert_same(play(path, CYCLES, 3), expected)
+    expected = play(EventPath(system), CYCLES, 3)
+    asking(monkeypatch)
+    assert_same(play(EventPath(system), CYCLES, 3), expected)
 
 
 @pytest.mark.parametrize("error", [1e-4, 1e-8])
-def test_wrong_rates_in_the_memory_change_no_answer(error: float) -> None:
+def test_wrong_rates_in_the_memory_do_not_pass_unnoticed(error: float) -> None:
     """Forces that do not belong to the displacements are found at the end of the leg at last."""
     system = block_system(32, 16)
-    expected, path = play(Cold(system), CYCLES), EventPath(system)
-    legs = play(path, CYCLES[:6])
-    loop_of(path)._memory.rates[:, 2 * system.n :] *= 1.0 + error
-    now = legs[-1]
-    leg = path.trace_leg(now.end, (np.array([1.0]), np.array([0.6])), now.force_scale)
-    assert np.abs(leg.end.r - expected[5].end.r).max() <= 1e-9 * leg.force_scale
-    assert leg.residual <= 1e-11
+    path = EventPath(system)
+    now = play(path, CYCLES[:6])[-1]
+    loop_of(path).memory.rates[:, 2 * system.n :] *= 1.0 + error
+    with pytest.raises(SolveError, match="lost accuracy"):
+        path.trace_leg(now.end, (np.array([1.0]), np.array([0.6])), now.force_scale)
 
 
 def test_nodes_on_a_limit_by_chance_are_ties() -> None:

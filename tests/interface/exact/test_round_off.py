@@ -10,7 +10,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 from law import random_system, worst_violation
-from legs import cold
+from legs import asking
 from models import block_system
 from small import cyclic, small_system, table
 
@@ -18,9 +18,9 @@ from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.exact.pivot_matrix import PivotMatrix
-from receding_fenicsx.interface.exact.round_off import RoundOff
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.tableau import Tableau
+from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.residual import reachable
 from receding_fenicsx.interface.system import ContactSystem
@@ -105,34 +105,11 @@ def test_a_clamped_contact_node_has_no_limit_that_it_could_reach() -> None:
     assert np.all(refined.reshape(4, 5)[:, 4] == 0.0)
 
 
-# -- remembered rates -----------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("cell", ["triangle", "quadrilateral"])
-def test_remembered_rates_are_as_good_as_new_ones(
-    cell: str, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    sets = ("mesh.contact_elements=30", f'mesh.cell="{cell}"', "history.cycles=5")
-    cold(monkeypatch)
-    _, remembered = condensed("goodman_klumpp.toml", *sets)
-    look_up = Segments.at
-
-    def forget(self: Segments, state: np.ndarray, direction: np.ndarray) -> object:
-        self._known.clear()
-        return look_up(self, state, direction)
-
-    monkeypatch.setattr(Segments, "at", forget)
-    _, anew = condensed("goodman_klumpp.toml", *sets)
-    assert np.array_equal(remembered.turning_points.state, anew.turning_points.state)
-    for name in ("P", "Q"):
-        a, b = (getattr(record.turning_points, name) for record in (remembered, anew))
-        assert np.abs(a - b).max() <= 1e-10 * np.abs(a).max()
-    assert remembered.cycles.dissipation == pytest.approx(anew.cycles.dissipation, rel=1e-10)
-    assert remembered.residual_max <= 1e-11
+# -- rates that round-off has spoilt ---------------------------------------------------------------
 
 
 def test_a_bad_tableau_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
-    cold(monkeypatch)
+    asking(monkeypatch)
     system = block_system(32, 16)
     exact = evolve(system, cyclic(2)).turning_points
     exchange = PivotMatrix.exchange
@@ -179,7 +156,7 @@ def count_products(monkeypatch: pytest.MonkeyPatch) -> dict[str, int]:
 
     counting(Tableau, "refined", "refined")
     counting(Tableau, "build", "build")
-    counting(RoundOff, "remove", "removed")
+    counting(Walk, "_balanced", "removed")
     return counts
 
 
