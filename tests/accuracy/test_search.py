@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -150,6 +151,19 @@ def test_the_seconds_of_all_meshes_count_in_the_budget() -> None:
     found = search(scene_of(1e-4, budget=20.0), made_up(), levels)
     assert "the budget of 20 s ends first: 19 s are spent" in found.reason
     assert found.levels == list(levels)
+
+
+@pytest.mark.parametrize(("first", "power"), [(2.0, 1.0), (0.5, 3.0), (0.01, 3.0), (8.0, 2.0)])
+def test_the_next_mesh_is_expected_to_cost_what_the_meshes_before_show(
+    first: float, power: float
+) -> None:
+    """4 s after ``first``: with the power seen, 3 at most, 2 where the finer mesh was no slower."""
+    numbers = {"centre_pressure": Number(1.01)}, {"centre_pressure": Number(1.005)}
+    levels = Level(32, 65, first, numbers[0]), Level(64, 129, 4.0, numbers[1])
+    found = search(scene_of(1e-4, budget=4.1), made_up(), levels)
+    told = re.search(r"a mesh of (\d+) elements needs about (\S+) s", found.reason)
+    assert told is not None, found.reason
+    assert float(told[2]) == pytest.approx(4.0 * (int(told[1]) / 64) ** power, rel=0.05)
 
 
 def test_a_number_that_the_run_does_not_have_is_refused_with_those_that_it_has() -> None:
