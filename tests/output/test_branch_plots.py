@@ -6,6 +6,7 @@ from pathlib import Path
 import models
 import numpy as np
 import pytest
+from matplotlib.collections import LineCollection
 from matplotlib.colors import same_color
 from matplotlib.figure import Figure
 from small import cyclic, small_system, table
@@ -84,7 +85,9 @@ def test_a_mode_is_drawn_with_its_own_numbers() -> None:
     area, *fans = above.collections
     for sign, state in ((1.0, State.FORWARD_SLIP), (-1.0, State.BACKWARD_SLIP)):
         own = signs == sign
-        (fan,) = (c for c in fans if same_color(c.get_color(), rf.style.STATE_COLOURS[state]))
+        colour = rf.style.STATE_COLOURS[state]
+        lines = (c for c in fans if isinstance(c, LineCollection))
+        (fan,) = (c for c in lines if same_color(c.get_color(), colour))
         drawn = np.array([path.vertices for path in fan.get_paths()])
         assert own.any() and np.array_equal(drawn[:, :, 0], np.stack(2 * [x[own]], axis=1))
         assert np.array_equal(drawn[:, 1, 1], v[own]) and not drawn[:, 0, 1].any()

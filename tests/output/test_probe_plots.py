@@ -49,7 +49,8 @@ def test_stresses_of_a_point_are_drawn_along_the_legs() -> None:
             assert np.array_equal(y[1:], values[rows])
         assert len(lines(axes)) == 5
         # a guide where each leg but the last one ends
-        guides = [line.get_xdata()[0] for line in axes.lines if len(line.get_xdata()) == 2]
+        places = [np.asarray(line.get_xdata(), dtype=float) for line in axes.lines]
+        guides = [x[0] for x in places if len(x) == 2]
         assert sorted(set(guides) - {0.0}) == list(range(1, int(probe.leg[rows].max()) + 1))
         assert np.array_equal(lines(axes)[4][1][1:], probe.von_mises[rows, 0])
 

@@ -152,7 +152,7 @@ def test_the_figure_draws_damping_ratio_and_frequency_of_a_mode_else_d_and_stiff
     for axes, word in zip((left, right), words, strict=True):
         assert word in axes.get_ylabel() and "amplitude of" in axes.get_xlabel()
         (end,) = (line for line in axes.lines if line.get_label() == "macroslip")
-        assert list(end.get_xdata()) == [backbone.macroslip] * 2
+        assert np.asarray(end.get_xdata()).tolist() == [backbone.macroslip] * 2
     assert curve.masing_defect == pytest.approx([1 / 3, 1 / 9, 1 / 7])
     line = linregress(np.log(a), np.log(D))
     assert curve.exponent == pytest.approx((line.slope, line.stderr))
