@@ -7,7 +7,7 @@ import models
 import numpy as np
 import pytest
 from matplotlib.collections import LineCollection
-from matplotlib.colors import same_color
+from matplotlib.colors import to_rgba, to_rgba_array
 from matplotlib.figure import Figure
 from small import cyclic, small_system, table
 
@@ -87,7 +87,7 @@ def test_a_mode_is_drawn_with_its_own_numbers() -> None:
         own = signs == sign
         colour = rf.style.STATE_COLOURS[state]
         lines = (c for c in fans if isinstance(c, LineCollection))
-        (fan,) = (c for c in lines if same_color(c.get_color(), colour))
+        (fan,) = (c for c in lines if np.allclose(to_rgba_array(c.get_color()), to_rgba(colour)))
         drawn = np.array([path.vertices for path in fan.get_paths()])
         assert own.any() and np.array_equal(drawn[:, :, 0], np.stack(2 * [x[own]], axis=1))
         assert np.array_equal(drawn[:, 1, 1], v[own]) and not drawn[:, 0, 1].any()
