@@ -31,7 +31,7 @@ are no load steps. The method, from top to bottom:
    $$T \leftarrow T - (C + e_i)(R - e_j) / D .$$
    Columns of nodes that stick throughout are left out, and added when one is to be exchanged.
    `balance.BalanceCheck` measures whether the rates satisfy the equation above; if not, they are
-   refined. Rates of known states are stored (`kernel.Memory`), and turn round with the loads.
+   refined. Rates of known states are stored (`kernel_data.Memory`), and turn round with the loads.
 4. **Consistent states** (`kernel.turned`, `consistency`: `ConsistentStates.decide`). At the start
    of a leg and after an event, nodes on a limit may go either way. Nodes whose rates violate a
    condition change state, all at first, then the worst one; if a set of states returns, the linear
@@ -53,7 +53,7 @@ are no load steps. The method, from top to bottom:
    grown it is removed by iterative refinement, and at the end of a leg where forces that vanish are
    more than round-off: by the tableau, or by a factor of the states there (`loop.ActiveSets`). The
    reactions of the end are evaluated afresh and its residual is checked.
-8. **No continuation** (`failures`, `jumps`). Where no states are consistent, `failures.explain`
+8. **No continuation** (`jumps`). Where no states are consistent, `jumps.explain`
    says whether the body lifts off, slides or jumps. A jump is an error, or (`on_jump = "static"`) a
    static problem at a load just beyond, which releases the energy
    $$E = -\Delta (\tfrac12 u^T K u) - \sum_k \lambda_k\, r^*_k \cdot \Delta u .$$

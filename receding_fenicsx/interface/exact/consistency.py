@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.exact.drift import drifting
-from receding_fenicsx.interface.exact.failures import explain
+from receding_fenicsx.interface.exact.jumps import explain
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import middle

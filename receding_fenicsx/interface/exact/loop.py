@@ -9,7 +9,7 @@ import scipy.linalg as sla
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array, Ints
-from receding_fenicsx.interface.exact import kernel
+from receding_fenicsx.interface.exact import kernel, kernel_data
 from receding_fenicsx.interface.exact.legs import LegProblem, widen
 from receding_fenicsx.interface.exact.pivot_matrix import PivotData, PivotMatrix, SingularExchange
 from receding_fenicsx.interface.exact.round_off import EVENT_RESIDUAL, summed
@@ -141,7 +141,7 @@ class Loop:
                 exchanges[smooth_or_not, old, new, : len(kinds)] = kinds
         random = np.random.default_rng(0)
         self._random = random
-        self.contact = kernel.Contact(
+        self.contact = kernel_data.Contact(
             frictional=segments.frictional.copy(),
             smooth=segments.smooth.copy(),
             weight=segments.weight.copy(),
@@ -166,9 +166,9 @@ class Loop:
         self.room = 8 * n
         self._rate_of_rows: Array | None = None
 
-    def _new_memory(self, entries: int) -> kernel.Memory:
+    def _new_memory(self, entries: int) -> kernel_data.Memory:
         n, loads = self.system.n, len(self.contact.r_star)
-        return kernel.Memory(
+        return kernel_data.Memory(
             table=np.full(4 * entries, -1, dtype=np.int32),
             used=np.zeros(1, dtype=np.int64),
             mark=np.empty(entries, dtype=np.uint64),
@@ -190,7 +190,7 @@ class Loop:
             old.table[:], old.used[0] = -1, 0
             return
         self.memory = new = self._new_memory(2 * entries)
-        for name in kernel.Memory._fields[2:]:
+        for name in kernel_data.Memory._fields[2:]:
             getattr(new, name)[:entries] = getattr(old, name)
         new.used[0], last = entries, len(new.table) - 1
         places = (old.mark & np.uint64(last)).astype(np.int64)
@@ -199,7 +199,7 @@ class Loop:
                 place = (place + 1) & last
             new.table[place] = entry
 
-    def way(self, problem: LegProblem, end: float) -> kernel.Way:
+    def way(self, problem: LegProblem, end: float) -> kernel_data.Way:
         """Return a leg up to a place, as the loop takes it."""
         a, b = problem.ends
         marks = []
@@ -208,7 +208,7 @@ class Loop:
             if key not in self._ways:
                 self._ways[key] = self._random.integers(0, 2**63, dtype=np.uint64)
             marks.append(self._ways[key])
-        return kernel.Way(
+        return kernel_data.Way(
             start=a.copy(),
             direction=b - a,
             mark=marks[0],
@@ -222,7 +222,7 @@ class Loop:
             asks_choice=problem.chooser is not None,
         )
 
-    def path(self, problem: LegProblem, traced: bool) -> kernel.Path:
+    def path(self, problem: LegProblem, traced: bool) -> kernel_data.Path:
         """Return a path that stands at the start of a leg."""
         start, n, samples = problem.start, self.system.n, len(problem.samples)
         a = problem.ends[0]
@@ -231,9 +231,9 @@ class Loop:
         else:
             y = self.segments.values(start)
         room, stops = self.room, self.room if samples or traced else 0
-        counts = np.zeros(len(kernel.COUNTS), dtype=np.int64)
-        counts[kernel.HIT] = -1
-        return kernel.Path(
+        counts = np.zeros(len(kernel_data.COUNTS), dtype=np.int64)
+        counts[kernel_data.HIT] = -1
+        return kernel_data.Path(
             y=y,
             state=start.state.astype(np.int8),
             place=np.array([problem.s_start, problem.s_start, 0.0]),
@@ -255,7 +255,7 @@ class Loop:
             sample_state=np.empty((samples, n), dtype=np.int8),
         )
 
-    def enlarged(self, path: kernel.Path) -> kernel.Path:
+    def enlarged(self, path: kernel_data.Path) -> kernel_data.Path:
         """Return a path with room for twice as many events."""
         self.room *= 2
 
@@ -269,7 +269,7 @@ class Loop:
         parts: dict[str, Any] = {name: getattr(path, name) for name in names}
         return path._replace(**{name: larger(old) for name, old in parts.items() if len(old)})
 
-    def advance(self, way: kernel.Way, path: kernel.Path) -> int:
+    def advance(self, way: kernel_data.Way, path: kernel_data.Path) -> int:
         """Go on until the end or a request that only others can answer, which is returned.
 
         Raises:
@@ -287,7 +287,7 @@ class Loop:
                 pivots, state = tableau.matrix, tableau.state
                 contact = self.contact._replace(stiffness=tableau.unit)
             count = np.array([pivots.pending, pivots.age, up_to_date])
-            matrix = kernel.Matrix(
+            matrix = kernel_data.Matrix(
                 T=pivots.T,
                 U=pivots.U.T,
                 V=pivots.V,
@@ -316,7 +316,7 @@ class Loop:
             self._rate_of_rows = np.empty(m)
         return self._rate_of_rows
 
-    def ask(self, way: kernel.Way, path: kernel.Path) -> None:
+    def ask(self, way: kernel_data.Way, path: kernel_data.Path) -> None:
         """Take the rates of the present states from the segments, which refine them.
 
         Raises:
@@ -332,7 +332,7 @@ class Loop:
         mark = way.mark ^ np.bitwise_xor.reduce(self.contact.marks[nodes, state])
         kernel.kept(self.memory, mark, state)
 
-    def fill(self, way: kernel.Way, state: States, q: Array) -> int:
+    def fill(self, way: kernel_data.Way, state: States, q: Array) -> int:
         """Write rates q (4N,) into the next free entry of the memory; return its number."""
         if self.memory.used[0] == len(self.memory.rates):
             self.enlarge()

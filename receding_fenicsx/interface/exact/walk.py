@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.exact import kernel
+from receding_fenicsx.interface.exact import kernel, kernel_data
 from receding_fenicsx.interface.exact.consistency import ConsistentStates, EquilibriumEnd
 from receding_fenicsx.interface.exact.legs import LegProblem, PathPoint
 from receding_fenicsx.interface.exact.loop import Loop
@@ -118,7 +118,7 @@ class Walk:
             elif request == kernel.CHOICE:
                 self._choose(way)
             elif request == kernel.UNLOADING:
-                self.path.counts[kernel.ASKED] = 1
+                self.path.counts[kernel_data.ASKED] = 1
                 y = self._unloaded(way)
                 if y is not None:
                     self._end_at(y, way)
@@ -131,7 +131,7 @@ class Walk:
     def _before(self) -> States:
         """Return the (N,) states on the way to the present instant."""
         count, before = self.path.counts, self.path.state.copy()
-        now = self.path.event[count[kernel.FIRST] : count[kernel.EVENTS]]
+        now = self.path.event[count[kernel_data.FIRST] : count[kernel_data.EVENTS]]
         before[now[:, 0]] = now[:, 1]
         return before
 
@@ -145,25 +145,25 @@ class Walk:
         """Put states in place of those at the present instant."""
         count, path = self.path.counts, self.path
         changed = Changes.between(self.s, before, state)
-        first, last = count[kernel.FIRST], count[kernel.FIRST] + len(changed)
+        first, last = count[kernel_data.FIRST], count[kernel_data.FIRST] + len(changed)
         path.event_at[first:last] = self.s
         path.event[first:last] = np.stack([changed.node, changed.old, changed.new], axis=1)
-        count[kernel.EVENTS] = last
+        count[kernel_data.EVENTS] = last
         path.state[:] = state
 
     def _sticks_instead(self) -> bool:
         """Let the node that has closed stick, once, where its slip leaves a motion free."""
         before, count = self._before(), self.path.counts
-        i = int(count[kernel.HIT]) % self.system.n
-        if count[kernel.HIT] < 0 or before[i] != SEPARATION or count[kernel.STUCK]:
+        i = int(count[kernel_data.HIT]) % self.system.n
+        if count[kernel_data.HIT] < 0 or before[i] != SEPARATION or count[kernel_data.STUCK]:
             return False
-        count[kernel.STUCK], count[kernel.ROUNDS] = 1, 0
+        count[kernel_data.STUCK], count[kernel_data.ROUNDS] = 1, 0
         state = before.copy()
         state[i] = STICK
         self._set(before, state)
         return True
 
-    def _decided(self, way: kernel.Way) -> kernel.Way:
+    def _decided(self, way: kernel_data.Way) -> kernel_data.Way:
         """Decide the states at the present point; return the leg with its limits, maybe wider."""
         before = self._before()
         states = self._states_at(before)
@@ -173,19 +173,19 @@ class Walk:
         self.path.imbalance[:] = self.segments.balance.errors(self.path.y, load)
         return way._replace(on_limit=np.where(way.on_limit < 0.0, -1.0, states.on_limit))
 
-    def _give(self, way: kernel.Way, before: States, state: States, segment: Segment) -> None:
+    def _give(self, way: kernel_data.Way, before: States, state: States, segment: Segment) -> None:
         """Give states and rates with which to go on from here."""
         self._set(before, state)
         entry = self.loop.fill(way, self.path.state, segment.q)
-        self.path.counts[kernel.GIVEN] = entry + 1
+        self.path.counts[kernel_data.GIVEN] = entry + 1
 
-    def _choose(self, way: kernel.Way) -> None:
+    def _choose(self, way: kernel_data.Way) -> None:
         """Let the chooser take one of the continuations."""
         chooser, before, path = self.problem.chooser, self._before(), self.path
-        path.counts[kernel.CHOSEN] = 1
+        path.counts[kernel_data.CHOSEN] = 1
         assert chooser is not None
         states = self._states_at(path.state)
-        q = self.loop.memory.rates[path.counts[kernel.ENTRY]].copy()
+        q = self.loop.memory.rates[path.counts[kernel_data.ENTRY]].copy()
         segment = self.segments.segment(states.point.state, q, way.direction)
         chosen = chooser.choose(states, before, segment)
         if chosen is not segment:
@@ -205,13 +205,13 @@ class Walk:
         if np.abs(imbalance).max() > summed(self.system.n, EVENT_RESIDUAL) * self.force_scale:
             self._note(self.here())
 
-    def _unloaded(self, way: kernel.Way) -> Array | None:
+    def _unloaded(self, way: kernel_data.Way) -> Array | None:
         """Return the (4N,) quantities at the end of unloading.
 
         None where the event just before is more than round-off.
         """
         path, left = self.path, way.end - self.s
-        y = path.y + left * self.loop.memory.rates[path.counts[kernel.ENTRY]]
+        y = path.y + left * self.loop.memory.rates[path.counts[kernel_data.ENTRY]]
         start = self.problem.start.u
         if left - path.place[2] <= UNLOADING_ROUND_OFF and keeps_limits(
             self.segments, start, y, self.force_scale
@@ -225,10 +225,10 @@ class Walk:
         y = self.segments.margins(end)
         return y if keeps_limits(self.segments, start, y, self.force_scale) else None
 
-    def _end_at(self, y: Array, way: kernel.Way) -> None:
+    def _end_at(self, y: Array, way: kernel_data.Way) -> None:
         """Move on to the end of unloading, where the quantities (4N,) are given."""
         loop, path, end = self.loop, self.path, way.end
-        entry = int(path.counts[kernel.ENTRY])
+        entry = int(path.counts[kernel_data.ENTRY])
         kernel.sampled(loop.memory, way, path, entry, float(np.nextafter(end, 0.0)))
         kernel.advanced(loop.contact, loop.memory, way, path, entry, end - self.s)
         path.y[:], path.place[0] = y, end
@@ -342,8 +342,8 @@ class Walk:
         """Return what has been followed."""
         path, problem = self.path, self.problem
         counts = path.counts.tolist()
-        events, ties = counts[kernel.EVENTS], counts[kernel.TIES]
-        stops, samples = counts[kernel.STOPS], counts[kernel.SAMPLES]
+        events, ties = counts[kernel_data.EVENTS], counts[kernel_data.TIES]
+        stops, samples = counts[kernel_data.STOPS], counts[kernel_data.SAMPLES]
         sampled = zip(problem.samples[:samples], path.sample, path.sample_state, strict=False)
         made = []
         if problem.samples:
@@ -374,7 +374,7 @@ class Walk:
         Of each its place, displacements (2N,), rates (4N,) on the way there, the quantity that has
         reached its limit, -1 at the end, and the (N,) states on the way there.
         """
-        path, count = self.path, self.path.counts[kernel.STOPS]
+        path, count = self.path, self.path.counts[kernel_data.STOPS]
         columns = path.stop_at, path.stop, path.stop_rate, path.stop_label, path.stop_state
         return [
             (float(s), self.displacements(y), q.copy(), int(label), state.copy())
