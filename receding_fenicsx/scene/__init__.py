@@ -4,15 +4,14 @@ A scene describes bodies, materials, mesh, contacts, loads, supports, history an
 nothing of finite elements. From a file to a history:
 
 1. :func:`~receding_fenicsx.scene.toml_file.read_scene` parses the file.
-   :func:`~receding_fenicsx.scene.toml_overrides.apply_override` applies ``--set table.key=value``,
+   :func:`~receding_fenicsx.scene.toml_file.apply_override` applies ``--set table.key=value``,
    and :func:`~receding_fenicsx.scene.column_file.with_files` replaces ``{file = "gap.csv"}`` by the
    table or the rows in that file.
 2. :func:`~receding_fenicsx.scene.toml_reader.scene_of` converts the tables into the dataclass
    :class:`~receding_fenicsx.scene.model.Scene`. The types there say what each key may be; Pydantic
    checks them, and all errors are told at once.
 3. :func:`~receding_fenicsx.scene.validate.validate` checks the rules between values too, also of a
-   scene made in Python. Its parts are :mod:`~receding_fenicsx.scene.validate_bodies`,
-   :mod:`~receding_fenicsx.scene.validate_contacts` and
+   scene made in Python. Its parts are :mod:`~receding_fenicsx.scene.validate_bodies` and
    :mod:`~receding_fenicsx.scene.validate_loads`.
    :func:`~receding_fenicsx.scene.validate.scene_warnings` lists options that make results
    inaccurate.

@@ -1,16 +1,21 @@
-"""Profiles: values along an edge, given as a number, an expression, a table or a file."""
+"""Profiles: values along an edge, given as a number, an expression or a table.
+
+An expression such as ``"0.3 + 0.1*cos(pi*x)"`` is parsed by :mod:`ast`, and only the operations
+listed below are evaluated. Nothing is passed to ``eval``, so a scene file cannot run code.
+"""
 
 from __future__ import annotations
 
+import ast
+from collections.abc import Callable
 from typing import Annotated, cast
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.checks import Number, OneOf, check_size
-from receding_fenicsx.scene.expressions import evaluate_expression
+from receding_fenicsx.scene.checks import Number, OneOf, check_size, suggestion
 
 Profile = Number | str | dict[Annotated[str, OneOf("x", "value")], list[Number]]
 """A number, an expression in x (and y), or a table {"x": [...], "value": [...]}."""
@@ -116,3 +121,142 @@ def evaluate_checked(profile: Profile, x: Array, y: Array | None, where: str) ->
         raise InputError(f"{where}: {error}") from None
     check_size(float(np.abs(found).max(initial=0.0)), where)
     return found
+
+
+# -- expressions
+
+MAX_LENGTH = 1000
+"""Longest expression in characters; longer ones may exceed the recursion limit of the parser."""
+
+
+def _fold(pairwise: np.ufunc) -> Callable[..., Array]:
+    def folded(*values: Array) -> Array:
+        result = values[0]
+        for value in values[1:]:
+            result = pairwise(result, value)
+        return result
+
+    return folded
+
+
+FUNCTIONS: dict[str, tuple[Callable[..., Array], int, int]] = {
+    "sqrt": (np.sqrt, 1, 1),
+    "sin": (np.sin, 1, 1),
+    "cos": (np.cos, 1, 1),
+    "exp": (np.exp, 1, 1),
+    "log": (np.log, 1, 1),
+    "tanh": (np.tanh, 1, 1),
+    "abs": (np.abs, 1, 1),
+    "min": (_fold(np.minimum), 2, 20),
+    "max": (_fold(np.maximum), 2, 20),
+    "where": (lambda test, yes, no: np.where(test != 0, yes, no), 3, 3),
+}
+"""Functions in expressions: implementation, smallest and largest number of arguments."""
+
+BINARY: dict[type[ast.operator], Callable[[Array, Array], Array]] = {
+    ast.Add: np.add,
+    ast.Sub: np.subtract,
+    ast.Mult: np.multiply,
+    ast.Div: np.divide,
+    ast.Pow: np.power,
+}
+
+COMPARE: dict[type[ast.cmpop], Callable[[Array, Array], NDArray[np.bool_]]] = {
+    ast.Lt: np.less,
+    ast.LtE: np.less_equal,
+    ast.Gt: np.greater,
+    ast.GtE: np.greater_equal,
+    ast.Eq: np.equal,
+    ast.NotEq: np.not_equal,
+}
+
+
+def evaluate_expression(text: str, x: Array, y: Array | None = None) -> Array:
+    """Evaluate an expression in ``x`` (and ``y``) at many points.
+
+    It may use numbers, ``x``, ``y``, ``pi``, ``+ - * / **``, comparisons (1 if true, else 0) and
+    ``min max abs sqrt sin cos exp log tanh where(test, yes, no)``.
+
+    Args:
+        text: the expression.
+        x: points.
+        y: second coordinate of the points; None where the expression may not use ``y``.
+
+    Returns:
+        Values, of the shape of ``x``.
+
+    Raises:
+        InputError: the text is not an expression, or its value is not finite at a point.
+    """
+    if len(text) > MAX_LENGTH:
+        raise InputError(f"expression of {len(text)} characters: at most {MAX_LENGTH} are allowed")
+    try:
+        tree = ast.parse(text.strip(), mode="eval")
+    except (SyntaxError, ValueError, MemoryError, RecursionError):
+        raise InputError(
+            f"'{text}' is not an expression; write for example \"0.3 + 0.1*cos(pi*x)\""
+        ) from None
+    names: dict[str, Array] = {"x": np.asarray(x, dtype=float), "pi": np.asarray(np.pi)}
+    if y is not None:
+        names["y"] = np.asarray(y, dtype=float)
+    with np.errstate(all="ignore"):
+        try:
+            value = _walk(tree.body, names, text)
+        except RecursionError:
+            raise InputError(f"'{text}': nested too deeply") from None
+    result = np.broadcast_to(np.asarray(value, dtype=float), np.shape(x)).copy()
+    bad = ~np.isfinite(result)
+    if np.any(bad):
+        where = np.asarray(x, dtype=float)[bad].flat[0]
+        raise InputError(
+            f"'{text}' is not a finite number at x = {where:.6g}; change the expression"
+        )
+    return result
+
+
+def _walk(node: ast.expr, names: dict[str, Array], text: str) -> Array:
+    """Return the value of one node of the parsed expression."""
+    if isinstance(node, ast.Constant):
+        number = node.value
+        if isinstance(number, int | float) and not isinstance(number, bool):
+            try:
+                return np.asarray(float(number))
+            except OverflowError:
+                raise InputError(f"'{text}': a number is too large") from None
+    if isinstance(node, ast.Name):
+        if node.id in names:
+            return names[node.id]
+        raise InputError(f"'{text}': {_unknown(node.id, [*names, *FUNCTIONS])}")
+    if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.UAdd | ast.USub):
+        value = _walk(node.operand, names, text)
+        return -value if isinstance(node.op, ast.USub) else value
+    if isinstance(node, ast.BinOp) and type(node.op) in BINARY:
+        left, right = _walk(node.left, names, text), _walk(node.right, names, text)
+        return np.asarray(BINARY[type(node.op)](left, right), dtype=float)
+    if isinstance(node, ast.Compare) and all(type(op) in COMPARE for op in node.ops):
+        values = [_walk(term, names, text) for term in (node.left, *node.comparators)]
+        truth = np.asarray(1.0)
+        for op, left, right in zip(node.ops, values, values[1:], strict=False):
+            truth = truth * COMPARE[type(op)](left, right)
+        return truth
+    if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and not node.keywords:
+        if node.func.id not in FUNCTIONS:
+            raise InputError(f"'{text}': {_unknown(node.func.id, list(FUNCTIONS))}")
+        function, least, most = FUNCTIONS[node.func.id]
+        if not least <= len(node.args) <= most:
+            count = str(least) if least == most else f"{least} to {most}"
+            raise InputError(
+                f"'{text}': {node.func.id}() takes {count} argument(s), not {len(node.args)}"
+            )
+        arguments = [_walk(a, names, text) for a in node.args]
+        return np.asarray(function(*arguments), dtype=float)
+    hint = " (write ** for a power)" if "^" in text else ""
+    raise InputError(
+        f"'{text}': '{ast.unparse(node)}' is not allowed in an expression{hint}; use numbers, x, "
+        f"y, pi, + - * / **, comparisons and {', '.join(FUNCTIONS)}"
+    )
+
+
+def _unknown(name: str, known: list[str]) -> str:
+    hint = "only x may be used here" if name == "y" else suggestion(name, known)
+    return f"unknown name '{name}'; {hint}"

@@ -1,4 +1,4 @@
-"""Scene files in TOML: reading and writing."""
+"""Scene files in TOML: reading, changing single values (``--set``), and writing."""
 
 from __future__ import annotations
 
@@ -15,11 +15,29 @@ import tomli_w
 from receding_fenicsx.arrays import check_types
 from receding_fenicsx.atomic import read_text
 from receding_fenicsx.errors import InputError, InputErrors
+from receding_fenicsx.scene.checks import unknown_name
 from receding_fenicsx.scene.column_file import with_files
-from receding_fenicsx.scene.model import TABLE_OF, Body, Scene
-from receding_fenicsx.scene.toml_overrides import apply_override
-from receding_fenicsx.scene.toml_reader import parse_toml, plain, scene_of
+from receding_fenicsx.scene.model import TABLE_OF, Body, Contact, Scene
+from receding_fenicsx.scene.profiles import DIRECTIONS
+from receding_fenicsx.scene.toml_reader import (
+    ARRAYS,
+    KNOWN,
+    NAMED,
+    as_list,
+    named_materials,
+    parse_toml,
+    plain,
+    scene_of,
+)
 from receding_fenicsx.scene.validate import check_rules
+
+PARTS = {
+    "contact": ("friction",),
+    "body": ("parameters",),
+    "history": ("constant", "harmonic"),
+    "shakedown": ("mean",),
+}
+"""Keys of tables whose value may have parts of its own, as ``contact.friction.forward``."""
 
 
 def read_scene(path: str | Path, overrides: Iterable[str] = ()) -> Scene:
@@ -118,3 +136,147 @@ def tables_of(scene: Scene) -> dict[str, Any]:
         elif table not in ("units", "shakedown", "accuracy", "mode") or value != type(value)():
             tables[table] = plain(value, sparse=True)
     return {name: table for name, table in tables.items() if table != []}
+
+
+def apply_override(raw: dict[str, Any], override: str) -> None:
+    """Change one value of a parsed scene file in place.
+
+    The value is read as TOML. Text that is not TOML (a word, an expression) is a string, so that a
+    shell command needs no quotes for it.
+
+    Args:
+        raw: the parsed file.
+        override: ``table.key=value``, ``load.NAME.key=value`` or ``title=value``. The friction of
+            one direction is ``contact.friction.forward``; the other one stays as it is.
+
+    Raises:
+        InputError: the text is not an override, or names a table or load that the scene does not
+            have.
+    """
+    key, equals, text = override.partition("=")
+    if not equals or not all(part.strip() for part in key.split(".")):
+        raise InputError(
+            f"--set {override}: write table.key=value, for example contact.friction=0.5"
+        )
+    where = f"--set {override}"
+    # a title may be any text
+    value = parse_value(text, None if key.strip() == "title" else where)
+    set_value(raw, key, value, where)
+
+
+def parse_value(text: str, where: str | None) -> Any:
+    """Return a value read as TOML; text that is not TOML is a string.
+
+    Args:
+        text: the text.
+        where: origin of the text, for messages; None takes any text.
+
+    Raises:
+        InputError: the text begins as a list or a table, and is not valid TOML.
+    """
+    try:
+        parsed = parse_toml(f"value = {text}")
+    except InputError as error:
+        if where is not None and text.strip().startswith(("{", "[")):
+            reason = str(error).partition(" (")[0]
+            raise InputError(f"{where}: the value is {reason}") from None
+        return text.strip()
+    return parsed["value"] if set(parsed) == {"value"} else text
+
+
+def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
+    """Change one value of a parsed scene file in place.
+
+    Args:
+        raw: the parsed file.
+        key: "table.key", "load.NAME.key" or "title", as in :func:`apply_override`.
+        value: the value, as TOML gives it.
+        where: origin of the change, for messages.
+
+    Raises:
+        InputError: the key names a table or load that the scene does not have.
+    """
+    names = [part.strip() for part in key.split(".")]
+    if names == ["title"]:
+        raw["title"] = value
+        return
+    if names[0] not in KNOWN:
+        unknown_name(names[0], KNOWN, where, "table")
+    if names[0] == "title" or len(names) == 1:
+        raise InputError(f"{where}: write {names[0]}.key=value")
+    if names[:2] == ["history", "harmonic"] and len(names) > 3:
+        _table_of_load(raw, ".".join(names[2:-1]), where)[names[-1]] = value
+    elif len(names) > 2 and names[-2] in PARTS.get(names[0], ()):
+        table = _table_to_set(raw, names[:-1], where)
+        table[names[-2]] = _with_part(table, names[-2], names[-1], value, where)
+    else:
+        _table_to_set(raw, names, where)[names[-1]] = value
+
+
+def _table_of_load(raw: dict[str, Any], name: str, where: str) -> dict[str, Any]:
+    """Return the table [history.harmonic.NAME] of a load."""
+    table: Any = raw
+    for key in ("history", "harmonic", name):
+        table = table.setdefault(key, {})
+        if not isinstance(table, dict):
+            raise InputError(f"{where}: '{key}' must be a table")
+    return table
+
+
+def _with_part(
+    table: dict[str, Any], key: str, part: str, value: object, where: str
+) -> dict[str, Any]:
+    """Return the value of a key with one of its parts changed, the others as they are."""
+    if key != "friction":
+        given = table.get(key, {})
+        return {**(given if isinstance(given, dict) else {}), part: value}
+    if part not in DIRECTIONS:
+        unknown_name(part, DIRECTIONS, where, "key")
+    given = table.get(key, Contact.friction)
+    if not isinstance(given, dict) or not set(given) & set(DIRECTIONS):
+        given = dict.fromkeys(DIRECTIONS, given)
+    return {**given, part: value}
+
+
+def _table_to_set(raw: dict[str, Any], names: list[str], where: str) -> dict[str, Any]:
+    """Return the table that an override "table.key" or "table.NAME.key" changes."""
+    kind = names[0]
+    # a name may itself hold a dot
+    name = ".".join(names[1:-1])
+    if kind == "load" and not name:
+        raise InputError(f"{where}: name the load, for example load.p0.pressure=2.0")
+    if kind == "material" and name in named_materials(raw):
+        return named_materials(raw)[name]
+    if kind in ARRAYS or isinstance(raw.get(kind), list):
+        tables = as_list(raw.setdefault(kind, {}), kind)
+        if kind in NAMED and name:
+            chosen = [table for table in tables if table.get("name") == name]
+            if len(chosen) > 1:
+                raise InputError(
+                    f"{where}: {len(chosen)} [[{kind}]] tables are named '{name}'; write "
+                    f"{kind}.{name}.N.{names[-1]}, N = 1 to {len(chosen)}"
+                )
+            base, _, number = name.rpartition(".")
+            parts = [table for table in tables if table.get("name") == base]
+            if not chosen and number.isdecimal() and 1 <= int(number) <= len(parts):
+                return parts[int(number) - 1]
+            if not chosen:
+                known = [str(table["name"]) for table in tables if "name" in table]
+                unknown_name(name, known, where, kind)
+            return chosen[0]
+        if name.isdecimal() and 1 <= int(name) <= len(tables):
+            return tables[int(name) - 1]
+        if len(tables) != 1:
+            which = "NAME" if kind in NAMED else f"N (1 to {len(tables)})"
+            raise InputError(
+                f"{where}: the scene has {len(tables)} [[{kind}]] tables; write "
+                f"{kind}.{which}.key=value"
+            )
+        if not name:
+            return tables[0]
+    table = raw.setdefault(kind, {})
+    if name:
+        raise InputError(f"{where}: write {kind}.key=value")
+    if not isinstance(table, dict):
+        raise InputError(f"'{kind}' must be a table; write [{kind}]")
+    return table

@@ -1,7 +1,7 @@
 """Validation of a scene: errors for what cannot be modelled, warnings for what is inaccurate.
 
 Types, ranges and choices of single values stand at the dataclasses of the scene. Here are the rules
-between values, and in ``validate_bodies``, ``validate_contacts`` and ``validate_loads``. Every
+between values, and in ``validate_bodies`` and ``validate_loads``. Every
 message is one line: the table and key, what is wrong, what to do.
 """
 
@@ -17,10 +17,12 @@ from receding_fenicsx.scene.model import Probe, Scene, SolverOptions
 from receding_fenicsx.scene.options import HEADLINE_NAMES
 from receding_fenicsx.scene.toml_reader import check_values
 from receding_fenicsx.scene.units import check_units
-from receding_fenicsx.scene.validate_bodies import check_bodies, check_half_planes, check_mesh
-from receding_fenicsx.scene.validate_contacts import (
+from receding_fenicsx.scene.validate_bodies import (
+    check_bodies,
     check_contact,
+    check_half_planes,
     check_initial_slip,
+    check_mesh,
     check_touching,
     gap_warnings,
 )

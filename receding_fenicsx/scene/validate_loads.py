@@ -28,7 +28,7 @@ from receding_fenicsx.scene.rectangle_edges import (
     is_horizontal,
     load_samples,
 )
-from receding_fenicsx.scene.validate_contacts import (
+from receding_fenicsx.scene.validate_bodies import (
     LENGTH_TOLERANCE,
     check_edge,
     check_span,

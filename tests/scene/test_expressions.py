@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.expressions import evaluate_expression
+from receding_fenicsx.scene.profiles import evaluate_expression
 
 pytestmark = pytest.mark.one_rank
 

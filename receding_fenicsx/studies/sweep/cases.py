@@ -18,8 +18,7 @@ from receding_fenicsx.arrays import shortened
 from receding_fenicsx.errors import InputError
 from receding_fenicsx.scene.identity import digest
 from receding_fenicsx.scene.model import Scene
-from receding_fenicsx.scene.toml_file import from_raw, to_toml
-from receding_fenicsx.scene.toml_overrides import set_value
+from receding_fenicsx.scene.toml_file import from_raw, set_value, to_toml
 
 MAX_CASES = 1_000_000
 """Largest number of cases in a sweep."""

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.scene.toml_overrides import parse_value
+from receding_fenicsx.scene.toml_file import parse_value
 from receding_fenicsx.scene.toml_reader import parse_toml
 
 RANGE = re.compile(r"\s*([^:\s]+)\s*:\s*([^:\s]+)\s*:\s*([^:\s]+)\s*")
