@@ -44,6 +44,8 @@ SEVERAL = (
 )
 BOLT = '[[bolt]]\nname = "b"\nhead = "a.left"\nnut = "b.left"\npreload = 1.0\n'
 TABLE = "contact.friction={"
+REFINE = "mesh.refine=[{at="
+LOAD = '[[load]]\nname = "p0"\nedge = "right"\n'
 WEIGHT = '[[load]]\nname = "p0"\nbody_force = [0.0, -1.0]\n'
 BASES = {"block": BLOCK, "two": TWO, "far": FAR, "round": ROUND, "several": SEVERAL}
 POLYGON = 'kind="table"\ncolumns = ["p0"]\nrows = '
@@ -163,6 +165,57 @@ RULES: list[tuple[str, str, str, str]] = [
     ("block", WEIGHT + "span = [0.0, 1.0]", "acts on a whole body; remove span", ""),
     ("block", WEIGHT + "pressure = 1.0", "load 'p0'", ""),
     ("block", WEIGHT + "thermal_strain = 1.0", "load 'p0'", WEIGHT),
+    (
+        "block",
+        "solver.branch=2 & solver.method=gauss-seidel",
+        "load steps find one",
+        "solver.branch=2",
+    ),
+    (
+        "block",
+        "accuracy.grading=true & mesh.cell=quadrilateral",
+        "grading",
+        "accuracy.grading=true",
+    ),
+    ("block", 'accuracy.numbers=["pressure"]', "[accuracy] numbers", ""),
+    ("block", 'accuracy.numbers=["dissipation_ratio[bottom]"]', "is one number; leave out", ""),
+    ("block", 'accuracy.numbers=["largest_pressure[top]"]', "[accuracy] numbers", ""),
+    ("block", "body.position=[0.0, 1e9]", "[body] position", "body.position=[0.0, 1.0]"),
+    ("far", "body.height=2.0", "[body] height: a half-plane has none", ""),
+    ("far", "material.kinematics=axisymmetric", "a half-plane is not axisymmetric", ""),
+    ("far", 'load.p0.force=["x", -1.0]', "load 'p0' force", ""),
+    ("far", '[[load]]\nname = "m"\nmode = 1', "half-planes have no vibration modes", ""),
+    ("two", BOLT + '[[load]]\nname = "m"\nmode = 1', "modes need elastic bolts", ""),
+    ("round", "body.position=[1.9, 0.0]", "make a ring from r = -0.1", "body.position=[0.0, 0.1]"),
+    ("block", REFINE + "[1, -1], size=0.1}]", "at: is empty", REFINE + "[-1, 1], size=0.1}]"),
+    ("block", REFINE + "1, size=0.1}] & mesh.cell=quadrilateral", "is for triangles", ""),
+    (
+        "block",
+        REFINE + '1, size=0.1, edge="top"}]',
+        "edge",
+        REFINE + '1, size=0.1, edge="bottom"}]',
+    ),
+    ("block", REFINE + "1, size=1e-9}]", "size: 1e-09 is less than", REFINE + "1, size=1e-3}]"),
+    ("block", REFINE + "1, size=0.0}]", "size", REFINE + "1, size=0.01, growth=1.2}]"),
+    ("block", "body.height=1e-4", "[body] height: 0.0001 is less than", "body.height=0.1"),
+    ("block", "body.height=1e6", "[body] height: 1e+06 is more than", "body.height=40"),
+    ("block", "mesh.contact_elements=20000 & mesh.growth=1", "makes about", "mesh.growth=1"),
+    ("two", "contact.against=a.top", "must name an edge of another body", "contact.against=b.top"),
+    ("block", '[[load]]\nname = "p0"\npressure = 1.0', "the key 'edge' is missing", ""),
+    (
+        "block",
+        LOAD + 'body = "a"\npressure = 1.0',
+        "body: is for body_force",
+        LOAD + "pressure = 1.0",
+    ),
+    ("block", LOAD + "pressure = 1e60", "load 'p0' pressure", LOAD + "pressure = 1e40"),
+    ("block", WEIGHT.replace("0.0", "{x=[0, 1], value=[0, 1]}"), "a table runs along an edge", ""),
+    ("block", SPRING + "point = [0.0, 0.5]\nnormal = 1.0", "both of edge and point", ""),
+    ("block", "[[spring]]\nnormal = 1.0", "neither of edge and point", ""),
+    ("block", '[[support]]\npoint = "A"\nfix = "x"', "a rectangle has no named points", ""),
+    ("block", "history.until=limit & history.cycles=2", "needs at least", "history.until=limit"),
+    ("block", "history.until=never", "[history] until", "history.until=steady"),
+    ("block", "history.minimum=1.0", "[history]", "history.minimum=0.999"),
     ("block", "contact.friction=-1e-9", "[contact] friction", "contact.friction=0"),
     ("block", "load.p0.span=[-1.0, 2.01]", "beyond edge", "load.p0.span=[-1.0, 2.0]"),
     ("block", "load.p0.pressure=0", "load 'p0' pressure: is zero", "load.p0.pressure=-1e-9"),
@@ -195,10 +248,10 @@ RULES: list[tuple[str, str, str, str]] = [
 
 
 def built(base: str, change: str) -> rf.Scene:
-    """Return a scene with one value changed, or with tables added."""
+    """Return a scene with values changed, or with tables added."""
     if change.startswith("["):
         return rf.from_toml(f"{BASES[base]}\n{change}\n")
-    return rf.from_toml(BASES[base], [change] if change else [])
+    return rf.from_toml(BASES[base], change.split(" & ") if change else [])
 
 
 @pytest.mark.parametrize(("base", "change", "words", "_"), RULES)
