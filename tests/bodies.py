@@ -7,6 +7,7 @@ from dataclasses import replace
 from mpi4py import MPI
 
 import numpy as np
+import pytest
 from dolfinx import fem
 from numpy.typing import NDArray
 
@@ -22,6 +23,8 @@ from receding_fenicsx.studies import run as study
 Array = NDArray[np.float64]
 
 CELLS = ("triangle", "quadrilateral")
+ELEMENTS = pytest.mark.parametrize(("cell", "degree"), [("triangle", 2), ("quadrilateral", 1)])
+"""For what does not depend on the element; an own assembly is compared with all four."""
 
 RADIUS = 2.0
 YOUNG, NU = 2.0, 0.3

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, condense, everything
+from bodies import CELLS, ELEMENTS, block, built, condense, everything
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import elastic_body, schur
@@ -152,8 +152,7 @@ def test_stiffness_and_reactions_agree_with_an_own_dense_assembly(
     bulk.destroy()
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
+@ELEMENTS
 @pytest.mark.parametrize("supports", SUPPORTS)
 @pytest.mark.parametrize("half", [False, True])
 def test_both_routes_agree(
@@ -193,8 +192,7 @@ def test_any_number_of_ranks_gives_the_same_system(cell: str, route: str, half: 
         assert off(together.r_star, alone.r_star) < 1e-12
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
+@ELEMENTS
 def test_half_is_the_symmetric_part_of_the_whole(cell: str, degree: int) -> None:
     """With u = T u_half, v odd and w even, the halves' energies add up: 2 K_half = T^T K T."""
     scene = block(cell, degree)
@@ -218,8 +216,7 @@ def test_half_is_the_symmetric_part_of_the_whole(cell: str, degree: int) -> None
     assert 2.0 * half.load_compliance == pytest.approx(whole.load_compliance, rel=1e-12)
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
+@ELEMENTS
 def test_whole_system_is_mirror_symmetric(cell: str, degree: int) -> None:
     system = system_of(block(cell, degree))
     if system is None:
@@ -233,8 +230,7 @@ def test_whole_system_is_mirror_symmetric(cell: str, degree: int) -> None:
     assert np.array_equal(system.x, -system.x[::-1])
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
+@ELEMENTS
 @pytest.mark.parametrize("half", [False, True])
 @pytest.mark.parametrize("supports", SUPPORTS)
 def test_properties_that_every_system_has(
@@ -269,8 +265,7 @@ def test_properties_that_every_system_has(
     assert system.kind == "frictional"
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
+@ELEMENTS
 def test_scaling_by_powers_of_two_leaves_the_bits(cell: str, degree: int) -> None:
     """On one rank: on more, MUMPS adds the ranks' parts in the order in which they arrive."""
     alone = MPI.COMM_SELF

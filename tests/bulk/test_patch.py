@@ -8,7 +8,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built
+from bodies import CELLS, ELEMENTS, block, built
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk.body import back_substitute
@@ -105,8 +105,7 @@ SIDES = (
 )
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
+@ELEMENTS
 @pytest.mark.parametrize(
     ("loads", "poisson"), [((TOP, *SIDES), 0.0), ((TOP,), 0.3)], ids=["uniform", "top"]
 )

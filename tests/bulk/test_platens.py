@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, block, built, condense, displacements, make_mesh, reactions
+from bodies import CELLS, ELEMENTS, block, built, condense, displacements, make_mesh, reactions
 from numpy.typing import NDArray
 
 from receding_fenicsx.bulk import _dolfinx
@@ -119,8 +119,7 @@ def expected(scene: Scene) -> tuple[Array, Array, Array, Array]:
     return force[-m:, -m:], force[-m:, :-m].T, compliance, np.array(sign)
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
+@ELEMENTS
 @pytest.mark.parametrize(
     "loads",
     [

@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from bodies import CELLS, condense, displacements, reactions
+from bodies import ELEMENTS, condense, displacements, reactions
 from models import q1_stiffness
 from msh import rectangle, turned, write_msh
 
@@ -159,8 +159,7 @@ def test_ratio_of_moduli_that_costs_too_many_figures_is_said(young: float) -> No
 # -- against one mesh ----------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("cell", CELLS)
-@pytest.mark.parametrize("degree", [1, 2])
+@ELEMENTS
 def test_tied_bodies_have_the_field_of_one_mesh(
     cell: str, degree: int, shared_tmp_path: Path
 ) -> None:
