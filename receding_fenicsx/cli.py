@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import errno
 import os
+import re
 import sys
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -284,7 +285,7 @@ def condense(scene: SceneFile, /, study: Study) -> None:
 
 
 @app.command
-def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str]) -> int:
+def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str], shard: str = "1/1") -> int:
     """Run a scene for every combination of values; write a table.
 
     The folder gets sweep.csv (a row for each case), sweep.json (scene, keys, versions) and
@@ -294,18 +295,26 @@ def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str]) -> int:
         over: table.key=values, values of one key, as for --set: a list 0,0.25,0.5 or a range
             first:last:number, as in contact.friction=0.1:0.9:9; repeatable: all combinations are
             run
+        shard: i/n, run the i-th of n shares of the cases only; other jobs run the others in the
+            same folder, and the last one writes the table
     """
     with study.started(scene) as (read, comm, say):
         from receding_fenicsx.studies.sweep.sweep import SweepOptions
         from receding_fenicsx.studies.sweep.sweep import sweep as sweep_scene
         from receding_fenicsx.studies.sweep.values import read_over
 
+        share = re.fullmatch(r"([0-9]+)/([0-9]+)", shard)
+        if share is None:
+            raise InputError(f"--shard {shard}: must be i/n, such as 1/4")
+        shares = None if shard == "1/1" else (int(share[1]), int(share[2]))
         options = SweepOptions(
-            study.overwrite, study.resume, folder=Path(scene).parent, progress=say
+            study.overwrite, study.resume, folder=Path(scene).parent, shard=shares, progress=say
         )
         table = sweep_scene(read, read_over(list(over)), study.out, study.workers, options=options)
     if table is not None:
-        print(f"{table!r}\nwritten to {study.out / 'sweep.csv'}")
+        whole = (study.out / "sweep.csv").is_file()
+        told = "written to" if whole else f"share {shard} is finished; the last one writes"
+        print(f"{table!r}\n{told} {study.out / 'sweep.csv'}")
     none_left = table is not None and len(table.failed) == len(table.rows)
     return int(comm.bcast(none_left))
 

@@ -46,7 +46,8 @@ class FolderKind:
         if not path.is_dir():
             raise InputError(f"{path}: is a file; give a new folder")
         try:
-            empty = not any(path.iterdir())
+            # what a write has left behind, or is about to rename, is nothing to lose
+            empty = all(item.suffix == ".tmp" for item in path.iterdir())
         except OSError as error:
             raise InputError(
                 f"{path}: cannot be read ({error.strerror}); choose another folder"
@@ -106,12 +107,13 @@ class FolderKind:
 
 
 @contextmanager
-def locked(path: Path, wait: bool = False) -> Iterator[None]:
+def locked(path: Path, wait: bool = False, shared: bool = False) -> Iterator[None]:
     """Keep a folder or a file to this process; one that ends leaves no lock behind.
 
     Args:
         path: a folder, or a file, which is created unless it exists.
         wait: wait for another process that is using it.
+        shared: let others that share it use it too.
 
     Raises:
         InputError: another process is using it.
@@ -119,7 +121,8 @@ def locked(path: Path, wait: bool = False) -> Iterator[None]:
     handle = os.open(path, os.O_RDONLY if path.is_dir() else os.O_RDWR | os.O_CREAT)
     try:
         try:
-            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
+            mode = fcntl.LOCK_SH if shared else fcntl.LOCK_EX
+            fcntl.flock(handle, mode | (0 if wait else fcntl.LOCK_NB))
         except BlockingIOError:
             raise InputError(
                 f"{path}: another run is using this folder; wait for it, or choose another folder"

@@ -20,6 +20,7 @@ ONCE = FolderKind("study", ("nodes.csv",), resumable=False)
     [
         (KIND, (), {}, False),
         (KIND, (), {"resume": True}, False),
+        (KIND, (".curve.json.7.tmp",), {}, False),  # another process is about to rename it
         (KIND, ("curve.json",), {"resume": True}, True),
         (KIND, ("cases/sweep.json",), {"overwrite": True}, True),
         (KIND, ("curve.json",), {}, "already exists and holds a curve; continue it with --resume"),
@@ -59,6 +60,12 @@ def test_a_folder_of_one_piece_appears_whole_or_not_at_all(tmp_path: Path) -> No
             assert not number or (out / "nodes.csv").read_text() == "0"
         assert os.listdir(out.parent) == ["out"] and os.listdir(out) == ["nodes.csv"]
         assert (out / "nodes.csv").read_text() == str(number)
+
+
+def test_those_that_share_keep_others_out(tmp_path: Path) -> None:
+    with locked(tmp_path, shared=True), locked(tmp_path, shared=True):
+        with pytest.raises(InputError, match="another run is using"), locked(tmp_path):
+            pass
 
 
 @pytest.mark.parametrize("name", ["", "file.lock"])

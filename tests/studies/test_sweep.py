@@ -36,8 +36,8 @@ def scene(*changes: str) -> rf.Scene:
     return rf.read_scene(BLOCK, [*SMALL, *changes])
 
 
-def lines(folder: Path) -> list[bytes]:
-    return (folder / "cases.jsonl").read_bytes().splitlines(keepends=True)
+def lines(folder: Path, name: str = "cases.jsonl") -> list[bytes]:
+    return (folder / name).read_bytes().splitlines(keepends=True)
 
 
 def test_the_command_fails_where_all_cases_do(
@@ -179,6 +179,43 @@ def test_a_sweep_killed_twice_has_the_table_of_an_undisturbed_one(
     assert (out / "sweep.csv").read_bytes() == (whole / "sweep.csv").read_bytes()
     assert sorted(lines(out)) == sorted(lines(whole))
     assert sorted(os.listdir(out)) == ["cases.jsonl", "sweep.csv", "sweep.json"]
+
+
+@pytest.mark.one_rank
+def test_shares_played_apart_at_the_same_time_and_killed_make_the_same_table(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    whole, out = tmp_path / "whole", tmp_path / "out"
+    undisturbed = rf.sweep(scene(), OVER, whole)
+
+    def share(number: int, progress: Any = None) -> rf.SweepTable:
+        options = rf.SweepOptions(shard=(number, 3), progress=progress)
+        return rf.given(rf.sweep(scene(), OVER, out, options=options))
+
+    def another(_: str) -> None:
+        tables.append(share(3))  # while the second one is being played
+
+    def interrupt(_: str) -> None:
+        with pytest.raises(rf.InputError, match="another run is using"):
+            share(1)
+        with pytest.raises(rf.InputError, match="another run is using"):
+            rf.sweep(scene(), OVER, out, options=rf.SweepOptions(resume=True))
+        raise KeyboardInterrupt
+
+    tables: list[rf.SweepTable] = []
+    with pytest.raises(rf.Interrupted):
+        share(1, interrupt)
+    tables.append(share(2, lambda text: another(text) if len(tables) == 0 else None))
+    assert all(sum("not finished" in e for e in table["error"]) > 0 for table in tables)
+    assert not (out / "sweep.csv").exists() and len(lines(out, "cases.1-of-3.jsonl")) == 1
+    with (out / "cases.1-of-3.jsonl").open("ab") as file:
+        file.write(b"half a li")
+    assert share(1) == undisturbed
+    assert (out / "sweep.csv").read_bytes() == (whole / "sweep.csv").read_bytes()
+    assert sum(len(lines(out, f"cases.{k}-of-3.jsonl")) for k in (1, 2, 3)) == 6
+    # without shares it goes on with what all of them have finished
+    monkeypatch.setattr(processes, "play", lambda task: pytest.fail("played again"))
+    assert rf.sweep(scene(), OVER, out, options=rf.SweepOptions(resume=True)) == undisturbed
 
 
 def test_damaged_lines_are_played_again(shared_tmp_path: Path) -> None:
@@ -332,6 +369,9 @@ def test_values_of_the_command_line(texts: list[str], values: list[Any]) -> None
         (["--over", "contact.friction=0.1", "--workers", "0"], ["workers = 0", "from 1"]),
         (["--over", "contact.friction=0.1", "--workers", "two"], ["--workers", "two"]),
         (["--over", "contact.friction=0.1", "--resume", "--overwrite"], ["give one of them"]),
+        (["--over", "contact.friction=0.1", "--shard", "1/2", "--overwrite"], ["--shard and"]),
+        (["--over", "contact.friction=0.1", "--shard", "3/2"], ["shard 3/2: needs 1 <="]),
+        (["--over", "contact.friction=0.1", "--shard", "a"], ["--shard a: must be i/n"]),
         ([], ["--over"]),
     ],
 )

@@ -121,6 +121,8 @@ def joint_curve(
         out=(out, str, Path, None),
         options=(options, SweepOptions),
     )
+    if options.shard is not None:
+        raise InputError("joint: its amplitudes are played together; leave the shard out")
     values = as_numbers(amplitudes, "joint_curve: amplitudes")
     folder = None if out is None else Path(out)
     if isinstance(scene, ContactSystem):

@@ -26,6 +26,8 @@ from receding_fenicsx.studies.sweep.worker import Outcome
 
 PROVENANCE, CASES, TABLE, SYSTEMS = "sweep.json", "cases.jsonl", "sweep.csv", "systems"
 """Files of a sweep: what it is of, finished cases, table; folder of its condensed systems."""
+ALL_CASES = "cases*.jsonl"
+"""Files of finished cases, those of shards too."""
 SWEEP = FolderKind("sweep", (PROVENANCE,))
 FORMAT_VERSION = 1
 
@@ -53,14 +55,28 @@ class SweepFolder:
         finished: outcomes of the finished cases by the identity of their scenes.
     """
 
-    def __init__(self, path: Path, finished: dict[str, Outcome], file: BinaryIO) -> None:
-        """Keep the finished cases, and the open file that takes the others."""
-        self.path, self.finished, self._file = path, finished, file
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        """Read the finished cases; keep the open file that takes the others."""
+        self.path, self._file = path, file
+        self.finished = {key: outcome for key, outcome in self.all().items() if outcome.final}
 
     @property
     def systems(self) -> Path:
         """Folder of the condensed systems."""
         return self.path / SYSTEMS
+
+    def all(self) -> dict[str, Outcome]:
+        """Read the cases of all shards, those that may succeed when they are tried again too."""
+        found: dict[str, Outcome] = {}
+        for path in sorted(self.path.glob(ALL_CASES)):
+            for line in path.read_bytes().splitlines():
+                checksum, _, text = line.partition(b" ")
+                if checksum == b"%08x" % zlib.crc32(text):  # else damaged, or still being written
+                    row = json.loads(text)
+                    outcome = Outcome(row["cells"], row["error"], row["final"])
+                    if outcome.final or not getattr(found.get(row["identity"]), "final", False):
+                        found[row["identity"]] = outcome
+        return found
 
     def add(self, case: Case, outcome: Outcome) -> None:
         """Write a finished case to the disk: a line with a checksum.
@@ -75,7 +91,7 @@ class SweepFolder:
             self._file.flush()
             os.fsync(self._file.fileno())
         except OSError as error:
-            raise unwritable(self.path / CASES, error) from None
+            raise unwritable(Path(self._file.name), error) from None
 
     def publish(self, table: SweepTable) -> None:
         """Write the table; the condensed systems are removed."""
@@ -85,7 +101,11 @@ class SweepFolder:
 
 @contextlib.contextmanager
 def sweep_folder(
-    path: Path, kind: SweepKind, overwrite: bool = False, resume: bool = False
+    path: Path,
+    kind: SweepKind,
+    overwrite: bool = False,
+    resume: bool = False,
+    shard: tuple[int, int] | None = None,
 ) -> Iterator[SweepFolder]:
     """Open the folder of a sweep, a new one or one to go on with.
 
@@ -94,27 +114,36 @@ def sweep_folder(
         kind: what the sweep is of.
         overwrite: replace an earlier sweep.
         resume: keep the finished cases of an earlier sweep, if there is one.
+        shard: number of a share of the cases, from 1, and number of shares, which are played by
+            processes of their own at the same time; an earlier sweep is gone on with.
 
     Raises:
         InputError: the folder holds something else, or a sweep of another scene, over other keys or
             with other numbers; or another process is using it.
         RecedingError: the disk is full.
     """
+    if shard is not None and overwrite:
+        raise InputError("--shard and --overwrite: shares use the folder together; give a new one")
+    resume = resume or shard is not None
     if SWEEP.check(path, overwrite, resume) and resume:
         _check_same(path, kind)
     make_folder(path)
+    file = path / (CASES if shard is None else f"cases.{shard[0]}-of-{shard[1]}.jsonl")
     try:
-        with locked(path):
+        with locked(path, shared=shard is not None):
             if not resume:
-                for name in (TABLE, CASES):
-                    (path / name).unlink(missing_ok=True)
+                for old in (path / TABLE, *path.glob(ALL_CASES)):
+                    old.unlink(missing_ok=True)
                 shutil.rmtree(path / SYSTEMS, ignore_errors=True)
-            finished = _read_cases(path / CASES)
-            if any(c.scene is not None and c.identity not in finished for c in kind.grid.cases):
-                (path / TABLE).unlink(missing_ok=True)
             _write_provenance(path, kind)
-            with open(path / CASES, "ab") as file:
-                yield SweepFolder(path, finished, file)
+            with locked(file), open(file, "ab") as opened:
+                content = file.read_bytes()
+                os.truncate(file, content.rfind(b"\n") + 1)  # an unfinished line
+                folder = SweepFolder(path, opened)
+                scenes = [case for case in kind.grid.cases if case.scene is not None]
+                if any(case.identity not in folder.finished for case in scenes):
+                    (path / TABLE).unlink(missing_ok=True)
+                yield folder
     except OSError as error:
         raise unwritable(path, error) from None
 
@@ -152,24 +181,3 @@ def _write_provenance(path: Path, kind: SweepKind) -> None:
         "versions": versions(),
     }
     write_summary(path / PROVENANCE, content, overwrite=True)
-
-
-def _read_cases(path: Path) -> dict[str, Outcome]:
-    """Read the finished cases; cut off an unfinished line, pass over damaged ones.
-
-    Cases that may succeed when they are tried again are not counted as finished.
-    """
-    if not path.is_file():
-        return {}
-    content = path.read_bytes()
-    whole = content[: content.rfind(b"\n") + 1]
-    if len(whole) < len(content):
-        os.truncate(path, len(whole))
-    finished: dict[str, Outcome] = {}
-    for line in whole.splitlines():
-        checksum, _, text = line.partition(b" ")
-        if checksum != b"%08x" % zlib.crc32(text):
-            continue
-        row = json.loads(text)
-        finished[row["identity"]] = Outcome(row["cells"], row["error"], row["final"])
-    return {identity: outcome for identity, outcome in finished.items() if outcome.final}

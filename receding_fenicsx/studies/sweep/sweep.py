@@ -47,6 +47,8 @@ class SweepOptions:
             ``MPIPoolExecutor`` of ``python -m mpi4py.futures``.
         folder: folder that paths of files among the values are relative to; default: the working
             directory.
+        shard: number of a share of the cases, from 1, and number of shares: other jobs play the
+            others in the same folder, at the same time or later. The last one writes the table.
         progress: called on rank 0 with a text after every case.
     """
 
@@ -54,6 +56,7 @@ class SweepOptions:
     resume: bool = False
     executor: Executor | None = None
     folder: Path | None = None
+    shard: tuple[int, int] | None = None
     progress: Callable[[str], None] | None = None
 
 
@@ -83,7 +86,7 @@ def sweep(
         options: further options.
 
     Returns:
-        The table on rank 0, None on the others.
+        The table on rank 0, None on the others. Rows of other shares that are not finished say so.
 
     Raises:
         InputError: a key or a value cannot be used in any combination, the folder holds another
@@ -101,6 +104,10 @@ def sweep(
     comm = mpi.world()
     alone = comm.size == 1 or options.executor is not None
     _check_workers(workers, measure, options, comm)
+    if options.shard is not None:
+        number, count = options.shard
+        if out is None or not 1 <= number <= count:
+            raise InputError(f"shard {number}/{count}: needs 1 <= number <= count, and a folder")
 
     def prepare() -> SweepKind:
         if scene.accuracy.tolerance is not None:
@@ -185,35 +192,41 @@ def _swept(
         folder = None
         finished: dict[str, Outcome] = {}
         if out is not None:
-            opened = sweep_folder(Path(out), kind, options.overwrite, options.resume)
+            replaces = options.overwrite, options.resume
+            opened = sweep_folder(Path(out), kind, *replaces, options.shard)
             folder = stack.enter_context(opened)
             finished = folder.finished
         systems = None if folder is None else folder.systems
         # cases of one body follow each other: a process keeps few condensed systems
         order = sorted(range(len(cases)), key=lambda number: cases[number].body)
+        first, step = options.shard or (1, 1)
+        share = order[first - 1 :: step]
         tasks = {
             number: Task(scene, case.body, systems, measure, (*kind.grid.keys, ERROR))
-            for number, case, scene in ((k, cases[k], cases[k].scene) for k in order)
+            for number, case, scene in ((k, cases[k], cases[k].scene) for k in share)
             if scene is not None and case.identity not in finished
         }
-        _play(player(tasks), len(tasks), cases, folder, finished, options.progress)
+        done = len(share) - len(tasks), len(share)
+        _play(player(tasks), done, cases, folder, finished, options.progress)
+        if folder is not None and step > 1:
+            finished = folder.all() | finished
         rows = (_row(kind.grid.keys, case, finished) for case in cases)
         table = SweepTable(kind.grid.keys, kind.grid.labels, tuple(rows))
-        if folder is not None:
+        if folder is not None and all(c.scene is None or c.identity in finished for c in cases):
             folder.publish(table)
     return table
 
 
 def _play(
     played: processes.Played,
-    total: int,
+    done: tuple[int, int],
     cases: tuple[Case, ...],
     folder: SweepFolder | None,
     finished: dict[str, Outcome],
     progress: Callable[[str], None] | None,
 ) -> None:
-    """Keep each of the cases that are played, ``total`` of all ``cases``, as it finishes."""
-    done, failed, tell = len(cases) - total, 0, Countdown(progress, "sweep: case")
+    """Keep each of the cases that are played as it finishes; ``done`` of how many are finished."""
+    failed, tell = 0, Countdown(progress, "sweep: case")
     try:
         with closing(played):
             for count, (number, outcome) in enumerate(played, 1):
@@ -221,7 +234,7 @@ def _play(
                 if folder is not None:
                     folder.add(cases[number], outcome)
                 failed += bool(outcome.error)
-                tell(done + count, len(cases), f"{failed} failed")
+                tell(done[0] + count, done[1], f"{failed} failed")
     except (KeyboardInterrupt, SystemExit) as signalled:
         if folder is None:
             raise
@@ -231,7 +244,8 @@ def _play(
 
 def _row(keys: tuple[str, ...], case: Case, finished: Mapping[str, Outcome]) -> dict[str, Any]:
     """Return the row of a case."""
-    outcome = Outcome({}, case.error) if case.scene is None else finished[case.identity]
+    text = case.error if case.scene is None else "not finished, in another share"
+    outcome = finished.get(case.identity, Outcome({}, text))
     return {**dict(zip(keys, case.labels, strict=True)), **outcome.cells, ERROR: outcome.error}
 
 
