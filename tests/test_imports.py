@@ -34,6 +34,7 @@ FLOORS = (
 """Rooms of the package from the ground up. A room imports from floors below its own only."""
 
 INTERFACE = (
+    ("tolerances",),
     ("law", "rigid_motions", "changes"),
     ("system",),
     (

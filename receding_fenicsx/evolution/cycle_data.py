@@ -14,11 +14,9 @@ from receding_fenicsx.evolution.instants import Instant, event_rows
 from receding_fenicsx.interface.measures.steady import CycleEnd, SteadyWatch
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.tolerances import STEADY_TOLERANCE
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 from receding_fenicsx.scene.model import SolverOptions
-
-STEADY_TOLERANCE, LIMIT_TOLERANCE = 1e-8, 1e-10
-"""Default tolerances of the steady state, and of the limit of infinitely many cycles."""
 
 
 @dataclass

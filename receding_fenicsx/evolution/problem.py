@@ -8,11 +8,11 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array, as_numbers
 from receding_fenicsx.errors import InputError
-from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE
 from receding_fenicsx.evolution.prepare import has_probes_of, system_for
 from receding_fenicsx.interface.branches.choice import FIRST, Chooser, chooser_for
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.interface.system_checks import LARGEST, check_range, check_system
+from receding_fenicsx.interface.tolerances import LIMIT_CYCLE_TOLERANCE
 from receding_fenicsx.scene.history import History, check_history, history_from_scene
 from receding_fenicsx.scene.identity import body_difference
 from receding_fenicsx.scene.model import OutputOptions, Scene, SolverOptions
@@ -141,7 +141,7 @@ def _checked(
     n = system.n
     if solver.steady_tolerance is None:
         if history.until_limit:
-            solver = replace(solver, steady_tolerance=LIMIT_TOLERANCE)
+            solver = replace(solver, steady_tolerance=LIMIT_CYCLE_TOLERANCE)
     elif history.until_limit and solver.steady_tolerance < LEAST_TOLERANCE:
         raise InputError(
             f"[solver] steady_tolerance: {solver.steady_tolerance:g} is below the round-off of a "

@@ -22,12 +22,12 @@ from receding_fenicsx.evolution.instants import Instant, event_rows, instant, re
 from receding_fenicsx.evolution.probing import known_places, probed_at
 from receding_fenicsx.evolution.problem import Problem
 from receding_fenicsx.evolution.solvers import make_solver
-from receding_fenicsx.interface.exact.segments import LIMIT_TOLERANCE
 from receding_fenicsx.interface.law import SEPARATION, SLIP_SIGN, STATE_NAMES, STICK, State
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.tolerances import ON_LIMIT
 from receding_fenicsx.interface.uniqueness.watch import UNKNOWN, Uniqueness, UniquenessWatch
 
 log = logging.getLogger(__name__)
@@ -242,7 +242,7 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
         leg: the leg; its end and its events are changed.
     """
     # ends of limit cycles lack as much; a longer slip is one that the energy knows
-    none = 3.0 * LIMIT_TOLERANCE * leg.force_scale / local_stiffness(model)[0]
+    none = 3.0 * ON_LIMIT * leg.force_scale / local_stiffness(model)[0]
     still = (start.state == STICK) & (np.abs(leg.end.v - start.v) <= none)
     still &= (SLIP_SIGN[leg.end.state] != 0.0) & model.friction.present
     if not still.any():

@@ -6,8 +6,13 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import SLIP_SIGN
-from receding_fenicsx.interface.rigid_motions import TOO_FAR, TOO_FAR_ON_SPRINGS
 from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.tolerances import (
+    NO_STIFFNESS,
+    ROUND_OFFS,
+    TOO_FAR,
+    TOO_FAR_ON_SPRINGS,
+)
 
 OPEN_SCALE = 1e-2
 """Part of the reactions with all nodes held that counts as force scale where nothing presses."""
@@ -33,11 +38,6 @@ def round_off(system: ContactSystem, u: Array, force_scale: float) -> float:
     if force_scale == 0.0:
         return 0.0
     return float(np.finfo(float).eps * (np.abs(system.K) @ np.abs(u)).max()) / force_scale
-
-
-ROUND_OFFS = 32.0
-"""Such round-offs that an accepted residual may consist of where nothing better can be had: nearly
-incompressible bodies."""
 
 
 REACHABLE_AT_MOST = 1e-6
@@ -142,10 +142,6 @@ def residual_at_rest(system: ContactSystem, end: ContactState, force_scale: floa
     worst = relative_residual(system, end, np.zeros(system.n), local_stiffness(system), force_scale)
     off_limit = np.abs(end.Q + system.friction.at_slip(end.state) * end.P)[slipping]
     return max(worst, float(off_limit.max(initial=0.0)) / force_scale)
-
-
-NO_STIFFNESS = 1e-11
-"""Part of the largest local stiffness up to which one is round-off of none."""
 
 
 def local_stiffness(system: ContactSystem) -> tuple[Array, Array]:

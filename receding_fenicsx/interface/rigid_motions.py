@@ -6,16 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-
-RIGID_TOLERANCE = 1e-8
-"""Distance from a unit rigid motion within which a motion of the contact is rigid."""
-
-TOO_FAR = 1e10
-"""Displacement along a rigid motion, as a force over the largest nodal force, beyond which the
-round-off of a stiffness that vanishes carries the loads, and nothing else does."""
-
-TOO_FAR_ON_SPRINGS = 1e12
-"""The same for any displacement: that of soft springs, whose stiffness is more than round-off."""
+from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
 
 
 def neutral_motions(rigid: Array, kept: NDArray[np.bool_]) -> Array:

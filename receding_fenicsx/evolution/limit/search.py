@@ -9,7 +9,7 @@ from itertools import count, pairwise
 import numpy as np
 
 from receding_fenicsx.errors import SolveError
-from receding_fenicsx.evolution.cycle_data import LIMIT_TOLERANCE, FinishedCycle, end_of, new_watch
+from receding_fenicsx.evolution.cycle_data import FinishedCycle, end_of, new_watch
 from receding_fenicsx.evolution.instants import Instant, instant
 from receding_fenicsx.evolution.limit.tail import NoLimit, Tail, follow
 from receding_fenicsx.evolution.limit.traced import trace
@@ -31,6 +31,7 @@ from receding_fenicsx.interface.measures.steady import (
 from receding_fenicsx.interface.normal_form import frictional_form
 from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.system import ContactState, reactions
+from receding_fenicsx.interface.tolerances import LIMIT_CYCLE_TOLERANCE
 
 Progress = Callable[[int, int, str], None]
 """Called as progress(cycle, cycles, message) after every cycle."""
@@ -152,7 +153,7 @@ class LimitSearch:
             raise NoLimit("the contact is unloaded in the cycle, and begins anew")
         self.searched += 1
         cycle = trace(self._segments, start, loop, force)
-        tolerance = (solver.steady_tolerance or LIMIT_TOLERANCE) * force
+        tolerance = (solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE) * force
         tail = follow(cycle, force, tolerance)
         k = np.concatenate(local_stiffness(self._model))
         for u, after in tail.others:
@@ -195,7 +196,8 @@ class LimitSearch:
         """
         problem, number, start = self.problem, len(trial.cycles), trial.position
         in_steps = problem.solver.method != "events"
-        bound = (problem.solver.steady_tolerance or LIMIT_TOLERANCE) * start.totals.force_scale
+        bound = problem.solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE
+        bound *= start.totals.force_scale
         r = reactions(self._model, start.load, tail.u)
         state = ContactState(tail.u, r, start.state.state)
         for check in range(MAX_CHECKS):
@@ -239,7 +241,7 @@ class LimitSearch:
             gain = end.v - v
             gain[np.abs(gain) <= NO_GAIN * np.abs(end.state.u).max()] = 0.0
             seen = [(r + k * (end.state.r - r), v + k * gain) for k in range(3)]
-        watch = new_watch(problem.system, problem.solver.steady_tolerance or LIMIT_TOLERANCE)
+        watch = new_watch(problem.system, problem.solver.steady_tolerance or LIMIT_CYCLE_TOLERANCE)
         for r, v in seen:
             watch.add(end_of(cycle)._replace(r=r, v=v))
         return watch

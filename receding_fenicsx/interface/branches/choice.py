@@ -16,10 +16,11 @@ from receding_fenicsx.interface.exact.segments import Segment, Segments, States
 from receding_fenicsx.interface.exact.static import end_in_states, static_problem
 from receding_fenicsx.interface.exact.tableau import A, B
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
-from receding_fenicsx.interface.lcp.all_solutions import SAME_RATES, all_solutions
+from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.lcp.contact import Undecided
 from receding_fenicsx.interface.system import ContactState, ContactSystem
-from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate
+from receding_fenicsx.interface.tolerances import SAME_MARGIN, SAME_RATES, SIMULTANEOUS
+from receding_fenicsx.interface.uniqueness.definite import Certificate
 from receding_fenicsx.interface.uniqueness.patterns import definite
 from receding_fenicsx.interface.uniqueness.sides import Sides, bits_of
 
@@ -29,9 +30,6 @@ RULES = (FIRST, LEAST, MOST)
 
 SAME_DISSIPATION = 1e-9
 """Difference of dissipation rates, over the largest, below which the next term decides."""
-
-SAME_PLACE = 1e-9
-"""Part of a leg within which the same continuations are one choice."""
 
 NO_CHOICE = "no choice between several continuations was made on the way"
 
@@ -195,7 +193,7 @@ class Chooser:
         if len(options) == 1:
             return 0
         s = place[2]
-        if self._last is not None and s - self._last[0] <= SAME_PLACE:
+        if self._last is not None and s - self._last[0] <= SIMULTANEOUS:
             same = len(options) == len(self._last[1]) and all(
                 any(option.equals(other) for other in self._last[1]) for option in options
             )

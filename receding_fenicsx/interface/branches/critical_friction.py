@@ -33,8 +33,8 @@ from receding_fenicsx.interface.branches.sign_radius import (
 )
 from receding_fenicsx.interface.law import SEPARATION, STATE_NAMES
 from receding_fenicsx.interface.mirror import mirror_of
-from receding_fenicsx.interface.residual import NO_STIFFNESS
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.tolerances import NO_STIFFNESS
 
 
 @dataclass(frozen=True)

@@ -28,18 +28,11 @@ from receding_fenicsx.interface.exact.jumps import explain
 from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.rolling import middle
-from receding_fenicsx.interface.exact.round_off import EVENT_RESIDUAL
-from receding_fenicsx.interface.exact.segments import (
-    EPSILON,
-    LIMIT_TOLERANCE,
-    Segment,
-    Segments,
-    States,
-)
+from receding_fenicsx.interface.exact.segments import EPSILON, Segment, Segments, States
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import Undecided, is_exhaustible, solve_states
-from receding_fenicsx.interface.residual import ROUND_OFFS
+from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, ON_LIMIT, ROUND_OFFS
 
 SIMULTANEOUS_ROUNDS = 3
 """Rounds in which all violating nodes change state together; afterwards only the worst does."""
@@ -151,7 +144,7 @@ class ConsistentStates:
     def _by_round_off(self) -> Array:
         """Return distances (4N,) from limits that are round-off of the reactions, eps |K| |u|.
 
-        Where a nearly singular body is displaced far they exceed ``LIMIT_TOLERANCE``.
+        Where a nearly singular body is displaced far they exceed ``ON_LIMIT``.
         """
         system, segments = self.segments.system, self.segments
         n, u = system.n, self.point.displacements()
@@ -165,7 +158,7 @@ class ConsistentStates:
 
         A body that wedges itself may hold round-off of the loads by a force at a small arm.
         """
-        scale = EVENT_RESIDUAL / LIMIT_TOLERANCE * self.point.problem.force_scale
+        scale = ACCEPTED_RESIDUAL / ON_LIMIT * self.point.problem.force_scale
         return self.segments.limit * scale
 
     def _pivoted(self, before: States) -> tuple[Segment | None, bool]:

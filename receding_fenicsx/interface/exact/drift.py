@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.segments import Segment, Segments, States
 from receding_fenicsx.interface.law import SLIP_SIGN
-from receding_fenicsx.interface.rigid_motions import RIGID_TOLERANCE
+from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
 
 
 def drifting(

@@ -16,7 +16,7 @@ from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segments, States
-from receding_fenicsx.interface.exact.static import ACCEPTED_RESIDUAL, solve_static
+from receding_fenicsx.interface.exact.static import solve_static
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, SLIP_SIGN, STICK
 from receding_fenicsx.interface.residual import (
     largest_force,
@@ -25,6 +25,7 @@ from receding_fenicsx.interface.residual import (
     relative_residual,
 )
 from receding_fenicsx.interface.system import ContactState, Leg
+from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL
 
 
 def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None) -> Leg:

@@ -15,10 +15,6 @@ from receding_fenicsx.interface.exact.static import solve_static
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.system import ContactState
 
-JUMP_STEP = 1e-7
-"""Part of the leg beyond a jump at which the state after it is solved for: at the jump itself the
-state before is still an equilibrium."""
-
 MAX_JUMPS = 100
 """Jumps on one leg after which an error is raised."""
 

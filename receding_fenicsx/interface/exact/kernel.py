@@ -52,13 +52,10 @@ from receding_fenicsx.interface.exact.kernel_data import (
     Path,
     Way,
 )
-from receding_fenicsx.interface.exact.legs import (
-    END_TOLERANCE,
-    EVENTS_WITHOUT_PROGRESS,
-    SIMULTANEOUS,
-)
+from receding_fenicsx.interface.exact.legs import EVENTS_WITHOUT_PROGRESS
 from receding_fenicsx.interface.exact.tableau import A, B, V
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.tolerances import END_TOLERANCE, SIMULTANEOUS
 
 F = TypeVar("F", bound=Callable[..., Any])
 

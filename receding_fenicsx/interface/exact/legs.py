@@ -12,15 +12,8 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 
-END_TOLERANCE = 1e-13
-"""Part of the leg before its end in which events are left to the next leg: round-off decides there
-whether a closed cycle returns to where it reversed or just past it."""
-
 EVENTS_WITHOUT_PROGRESS = 20
 """Events per node within ``SIMULTANEOUS`` of one place after which there is no end of them."""
-
-SIMULTANEOUS = 1e-9
-"""Part of the leg within which events count as simultaneous: all nodes on limits are looked at."""
 
 
 class Chooser(Protocol):

@@ -12,10 +12,9 @@ from receding_fenicsx.arrays import Array, Ints
 from receding_fenicsx.interface.exact import kernel, kernel_data
 from receding_fenicsx.interface.exact.legs import LegProblem, widen
 from receding_fenicsx.interface.exact.pivot_matrix import PivotData, PivotMatrix, SingularExchange
-from receding_fenicsx.interface.exact.round_off import EVENT_RESIDUAL, summed
+from receding_fenicsx.interface.exact.round_off import summed
 from receding_fenicsx.interface.exact.segments import (
     EPSILON,
-    RATE_TOLERANCE,
     UNREFINABLE_ROUND_OFFS,
     Segments,
     States,
@@ -23,6 +22,7 @@ from receding_fenicsx.interface.exact.segments import (
 from receding_fenicsx.interface.exact.tableau import EXCHANGES, MAX_AGE, SMOOTH_EXCHANGES
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactState
+from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, RATE_TOLERANCE
 
 FIRST_ENTRIES = 256
 """Sets of states for which there is memory at first."""
@@ -159,7 +159,7 @@ class Loop:
         self._ways: dict[bytes, Any] = {}
         self.memory = self._new_memory(FIRST_ENTRIES)
         self._unlimited = np.tile(~(segments.frictional | segments.smooth), 4)
-        self._accepted = ON_THE_WAY * summed(n, EVENT_RESIDUAL)
+        self._accepted = ON_THE_WAY * summed(n, ACCEPTED_RESIDUAL)
         self.sets = ActiveSets(segments)
         self.last: tuple[ContactState, Array] | None = None
         self._asked: set[bytes] = set()

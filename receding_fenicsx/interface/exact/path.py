@@ -13,12 +13,7 @@ from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, So
 from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit, furthest, is_balanced
 from receding_fenicsx.interface.exact.first_loading import load_from_rest
-from receding_fenicsx.interface.exact.jumps import (
-    JUMP_STEP,
-    check_jumps,
-    find_jump,
-    no_state_beyond,
-)
+from receding_fenicsx.interface.exact.jumps import check_jumps, find_jump, no_state_beyond
 from receding_fenicsx.interface.exact.legs import (
     Chooser,
     LegProblem,
@@ -31,8 +26,6 @@ from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.ties import ties_at
 from receding_fenicsx.interface.exact.unloading import (
-    REMAINING_LOAD,
-    UNLOADING_ROUND_OFF,
     carries_nothing,
     is_at_rest,
     is_closed,
@@ -42,6 +35,7 @@ from receding_fenicsx.interface.exact.unloading import (
 from receding_fenicsx.interface.law import SEPARATION
 from receding_fenicsx.interface.residual import largest_force
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg, reactions
+from receding_fenicsx.interface.tolerances import JUMP_STEP, REMAINING_LOAD, UNLOADING_ROUND_OFF
 
 if TYPE_CHECKING:
     from receding_fenicsx.interface.exact.loop import Loop

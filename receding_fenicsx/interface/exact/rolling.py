@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.interface.rigid_motions import RIGID_TOLERANCE, has_rigid
+from receding_fenicsx.interface.rigid_motions import has_rigid
 from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.tolerances import RIGID_TOLERANCE
 
 POTENTIAL_TOLERANCE = 1e-9
 """Potential gained by rolling, over the loads' sum times the largest gap, below which a body rests

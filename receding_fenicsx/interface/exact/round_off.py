@@ -9,11 +9,9 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments
-from receding_fenicsx.interface.residual import ROUND_OFFS, limit_excuse, residual_at_rest
+from receding_fenicsx.interface.residual import limit_excuse, residual_at_rest
 from receding_fenicsx.interface.system import ContactState
-
-EVENT_RESIDUAL = 1e-11
-"""Largest residual of the contact law, freshly evaluated, that is accepted after any event."""
+from receding_fenicsx.interface.tolerances import ROUND_OFFS
 
 NODAL_IMBALANCE = 1e-13
 """Error of a nodal force, over the force scale, up to which it is never removed."""

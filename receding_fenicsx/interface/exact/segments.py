@@ -25,21 +25,17 @@ from receding_fenicsx.interface.law import (
     STICK,
     limit_distances,
 )
-from receding_fenicsx.interface.residual import ROUND_OFFS, local_stiffness
-from receding_fenicsx.interface.rigid_motions import (
-    RIGID_TOLERANCE,
-    has_rigid,
-    neutral_motions,
-)
+from receding_fenicsx.interface.residual import local_stiffness
+from receding_fenicsx.interface.rigid_motions import has_rigid, neutral_motions
 from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.tolerances import (
+    ON_LIMIT,
+    RATE_TOLERANCE,
+    RIGID_TOLERANCE,
+    ROUND_OFFS,
+)
 
 States = NDArray[np.int8]
-
-LIMIT_TOLERANCE = 1e-12
-"""Distance from a limit, over the largest nodal force, up to which a node is on it."""
-
-RATE_TOLERANCE = 1e-11
-"""Rate over the Euclidean norm of all rates (as forces) below which it counts as zero."""
 
 RATE_IMBALANCE = 1e-12
 """Imbalance of rates, over the norm of those of forces alone, above which they are refined."""
@@ -110,7 +106,7 @@ class Segments:
         self._pin = float(stiffness.max())
         self.weight = np.concatenate([stiffness, force, force])
         scale = np.where(self.frictional, np.minimum(1.0, f / SMALL_FRICTION), 1.0)
-        self.limit = LIMIT_TOLERANCE / self.weight
+        self.limit = ON_LIMIT / self.weight
         self.limit[2 * n :] *= np.tile(scale, 2)
         self._margin_scale = scale
         self._tiny_friction = np.flatnonzero(self.frictional & (f < TINY_FRICTION))

@@ -22,6 +22,7 @@ from receding_fenicsx.interface.residual import (
     relative_residual,
 )
 from receding_fenicsx.interface.system import ContactState, ContactSystem, reactions
+from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL
 
 MAX_STATE_SETS = 30
 """Sets of states tried by Newton's method."""
@@ -35,9 +36,6 @@ MANY_SWEEPS = 20000
 
 STATIC_RESIDUAL = 1e-13
 """Residual tolerance of Gauss-Seidel, where round-off allows it."""
-
-ACCEPTED_RESIDUAL = 1e-11
-"""Residual up to which the other answers are accepted, where round-off allows it."""
 
 
 def solve_static(segments: Segments, start: ContactState, load: Array) -> ContactState | None:

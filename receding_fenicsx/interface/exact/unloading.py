@@ -12,14 +12,11 @@ import numpy as np
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.segments import EPSILON, Segments
 from receding_fenicsx.interface.law import STICK
-from receding_fenicsx.interface.residual import ROUND_OFFS
 from receding_fenicsx.interface.system import ContactState, ContactSystem
+from receding_fenicsx.interface.tolerances import REMAINING_LOAD, ROUND_OFFS
 
 UNLOADED_FORCE = 1e-11
 """Nodal force, over the largest so far, up to which a contact is unloaded: round-off."""
-
-UNLOADING_ROUND_OFF = 1e-9
-"""Part of a leg before its end at no load within which changes of state are round-off."""
 
 UNLOADING_EVENTS = 1e-6
 """Part of a leg before its end at no load within which they may be round-off of the displacements
@@ -28,9 +25,6 @@ of a nearly singular body."""
 UNLOADING_REFINEMENTS = 16
 """Steps of iterative refinement of the end of unloading at most: the round-off of far larger
 displacements before must vanish there, and near-singular bodies gain little in a step."""
-
-REMAINING_LOAD = 1e-9
-"""Load, as a part of the leg's first load, at which a leg to complete unloading stops."""
 
 
 def carries_nothing(state: ContactState, force_scale: float) -> bool:

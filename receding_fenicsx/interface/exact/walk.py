@@ -21,7 +21,6 @@ from receding_fenicsx.interface.exact.legs import LegProblem, PathPoint
 from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.pivot_matrix import SingularExchange
 from receding_fenicsx.interface.exact.round_off import (
-    EVENT_RESIDUAL,
     IMBALANCE_GROWTH,
     NODAL_IMBALANCE,
     displacement_uncertainty,
@@ -31,13 +30,13 @@ from receding_fenicsx.interface.exact.segments import EPSILON, Segment, States
 from receding_fenicsx.interface.exact.unloading import (
     UNLOADING_EVENTS,
     UNLOADING_REFINEMENTS,
-    UNLOADING_ROUND_OFF,
     displacements_at_rest,
     keeps_limits,
 )
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.residual import reachable, residual_at_rest
 from receding_fenicsx.interface.system import ContactState, Leg, reactions
+from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, UNLOADING_ROUND_OFF
 
 REFINEMENTS = 4
 """Steps of iterative refinement at most: on soft springs one leaves a large part of the error, that
@@ -202,7 +201,7 @@ class Walk:
 
     def _check(self, imbalance: Array) -> None:
         """Note the residual of the present point where forces and displacements do not balance."""
-        if np.abs(imbalance).max() > summed(self.system.n, EVENT_RESIDUAL) * self.force_scale:
+        if np.abs(imbalance).max() > summed(self.system.n, ACCEPTED_RESIDUAL) * self.force_scale:
             self._note(self.here())
 
     def _unloaded(self, way: kernel_data.Way) -> Array | None:
@@ -307,7 +306,7 @@ class Walk:
         if self._excess and not self._explained(leg):
             raise SolveError(
                 f"the exact path lost accuracy before load factors {load.tolist()}: residual "
-                f"{self.residual:.1e} over {EVENT_RESIDUAL:.0e}; try the other solver method"
+                f"{self.residual:.1e} over {ACCEPTED_RESIDUAL:.0e}; try the other solver method"
             )
         if at_rest:
             u = displacements_at_rest(self.segments, end)
@@ -324,7 +323,7 @@ class Walk:
         self.force_scale = scale
         residual = residual_at_rest(self.system, state, scale)
         self.residual = max(self.residual, residual)
-        if residual > EVENT_RESIDUAL:
+        if residual > ACCEPTED_RESIDUAL:
             places = self.problem.start.u, state.u
             accepted = max(reachable(self.system, u, scale) for u in places)
             self._excess |= residual > accepted

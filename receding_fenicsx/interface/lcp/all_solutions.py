@@ -34,17 +34,14 @@ from receding_fenicsx.interface.lcp.contact import (
     problem_of_nodes,
     states_by_covers,
 )
-from receding_fenicsx.interface.rigid_motions import TOO_FAR
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.tolerances import SAME_RATES, TOO_FAR
 
 TRIED_AT_ONCE = enumerate_states.BATCH
 """Sets of states up to which all are tried, without looking at sides: those of six nodes."""
 
 MOST_SIDES = 3**6
 """Combinations of sides of touching nodes that are gone through."""
-
-SAME_RATES = 1e-7
-"""Difference of rates, over the largest, below which two sets of states are one solution."""
 
 DEFINITE = 1e-12
 """Smallest eigenvalue of the symmetric part of M, over the largest, that counts as positive."""

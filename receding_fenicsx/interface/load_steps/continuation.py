@@ -25,17 +25,15 @@ from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.equilibrium import Limit
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.segments import Segments
-from receding_fenicsx.interface.exact.unloading import REMAINING_LOAD, stops_short
+from receding_fenicsx.interface.exact.unloading import stops_short
 from receding_fenicsx.interface.law import SLIP_SIGN, State
 from receding_fenicsx.interface.residual import largest_force, local_stiffness
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.tolerances import REMAINING_LOAD, STEP_ON_LIMIT
 
 if TYPE_CHECKING:
     from receding_fenicsx.interface.exact.loop import Loop
     from receding_fenicsx.interface.exact.walk import Walk
-
-LIMIT_TOLERANCE = 1e-10
-"""Distance from a limit, over the largest nodal force, up to which a node is on it."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ class Continuation:
 
     def is_straight(self, start: ContactState, end: ContactState, force_scale: float) -> bool:
         """Return whether the straight path from start to end keeps the contact law throughout."""
-        n, system, none = self.system.n, self.system, LIMIT_TOLERANCE * force_scale
+        n, system, none = self.system.n, self.system, STEP_ON_LIMIT * force_scale
         frictional, normal = self.segments.frictional, ~system.held[n:]
         open_ = end.state == State.SEPARATION
         contact, rubs = normal & ~open_, frictional & ~open_

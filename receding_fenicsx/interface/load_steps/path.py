@@ -18,7 +18,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import SolveError
 from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.equilibrium import Limit, furthest
-from receding_fenicsx.interface.exact.jumps import JUMP_STEP
 from receding_fenicsx.interface.exact.legs import LegProblem
 from receding_fenicsx.interface.exact.rolling import at_rest
 from receding_fenicsx.interface.exact.ties import tied
@@ -28,11 +27,12 @@ from receding_fenicsx.interface.law import BACKWARD, FORWARD, STICK
 from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
 from receding_fenicsx.interface.load_steps.steps import StepTrials
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.tolerances import JUMP_STEP
 
 MAX_PARTS = 300
 """Parts in which one load step is tried at most."""
 
-SAME_MARGIN = 1e-6
+SAME_DISTANCE = 1e-6
 """Relative difference of distances from a limit that a step does not resolve."""
 
 GROWTH = 10.0
@@ -170,7 +170,7 @@ class GaussSeidelPath:
         stuck = segments.frictional & (before.state == STICK)
         begun = stuck & ((end.state == FORWARD) | (end.state == BACKWARD))
         reach = np.where(end.state == FORWARD, A, B)[begun].max(initial=0.0)
-        stuck &= (end.state == STICK) & (np.minimum(A, B) <= reach * (1.0 + SAME_MARGIN))
+        stuck &= (end.state == STICK) & (np.minimum(A, B) <= reach * (1.0 + SAME_DISTANCE))
         if begun.any():
             side = np.where(A < B, FORWARD, BACKWARD)
             other = np.where(stuck, side, before.state).astype(np.int8)

@@ -17,10 +17,11 @@ from receding_fenicsx.interface.gauss_seidel.sweeps import (
     Step,
     solve_step,
 )
-from receding_fenicsx.interface.load_steps.continuation import LIMIT_TOLERANCE, Continuation
+from receding_fenicsx.interface.load_steps.continuation import Continuation
 from receding_fenicsx.interface.load_steps.leg_in_steps import LegInSteps
 from receding_fenicsx.interface.residual import is_carried_by_round_off
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
+from receding_fenicsx.interface.tolerances import STEP_ON_LIMIT
 
 SMALLEST_PART = 1e-9
 """Part of the leg that is not divided further: what changes there by a finite amount jumps."""
@@ -146,7 +147,7 @@ class StepTrials:
 
         def error(step: Step) -> float:
             distance = self.continuation.distance(step.end, exact)
-            return distance / (length + LIMIT_TOLERANCE * step.force_scale / STEP_ERROR)
+            return distance / (length + STEP_ON_LIMIT * step.force_scale / STEP_ERROR)
 
         if error(step) <= SMALL_STEP_ERROR:
             return step

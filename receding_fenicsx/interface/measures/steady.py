@@ -20,10 +20,6 @@ UNLOADED_FORCE = 1e-3
 """Largest force at the end of a cycle, over the largest so far, below which the contact is
 unloaded: the change of its forces is then relative to the largest, as its own are round-off."""
 
-SLIP_ROUND_OFF = 1e-12
-"""Slip over the elastic displacement F / K_ii of a node under the largest nodal force F below which
-it is round-off: the node does not slip."""
-
 FORCE_ROUND_OFF, LARGEST_ROUND_OFF = 32.0 * 2.0**-52, 1e-6
 """Round-off of a force over its terms; and the largest over the largest force that is excused."""
 

@@ -23,14 +23,12 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION
 from receding_fenicsx.interface.rigid_motions import neutral_motions
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.tolerances import SAME_MARGIN
 from receding_fenicsx.interface.uniqueness.sides import States, bits_of, mask_of
 
 SINGULAR = 1e-11
 """Pivot of a Cholesky factorisation over the diagonal entry, or coupling over the stiffness, below
 which it counts as zero."""
-
-SAME_MARGIN = 1e-9
-"""Relative difference of margins that is not resolved."""
 
 LEADING = 0.5
 """Entry of the critical slip mode, over its largest, from which on a node is named."""

@@ -14,11 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface.exact.static import ACCEPTED_RESIDUAL, states_by_newton
+from receding_fenicsx.interface.exact.static import states_by_newton
 from receding_fenicsx.interface.gauss_seidel.direct import solve_directly
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp import enumerate_states
-from receding_fenicsx.interface.lcp.all_solutions import SAME_RATES, all_solutions
+from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.lcp.contact import Undecided, choices, states_by_covers
 from receding_fenicsx.interface.residual import (
     largest_force,
@@ -27,6 +27,7 @@ from receding_fenicsx.interface.residual import (
     relative_residual,
 )
 from receding_fenicsx.interface.system import ContactState, reactions
+from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, SAME_RATES
 from receding_fenicsx.interface.uniqueness.definite import Certificate, States
 
 TRIED = 4**6

@@ -13,9 +13,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.exact.legs import SIMULTANEOUS
 from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import Undecided
+from receding_fenicsx.interface.tolerances import SIMULTANEOUS
 from receding_fenicsx.interface.uniqueness.definite import Certificate
 from receding_fenicsx.interface.uniqueness.sides import Change, Sides, States, mask_of, nodes_of
 

@@ -10,14 +10,13 @@ from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.exact.jumps import JUMP_STEP
-from receding_fenicsx.interface.exact.legs import SIMULTANEOUS
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.ties import ties_at
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
-from receding_fenicsx.interface.uniqueness.definite import SAME_MARGIN, Certificate
+from receding_fenicsx.interface.tolerances import JUMP_STEP, SAME_MARGIN, SIMULTANEOUS
+from receding_fenicsx.interface.uniqueness.definite import Certificate
 from receding_fenicsx.interface.uniqueness.first_loading import solutions_from_rest
 from receding_fenicsx.interface.uniqueness.instants import Instant, InstantsOfLegs, in_order
 from receding_fenicsx.interface.uniqueness.patterns import MOST_TOUCHING, Pattern, certify

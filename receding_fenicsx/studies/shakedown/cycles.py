@@ -10,10 +10,11 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.interface.measures.steady import SHAKEDOWN, SLIP_ROUND_OFF
+from receding_fenicsx.interface.measures.steady import SHAKEDOWN
 from receding_fenicsx.interface.residual import local_stiffness
 from receding_fenicsx.interface.shakedown.margins import Loads, load_range
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.tolerances import SLIP_ROUND_OFF
 from receding_fenicsx.scene.history import History
 from receding_fenicsx.scene.model import OutputOptions
 

@@ -13,12 +13,12 @@ from receding_fenicsx.errors import InputError, SolveError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import SEPARATION
-from receding_fenicsx.interface.measures.steady import SLIP_ROUND_OFF
 from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.shakedown.limits import ShakedownLimits
 from receding_fenicsx.interface.shakedown.margins import Loads, load_range
 from receding_fenicsx.interface.shakedown.opening import Opening, largest_opening
 from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.tolerances import SLIP_ROUND_OFF
 from receding_fenicsx.scene.model import OutputOptions
 from receding_fenicsx.studies.shakedown.cycles import FACTORS, dissipated, range_history
 

@@ -20,11 +20,9 @@ from receding_fenicsx.interface.exact.pivot_matrix import (
     PivotMatrix,
     SingularExchange,
 )
-from receding_fenicsx.interface.exact.round_off import EVENT_RESIDUAL
 from receding_fenicsx.interface.exact.segments import (
     MAX_REFINEMENTS,
     RATE_IMBALANCE,
-    RATE_TOLERANCE,
     REFINEMENTS_BEFORE_REBUILD,
     Segments,
 )
@@ -39,6 +37,7 @@ from receding_fenicsx.interface.exact.tableau import (
 from receding_fenicsx.interface.exact.walk import Walk
 from receding_fenicsx.interface.law import State
 from receding_fenicsx.interface.system import ContactState
+from receding_fenicsx.interface.tolerances import ACCEPTED_RESIDUAL, RATE_TOLERANCE
 
 STICK, OPEN, FORWARD, BACKWARD = (int(state) for state in State)
 UP = np.array([1.0])
@@ -93,7 +92,7 @@ def test_a_path_whose_forces_do_not_balance_is_refused(
 
     def lift(_: Segments, state: np.ndarray, q: np.ndarray) -> None:
         # on the second leg, from 1 to 2, at whose end the largest force is 2
-        q[W * 2] = part * EVENT_RESIDUAL * 2.0 / 3.0
+        q[W * 2] = part * ACCEPTED_RESIDUAL * 2.0 / 3.0
 
     asking(monkeypatch)
     history = table(system, [0.0, 1.0, 2.0])
@@ -103,7 +102,7 @@ def test_a_path_whose_forces_do_not_balance_is_refused(
         with pytest.raises(SolveError, match=r"cycle 0, leg 1: the exact path lost accuracy"):
             evolve(system, history)
     else:
-        assert evolve(system, history).residual_max <= EVENT_RESIDUAL
+        assert evolve(system, history).residual_max <= ACCEPTED_RESIDUAL
 
 
 def test_round_off_of_a_walk_is_cleared_on_the_way(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -115,14 +114,14 @@ def test_round_off_of_a_walk_is_cleared_on_the_way(monkeypatch: pytest.MonkeyPat
 
     def drift(segments: Segments, state: np.ndarray, q: np.ndarray) -> None:
         slips = (state == FORWARD) | (state == BACKWARD)
-        error = 5.0 * EVENT_RESIDUAL * exact.turning_points.P.max()
+        error = 5.0 * ACCEPTED_RESIDUAL * exact.turning_points.P.max()
         # neighbours in opposite directions: a common motion meets hardly any stiffness
         error = np.where(np.arange(BLOCK.n) % 2, error, -error) / segments.weight[: BLOCK.n]
         q[: BLOCK.n] += np.where(slips, error, 0.0)
 
     spoil_rates(monkeypatch, drift)
     cleared = evolve(BLOCK, history)
-    assert cleared.residual_max <= EVENT_RESIDUAL
+    assert cleared.residual_max <= ACCEPTED_RESIDUAL
     found, expected = cleared.turning_points, exact.turning_points
     assert np.array_equal(found.state, expected.state)
     assert found.P == pytest.approx(expected.P, abs=1e-9 * expected.P.max())
