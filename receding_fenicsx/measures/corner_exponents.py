@@ -20,8 +20,6 @@ from receding_fenicsx.scene.rectangle_edges import edge_range
 
 SINGULAR = -0.05
 """Fitted exponent below which a corner counts as singular where no closed form is known."""
-AT_CORNER = 1e-9
-"""Distance from the end of a rectangle's edge, over its length, that is none."""
 
 
 def corners_of(record: Record, row: int) -> dict[str, Any]:
@@ -81,7 +79,8 @@ def _angle(record: Record, x: float) -> float | None:
     if body.is_half_plane:
         return 180.0
     low, high = edge_range(scene, contact.edge)
-    near = AT_CORNER * (high - low)
+    # distance from the end of a rectangle's edge, over its length, that is none
+    near = 1e-9 * (high - low)
     return 90.0 if x < low + near or x > high - near else 180.0
 
 

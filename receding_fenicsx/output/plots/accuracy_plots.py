@@ -18,10 +18,6 @@ from receding_fenicsx.output.plots import style
 MARKERS = "os^vDP"
 HEIGHT, LEGEND_ROW = 2.5, 0.15
 """Height in inches of the figure without its legend, and of a row of that."""
-LABELLED_RANGE = 100.0
-"""Ratio of times below which ticks between the powers of ten have labels."""
-SHOWN = 12
-"""Largest number of numbers that are drawn: those with the largest errors on the last mesh."""
 
 
 def draw_search(search: Mapping[str, Any], folder: Path) -> Path:
@@ -39,7 +35,8 @@ def error_over_time(search: Mapping[str, Any]) -> Figure:
     seconds = np.cumsum([level["seconds"] for level in way])
     last = way[-1]["numbers"]
     # numbers without an estimate first
-    names = sorted(last, key=lambda name: -(last[name]["relative"] or np.inf))[:SHOWN]
+    # largest number of numbers that are drawn: those with the largest errors on the last mesh
+    names = sorted(last, key=lambda name: -(last[name]["relative"] or np.inf))[:12]
     figure = style.new_figure(style.COLUMN, HEIGHT + LEGEND_ROW * len(names))
     axes = figure.subplots()
     looks = zip(cycle(style.SERIES_COLOURS), cycle(MARKERS))
@@ -67,7 +64,8 @@ def error_over_time(search: Mapping[str, Any]) -> Figure:
     axes.set_xlim(seconds[0] / 1.5, seconds[-1] * 1.5)
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter(NullFormatter())
-    if seconds[-1] < LABELLED_RANGE * seconds[0]:
+    # ratio of times below which ticks between the powers of ten have labels
+    if seconds[-1] < 100.0 * seconds[0]:
         axes.xaxis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
         axes.xaxis.set_minor_formatter("{x:g}")
         axes.tick_params(axis="x", which="both", pad=4.0)

@@ -17,13 +17,6 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import is_word, load_symbol, load_text
 
-DRAWN_BRANCHES = 12
-"""Branches that one figure shows; the first ones."""
-BESIDE = 2.0
-"""Points by which each branch is drawn to the right of and below the one before: they coincide."""
-OPENS = 0.01
-"""Gap of open nodes, over the largest displacement of a mode, that is drawn."""
-
 
 def branches(tree: BranchTree) -> Figure:
     """Draw each load against its work-conjugate displacement along all branches.
@@ -34,7 +27,8 @@ def branches(tree: BranchTree) -> Figure:
     Raises:
         InputError: no load changes on any branch.
     """
-    paths = [_path(branch) for branch in tree.branches[:DRAWN_BRANCHES]]
+    # branches that one figure shows; the first ones
+    paths = [_path(branch) for branch in tree.branches[:12]]
     names = tree[0].record.load_names
     moves = [k for k in range(len(names)) if any(np.any(load[:, k]) for load, _ in paths)]
     if not moves:
@@ -77,7 +71,8 @@ def _draw_branch(axes: Axes, number: int, branch: Branch, path: tuple[Array, Arr
     """Draw one branch; its label tells the choices and whether it ends."""
     load, moved = path
     colour = style.SERIES_COLOURS[number % len(style.SERIES_COLOURS)]
-    shift = number * BESIDE / 72.0
+    # points by which each branch is drawn to the right of and below the one before: they coincide
+    shift = number * 2.0 / 72.0
     beside = axes.transData + mpl.transforms.ScaledTranslation(
         shift, -shift, axes.figure.dpi_scale_trans
     )
@@ -114,7 +109,8 @@ def slip_mode(system: ContactSystem, critical: CriticalFriction) -> Figure:
     with mpl.rc_context(style.RC):
         figure = style.new_figure(style.PAGE, 4.0)
         above, below = figure.subplots(2, 1, sharex=True)
-        if open_.max() > OPENS:
+        # gap of open nodes, over the largest displacement of a mode, that is drawn
+        if open_.max() > 0.01:
             above.fill_between(x, 0.0, open_, color="#c3cad3", label="$w$, open nodes")
         for sign, state in ((1.0, State.FORWARD_SLIP), (-1.0, State.BACKWARD_SLIP)):
             look = {"color": style.STATE_COLOURS[state], "lw": 1.6}

@@ -16,8 +16,6 @@ from receding_fenicsx.output.plots.labels import Scales, scales_of
 from receding_fenicsx.output.plots.series import fitted_cycles, slip_lines
 
 METHODS = {"events": "exact events", "gauss-seidel": "Gauss-Seidel"}
-MAX_LINEAR_CYCLES = 40
-"""Largest number of cycles on a linear axis; more are on a logarithmic one."""
 
 
 def slip_per_cycle(record: Record, scales: Scales | None = None) -> Figure:
@@ -92,7 +90,8 @@ def dissipation_per_cycle(
         axes.set_xlabel("cycle $N$")
         axes.set_ylabel("dissipation, $D_N/D_1$")
         axes.set_ylim(0.0, 1.1 * float(ratio.max()))
-        if len(ratio) > MAX_LINEAR_CYCLES:
+        # largest number of cycles on a linear axis; more are on a logarithmic one
+        if len(ratio) > 40:
             axes.set_xscale("log")
             axes.set_xlim(0.9, 1.15 * len(ratio))
             axes.xaxis.set_major_formatter(ScalarFormatter())

@@ -25,10 +25,6 @@ LAST_WIDTH, WIDER, WIDEST = 0.8, 1.4, 4.2
 """Width of the last cycle's line in points, what each earlier one has more, and the most of it."""
 ROW = 1.95
 """Height in inches of a row of loops."""
-MAX_DOTS = 40
-"""Largest number of turning points of a cycle that have dots."""
-DOTS = 2.4
-"""Size of the last cycle's turning points."""
 ROUND_OFF = 1e-9
 """Part of the largest position, displacement or traction below which a value is round-off."""
 
@@ -239,9 +235,11 @@ def _cone_label(record: Record) -> str:
 def _draw_path(axes: Axes, x: Array, y: Array, path: Loop, paths: Sequence[Loop]) -> None:
     look = _look(path, paths)
     axes.plot(x, y, **look)
-    if np.count_nonzero(path.turning) > MAX_DOTS:
+    # largest number of turning points of a cycle that have dots
+    if np.count_nonzero(path.turning) > 40:
         return
-    dots = DOTS + look["lw"] - LAST_WIDTH
+    # size of the last cycle's turning points
+    dots = 2.4 + look["lw"] - LAST_WIDTH
     axes.plot(x[path.turning], y[path.turning], "o", color=look["color"], ms=dots)
 
 

@@ -15,12 +15,8 @@ SLIP_CYCLES = (4, 20)
 """Cycles N of the fit: earlier ones do not follow a power law, later increments are small."""
 SLIP_NODES = (0.5, 0.8)
 """Range of |x| over the length scale of nodes that are drawn before others."""
-SLIP_FLOOR = 1e-9
-"""Part of the largest increment below which an increment is round-off."""
 POSITION_TOLERANCE = 1e-6
 """Round-off of the representative nodes' positions, over the length scale."""
-MIN_CYCLES = 5
-"""Smallest number of cycles for the fit of a power law."""
 MAX_LINES = 4
 """Largest number of nodes in the figure of slip per cycle."""
 CURVED_LEGS = 12
@@ -119,9 +115,11 @@ def slip_lines(record: Record, length: float = 1.0, unit: float = 1.0) -> list[S
     """
     cycles = fitted_cycles(record)
     size = np.abs(record.cycles.slip_increment)
-    if len(cycles) < MIN_CYCLES or not size.any():
+    # smallest number of cycles for the fit of a power law
+    if len(cycles) < 5 or not size.any():
         return []
-    seen = size > SLIP_FLOOR * size.max()
+    # part of the largest increment below which an increment is round-off
+    seen = size > 1e-9 * size.max()
     moving = np.all(seen[cycles - 1], axis=0)
     distance = record.x / length
     low, high = SLIP_NODES[0] - POSITION_TOLERANCE, SLIP_NODES[1] + POSITION_TOLERANCE

@@ -69,8 +69,6 @@ PAGE = 7.48
 DPI = 300
 """Dots per inch of PNG files."""
 
-PEAK_NODES = 10.0
-"""Per cent of the contact nodes whose tractions may belong to the peak at a corner."""
 MAX_PEAK = 2.5
 """Largest part of a peak that is shown, over the largest of the other tractions."""
 NOTEBOOK_DPI = 150
@@ -148,7 +146,8 @@ def focus(p: Array, others: Array) -> tuple[float, float]:
     """
     touching = p[p > 0.0]
     top = float(touching.max(initial=0.0))
-    usual = float(np.percentile(touching, 100.0 - PEAK_NODES)) if len(touching) else 0.0
+    # the tractions of a tenth of the contact nodes may belong to the peak at a corner
+    usual = float(np.percentile(touching, 90.0)) if len(touching) else 0.0
     low = float(others.min(initial=0.0))
     if top > MAX_PEAK * usual > 0.0:
         low, top = low * MAX_PEAK * usual / top, MAX_PEAK * usual

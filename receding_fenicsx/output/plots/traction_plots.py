@@ -21,8 +21,6 @@ from receding_fenicsx.measures.limit_nodes import shown_states
 from receding_fenicsx.output.plots import style
 from receding_fenicsx.output.plots.labels import Scales, load_pieces, scales_of
 
-MAX_LABEL_LENGTH = 28
-"""Length of the friction cone's label below which three labels fit in a row."""
 TITLE_WIDTH, LINE = 2.9, 0.14
 """Largest width of a panel's title, and height of a line of it after the first, in inches."""
 MIN_NUMBERED_ZONE = 0.03
@@ -87,7 +85,8 @@ def tractions(
                 Patch(label=f"friction cone, {cone}" if one else "friction cone", **style.CONE),
             ]
             # in a row, unless the unit has a long name
-            ncols = 3 if len(cone) < MAX_LABEL_LENGTH else 2
+            # length of the friction cone's label below which three labels fit in a row
+            ncols = 3 if len(cone) < 28 else 2
             figure.legend(handles=curves, loc="outside upper center", ncols=ncols)
         states = np.unique([moment.state for moment in shown])
         patches = style.state_patches(states, record.friction.present)

@@ -9,10 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-PICTURE_WIDTH = 1200
-"""Approximate width in pixels of an embedded picture of the body: whole pixels are averaged."""
-WIDE_FIGURE = 1600
-"""Width in pixels above which a figure takes the width of the page."""
 OTHER_CAPTIONS = {
     "accuracy": "Twice the estimated errors of the numbers over time, mesh by mesh.",
     "max_shear": "Isochromatic fringes: contours of the largest in-plane shear stress.",
@@ -47,7 +43,8 @@ def figures(paths: Sequence[Path], edges: set[str]) -> list[Picture]:
     shown = []
     for path in sorted(paths, key=lambda path: (order.index(entry(path)), str(path))):
         with Image.open(path) as image:
-            wide = image.width > WIDE_FIGURE
+            # width in pixels above which a figure takes the width of the page
+            wide = image.width > 1600
         name = entry(path)
         caption = f"On {path.parent.name}: " if path.parent.name in edges else ""
         caption += _caption(path) if name is None else FIGURES[name].caption or path.stem
@@ -62,7 +59,9 @@ def snapshots(paths: Sequence[Path]) -> list[Picture]:
         from PIL import Image
 
         with Image.open(path) as image:
-            small = image.convert("RGB").reduce(max(1, round(image.width / PICTURE_WIDTH)))
+            # approximate width in pixels of an embedded picture of the body: whole pixels are
+            # averaged
+            small = image.convert("RGB").reduce(max(1, round(image.width / 1200)))
         data = io.BytesIO()
         small.save(data, "JPEG", quality=90, subsampling=0)
         found = re.match(r"cycle(\d+)_leg(\d+)_s([\d.]+)", path.stem)

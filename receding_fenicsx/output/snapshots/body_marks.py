@@ -12,8 +12,6 @@ from receding_fenicsx.output.snapshots.layout import band_depths
 from receding_fenicsx.output.snapshots.view import Strip, View
 
 ARROW_COLOUR = "#202020"
-WHOLE_EDGE_TOLERANCE = 1e-6
-"""Missing part of the body's length with which a contact edge still counts as the whole edge."""
 MIN_NUMBERED_ZONE = 0.025
 """Smallest length, over that of the contact edge, of a zone that has its number in the band."""
 
@@ -39,7 +37,8 @@ def _draw_plane(axes: Axes, view: View, strip: Strip) -> None:
     ends = np.array([along.min() - 0.05 * view.size, along.max() + 0.05 * view.size])
     flat = first + ends[:, None] * direction - strip.gap[[0, -1], None] * strip.normal
     plane = strip.place - strip.gap[:, None] * strip.normal
-    if np.ptp(strip.x) > (1.0 - WHOLE_EDGE_TOLERANCE) * np.ptp(along):
+    # missing part of the body's length with which a contact edge still counts as the whole edge
+    if np.ptp(strip.x) > (1.0 - 1e-6) * np.ptp(along):
         # beyond a shorter contact edge no plane is known
         plane = np.vstack([flat[:1], plane, flat[1:]])
     plane = plane - 0.01 * view.size * strip.normal

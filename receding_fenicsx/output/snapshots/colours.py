@@ -19,10 +19,6 @@ FRINGE_COLOURS = 4096
 CLIPPED_AREA = 0.5
 """Per cent of the area whose values may lie beyond either end of the colour bar: singular points
 would otherwise take most of its range."""
-NEGLIGIBLE_STRESS = 0.02
-"""Part of the largest absolute value below which the field does not affect the colour range."""
-CONTOURS = 9
-"""Approximate number of contour lines."""
 
 
 @dataclass(frozen=True)
@@ -107,7 +103,8 @@ def colours_of(
         The colours, and the values of the contour lines (none for fringes).
     """
     # a large body is almost free of stress far from its load
-    stressed = np.abs(values) > NEGLIGIBLE_STRESS * np.abs(values).max(initial=0.0)
+    # part of the largest absolute value below which the field does not affect the colour range
+    stressed = np.abs(values) > 0.02 * np.abs(values).max(initial=0.0)
     weights = np.ones(len(values)) if areas is None else areas
     parts = np.array([CLIPPED_AREA, 100.0 - CLIPPED_AREA]) / 100
     low, high = _quantiles(values[stressed], weights[stressed], parts)
@@ -131,7 +128,8 @@ def colours_of(
     above, below = values.max() > high, values.min() < low
     extend = {(0, 0): "neither", (1, 0): "max", (0, 1): "min", (1, 1): "both"}
     colours = Colours((low, high), table, label, "", extend[int(above), int(below)])
-    return colours, np.asarray(MaxNLocator(CONTOURS).tick_values(low, high))
+    # approximate number of contour lines
+    return colours, np.asarray(MaxNLocator(9).tick_values(low, high))
 
 
 def _quantiles(values: Array, weights: Array, parts: Array) -> tuple[float, float]:

@@ -15,14 +15,8 @@ LEFT, RIGHT = 0.62, 0.98
 """Margins in inches: left for the axis of the tractions, right for the colour bar."""
 ABOVE, BETWEEN, TRACTIONS, BELOW = 0.3, 0.06, 0.95, 0.64
 """Inches above the body, between body and tractions, of the tractions, below the tractions."""
-MAX_BODY_HEIGHT = 4.5
-"""Largest height of the body in inches."""
 STATE_BAND = (0.03, 0.115)
 """Distances of the band of states from the contact edge, over the size of the view."""
-MIN_BAND_HEIGHT = 0.13
-"""Smallest height of the band of states in inches."""
-CLOSE_UP = 1.5
-"""Half the width of a close-up of a small contact, over the contact's length."""
 
 
 @dataclass(frozen=True)
@@ -65,7 +59,8 @@ def layout_of(*views: View, dpi: float = style.DPI) -> Layout:
         around = visible_box(views[0])
         low, high = np.maximum(low, around[0]), np.minimum(high, around[1])
     width = style.PAGE - LEFT - RIGHT
-    scale = min(width / (high[0] - low[0]), MAX_BODY_HEIGHT / (high[1] - low[1]))
+    # largest height of the body in inches
+    scale = min(width / (high[0] - low[0]), 4.5 / (high[1] - low[1]))
     # a narrow body is centred
     spare = 0.5 * (width / scale - (high[0] - low[0]))
     low[0], high[0] = low[0] - spare, high[0] + spare
@@ -99,7 +94,8 @@ def band_depths(view: View, strip: Strip) -> tuple[float, float]:
     below = float(strip.gap.max())
     inner, outer = (part * view.size for part in STATE_BAND)
     inch = float(np.ptp(visible_box(view)[:, 0])) / (style.PAGE - LEFT - RIGHT)
-    return below + inner, below + max(outer, inner + MIN_BAND_HEIGHT * inch)
+    # smallest height of the band of states in inches
+    return below + inner, below + max(outer, inner + 0.13 * inch)
 
 
 def visible_box(view: View) -> Array:
@@ -108,5 +104,6 @@ def visible_box(view: View) -> Array:
         return np.stack([view.points.min(axis=0), view.points.max(axis=0)])
     places = np.vstack([strip.place for strip in view.strips])
     middle = 0.5 * (places.min(axis=0) + places.max(axis=0))
-    reach = CLOSE_UP * float(np.linalg.norm(np.ptp(places, axis=0)))
+    # half the width of a close-up of a small contact, over the contact's length
+    reach = 1.5 * float(np.linalg.norm(np.ptp(places, axis=0)))
     return np.stack([middle - reach, middle + reach])

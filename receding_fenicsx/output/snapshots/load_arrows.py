@@ -15,12 +15,6 @@ from receding_fenicsx.scene.one_body import in_order
 from receding_fenicsx.scene.profiles import evaluate
 from receding_fenicsx.scene.rectangle_edges import HORIZONTAL, edge_points, edge_range
 
-ARROW_LENGTH = 0.24
-"""Length of the arrow of the largest traction, over the size of the view."""
-ARROW_SPACING = 0.22
-"""Largest distance between arrows, over the size of the view."""
-ARROW_OFFSET = 0.02
-"""Distance between the arrows and the edge, over the size of the view."""
 OUTWARD = {"bottom": (0.0, -1.0), "top": (0.0, 1.0), "left": (-1.0, 0.0), "right": (1.0, 0.0)}
 
 
@@ -60,8 +54,9 @@ def load_arrows(
         The arrows of each load that has a traction, in the scene's units of length.
     """
     largest = dict(zip(names, largest_factors(scene), strict=True))
+    # largest distance between arrows, over the size of the view
     found = [
-        (load, *_traction(scene, load, ARROW_SPACING * size))
+        (load, *_traction(scene, load, 0.22 * size))
         for load in scene.loads
         if not load.on_body and scene.find_edge(load.edge)[0].is_rectangle
     ]
@@ -71,7 +66,8 @@ def load_arrows(
     bodies, arrows = in_order(scene), []
     for load, points, traction in found:
         part = float(factors[names.index(load.name)]) / max(sizes)
-        vector = ARROW_LENGTH * size * part * traction
+        # length of the arrow of the largest traction, over the size of the view
+        vector = 0.24 * size * part * traction
         if not np.any(vector):
             continue
         body, edge = scene.find_edge(load.edge)
@@ -80,7 +76,8 @@ def load_arrows(
         moved = edge_values(fields, fields.displacement, points, outward, number)
         at = points + exaggeration * moved
         inward = vector @ outward < 0.0
-        tails = np.where(inward[:, None], at - vector, at) + ARROW_OFFSET * size * outward
+        # distance between the arrows and the edge, over the size of the view
+        tails = np.where(inward[:, None], at - vector, at) + 0.02 * size * outward
         arrows.append(Arrows(tails, tails + vector, bool(inward.all())))
     return arrows
 

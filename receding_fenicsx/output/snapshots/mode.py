@@ -26,9 +26,6 @@ from receding_fenicsx.output.snapshots.view import Units, units_of, view_of
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack
 
-NO_FORCE = 1e-9
-"""Reaction over the largest one below which a node without a direction of slip is open."""
-
 
 def draw(bulk: Stack, critical: CriticalFriction | None, file: Path) -> Path | None:
     """Draw the body deformed by a mode (rank 0's), without loads, at the mode's friction.
@@ -52,7 +49,8 @@ def draw(bulk: Stack, critical: CriticalFriction | None, file: Path) -> Path | N
     signs = critical.signs
     force = np.abs(critical.reactions).reshape(2, n).max(axis=0)
     slips = np.where(signs > 0.0, State.FORWARD_SLIP, State.BACKWARD_SLIP)
-    stays = np.where(force > NO_FORCE * force.max(), State.STICK, State.SEPARATION)
+    # reaction over the largest one below which a node without a direction of slip is open
+    stays = np.where(force > 1e-9 * force.max(), State.STICK, State.SEPARATION)
     states = np.where(signs != 0.0, slips, stays).astype(np.int8)
     state = ContactState(critical.mode, critical.reactions, states)
     now = Instant(0, 0, 0.0, none, critical.mode[:n], state)

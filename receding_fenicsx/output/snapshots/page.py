@@ -27,15 +27,6 @@ from receding_fenicsx.scene.units import in_unit
 
 Box = tuple[float, float, float, float]
 """Left, bottom, width and height in inches."""
-TICK_SPACING = 0.18
-"""Smallest distance in inches of the labels of a colour bar."""
-MAX_TICKS = 6
-"""Largest number of labels of a colour bar."""
-MIN_BAR_HEIGHT = 0.7
-"""Smallest height of a colour bar in inches: room for its label. Beside a flat body it reaches down
-beside the tractions."""
-CONTOUR_PIXELS = 1.0
-"""Width of a contour line in pixels."""
 CLOCK_BOX = (0.22, RIGHT - 0.5)
 """Distance of the curves of the loads from the tractions, and their width, in inches."""
 CLOCK_MARGIN = 0.12
@@ -138,13 +129,14 @@ def _draw_contours(axes: Axes, view: View, values: Array, levels: Array, dpi: fl
     cells = view.cells
     if cells.shape[1] > 3:
         cells = np.vstack([cells[:, :3], cells[:, [0, 2, 3]]])
+    # width of a contour line in pixels
     axes.tricontour(
         Triangulation(view.moved[:, 0], view.moved[:, 1], cells),
         values,
         levels=inside,
         colors="black",
         alpha=0.5,
-        linewidths=CONTOUR_PIXELS * 72.0 / dpi,
+        linewidths=72.0 / dpi,
         linestyles="solid",
         zorder=1.5,
     )
@@ -163,7 +155,9 @@ def _draw_colour_bar(figure: Figure, view: View, layout: Layout, colours: Colour
     *_, bottom, top = layout.window
     scale = height / (top - bottom)
     ends = np.clip([view.moved[:, 1].min(), view.moved[:, 1].max()], bottom, top)
-    tall = max(scale * float(ends[1] - ends[0]), MIN_BAR_HEIGHT)
+    # smallest height of a colour bar in inches: room for its label. Beside a flat body it reaches
+    # down beside the tractions
+    tall = max(scale * float(ends[1] - ends[0]), 0.7)
     base = foot + scale * float(ends[1] - bottom) - tall
     bar = figure.colorbar(
         ScalarMappable(Normalize(*colours.limits), ListedColormap(colours.table.tolist())),
@@ -173,7 +167,9 @@ def _draw_colour_bar(figure: Figure, view: View, layout: Layout, colours: Colour
         extendfrac=0.03,
     )
     # labels of a flat body's colour bar would overlap
-    labels = min(max(int(tall / TICK_SPACING), 1), MAX_TICKS)
+    # smallest distance in inches of the labels of a colour bar
+    # largest number of labels of a colour bar
+    labels = min(max(int(tall / 0.18), 1), 6)
     bar.locator = MaxNLocator(labels, steps=[1, 2, 2.5, 5, 10])
     bar.update_ticks()
     bar.ax.tick_params(direction="out", right=True)

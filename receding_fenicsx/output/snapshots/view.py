@@ -31,11 +31,6 @@ from receding_fenicsx.scene.units import Units as SceneUnits
 if TYPE_CHECKING:
     from receding_fenicsx.bulk.stack import Stack
 
-LARGEST_DISPLACEMENT = 0.1
-"""Largest exaggerated displacement in a picture, over the size of the view."""
-SMALL_CONTACT = 0.2
-"""Length of the contact, over the body's larger extent, below which the picture is a close-up."""
-
 
 @dataclass(frozen=True)
 class Units:
@@ -224,7 +219,8 @@ def units_of(bulk: Stack, fields: list[Fields], load: Array, symbol: str = "") -
     """
     size, _ = _size(bulk, fields[0])
     largest = max(float(np.linalg.norm(f.displacement, axis=1).max()) for f in fields)
-    factor = _round_down(LARGEST_DISPLACEMENT * size / largest) if largest > 0.0 else 1.0
+    # largest exaggerated displacement in a picture, over the size of the view
+    factor = _round_down(0.1 * size / largest) if largest > 0.0 else 1.0
     if all(body.is_half_plane for body in bulk.scene.bodies) and len(bulk.scene.bodies) > 1:
         factor = min(factor, 1.0)  # the gap between them is not drawn, they would overlap
     pressure, own = pressure_of(bulk.scene, bulk.scene.load_names)
@@ -237,7 +233,8 @@ def _size(bulk: Stack, fields: Fields) -> tuple[float, bool]:
     length = float(np.linalg.norm(np.ptp(bulk.contact.points, axis=0)))
     length *= 2.0 if bulk.body.half else 1.0
     extent = np.ptp(fields.points, axis=0)
-    near = length < SMALL_CONTACT * float(extent.max())
+    # length of the contact, over the body's larger extent, below which the picture is a close-up
+    near = length < 0.2 * float(extent.max())
     return min(0.5 * length, float(extent.min())) if near else float(extent.min()), near
 
 

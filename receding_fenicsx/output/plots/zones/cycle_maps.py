@@ -21,12 +21,8 @@ from receding_fenicsx.output.plots.zones.zone_map import FLICKER, stacked_map
 
 LEAST_HEIGHT, MOST_HEIGHT = 3.0, 5.6
 """Heights of the axes in inches, for few and many legs."""
-LEG_HEIGHT = 0.22
-"""Height of a leg in inches between these limits."""
 LOADS_WIDTH = 0.85
 """Width of the axes of the loads in inches."""
-MARGINS = 0.6
-"""Width of the labels and the room between axes in inches."""
 LOAD_LINES = (
     {"color": "#000000", "lw": 1.0},
     {"color": "#009e73", "lw": 1.0, "dashes": (5, 1.5)},
@@ -60,10 +56,12 @@ def cycle_maps(record: Record, cycles: int | Sequence[int], scales: Scales | Non
     stills = limit_nodes_of_cycles(record, chosen)
     legs = [leg for _, leg in legs_of(record, chosen[-1])]
     angles = phases(record) if chosen[0] else None
-    height = float(np.clip(LEG_HEIGHT * len(legs), LEAST_HEIGHT, MOST_HEIGHT))
+    # height of a leg in inches between these limits
+    height = float(np.clip(0.22 * len(legs), LEAST_HEIGHT, MOST_HEIGHT))
     with mpl.rc_context(style.RC):
         width = style.COLUMN if len(chosen) == 1 else style.PAGE
-        wide = (width - MARGINS - LOADS_WIDTH) / len(chosen)
+        # width of the labels and the room between axes in inches
+        wide = (width - 0.6 - LOADS_WIDTH) / len(chosen)
         figure = style.new_figure(width, height + 1.1)
         ratios = [*[wide] * len(chosen), LOADS_WIDTH]
         *panels, beside = figure.subplots(

@@ -11,8 +11,6 @@ from receding_fenicsx.arrays import Array
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
 
-MIN_DURATION = 1e-9
-"""Part of a leg below which the duration of a state is round-off."""
 FRICTION_STATES = (State.STICK, State.FORWARD_SLIP, State.BACKWARD_SLIP)
 
 
@@ -52,7 +50,8 @@ def timeline(start: int, changes: list[tuple[float, int]]) -> Timeline:
     """Make a timeline from the first state and the changes (s, new state), in order of s."""
     states, begins = [start], [0.0]
     for s, new in [*changes, (1.0, -1)]:
-        if s - begins[-1] <= MIN_DURATION:
+        # part of a leg below which the duration of a state is round-off
+        if s - begins[-1] <= 1e-9:
             # drop the state before: its duration is round-off
             states.pop()
             begins.pop()

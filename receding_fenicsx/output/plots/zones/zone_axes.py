@@ -19,15 +19,9 @@ from receding_fenicsx.output.plots.labels import Scales
 from receding_fenicsx.output.plots.zones.zone_labels import Label, place_labels
 from receding_fenicsx.output.plots.zones.zone_map import ZoneMap
 
-MAX_LINE_STEP = 0.25
-"""Largest part of a leg between the instants of two neighbouring nodes on one dashed line."""
-MAX_STACK_STEP = 0.1
-"""The same over the height of a map of many legs."""
 BOUNDARY, BOUNDARY_OF_LEG = 0.6, 20.0
 """Largest width of a boundary in points, and its largest width over the height of a leg in
 inches."""
-MIN_LEG_WITH_ARROWS = 0.1
-"""Smallest height of a leg in inches with which numbers beside thin zones point to them."""
 TURNING_POINT = 0.005
 """Part of a leg next to its ends that belongs to the turning points."""
 DASHED: dict[str, Any] = {"color": "black", "dashes": (3, 1.5), "lw": 1.0}
@@ -106,7 +100,8 @@ def draw_map(
     axes.set_ylim(min(ends), max(ends))
     style.ticks(axes.xaxis, 5)
     axes.set_axisbelow(False)
-    numbers = place_labels(drawn, (low, high), inches, height >= MIN_LEG_WITH_ARROWS)
+    # smallest height of a leg in inches with which numbers beside thin zones point to them
+    numbers = place_labels(drawn, (low, high), inches, height >= 0.1)
     for label in numbers:
         tip = None if label.tip is None else _pair(place(np.array(label.tip)))
         _write_number(axes, label, _pair(place(np.array(label.at))), tip)
@@ -152,7 +147,9 @@ def draw_limit(
         here &= record.x[still.node] >= 0.0
     node = still.node[here]
     s = (np.searchsorted(legs, still.leg[here]) + still.s[here]) / len(legs)
-    step = MAX_LINE_STEP if len(legs) == 1 else MAX_STACK_STEP
+    # largest part of a leg between the instants of two neighbouring nodes on one dashed line
+    # or the same over the height of a map of many legs
+    step = 0.25 if len(legs) == 1 else 0.1
     cuts = np.flatnonzero((np.diff(node) > 1) | (np.abs(np.diff(s)) > step)) + 1
     for nodes, part in zip(np.split(node, cuts), np.split(s, cuts), strict=True):
         if len(nodes) > 1:

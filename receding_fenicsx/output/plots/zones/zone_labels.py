@@ -18,8 +18,6 @@ MIN_DISTANCE = 0.17
 """Smallest distance in inches between two numbers, or between a number and an arrow's tip."""
 MIN_ARROW_ZONE = 0.2
 """Smallest length in inches of a thin zone that has its number next to it."""
-MAX_ARROW = 0.6
-"""Largest length of an arrow in inches."""
 MAX_NUMBERS = 24
 """Largest number of zones, from the deepest on, that have numbers."""
 RASTER = 100
@@ -109,11 +107,12 @@ def _beside(
     clear = ndimage.distance_transform_edt(~taken) / RASTER if taken.any() else np.inf
     rows, columns = np.indices(raster.shape)
     distance = np.hypot(rows - tip[0], columns - tip[1]) / RASTER
+    # largest length of an arrow in inches
     free = (
         (room >= MIN_DEPTH)
         & (clear >= MIN_DISTANCE)
         & (distance >= MIN_DISTANCE)
-        & (distance <= MAX_ARROW)
+        & (distance <= 0.6)
     )
     free &= raster != raster[tip]
     if not free.any():

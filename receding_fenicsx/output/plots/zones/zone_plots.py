@@ -19,8 +19,6 @@ from receding_fenicsx.output.plots.zones.zone_map import FLICKER, zone_map
 
 PANEL_HEIGHT = 1.85
 """Approximate height of a panel's axes in inches."""
-AXES_WIDTH = 2.95
-"""Approximate width in inches of the axes of a figure with one column."""
 BETWEEN = 0.2
 """Approximate width in inches between two panels in a row."""
 MAX_PANELS = 6
@@ -61,7 +59,8 @@ def zone_maps(
         places = _places(shown_legs, columns)
         rows = places[-1][0] + 1
         width = style.COLUMN if columns == 1 else style.PAGE
-        inches = ((AXES_WIDTH - style.COLUMN + width) / columns, PANEL_HEIGHT)
+        # approximate width in inches of the axes of a figure with one column
+        inches = ((2.95 - style.COLUMN + width) / columns, PANEL_HEIGHT)
         wide = inches[0] if columns == 1 else inches[0] - BETWEEN
         titles = _titles(record, shown_legs, scales, wide)
         lines = 1 + max(title.count("\n") for title in titles)
