@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import cache, partial
@@ -217,8 +218,7 @@ def spiral(tally: Tally) -> str:
 
 def load_named(error: rf.RecedingError, which: int) -> float:
     """Read the load factor out of a refusal."""
-    text = str(error)
-    return float(text[text.index("[") + 1 : text.index("]")].split(",")[which])
+    return float(re.findall(r"\w = ([-+.\de]+)", str(error))[which])
 
 
 def slide(f: float, tally: Tally) -> str:

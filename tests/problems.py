@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from equations import OPEN, STICK
 from replay import HELD_SHARE, Replay, replay
-from small import small_system, table
+from small import named_loads, small_system, table
 from ways import NEAR, TooMany, balanced, follow
 
 import receding_fenicsx as rf
@@ -438,10 +438,9 @@ def _ends(history: rf.History, cycle: int, leg: int) -> tuple[np.ndarray, np.nda
 def _is_balanced_beyond(p: Problem, error: rf.SolveError, done: int) -> bool:
     """Return whether statics know of contact forces just behind the place that an error names."""
     a, b = _ends(p.history, *_legs(p.history)[done])
-    said = re.search(r"at load factors \[([^\]]*)\]", str(error))
-    if said is None or not np.any(a != b) or p.system.rigid.shape[1] == 0:
+    place = np.array(named_loads(error, *p.system.load_names))
+    if len(place) == 0 or not np.any(a != b) or p.system.rigid.shape[1] == 0:
         return True
-    place = np.array([float(value) for value in said[1].split(",")])
     s = float((place - a) @ (b - a)) / float((b - a) @ (b - a))
     return balanced(p.system, a + min(1.0, s + SAME) * (b - a))
 

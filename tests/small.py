@@ -1,5 +1,6 @@
 """Condensed systems of one or two nodes for models worked out on paper, and histories for them."""
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -9,6 +10,12 @@ from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.scene.history import History
 
 Rows = Sequence[Any] | np.ndarray
+
+
+def named_loads(error: BaseException, *names: str) -> list[float]:
+    """Return the load factors that an error names; of each name the first."""
+    said = [re.search(rf"(?<!\w){re.escape(name)} = ([-+.\de]+)", str(error)) for name in names]
+    return [float(found[1]) for found in said if found is not None]
 
 
 def small_system(

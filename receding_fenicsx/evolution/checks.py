@@ -59,16 +59,17 @@ def energy_error(
     return (abs(D + stored + leg.work) / scale if scale > 0.0 else 0.0), largest
 
 
-def check_energy(error: float, load: Array) -> None:
+def check_energy(model: ContactSystem, error: float, load: Array) -> None:
     """Raise SolveError where a leg of the exact path breaks its energy identity.
 
     Args:
+        model: the condensed body.
         error: energy error of the leg.
         load: (n_loads,) load factors at its end.
     """
     if error > MAX_ENERGY_ERROR:
         raise SolveError(
-            f"the exact path breaks the energy identity before load factors {load.tolist()}: "
+            f"the exact path breaks the energy identity before {model.load_text(load)}: "
             f"error {error:.1e} over {MAX_ENERGY_ERROR:.0e} of the leg's energy; try the other "
             "solver method, and report this scene"
         )
@@ -117,7 +118,7 @@ def check_holds(model: ContactSystem, leg: Leg, load: Array) -> None:
     """
     if is_carried_by_round_off(model, leg.end.u, leg.force_scale):
         raise NoEquilibrium(
-            f"nothing holds the body at load factors {load.tolist()}: it has moved by "
+            f"nothing holds the body at {model.load_text(load)}: it has moved by "
             f"{np.abs(leg.end.u).max():.3g}, where round-off alone balances the loads; add a "
             "[[support]], or check the signs of the loads"
         )

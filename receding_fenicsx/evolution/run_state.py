@@ -215,7 +215,7 @@ class RunState:
         if not is_static:
             error, scale = energy_error(self.model, self.position.state, ends, leg, scale)
             if self.problem.solver.method == "events":
-                check_energy(error, ends[1])
+                check_energy(self.model, error, ends[1])
         _log_leg(leg, error)
         return Totals(
             force_scale=leg.force_scale,

@@ -37,25 +37,24 @@ class Limit:
 
     Attributes:
         s: place on the leg.
-        load: (n_loads,) load factors there.
+        loads: load factors there, for messages.
         kind: "lift-off", "gross sliding" or "overturning".
     """
 
     s: float
-    load: Array
+    loads: str
     kind: str
 
     @property
     def text(self) -> str:
         """What to tell the user."""
-        factors = ", ".join(f"{value:.9g}" for value in self.load)
         what = {
             "lift-off": "nothing presses the body on any more",
             "gross sliding": "friction cannot hold the loads",
             "overturning": "the body tips over the end of its contact",
         }[self.kind]
         return (
-            f"{self.kind} at load factors [{factors}]: {what}, no contact forces balance the "
+            f"{self.kind} at {self.loads}: {what}, no contact forces balance the "
             "loads beyond; change their course, or add a [[support]]"
         )
 
@@ -81,7 +80,7 @@ def furthest(system: ContactSystem, a: Array, b: Array) -> Limit | None:
         size = float(np.abs(np.vstack([a, b]) @ system.r_star).sum(axis=1).max())
         lifts = _lift(system).any() and pressure <= PRESSING * size
         kind = "lift-off" if lifts else "overturning"
-    return Limit(with_friction, load, kind)
+    return Limit(with_friction, system.load_text(load), kind)
 
 
 def is_balanced(system: ContactSystem, load: Array, end: ContactState) -> bool:

@@ -116,6 +116,11 @@ class ContactSystem:
             ],
         )
 
+    def load_text(self, load: Array) -> str:
+        """Return load factors by name, for messages."""
+        values = zip(self.load_names, load, strict=True)
+        return ", ".join(f"{name} = {value + 0.0:.9g}" for name, value in values)
+
     @property
     def n(self) -> int:
         """Number N of contact nodes in the model."""

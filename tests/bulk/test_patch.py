@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import re
-
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 from bodies import CELLS, ELEMENTS, block, built
 from numpy.typing import NDArray
+from small import named_loads
 
 from receding_fenicsx.bulk.body import back_substitute
 from receding_fenicsx.bulk.stress import stresses
@@ -93,9 +92,7 @@ def sliding_factors(system: ContactSystem, scene: Scene, solver: SolverOptions) 
     """Load factors at which gross sliding is reported."""
     with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
         evolve(system, history_from_scene(scene), solver)
-    found = re.search(r"load factors \[([^]]*)\]", str(caught.value))
-    assert found is not None
-    return np.array([float(text) for text in found[1].split(",")])
+    return np.array(named_loads(caught.value, *system.load_names))
 
 
 TOP = Load("top", "top", traction=(FRICTION, 0.0))

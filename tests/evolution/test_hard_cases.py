@@ -93,7 +93,7 @@ def test_a_way_on_that_is_denied_is_found(monkeypatch: pytest.MonkeyPatch) -> No
 
 def test_a_refusal_that_nobody_expected_is_not_as_expected() -> None:
     def refuse(_: Tally) -> str:
-        raise NoEquilibrium("gross sliding at load factors [1]")
+        raise NoEquilibrium("gross sliding at p0 = 1")
 
     assert not judge(Case("a", SOLVED, refuse)).as_expected
     assert judge(Case("a", "gross sliding", refuse)).as_expected

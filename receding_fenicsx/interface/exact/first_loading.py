@@ -46,7 +46,7 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
     system, start, load = segments.system, problem.start, problem.ends[1]
     if limit is not None and limit.kind == "lift-off":
         raise NoEquilibrium(
-            f"lift-off at load factors {[0] * len(load)}: the load factors {load.tolist()} "
+            f"lift-off at {system.load_text(0.0 * load)}: the loads {system.load_text(load)} "
             "pull the body off; check their signs, or add a [[support]]"
         )
     if limit is not None:
@@ -54,7 +54,7 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
     end = solve_static(segments, start, load)
     if end is None:
         raise NoEquilibrium(
-            f"no equilibrium was found under the load factors {load.tolist()}: they may lift, "
+            f"no equilibrium was found under the loads {system.load_text(load)}: they may lift, "
             "tip or slide the body (check their signs, or add a [[support]]), or friction and "
             "Poisson's ratio may be so high that none exists"
         )
@@ -67,7 +67,7 @@ def load_from_rest(segments: Segments, problem: LegProblem, limit: Limit | None)
     accepted = max(ACCEPTED_RESIDUAL, reachable(system, end.u, scale))
     if residual > accepted:
         raise SolveError(
-            f"the first loading to load factors {load.tolist()} lost accuracy: residual "
+            f"the first loading to {system.load_text(load)} lost accuracy: residual "
             f"{residual:.1e} over {accepted:.0e}; try the other solver method"
         )
     end = replace(end, state=_by_motion(segments, end, slip, accepted * scale))

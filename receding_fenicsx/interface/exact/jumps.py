@@ -13,7 +13,7 @@ from receding_fenicsx.interface.exact.legs import PathPoint
 from receding_fenicsx.interface.exact.segments import Segments, States
 from receding_fenicsx.interface.exact.static import solve_static
 from receding_fenicsx.interface.law import SEPARATION
-from receding_fenicsx.interface.system import ContactState
+from receding_fenicsx.interface.system import ContactState, ContactSystem
 
 MAX_JUMPS = 100
 """Jumps on one leg after which an error is raised."""
@@ -52,34 +52,30 @@ def find_jump(segments: Segments, start: ContactState, load: Array, place: Array
     Raises:
         NoQuasiStaticContinuation: no state was found.
     """
-    end = solve_static(segments, start, load)
+    system, end = segments.system, solve_static(segments, start, load)
     if end is None:
-        raise no_state_beyond(place)
-    system, change = segments.system, end.u - start.u
+        raise no_state_beyond(system, place)
+    change = end.u - start.u
     stored = 0.5 * float(change @ system.K @ (end.u + start.u))
     work = float(load @ system.r_star @ change)
     return Jump(end, work, -stored - work)
 
 
-def no_state_beyond(place: Array) -> NoQuasiStaticContinuation:
+def no_state_beyond(system: ContactSystem, place: Array) -> NoQuasiStaticContinuation:
     """Return the error for a jump that leads to no state."""
     return NoQuasiStaticContinuation(
-        f"no quasi-static continuation at load factors [{_listed(place)}], and no state was found "
+        f"no quasi-static continuation at {system.load_text(place)}, and no state was found "
         "to jump to; reduce the friction or the load range"
     )
 
 
-def check_jumps(jumps: int, place: Array) -> None:
+def check_jumps(system: ContactSystem, jumps: int, place: Array) -> None:
     """Raise NoQuasiStaticContinuation when so many jumps on one leg are too many."""
     if jumps >= MAX_JUMPS:
         raise NoQuasiStaticContinuation(
-            f"the contact has jumped {MAX_JUMPS} times on one leg and jumps again at load factors "
-            f"[{_listed(place)}]; reduce the friction or the load range"
+            f"the contact has jumped {MAX_JUMPS} times on one leg and jumps again at "
+            f"{system.load_text(place)}; reduce the friction or the load range"
         )
-
-
-def _listed(load: Array) -> str:
-    return ", ".join(f"{value:.9g}" for value in load)
 
 
 def explain(
@@ -103,8 +99,7 @@ def explain(
     s = point.problem.place(point.s)
     load = point.load
     load[np.abs(load) <= LOAD_ROUND_OFF * np.abs(point.problem.ends).max()] = 0.0
-    factors = ", ".join(f"{value:.9g}" for value in load)
-    where = f"at load factors [{factors}] (s = {s:.9g} of the leg)"
+    where = f"at {segments.system.load_text(load)} (s = {s:.9g} of the leg)"
     contact = states != SEPARATION
     A, B = (point.y - segments.limit * force_scale).reshape(4, -1)[2:]
     if segments.lifts_freely and np.all(((A <= 0.0) & (B <= 0.0))[contact]):

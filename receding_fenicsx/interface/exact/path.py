@@ -173,7 +173,7 @@ class EventPath:
             leg = self._walk(problem)
         except SingularExchange as error:
             raise SolveError(
-                f"the exact path is lost on the way to load factors {b.tolist()}: a motion of the "
+                f"the exact path is lost on the way to {self.system.load_text(b)}: a motion of the "
                 "body is left that nothing resists; add a [[support]], or use method gauss-seidel"
             ) from error
         except SolveError as error:
@@ -186,7 +186,7 @@ class EventPath:
                 raise
             f = float(self.system.friction.mean[node])
             raise SolveError(
-                f"the exact path is lost on the way to load factors {b.tolist()}: the friction "
+                f"the exact path is lost on the way to {self.system.load_text(b)}: the friction "
                 f"f = {f:.2g} of node {node} is so small that its limit cannot be told from "
                 f"round-off; make it 0, or {LOW_FRICTION:.0e} at least"
             ) from error
@@ -230,11 +230,11 @@ class EventPath:
     def _jump(self, walk: Walk, problem: LegProblem) -> Leg:
         """Pass the jump at which a walk has ended, and follow the rest of the leg."""
         place = walk.point.load
-        check_jumps(problem.jumps, place)
+        check_jumps(self.system, problem.jumps, place)
         before = walk.stop_here()
         s = walk.s + JUMP_STEP
         if s >= 1.0:
-            raise no_state_beyond(place)
+            raise no_state_beyond(self.system, place)
         (a, b), load = problem.ends, problem.load(s)
         jump = find_jump(self.segments, before.end, load, place)
         rest = self._trace(

@@ -305,8 +305,9 @@ class Walk:
         leg = self._leg(end)
         if self._excess and not self._explained(leg):
             raise SolveError(
-                f"the exact path lost accuracy before load factors {load.tolist()}: residual "
-                f"{self.residual:.1e} over {ACCEPTED_RESIDUAL:.0e}; try the other solver method"
+                f"the exact path lost accuracy before {self.segments.system.load_text(load)}: "
+                f"residual {self.residual:.1e} over {ACCEPTED_RESIDUAL:.0e}; "
+                "try the other solver method"
             )
         if at_rest:
             u = displacements_at_rest(self.segments, end)

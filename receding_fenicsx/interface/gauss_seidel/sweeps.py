@@ -152,7 +152,7 @@ def solve_step(
             break
     node = worst % system.n
     raise (NotConverged if sweep == options.max_sweeps else Stalled)(
-        f"Gauss-Seidel stopped after {sweep} sweeps at load factors {load.tolist()}: "
+        f"Gauss-Seidel stopped after {sweep} sweeps at {system.load_text(load)}: "
         f"residual {residual:.1e} at node {node} (x = {system.x[node]:.6g}), tolerance "
         f"{options.residual_tolerance:.1e}; take more steps per leg, more sweeps, or method events"
     )

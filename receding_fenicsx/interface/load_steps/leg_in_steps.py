@@ -98,7 +98,7 @@ class LegInSteps:
         if on_jump != "static" or not isinstance(error, NoQuasiStaticContinuation):
             raise error
         leg, system, load, start = self.leg, self.system, self.load(part[1]), self.end
-        check_jumps(len(leg.jumps), load)
+        check_jumps(self.system, len(leg.jumps), load)
         jump = find_jump(segments, start, load, load)
         leg.jumps.append((part[0], jump.released))
         leg.work += jump.work

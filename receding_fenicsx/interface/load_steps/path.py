@@ -151,7 +151,7 @@ class GaussSeidelPath:
             if targets[-1] - s > GROWTH * part:
                 targets.append(s + GROWTH * part)
         raise SolveError(
-            f"the load step before load factors {now.load(s_end).tolist()} was taken in "
+            f"the load step before {self.system.load_text(now.load(s_end))} was taken in "
             f"{MAX_PARTS} parts without finding whether the contact jumps in it; use method events"
         )
 

@@ -1,4 +1,3 @@
-import re
 from collections.abc import Callable
 from dataclasses import replace
 from itertools import pairwise
@@ -11,7 +10,7 @@ from law import random_system, worst_violation
 from legs import asking
 from models import block_system, pushed_block
 from replay import objections
-from small import cyclic, small_system, table, walker
+from small import cyclic, named_loads, small_system, table, walker
 
 from receding_fenicsx.errors import NoEquilibrium, NoQuasiStaticContinuation, SolveError
 from receding_fenicsx.evolution.evolve import evolve
@@ -241,9 +240,8 @@ def test_a_free_body_slides_exactly_at_the_friction_of_its_weight(weight: float)
     top = 1.01 * F * weight
     with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
         evolve(sledge(), table(sledge(), [[0, 0], [weight, 0], [weight, top]]))
-    named = re.search(r"load factors \[(\S+), (\S+)\]", str(caught.value))
-    assert named is not None
-    assert (float(named[1]), float(named[2])) == (weight, pytest.approx(F * weight, rel=1e-8))
+    slides = [weight, pytest.approx(F * weight, rel=1e-8)]
+    assert named_loads(caught.value, "weight", "push") == slides
     assert "\n" not in str(caught.value)
 
 
@@ -255,8 +253,7 @@ def test_a_free_block_slides_exactly_at_the_friction_of_its_load() -> None:
     assert np.any(held.turning_points.state[-1] == STICK)
     with pytest.raises(NoEquilibrium, match="gross sliding") as caught:
         evolve(pushed, table(pushed, [[0, 0], [1, 0], [1, 1.01 * slides]]))
-    named = re.search(r"load factors \[(\S+), (\S+)\]", str(caught.value))
-    assert named is not None and float(named[2]) == pytest.approx(slides, rel=1e-8)
+    assert named_loads(caught.value, "push") == [pytest.approx(slides, rel=1e-8)]
 
 
 # -- the block ------------------------------------------------------------------------------------
@@ -265,7 +262,7 @@ SMALL = block_system(40, 20)
 
 
 def test_a_free_block_lifts_off_where_the_load_vanishes() -> None:
-    with pytest.raises(NoEquilibrium, match=r"lift-off at load factors \[0\]"):
+    with pytest.raises(NoEquilibrium, match="lift-off at p0 = 0"):
         evolve(SMALL, cyclic(1, minimum=-0.1))
     # with a dead weight w, the pull wins at -w
     both = replace(
@@ -276,8 +273,7 @@ def test_a_free_block_lifts_off_where_the_load_vanishes() -> None:
     )
     with pytest.raises(NoEquilibrium, match="lift-off") as caught:
         evolve(both, table(both, [[0, 0], [0, 0.25], [1, 0.25], [-1, 0.25]]))
-    named = re.search(r"load factors \[(\S+), (\S+)\]", str(caught.value))
-    assert named is not None and float(named[1]) == pytest.approx(-0.25, abs=1e-8)
+    assert named_loads(caught.value, "p0") == [pytest.approx(-0.25, abs=1e-8)]
 
 
 def test_reloading_after_complete_unloading_is_the_first_loading_again() -> None:
@@ -583,7 +579,7 @@ def test_jumps_without_end_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     system, history = random_case(53, 5.0, largest=6)
     assert evolve(system, history, SolverOptions(on_jump="static")).jumps >= 2
     monkeypatch.setattr("receding_fenicsx.interface.exact.jumps.MAX_JUMPS", 1)
-    said = r"^cycle 2, leg 0: .*jumps again at load factors \[0\.4425\d*, 0\.0816\d*\]"
+    said = r"^cycle 2, leg 0: .*jumps again at \w+ = 0\.4425\d*, \w+ = 0\.0816\d*;"
     with pytest.raises(NoQuasiStaticContinuation, match=said):
         evolve(system, history, SolverOptions(on_jump="static"))
 
