@@ -156,6 +156,20 @@ def test_three_layers_under_uniform_pressure_are_springs_in_series(symmetry: str
 # -- against itself ------------------------------------------------------------------------------
 
 
+@pytest.mark.parametrize("symmetry", ["auto", "none"])
+def test_a_stack_that_nothing_holds_carries_balanced_loads(symmetry: str) -> None:
+    """Layers of any moduli without friction are in uniaxial stress."""
+    parts = (rf.Load("p", "b0.bottom", pressure=1.0), rf.Load("p", "b2.top", pressure=1.0))
+    scene = layers((1.0, 0.5, 1.5), friction=0.0, loads=parts, history=ONCE)
+    scene = replace(scene, contacts=scene.contacts[1:], solver=rf.SolverOptions(symmetry=symmetry))
+    record = rf.run(scene)
+    if record is not None:
+        assert len(record.by_edge()) == 2
+        assert record.turning_points.p[-1] == pytest.approx(1.0, rel=1e-9)
+    with pytest.raises(rf.InputError, match=r"load 'p' moves .* bodies together"):
+        rf.condense(replace(scene, loads=parts[:1]))
+
+
 def test_half_of_a_stack_is_the_whole_one() -> None:
     half, whole = (
         played(layers((1.0, 1.0, 0.7), loads=LOADS, solver=rf.SolverOptions(symmetry=s)))
