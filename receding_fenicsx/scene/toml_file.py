@@ -196,87 +196,68 @@ def set_value(raw: dict[str, Any], key: str, value: Any, where: str) -> None:
     Raises:
         InputError: the key names a table or load that the scene does not have.
     """
-    names = [part.strip() for part in key.split(".")]
-    if names == ["title"]:
+    kind, *names = (part.strip() for part in key.split("."))
+    if kind == "title" and not names:
         raw["title"] = value
         return
-    if names[0] not in KNOWN:
-        unknown_name(names[0], KNOWN, where, "table")
-    if names[0] == "title" or len(names) == 1:
-        raise InputError(f"{where}: write {names[0]}.key=value")
-    if names[:2] == ["history", "harmonic"] and len(names) > 3:
-        _table_of_load(raw, ".".join(names[2:-1]), where)[names[-1]] = value
-    elif len(names) > 2 and names[-2] in PARTS.get(names[0], ()):
-        table = _table_to_set(raw, names[:-1], where)
-        table[names[-2]] = _with_part(table, names[-2], names[-1], value, where)
-    else:
-        _table_to_set(raw, names, where)[names[-1]] = value
-
-
-def _table_of_load(raw: dict[str, Any], name: str, where: str) -> dict[str, Any]:
-    """Return the table [history.harmonic.NAME] of a load."""
-    table: Any = raw
-    for key in ("history", "harmonic", name):
-        table = table.setdefault(key, {})
-        if not isinstance(table, dict):
-            raise InputError(f"{where}: '{key}' must be a table")
-    return table
-
-
-def _with_part(
-    table: dict[str, Any], key: str, part: str, value: object, where: str
-) -> dict[str, Any]:
-    """Return the value of a key with one of its parts changed, the others as they are."""
-    if key != "friction":
-        given = table.get(key, {})
-        return {**(given if isinstance(given, dict) else {}), part: value}
-    if part not in DIRECTIONS:
-        unknown_name(part, DIRECTIONS, where, "key")
-    given = table.get(key, Contact.friction)
-    if not isinstance(given, dict) or not set(given) & set(DIRECTIONS):
-        given = dict.fromkeys(DIRECTIONS, given)
-    return {**given, part: value}
-
-
-def _table_to_set(raw: dict[str, Any], names: list[str], where: str) -> dict[str, Any]:
-    """Return the table that an override "table.key" or "table.NAME.key" changes."""
-    kind = names[0]
-    # a name may itself hold a dot
-    name = ".".join(names[1:-1])
-    if kind == "load" and not name:
-        raise InputError(f"{where}: name the load, for example load.p0.pressure=2.0")
-    if kind == "material" and name in named_materials(raw):
-        return named_materials(raw)[name]
-    if kind in ARRAYS or isinstance(raw.get(kind), list):
-        tables = as_list(raw.setdefault(kind, {}), kind)
-        if kind in NAMED and name:
-            chosen = [table for table in tables if table.get("name") == name]
-            if len(chosen) > 1:
-                raise InputError(
-                    f"{where}: {len(chosen)} [[{kind}]] tables are named '{name}'; write "
-                    f"{kind}.{name}.N.{names[-1]}, N = 1 to {len(chosen)}"
-                )
-            base, _, number = name.rpartition(".")
-            parts = [table for table in tables if table.get("name") == base]
-            if not chosen and number.isdecimal() and 1 <= int(number) <= len(parts):
-                return parts[int(number) - 1]
-            if not chosen:
-                known = [str(table["name"]) for table in tables if "name" in table]
-                unknown_name(name, known, where, kind)
-            return chosen[0]
-        if name.isdecimal() and 1 <= int(name) <= len(tables):
-            return tables[int(name) - 1]
-        if len(tables) != 1:
-            which = "NAME" if kind in NAMED else f"N (1 to {len(tables)})"
-            raise InputError(
-                f"{where}: the scene has {len(tables)} [[{kind}]] tables; write "
-                f"{kind}.{which}.key=value"
-            )
-        if not name:
-            return tables[0]
-    table = raw.setdefault(kind, {})
-    if name:
+    if kind not in KNOWN:
+        unknown_name(kind, KNOWN, where, "table")
+    if kind == "title" or not names:
         raise InputError(f"{where}: write {kind}.key=value")
-    if not isinstance(table, dict):
-        raise InputError(f"'{kind}' must be a table; write [{kind}]")
-    return table
+    table, (name, *parts) = _table_to_set(raw, kind, names, where)
+    if parts and name not in PARTS.get(kind, ()):
+        raise InputError(f"{where}: write {kind}.key=value")
+    if parts and name == "friction":
+        if parts[0] not in DIRECTIONS:
+            unknown_name(parts[0], DIRECTIONS, where, "key")
+        given = table.get(name, Contact.friction)
+        if not isinstance(given, dict) or not set(given) & set(DIRECTIONS):
+            table[name] = dict.fromkeys(DIRECTIONS, given)
+    # names of loads may hold dots
+    last = [parts.pop()] if name == "harmonic" and len(parts) > 1 else []
+    *steps, last_key = [name, *([".".join(parts)] if parts else []), *last]
+    for step in steps:
+        inner = table.get(step)
+        table[step] = {**inner} if isinstance(inner, dict) else {}
+        table = table[step]
+    table[last_key] = value
+
+
+def _table_to_set(
+    raw: dict[str, Any], kind: str, names: list[str], where: str
+) -> tuple[dict[str, Any], list[str]]:
+    """Return the table that "kind.NAMES" changes, and the keys in it."""
+    named = ".".join(names[:-1])
+    if kind == "material" and named in named_materials(raw):
+        return named_materials(raw)[named], names[-1:]
+    if kind not in ARRAYS and not isinstance(raw.get(kind), list):
+        table = raw.setdefault(kind, {})
+        if not isinstance(table, dict):
+            raise InputError(f"'{kind}' must be a table; write [{kind}]")
+        return table, names
+    tables = as_list(raw.setdefault(kind, {}), kind)
+    for n in range(len(names) - 1, 0, -1):
+        # a name, which may hold dots, with a number where several have it; or a number alone
+        label, base, number = ".".join(names[:n]), ".".join(names[: n - 1]), names[n - 1]
+        chosen = [table for table in tables if table.get("name") == label]
+        alike = [table for table in tables if table.get("name") == base] if base else tables
+        if not chosen and number.isdecimal() and 1 <= int(number) <= len(alike):
+            chosen = [alike[int(number) - 1]]
+        if len(chosen) > 1:
+            raise InputError(
+                f"{where}: {len(chosen)} [[{kind}]] tables are named '{label}'; write "
+                f"{kind}.{label}.N.{names[-1]}, N = 1 to {len(chosen)}"
+            )
+        if chosen:
+            return chosen[0], names[n:]
+    if kind in NAMED and named:
+        known = [str(table["name"]) for table in tables if "name" in table]
+        unknown_name(named, known, where, kind)
+    if kind == "load":
+        raise InputError(f"{where}: name the load, for example load.p0.pressure=2.0")
+    if len(tables) != 1:
+        count, which = len(tables), "NAME" if kind in NAMED else f"N (1 to {len(tables)})"
+        raise InputError(
+            f"{where}: the scene has {count} [[{kind}]] tables; write {kind}.{which}.key=value"
+        )
+    return tables[0], names

@@ -136,7 +136,7 @@ def test_parts_are_changed_by_their_number() -> None:
     assert [load.pressure for load in changed.loads] == [1.0, 3.0]
     for override, word in (
         ("load.L.pressure=3", "load.L.N.pressure"),
-        ("load.L.3.span=1", "unknown"),
+        ("load.L.3.span=1", "load.L.N.span, N = 1 to 2"),
     ):
         with pytest.raises(InputError, match=word):
             from_toml(text, [override])

@@ -52,7 +52,6 @@ def test_a_profile_is_read_from_a_file_beside_the_scene(
         (None, ["no such file"]),
         (b"\xff\xfe\x00", ["not a text file"]),
         ("1 2 3\n4 5 6\n", ["their 3 column(s)", "as in x,value"]),
-        ("one two\n", ["no row of numbers"]),
         ("", ["no row of numbers"]),
         ("0 0\n1\n", ["line 2", "1 column(s)"]),
         ("x,value\n0,0.1\n1,abc\n", ["line 3", '"abc"']),
