@@ -41,4 +41,5 @@ def softest_motion(K: Array, held: NDArray[np.bool_], rigid: Array) -> float:
         rigid: (2N, n) rigid motions that supports leave.
     """
     stiffness = np.linalg.eigvalsh(K[np.ix_(~held, ~held)])[rigid.shape[1] :]
-    return float(stiffness[0] / stiffness[-1]) if len(stiffness) else 1.0
+    largest = float(stiffness.max(initial=0.0))
+    return float(stiffness[0]) / largest if largest > 0.0 else 1.0

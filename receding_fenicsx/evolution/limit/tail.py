@@ -133,7 +133,7 @@ def follow(cycle: TracedCycle, force: float, tolerance: float) -> Tail:
     q = np.array([stop.q[:n] for stop in cycle.stops])
     v += _moved(events.at, summed[-1], still[0], events.change[:, :n], q)
     slips = k[:n] * np.ptp(v, axis=0) > tolerance
-    rounded = np.round(places / (tolerance / rate.max()))
+    rounded = np.round(places * (rate.max() / tolerance))
     _, first = np.unique(rounded.argsort(axis=1, kind="stable"), axis=0, return_index=True)
     others = [
         (limit + on_u @ summed[m], limit + on_u @ summed[m + 1] + walk)
