@@ -126,6 +126,8 @@ def result(pool: str, job: Future[T], seconds: float | None = None) -> T:
         how = f"with exit code {code}" if code >= 0 else f"by {name}"
         raise WorkerEnded(f"its process ended {how}", code) from None
     except BaseException as error:
+        if isinstance(error, RecedingError):
+            raise error from None  # without the trace in the other process
         if job.done():
             raise
         end(pool)
