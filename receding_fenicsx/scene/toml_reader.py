@@ -163,7 +163,7 @@ def check_values(table: Table, label: str = "") -> None:
 
 def _label(values: dict[str, Any], place: Place) -> tuple[str, Place]:
     """Return the name of a table in messages, and the place of the value in it."""
-    attribute, *rest = place
+    attribute, *rest = place or ("scene",)
     table = TABLE_OF.get(str(attribute), str(attribute))
     value = values.get(str(attribute))
     if table == "title" or (not rest and not isinstance(value, dict)):
@@ -216,8 +216,11 @@ def convert(kind: type[T], raw: Any, label: Callable[[Place], tuple[str, Place]]
         return found
     except ValidationError as error:
         errors: list[Any] = error.errors(include_url=False)
+    raw = json.loads(text)
     wrong = _resolved([(_steps(raw, item), item) for item in errors])
-    raise InputErrors(*dict.fromkeys(_message(kind, place, item, label) for place, item in wrong))
+    lines = [*dict.fromkeys(_message(kind, place, item, label) for place, item in wrong)]
+    more = [f"{_where(label, ())}: {len(lines) - 20} more errors"] if len(lines) > 20 else []
+    raise InputErrors(*lines[:20], *more)
 
 
 def _with_nul(value: Any, place: Place = ()) -> Iterator[Place]:

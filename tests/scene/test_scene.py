@@ -313,6 +313,15 @@ def test_all_errors_of_a_scene_are_told_one_a_line() -> None:
     assert "unknown load 'q'" in first and "[history] minimum" in second
 
 
+def test_many_errors_of_one_kind_are_counted() -> None:
+    rows = ", ".join(30 * ["['x']"])
+    with pytest.raises(InputError) as caught:
+        block(f"history.rows=[{rows}]", "solver.method=2020-01-01")
+    *first, last = str(caught.value).splitlines()
+    assert len(first) == 20 and last == "scene: 11 more errors"
+    assert first[0] == '[history] rows entry 1 entry 1: must be a number, not "x"'
+
+
 def test_values_of_scenes_made_in_python_are_checked_like_those_of_files() -> None:
     scene = block()
     for changes, words in (

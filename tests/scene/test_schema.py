@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import datetime as dt
 import json
+import math
+import re
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,6 +19,8 @@ import pytest
 import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.scene.schema import descriptions, scene_schema
+from receding_fenicsx.scene.toml_file import from_raw
+from receding_fenicsx.scene.toml_reader import parse_toml
 
 pytestmark = pytest.mark.one_rank
 
@@ -66,6 +71,26 @@ def test_tables_of_keys_in_the_documents_are_those_of_the_docstrings() -> None:
     assert key_tables.with_tables(text) == text, "run python docs/key_tables.py"
     for kind in key_tables.KINDS.values():
         assert key_tables.key_table(kind) in text
+
+
+ODD = [True, 10**400, math.nan, "", "x", [], [1], [1, 2, 3], ["x", 1.0], [{}], [[1.0], [True]]]
+ODD += [{}, {"x": [0]}, {"forward": [1]}, {"a": {"mean": "b"}}, dt.date(2020, 1, 1)]
+
+
+@pytest.mark.parametrize("table", key_tables.KINDS)
+def test_any_value_of_any_key_is_taken_or_refused_in_plain_words(table: str) -> None:
+    for key in descriptions(key_tables.KINDS[table]):
+        for value in ODD:
+            raw = parse_toml((ROOT / "demos" / "block.toml").read_text())
+            given = raw.get(table, {})
+            given = given[0] if isinstance(given, list) else given
+            raw[table] = {**given, key: value}
+            try:
+                from_raw(raw)
+            except rf.InputError as error:
+                for line in str(error).splitlines():
+                    assert not re.search("Input should|Value error|NoneType", line), line
+                    assert line.startswith(("[", f"{table} '", "load '", "scene:")), line
 
 
 def test_the_package_is_imported_without_pydantic() -> None:
