@@ -164,7 +164,6 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         # ranges and choices
         (["body.shape=circle"], ['[body] shape: "circle" is unknown; use "rectangle" or']),
         (["mesh.degree=3"], ["[mesh] degree: 3 is unknown; use 1 or 2"]),
-        (["material.poisson=-1"], ["[material] poisson: must be above -1"]),
         (["material.density=-1e-9"], ["[material] density: must be 0 or more"]),
         # rules
         (["material.poisson=0.5"], ["[material] poisson", "below 0.5", "plane strain"]),
@@ -175,7 +174,6 @@ def test_override_reaches_a_load_whose_name_holds_a_dot() -> None:
         (["contact.span=[1, 1]"], ["[contact] span", "empty"]),
         (["load.p0.edge=side"], ["load 'p0' edge", "top"]),
         (["load.p0.edge=bottom"], ["load 'p0'", "contact edge"]),
-        (["load.p0.pressure=0"], ["load 'p0' pressure", "zero everywhere"]),
         (["load.p0.pressure=1/x"], ["load 'p0' pressure", "1/x", "finite", "x = 0"]),
         (["load.p0.pressure=1/q"], ["load 'p0' pressure", "unknown name 'q'"]),
         (["load.p0.traction=[0, 1]"], ["load 'p0'", "pressure and traction"]),
