@@ -395,7 +395,7 @@ def test_bad_input_is_refused_in_one_line_before_anything_runs(
 @pytest.mark.parametrize("name", ["file", "folder"])
 @pytest.mark.parametrize("choice", [{}, {"resume": True}, {"overwrite": True}], ids=str)
 def test_what_is_no_folder_of_a_sweep_is_left_alone(
-    name: str, choice: dict[str, bool], shared_tmp_path: Path
+    name: str, choice: dict[str, Any], shared_tmp_path: Path
 ) -> None:
     place = shared_tmp_path / name
     mine = place if name == "file" else place / "mine"
