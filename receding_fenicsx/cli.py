@@ -7,33 +7,25 @@ options and the help. Libraries are imported when a command needs them.
 from __future__ import annotations
 
 import contextlib
-import errno
 import os
 import re
 import sys
-import traceback
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
-from cyclopts import App, CycloptsError, Parameter
+from cyclopts import App, Parameter
 from rich.console import Console
 
 from receding_fenicsx import __version__
 from receding_fenicsx.environment import MPI_VARIABLES
-from receding_fenicsx.errors import (
-    NO_ROOM,
-    InputError,
-    InputErrors,
-    Interrupted,
-    RecedingError,
-    SolveError,
-    ToleranceNotMet,
-)
+from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.mpi import given, leave, on_root
 from receding_fenicsx.terminal import (
+    PROGRAM,
     catch_termination,
+    ending,
     is_root,
     log_to_terminal,
     progress,
@@ -46,11 +38,6 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from receding_fenicsx.scene.model import Scene
-
-PROGRAM = "receding-fenicsx"
-
-UNUSABLE_PATH = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ELOOP)
-"""System errors of paths that the user has to change."""
 
 app = App(
     name=PROGRAM,
@@ -77,7 +64,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     comm = None if {"--help", "-h", "--version"} & {*words} and not in_job else world()
     catch_termination()
     try:
-        command, bound = _parsed(words, Console(quiet=not is_root(comm)))
+        if not words:
+            raise InputError(f"a COMMAND is missing; see {PROGRAM} --help")
+        console = Console(quiet=not is_root(comm))  # of the help
+        command, bound, _ = app.parse_args(
+            words, console=console, exit_on_error=False, print_error=False
+        )
         log_to_terminal(comm)
         code = int(command(*bound.args, **bound.kwargs) or 0)
         print(end="", flush=True)
@@ -85,7 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     except BaseException as error:
         if isinstance(error, SystemExit) and not (isinstance(error.code, int) and error.code > 128):
             raise  # no signal, which may have come to this rank alone
-        code, text = _ending(error)
+        code, text = ending(error)
         if text and is_root(comm):
             lines = [f"{PROGRAM}: {line}" for line in text.splitlines()]
             print("\n".join(lines), file=sys.stderr, flush=True)
@@ -96,56 +88,9 @@ def main(argv: Sequence[str] | None = None) -> int:
         return code
 
 
-def _ending(error: BaseException) -> tuple[int, str]:
-    """Return the exit code and the line to print for what ended a command."""
-    match error:
-        case InputErrors():
-            return error.exit_code, "\n".join(f"error: {line}" for line in error.messages)
-        case RecedingError():
-            return error.exit_code, f"error: {error}".replace("\n", " ")
-        case Interrupted():
-            return error.exit_code, str(error)
-        case KeyboardInterrupt():
-            return 130, "interrupted"  # 128 + SIGINT, as shells have it
-        case SystemExit():
-            return int(error.code or 0), ""
-        case BrokenPipeError():  # the reader of the output has closed the pipe
-            sys.stdout = None
-            return 0, ""
-        case MemoryError():
-            return 1, "error: out of memory; use fewer contact_elements or samples"
-        case OSError() if error.errno in NO_ROOM:
-            sys.stdout = None  # buffered output cannot be written either
-            where = error.filename or "standard output"
-            return 1, f"error: {where}: cannot be written ({error.strerror})"
-        case OSError() if error.errno in UNUSABLE_PATH:
-            return 2, f"error: {error.filename}: cannot be used ({error.strerror})"
-    traceback.print_exception(error)
-    text = f"internal error: {type(error).__name__}: {error}; please report the lines above"
-    return 1, text
-
-
-def _parsed(words: Sequence[str], console: Console) -> tuple[Callable[..., Any], Any]:
-    """Return the function of the command and its arguments; that of --help prints to a console."""
-    if not words:
-        raise InputError(f"a COMMAND is missing; see {PROGRAM} --help")
-    try:
-        return app.parse_args(words, console=console, exit_on_error=False, print_error=False)[:2]
-    except CycloptsError as error:
-        see = " ".join([PROGRAM, *(error.command_chain or ()), "--help"])
-        raise InputError(f"{' '.join(str(error).split())} See {see}") from None
-
-
 # -- options of several commands -----------------------------------------------------------------
 
-Verbose = Annotated[
-    int,
-    Parameter(
-        alias="-v",
-        count=True,
-        help="log stages, cycles, residuals and timings; twice: every change of state too",
-    ),
-]
+Verbose = Annotated[int, Parameter(alias="-v", count=True)]
 SceneFile = Annotated[str, Parameter(name="SCENE", help="scene file (TOML)")]
 Folder = Annotated[Path, Parameter(name="DIR", help="run folder")]
 
@@ -162,6 +107,7 @@ class Study:
     overwrite: bool = False
     """replace what an earlier command wrote there"""
     verbose: Verbose = 0
+    """log stages, cycles, residuals and timings; twice: every change of state too"""
 
     @contextlib.contextmanager
     def started(self, scene: str) -> Iterator[tuple[Scene, MPI.Comm, Say]]:
@@ -293,8 +239,7 @@ def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str], shard: str 
 
     Args:
         over: table.key=values, values of one key, as for --set: a list 0,0.25,0.5 or a range
-            first:last:number, as in contact.friction=0.1:0.9:9; repeatable: all combinations are
-            run
+            first:last:number, as in contact.friction=0.1:0.9:9; repeatable for all combinations
         shard: i/n, run the i-th of n shares of the cases only; other jobs run the others in the
             same folder, and the last one writes the table
     """
@@ -399,6 +344,7 @@ def snapshot(
         cycle: cycle number; 0 is the first loading
         leg: leg of the cycle: loading, unloading, or its number from 0
         at: position along the leg, 0 to 1
+        verbose: log stages and timings
     """
     with progress(verbose) as say:
         from receding_fenicsx import pictures
@@ -476,11 +422,7 @@ def export(
             told = fclib.export(source, out, (cycle, leg, at), since, overwrite)
             print(f"{told}, written to {out}")
 
-    comm = world()
-    if comm is None:
-        work()
-    else:
-        on_root(comm, work)
+    on_root(require_mpi(), work)
 
 
 @app.command(name="import")

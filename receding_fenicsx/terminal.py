@@ -3,20 +3,28 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import logging
 import signal
 import sys
+import traceback
 from collections.abc import Iterator
 from types import FrameType
 from typing import TYPE_CHECKING, NoReturn
 
+from cyclopts import CycloptsError
 from rich.console import Console
 
-from receding_fenicsx.errors import RecedingError
+from receding_fenicsx.errors import NO_ROOM, InputErrors, Interrupted, RecedingError
 from receding_fenicsx.timing import Say, Step
 
 if TYPE_CHECKING:
     from mpi4py import MPI
+
+PROGRAM = "receding-fenicsx"
+
+UNUSABLE_PATH = (errno.ENAMETOOLONG, errno.EACCES, errno.EPERM, errno.ENOTDIR, errno.ELOOP)
+"""System errors of paths that the user has to change."""
 
 
 def world() -> MPI.Comm | None:
@@ -34,7 +42,7 @@ def require_mpi() -> MPI.Comm:
     """Return all processes of the job, ready for PETSc."""
     comm = world()
     if comm is None:
-        raise RecedingError("mpi4py is not installed; see receding-fenicsx doctor")
+        raise RecedingError(f"mpi4py is not installed; see {PROGRAM} doctor")
     with contextlib.suppress(ImportError):
         from petsc4py import PETSc  # noqa: F401 - its start replaces the handler of SIGTERM
     catch_termination()
@@ -95,3 +103,35 @@ def progress(verbose: int = 0) -> Iterator[Say]:
             shown.update(task, description=text, completed=step.done, total=total, refresh=True)
 
         yield say
+
+
+def ending(error: BaseException) -> tuple[int, str]:
+    """Return the exit code and the line to print for what ended a command."""
+    match error:
+        case InputErrors():
+            return error.exit_code, "\n".join(f"error: {line}" for line in error.messages)
+        case CycloptsError():
+            see = " ".join([PROGRAM, *(error.command_chain or ()), "--help"])
+            return 2, f"error: {' '.join(str(error).split())} See {see}"
+        case RecedingError():
+            return error.exit_code, f"error: {error}".replace("\n", " ")
+        case Interrupted():
+            return error.exit_code, str(error)
+        case KeyboardInterrupt():
+            return 130, "interrupted"  # 128 + SIGINT, as shells have it
+        case SystemExit():
+            return int(error.code or 0), ""
+        case BrokenPipeError():  # the reader of the output has closed the pipe
+            sys.stdout = None
+            return 0, ""
+        case MemoryError():
+            return 1, "error: out of memory; use fewer contact_elements or samples"
+        case OSError() if error.errno in NO_ROOM:
+            sys.stdout = None  # buffered output cannot be written either
+            where = error.filename or "standard output"
+            return 1, f"error: {where}: cannot be written ({error.strerror})"
+        case OSError() if error.errno in UNUSABLE_PATH:
+            return 2, f"error: {error.filename}: cannot be used ({error.strerror})"
+    traceback.print_exception(error)
+    text = f"internal error: {type(error).__name__}: {error}; please report the lines above"
+    return 1, text
