@@ -20,7 +20,7 @@ from receding_fenicsx.evolution.instants import Instant, event_rows
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.uniqueness.watch import Uniqueness
 
-MAGIC = b"recedingjournal3"
+MAGIC = b"recedingjournal4"
 """First bytes of the file: its kind and its format version."""
 
 TITLE_BYTES = len(MAGIC) + 16
@@ -49,7 +49,6 @@ class JournalFormat:
             [
                 ("dissipation", "<f8", (n,)),
                 ("slip", "<f8", (n,)),
-                ("unused range", "<f8"),
                 ("totals", TOTALS),
                 ("uniqueness", UNIQUENESS),
                 ("kept", "i1"),

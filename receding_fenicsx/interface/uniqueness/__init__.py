@@ -19,9 +19,10 @@ r"""Uniqueness of a path: one solution of every rate problem, or several.
    definite there is one solution: with friction reduced to t f, $0 \le t \le 1$, every piece of the
    piecewise linear law keeps a positive determinant, so that the number of solutions is that
    without friction, one.
-4. **Few factorisations** (`patterns.certify`). One matrix certifies many sets of states: nodes that
-   slip in given directions, and nodes that open; nodes that touch may slip the other way too. A set
-   in a pattern that was certified before needs no more work; mostly one pattern holds whole legs
+4. **Few factorisations** (`patterns.certify`). Sets of states of a leg are certified together, by
+   one matrix that contains them all: nodes that slip in given directions, and nodes that open;
+   nodes that touch may slip the other way too. A group that fails is halved. A set in a pattern
+   that was certified before needs no more work; mostly one pattern holds whole legs
    (`whole_legs`).
 5. **Margin** (`Certificate.margin`). All friction may grow by
    $$\varphi = 1 / \lambda_\mathrm{max}(-\mathrm{sym}(C K_{nt}), K_{tt}),$$

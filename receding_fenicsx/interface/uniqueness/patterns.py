@@ -89,6 +89,34 @@ def joined(pattern: Sides, one: Sides) -> Sides:
     return Sides(forward, backward, pattern.open | one.open, pattern.touching | one.touching)
 
 
+def grouped(sets: Sequence[Sides]) -> list[list[Sides]]:
+    """Sort sets of states into groups that share directions of slip but for one node of each."""
+    groups: list[list[Sides]] = []
+    united: list[Sides] = []
+    for one in sets:
+        for k, pattern in enumerate(united):
+            other = turned(pattern, one)
+            if not other & (other - 1):
+                break
+        else:
+            k = len(groups)
+            groups.append([])
+            united.append(Sides())
+        groups[k].append(one)
+        united[k] = joined(united[k], one)
+    return groups
+
+
+def halves(sets: Sequence[Sides]) -> tuple[list[Sides], list[Sides]]:
+    """Split a group of at least two: those with fewer open nodes, and the others."""
+    ranked = sorted(range(len(sets)), key=lambda k: sets[k].open.bit_count())
+    fewer = set(ranked[: len(sets) // 2])
+    few, many = list[Sides](), list[Sides]()
+    for k, one in enumerate(sets):
+        (few if k in fewer else many).append(one)
+    return few, many
+
+
 def certify(judge: Certificate, sets: Sequence[Sides], margin: float) -> Pattern | None:
     """Certify sets of states with all friction multiplied by a margin.
 

@@ -19,7 +19,13 @@ from receding_fenicsx.interface.tolerances import JUMP_STEP, SAME_MARGIN, SIMULT
 from receding_fenicsx.interface.uniqueness.definite import Certificate
 from receding_fenicsx.interface.uniqueness.first_loading import solutions_from_rest
 from receding_fenicsx.interface.uniqueness.instants import Instant, InstantsOfLegs, in_order
-from receding_fenicsx.interface.uniqueness.patterns import MOST_TOUCHING, Pattern, certify
+from receding_fenicsx.interface.uniqueness.patterns import (
+    MOST_TOUCHING,
+    Pattern,
+    certify,
+    grouped,
+    halves,
+)
 from receding_fenicsx.interface.uniqueness.sides import Sides, States, mask_of
 from receding_fenicsx.interface.uniqueness.whole_legs import WholeLegs
 
@@ -254,26 +260,47 @@ class UniquenessWatch:
 
     def judge(self, sets: list[Sides]) -> None:
         """Certify sets of states in which something slips; note those that are not definite."""
-        for one in sets:
-            if self._is_new(one):
-                pattern = certify(self.certificate, [one], LARGE_MARGIN)
-                if pattern is not None and pattern.holds(one):
-                    self._patterns.insert(0, pattern)
-                elif not self._is_definite(one):
-                    self.indefinite.add(one)
+        made: list[Pattern] = []
+        for group in grouped(list(filter(self._is_new, sets))):
+            self._judge(group, made, 0)
+        self._patterns[:0] = made[::-1]
 
-    def _is_definite(self, one: Sides) -> bool:
+    def _judge(self, sets: list[Sides], made: list[Pattern], seen: int) -> None:
+        """Certify a group: together, else in halves, at last each alone.
+
+        Args:
+            sets: the group.
+            made: patterns made since the sets were new.
+            seen: number of those that hold none of them.
+        """
+        while sets := [one for one in sets if not any(other.holds(one) for other in made[seen:])]:
+            seen = len(made)
+            pattern = certify(self.certificate, sets, LARGE_MARGIN)
+            if pattern is not None and pattern.holds(sets[0]):
+                made.append(pattern)
+            elif len(sets) > 1:
+                for half in halves(sets):
+                    self._judge(half, made, seen)
+                return
+            elif not self._is_definite(sets[0], made):
+                self.indefinite.add(sets[0])
+                return
+            else:
+                return
+
+    def _is_definite(self, one: Sides, made: list[Pattern]) -> bool:
         """Return whether the sets of states that the nodes may take are definite, one by one."""
         if not one.touching:
             self._measure(one)
             pattern = certify(self.certificate, [one], 1.0 + SAME_MARGIN)
             if pattern is not None:
-                self._patterns.insert(0, pattern)
+                made.append(pattern)
             return pattern is not None
         if one.touching.bit_count() > MOST_TOUCHING:
             return False
         sides = list(one.explicit(self.certificate.rubbing))
-        self.judge(sides)
+        for group in grouped(list(filter(self._is_new, sides))):
+            self._judge(group, made, 0)
         return self.indefinite.isdisjoint(sides)
 
     def _measure(self, one: Sides) -> None:
