@@ -241,8 +241,8 @@ def stick_at_rest(model: ContactSystem, start: ContactState, leg: Leg) -> None:
         start: state at the leg's start.
         leg: the leg; its end and its events are changed.
     """
-    # ends of limit cycles lack as much; a longer slip is one that the energy knows
-    none = 3.0 * ON_LIMIT * leg.force_scale / local_stiffness(model)[0]
+    # its force changes by less than the distance at which a node counts as on its limit
+    none = ON_LIMIT * leg.force_scale / local_stiffness(model)[0]
     still = (start.state == STICK) & (np.abs(leg.end.v - start.v) <= none)
     still &= (SLIP_SIGN[leg.end.state] != 0.0) & model.friction.present
     if not still.any():
