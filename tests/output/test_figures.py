@@ -682,6 +682,14 @@ def around(legs: int, cycles: int = 2) -> rf.Record:
     return rf.evolve(system, history, output=rf.OutputOptions(samples_per_leg=2, cycles="all"))
 
 
+def test_the_first_loading_is_shown_where_its_loads_are_largest_each_by_its_own_size() -> None:
+    system = two_nodes()
+    found = rf.evolve(system, table(system, [[0.0, 0.0], [1.0, 0.0], [0.9, 0.08], [0.0, 0.0]]))
+    drawn = dict(rf.figures.draw_all(found))
+    (name,) = (name for name in drawn if name.endswith("tractions_first_loading"))
+    assert "0.9" in drawn[name].axes[0].get_title()
+
+
 def test_the_first_loading_has_a_panel_for_each_of_its_own_legs() -> None:
     system, loop = two_nodes(), [[1.0, 0.5], [1.0, 0.2], [0.5, 0.2], [1.0, 0.5]]
     for path in ([loop[0]], [[0.5, 0.1], loop[0]]):

@@ -66,6 +66,14 @@ def test_schema_has_the_ranges_and_choices_and_nothing_that_toml_has_not(
     assert references <= set(schema["$defs"])
 
 
+def test_rows_of_a_history_may_be_those_of_a_file() -> None:
+    schema = scene_schema()
+    keys = schema["$defs"]["HistoryOptions"]["properties"]
+    for key in ("rows", "cycle_rows"):
+        found = {name for part in parts(keys[key]) for name in part.get("properties", {})}
+        assert "file" in found and "array" in {part.get("type") for part in parts(keys[key])}
+
+
 def test_tables_of_keys_in_the_documents_are_those_of_the_docstrings() -> None:
     text = (ROOT / "docs" / "scene.md").read_text(encoding="utf-8")
     assert key_tables.with_tables(text) == text, "run python docs/key_tables.py"
