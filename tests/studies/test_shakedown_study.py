@@ -239,6 +239,10 @@ def test_whether_it_slips_for_ever_depends_on_the_start_between_the_limits_only(
     assert states.zones(safe) == [("stick", 0.0, 1.0)]
     figure = steady_states_figure(states)
     assert figure.axes[0].get_xlabel().startswith("dissipation")
+    kinds = np.array(states.kind)
+    for line in figure.axes[0].lines:
+        of_kind = np.sort(states.dissipation[kinds == line.get_label()])
+        assert np.array_equal(np.asarray(line.get_xdata()), of_kind) and len(of_kind)
 
 
 @pytest.mark.parametrize("seed", range(4))
