@@ -175,7 +175,7 @@ def test_the_number_of_cycles_cannot_be_read_from_a_file(
     path = write(shared_tmp_path / "scene.toml", SCENE)
     write(shared_tmp_path / "rows.csv", "0\n1\n")
     text = refused(capsys, "check", path, "--set", 'history.cycles={file = "rows.csv"}')
-    assert "history cycles: cannot be read from a file, only friction, initial_gap" in text
+    assert "[history] cycles: must be a whole number, not" in text
 
 
 def test_run_cannot_take_the_place_of_a_root(
