@@ -307,3 +307,8 @@ def test_a_bolt_that_pushes_has_its_warning_and_a_tight_one_none() -> None:
     )
     (line,) = loose_warnings(found)
     assert line.startswith("bolt 'loose': its force falls to -1, a push")
+
+
+def test_the_report_tells_the_jumps_and_the_energy_that_they_released() -> None:
+    summary = {**run()[1], "jumps": {"count": 2, "energy_released": 0.125}}
+    assert "2, energy released 0.125" in Page(report_html(summary, rf.to_toml(SCENE))).text
