@@ -109,11 +109,11 @@ def test_without_friction_the_answer_is_proved_to_be_the_only_one() -> None:
     assert unique.certified and unique.first_loading_proved and unique.margin == np.inf
 
 
-def test_load_steps_certify_the_states_at_their_ends() -> None:
+def test_load_steps_prove_nothing_of_what_happens_within_them() -> None:
     system = block_system(20, 10)
     steps = found(system, cyclic(2), SolverOptions(method="gauss-seidel", steps_per_leg=20))
     exact = found(system, cyclic(2))
-    assert steps.certified and exact.certified
+    assert exact.certified and not steps.certified and steps.solutions == 1
     # every state at the end of a step lies on the exact path, to the width of a step
     assert steps.margin == pytest.approx(exact.margin, rel=0.05)
 
@@ -215,4 +215,6 @@ def test_a_path_that_begins_again_from_no_force_has_as_many_solutions_as_it_has_
 def test_no_path_is_certified_that_has_several_continuations(kind: str) -> None:
     found, instants, _ = tally(range(8, 16), kind)
     assert found[FALSE] == 0 and instants > 8
-    assert found["one, not certified"] <= 0.1 * found["one, certified"], found
+    # within load steps nothing is proved but of contacts that are definite in all states
+    if kind != "load steps":
+        assert found["one, not certified"] <= 0.1 * found["one, certified"], found

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from contextlib import suppress
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,6 +14,7 @@ from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.exact.segments import Segments
 from receding_fenicsx.interface.exact.ties import ties_at
 from receding_fenicsx.interface.exact.unloading import carries_nothing, zero_crossing
+from receding_fenicsx.interface.law import STICK
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import JUMP_STEP, SAME_MARGIN, SIMULTANEOUS
@@ -23,10 +25,11 @@ from receding_fenicsx.interface.uniqueness.patterns import (
     MOST_TOUCHING,
     Pattern,
     certify,
+    definite,
     grouped,
     halves,
 )
-from receding_fenicsx.interface.uniqueness.sides import Sides, States, mask_of
+from receding_fenicsx.interface.uniqueness.sides import Sides, States, bits_of, mask_of
 from receding_fenicsx.interface.uniqueness.whole_legs import WholeLegs
 
 NAMED_NODES = 8
@@ -175,6 +178,17 @@ class UniquenessWatch:
         if (end.forward or end.backward) and end not in self._measured:
             self._measured.add(end)
             self._measure(end)
+        unknown = self.in_steps and len(leg.events) and self.found.certified
+        if unknown and not self._is_always_definite:
+            self.found = self.found.with_doubt((*place, float(leg.events.s[0])), ())
+
+    @cached_property
+    def _is_always_definite(self) -> bool:
+        """Whether all sets of states are definite: what happens within load steps is not known."""
+        n, normal = self.certificate.system.n, ~self.certificate.system.held
+        stuck = Sides.of(np.full(n, STICK, dtype=np.int8))
+        every = stuck.put(self.certificate.rubbing | bits_of(normal[n:]), 0)
+        return definite(self.certificate, every, 1.0 + SAME_MARGIN)
 
     def _at_start(self, start: ContactState, force_scale: float) -> Changes:
         """Return the nodes on limits at the start of a leg, as ties."""
