@@ -29,7 +29,7 @@ from numba import njit
 from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
-from receding_fenicsx.interface import law
+from receding_fenicsx.interface import law, tolerances
 from receding_fenicsx.interface.exact import consistency, kernel_data, legs, tableau
 from receding_fenicsx.interface.exact.kernel_data import (
     ASKED,
@@ -71,7 +71,7 @@ HALF_WAY = 0
 
 SOURCES = tuple(
     sha256(getsource(module).encode()).hexdigest()
-    for module in (consistency, kernel_data, legs, tableau, law)
+    for module in (consistency, kernel_data, legs, tableau, law, tolerances)
 )
 """Other modules whose functions and constants are compiled into the machine code."""
 
