@@ -41,7 +41,7 @@ def relinked(text: str) -> str:
             path = "gallery.md"
         elif path.startswith("demos/pictures/"):
             path = path.removeprefix("demos/")
-        elif path == f"{api_pages.PACKAGE}/__init__.py":
+        elif path == f"{api_pages.PACKAGE}/__init__.pyi":
             path = "api/index.md"
         elif room := re.fullmatch(rf"{api_pages.PACKAGE}/(.+)/__init__\.py", path):
             path = f"api/{room[1].replace('/', '.')}.md"
