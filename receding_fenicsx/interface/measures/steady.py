@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from receding_fenicsx.arrays import Array
 
@@ -221,22 +220,3 @@ def _largest(values: Array) -> float:
 
 def _relative(a: Array, b: Array, scale: float) -> float:
     return _largest(a - b) / scale if scale > 0.0 else 0.0
-
-
-def slip_exponents(
-    slip_increment: Array, cycles: tuple[int, int], nodes: NDArray[np.bool_]
-) -> list[PowerLaw]:
-    """Fit the slip increment per cycle over a range of cycles at each of the chosen nodes.
-
-    Args:
-        slip_increment: (n, N) slip increments, row 0 being cycle 1.
-        cycles: first and last cycle of the fit, inclusive.
-        nodes: (N,) nodes to fit; nodes that do not move in every one of the cycles are passed over.
-
-    Returns:
-        One fit per node.
-    """
-    N = np.arange(cycles[0], min(cycles[1], len(slip_increment)) + 1)
-    rows = slip_increment[N - 1]
-    moving = nodes & np.all(rows != 0.0, axis=0)
-    return [fit_power_law(N.astype(float), rows[:, i]) for i in np.flatnonzero(moving)]

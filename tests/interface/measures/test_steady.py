@@ -14,7 +14,6 @@ from receding_fenicsx.interface.measures.steady import (
     SteadyWatch,
     fit_power_law,
     limit_of_decay,
-    slip_exponents,
 )
 from receding_fenicsx.scene.model import SolverOptions
 
@@ -278,12 +277,3 @@ def test_the_block_reaches_cyclic_slip_and_its_limit_is_foreseen() -> None:
     name, _, limit = limit_of_decay(D[:40])
     assert name == "rate"
     assert abs(limit - D[-1]) < 0.2 * abs(D[39] - D[-1])
-
-
-def test_slip_exponents_fit_every_node_that_moves_in_every_cycle() -> None:
-    N = np.arange(1, 41, dtype=float)
-    rows = np.stack([N**-3.1, np.zeros(40), -2 * N**-2.5, np.where(N == 20, 0, N**-1.0)], axis=1)
-    fits = slip_exponents(rows, (5, 60), np.array([True, True, True, True]))
-    assert [fit.exponent for fit in fits] == pytest.approx([-3.1, -2.5])
-    (only,) = slip_exponents(rows, (5, 15), np.array([False, False, False, True]))
-    assert only.exponent == pytest.approx(-1.0)
