@@ -100,7 +100,7 @@ from .accuracy.estimate import Level as Level, estimates_of as estimates_of, Est
 # Report and pictures
 from .output.report.summary import summarise as summarise
 from .store.summary_file import read_summary as read_summary
-from .output.report.text import run_table as run_table
+from .output.report.summary import run_table as run_table
 from .output.report.html import write_report as write_report
 from .output.plots import figures as figures, style as style
 from .pictures import (

@@ -164,8 +164,8 @@ def run(
             table [accuracy] names the numbers and the budget)
     """
     with study.started(scene) as (read, comm, say):
-        from receding_fenicsx.output.report.accuracy import unmet
-        from receding_fenicsx.output.report.text import run_table
+        from receding_fenicsx.output.report.run import unmet
+        from receding_fenicsx.output.report.summary import run_table
         from receding_fenicsx.scene.validate import validate
         from receding_fenicsx.store.run_folder import has_run, is_finished
         from receding_fenicsx.store.summary_file import read_summary

@@ -18,7 +18,7 @@ from receding_fenicsx.accuracy.space_errors import level_of, shown, warning
 from receding_fenicsx.atomic import new_file
 from receding_fenicsx.errors import InputError, SolveError, ToleranceNotMet
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.output.report.accuracy import unmet
+from receding_fenicsx.output.report.run import unmet
 from receding_fenicsx.pictures import drawing_modules
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.store.hdf5 import read_system

@@ -19,7 +19,7 @@ from receding_fenicsx.accuracy.search import Search, search
 from receding_fenicsx.bulk.mesh.meshing import contact_nodes_of
 from receding_fenicsx.errors import InputError, MeshMisfit, NotConverged
 from receding_fenicsx.output.plots.accuracy_plots import error_over_time
-from receding_fenicsx.output.report.accuracy import search_rows
+from receding_fenicsx.output.report.run import search_rows
 from receding_fenicsx.scene.model import Body, Contact, Load, Scene
 from receding_fenicsx.scene.toml_file import read_scene
 

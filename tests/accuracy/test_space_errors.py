@@ -17,8 +17,7 @@ from receding_fenicsx.errors import InputError, NotConverged
 from receding_fenicsx.evolution.evolve import evolve_bare
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
-from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.output.report.summary import run_table, summarise
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import (
     Body,

@@ -28,8 +28,7 @@ from receding_fenicsx.output.plots.labels import describe_factors
 from receding_fenicsx.output.plots.series import slip_lines
 from receding_fenicsx.output.report import checks
 from receding_fenicsx.output.report.html import report_html
-from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.output.report.summary import run_table, summarise
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.toml_file import from_toml, to_toml
 from receding_fenicsx.store.hdf5 import (

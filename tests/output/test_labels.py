@@ -19,7 +19,7 @@ from receding_fenicsx.output.plots.figures import draw_all
 from receding_fenicsx.output.plots.labels import kind_of
 from receding_fenicsx.output.plots.zones.zone_axes import add_legends
 from receding_fenicsx.output.plots.zones.zone_map import stacked_map
-from receding_fenicsx.output.report.forces import FORCES
+from receding_fenicsx.output.report.run import FORCES
 from receding_fenicsx.output.report.turning_points import largest_shown
 
 pytestmark = pytest.mark.one_rank

@@ -20,8 +20,8 @@ from small import cyclic
 import receding_fenicsx as rf
 from receding_fenicsx.evolution.record_data import Limit
 from receding_fenicsx.output.report.checks import uniqueness_rows
-from receding_fenicsx.output.report.forces import loose_warnings
 from receding_fenicsx.output.report.html import report_html
+from receding_fenicsx.output.report.run import loose_warnings
 from receding_fenicsx.output.report.turning_points import extremes_of
 from receding_fenicsx.store.summary_file import write_summary
 

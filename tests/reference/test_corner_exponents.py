@@ -15,7 +15,7 @@ import receding_fenicsx as rf
 from receding_fenicsx.interface.measures.corner_fit import corner_exponent_fit
 from receding_fenicsx.interface.measures.zone_ends import Tractions, kolosov
 from receding_fenicsx.measures.corner_exponents import corners_of
-from receding_fenicsx.output.report.turning_points import corner_rows
+from receding_fenicsx.output.report.checks import corner_rows
 from receding_fenicsx.reference.corners import corner_exponent
 
 DEMOS = Path(__file__).parents[2] / "demos"

@@ -17,8 +17,8 @@ from receding_fenicsx.accuracy.meshes import is_refined, scaled_mesh
 from receding_fenicsx.accuracy.numbers import headline
 from receding_fenicsx.errors import InputError, Interrupted, ToleranceNotMet
 from receding_fenicsx.mpi import on_root
-from receding_fenicsx.output.report.accuracy import verdict
-from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.output.report.run import verdict
+from receding_fenicsx.output.report.summary import run_table
 from receding_fenicsx.reference.closed_forms import BLOCK
 from receding_fenicsx.scene.model import Scene
 from receding_fenicsx.scene.toml_file import from_toml, read_scene, to_toml

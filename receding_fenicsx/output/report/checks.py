@@ -9,11 +9,13 @@ import numpy as np
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN
+from receding_fenicsx.measures.corner_exponents import is_singular
 from receding_fenicsx.measures.limit_nodes import limit_nodes
-from receding_fenicsx.output.report.section import Section, Summary
-from receding_fenicsx.output.report.turning_points import corner_rows, singular_corners
+from receding_fenicsx.output.report.section import Rows, Section, Summary
+from receding_fenicsx.output.report.turning_points import headline_points
 
-CERTIFICATE, SYMMETRIC = "only path from its start", ", among mirror-symmetric paths"
+SYMMETRIC = ", among mirror-symmetric paths"
+"""Restriction of the certificate of half a model."""
 
 
 def _summary(record: Record) -> dict[str, Any]:
@@ -72,7 +74,7 @@ def uniqueness_summary(record: Record) -> dict[str, Any]:
     }
 
 
-def uniqueness_rows(summary: Summary) -> list[list[str]]:
+def uniqueness_rows(summary: Summary) -> Rows:
     """Return what a run says of uniqueness, a head and words for each fact; nothing without it."""
     found = summary.get("uniqueness")
     if found is None:
@@ -83,9 +85,7 @@ def uniqueness_rows(summary: Summary) -> list[list[str]]:
         words += " after the first loading (not proved unique)"
     if summary["method"] != "events":
         words += " at the ends of load steps"
-    if found["symmetric_paths_only"]:
-        words += SYMMETRIC
-    rows = [[CERTIFICATE, words]]
+    rows = [["only path from its start", words + SYMMETRIC * found["symmetric_paths_only"]]]
     if place is not None:
         nodes = ", ".join(map(str, place["nodes"]))
         at = f", nodes {nodes}" if nodes else ""
@@ -107,14 +107,41 @@ def _solutions(count: int) -> str:
     return f"{count} solution{'' if count == 1 else 's'} found"
 
 
-def _rows(summary: Summary) -> list[list[Any]]:
+def _jump_rows(summary: Summary) -> Rows:
+    jumps = summary.get("jumps") or {"count": 0}
+    words = "{count}, energy released {energy_released:.4g}"
+    found = ["jumps without a quasi-static path", words.format(**jumps)] if jumps["count"] else []
+    return [found] if found else []
+
+
+def _corners(summary: Summary) -> list[Summary]:
+    """Return the corners at the turning points of the table."""
+    return [c for point in headline_points(summary) for c in point.get("corners") or []]
+
+
+def corner_rows(summary: Summary) -> Rows:
+    """Return a row for each different corner and state at the turning points of the table."""
+    rows = []
+    last = {(f"{corner['x']:z.4g}", corner["state"]): corner for corner in _corners(summary)}
+    for (x, state), corner in last.items():
+        exact, fitted = (
+            "-" if corner[k] is None else f"{corner[k]:z.4f}" for k in ("exponent", "fitted")
+        )
+        known = (
+            f"closed form, {corner['angle']:g} degrees" if exact != "-" else "no closed form here"
+        )
+        words = f"stresses like d^m, m = {exact} ({known}), fitted {fitted}"
+        rows.append([f"corner at {x}, {state}", words + "; singular" * is_singular(corner)])
+    return rows
+
+
+def _rows(summary: Summary) -> Rows:
     residual = "largest residual of contact and friction conditions, over the largest nodal force"
     energy = "largest relative error of a leg's energy balance"
     rows = [
         [residual, f"{summary['residual_max']:.2e}"],
         [energy, f"{summary['energy_error_max']:.2e}"],
-        ["events", f"{summary['events']}"],
-        ["sweeps", f"{summary['sweeps']}"],
+        *([k, str(summary[k])] for k in ("events", "sweeps")),
         *_jump_rows(summary),
         *uniqueness_rows(summary),
         *corner_rows(summary),
@@ -128,14 +155,6 @@ def _rows(summary: Summary) -> list[list[Any]]:
     return rows
 
 
-def _jump_rows(summary: Summary) -> list[list[str]]:
-    jumps = summary.get("jumps") or {"count": 0}
-    if not jumps["count"]:
-        return []
-    words = f"{jumps['count']}, energy released {jumps['energy_released']:.4g}"
-    return [["jumps without a quasi-static path", words]]
-
-
 def _lines(summary: Summary) -> list[str]:
     """Return jumps, the certificate with its first doubt, singular corners, residual and steps."""
     facts = [*_jump_rows(summary), *uniqueness_rows(summary)]
@@ -143,12 +162,13 @@ def _lines(summary: Summary) -> list[str]:
     lines = [f"{k}: {words}" for k, words in facts if k not in ("friction margin", "first loading")]
     lines = [
         line.replace("only path", "only symmetric path").removesuffix(SYMMETRIC)
-        if line.startswith(CERTIFICATE) and line.endswith(SYMMETRIC)
+        if line.endswith(SYMMETRIC)
         else line
         for line in lines
     ]
-    if singular := singular_corners(summary):
-        lines.append(f"infinite stresses at corners in contact: x = {', '.join(singular)}")
+    if places := sorted({corner["x"] for corner in _corners(summary) if is_singular(corner)}):
+        words = ", ".join(f"{x:z.4g}" for x in places)
+        lines.append(f"infinite stresses at corners in contact: x = {words}")
     counted = "events" if summary["method"] == "events" else "sweeps"
     residual = f"largest residual {summary['residual_max']:.1e}, {counted} {summary[counted]}"
     return [*lines, residual]

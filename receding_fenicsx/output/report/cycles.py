@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.steady import RATCHETTING, limit_of_decay
-from receding_fenicsx.output.report.section import Section, Summary, shown
+from receding_fenicsx.output.report.section import Rows, Section, Summary, shown
 from receding_fenicsx.scene.history import history_from_scene
 from receding_fenicsx.scene.history.harmonic import DEFAULT_TOLERANCE, is_straight
-
-FIRST_CYCLES = 20
-"""Number of first cycles in the table of cycles, which also holds the last one."""
 
 
 def _summary(record: Record) -> dict[str, Any]:
@@ -28,10 +24,11 @@ def _summary(record: Record) -> dict[str, Any]:
     }
 
 
-def _rows(summary: Summary) -> list[list[Any]]:
+def _rows(summary: Summary) -> Rows:
+    """Return the first 20 cycles and the last one."""
     D, slip = summary["dissipation_per_cycle"], summary["slip_per_cycle_max"]
     first = D[0] if D and summary.get("dissipates", True) else 0.0
-    numbers = sorted({*range(min(FIRST_CYCLES, len(D))), len(D) - 1}) if D else []
+    numbers = sorted({*range(min(20, len(D))), len(D) - 1}) if D else []
     return [[k + 1, D[k], D[k] / first if first else None, slip[k]] for k in numbers]
 
 
@@ -82,12 +79,14 @@ def _polygon(record: Record) -> dict[str, Any]:
         return {}
     found: dict[str, Any] = {"corners": len(history_from_scene(scene).loop) - 1}
     if is_straight(scene.history):
-        return {"harmonic": {**found, "error_estimate": 0.0}}
-    if doubling is None:
-        return {"harmonic": {**found, "error_estimate": None}}
-    tolerance = scene.history.tolerance or DEFAULT_TOLERANCE
-    found |= {"error_estimate": float(doubling[-1, 1]), "tolerance": tolerance}
-    return {"harmonic": {**found, "doubling": [[int(n), float(e)] for n, e in doubling]}}
+        found |= {"error_estimate": 0.0}
+    elif doubling is None:
+        found |= {"error_estimate": None}
+    else:
+        tolerance = scene.history.tolerance or DEFAULT_TOLERANCE
+        found |= {"error_estimate": float(doubling[-1, 1]), "tolerance": tolerance}
+        found |= {"doubling": [[int(n), float(e)] for n, e in doubling]}
+    return {"harmonic": found}
 
 
 def limit_summary(record: Record) -> dict[str, Any]:
@@ -120,43 +119,40 @@ def limit_summary(record: Record) -> dict[str, Any]:
     }
 
 
-def _steady_rows(summary: Summary) -> list[list[Any]]:
+def _first_rows(summary: Summary) -> Rows:
+    """Return the steady state, the ratio of dissipations, its limit by extrapolation."""
     D, steady = summary["dissipation_per_cycle"], summary["steady"]
     if not D:
         return []
     start = f", from cycle {steady['cycle']}, period {steady['period']}"
-    rows: list[list[Any]] = [
-        ["steady state", steady["kind"] + (start if steady["reached"] else "")]
-    ]
+    rows: Rows = [["steady state", steady["kind"] + start * steady["reached"]]]
     if ratio := ratio_words(summary):
         rows.append([*ratio])
     if steady.get("dissipation_limit"):
         law = f"{steady['trend']} law, {steady['trend_value']:.3g}"
         rows.append(["extrapolated", f"{steady['dissipation_limit'] / D[0]:.4f} ({law})"])
-    return [*rows, *limit_rows(summary), *_polygon_rows(summary)]
+    return rows
 
 
-def limit_rows(summary: Summary) -> list[list[str]]:
+def limit_rows(summary: Summary) -> Rows:
     """Return rows on the limit of infinitely many cycles, if it was asked for."""
     limit = summary.get("limit")
     if limit is None:
         return []
-    head = "limit of infinitely many cycles"
-    walk = limit.get("walk")
+    words, reason = f"cycle {limit['cycle']}; {limit['reason']}", []
     if not limit["reached"]:
-        rows = [[head, f"not reached; {limit['reason']}"]]
-    elif not limit["jumped"]:
-        rows = [[head, f"cycle {limit['cycle']}; {limit['reason']}"]]
-    else:
+        words = f"not reached; {limit['reason']}"
+    elif limit["jumped"]:
         words = f"shown as cycle {limit['cycle']}, residual {limit['residual']:.1e}, found by a "
         words += f"search, {limit['cycles_played']} cycles played"
-        rows = [[head, words], ["reason", limit["reason"]]]
-    if walk is not None:
-        rows.append(["ratchetting", f"a cycle adds the slip {walk:.6g}"])
+        reason = [["reason", limit["reason"]]]
+    rows = [["limit of infinitely many cycles", words], *reason]
+    if limit.get("walk") is not None:
+        rows.append(["ratchetting", f"a cycle adds the slip {limit['walk']:.6g}"])
     return [*rows, *_starts_rows(limit.get("starts"))]
 
 
-def _starts_rows(starts: Mapping[str, Any] | None) -> list[list[str]]:
+def _starts_rows(starts: Summary | None) -> Rows:
     """Return a row on the limits from further initial slips, if they were asked for."""
     if starts is None:
         return []
@@ -172,32 +168,40 @@ def _starts_rows(starts: Mapping[str, Any] | None) -> list[list[str]]:
     return [[f"limits from {starts['count']} initial slips {differ}", words]]
 
 
-def _polygon_rows(summary: Summary) -> list[list[str]]:
+def _polygon_rows(summary: Summary) -> Rows:
     """Return the row on the polygon that stands for a harmonic history, if it is one."""
     polygon = summary.get("harmonic")
     if polygon is None:
         return []
     error = polygon["error_estimate"]
-    words = "not estimated, fixed corners" if error is None else f"{error:.1e}"
-    if error == 0.0:
-        words = "none, a straight line"
-    elif error is None and "tolerance" in polygon:
-        words = "unknown, the history ended early"
+    if error is not None and np.isfinite(error):
+        words = f"{error:.1e}" if error else "none, a straight line"
+    else:
+        ended = "tolerance" in polygon
+        words = "unknown, the history ended early" if ended else "not estimated, fixed corners"
     head = f"harmonic history, polygon of {polygon['corners']} corners"
     return [[head, f"error of the dissipation per cycle {words}"]]
 
 
 def _steady_lines(summary: Summary) -> list[str]:
     """Return the steady state with the ratio of dissipations, and the limit, on a line each."""
-    rows = [f"{head}: {words}" for head, words in _steady_rows(summary)]
-    limit, others = limit_rows(summary), _polygon_rows(summary)
-    # the law of an extrapolation is in the report
-    first = [row.partition(" (")[0] for row in rows[: len(rows) - len(limit) - len(others)]]
-    found = rows[len(first) :]
+    first, limit, polygon = _first_rows(summary), limit_rows(summary), _polygon_rows(summary)
     if len(limit) > 1 and limit[1][0] == "reason":
         # how it was found is in the report
-        found[:2] = [found[0].partition(", found")[0]]
-    return [*(["; ".join(first)] if first else []), *found]
+        limit = [[limit[0][0], limit[0][1].partition(", found")[0]], *limit[2:]]
+    # the law of an extrapolation is in the report
+    together = "; ".join(f"{head}: {words}".partition(" (")[0] for head, words in first)
+    rest = [f"{head}: {words}" for head, words in [*limit, *polygon]]
+    return [together, *rest] if together else rest
 
 
-STEADY = Section("Steady state and limit", summary=_steady, rows=_steady_rows, lines=_steady_lines)
+STEADY = Section(
+    "Steady state and limit",
+    summary=_steady,
+    rows=lambda summary: [
+        *_first_rows(summary),
+        *limit_rows(summary),
+        *_polygon_rows(summary),
+    ],
+    lines=_steady_lines,
+)

@@ -2,13 +2,16 @@
 
 from __future__ import annotations
 
+import base64
+import io
+import re
 from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 import jinja2
 
 from receding_fenicsx.atomic import new_file
-from receding_fenicsx.output.report import html_pictures
 from receding_fenicsx.output.report.cycles import ratio_words
 from receding_fenicsx.output.report.run import model_line
 from receding_fenicsx.output.report.section import Summary, shown
@@ -71,8 +74,8 @@ def report_html(
         sections=[section for section in SECTIONS if section.rows(summary)],
         before_pictures=TURNING_POINTS,
         pictures={
-            "Figures": html_pictures.figures(figures, edges),
-            "Stresses in the body": html_pictures.snapshots(snapshots),
+            "Figures": _figures(figures, edges),
+            "Stresses in the body": [_snapshot(path) for path in snapshots],
         },
         scene_toml=scene_toml,
     )
@@ -94,3 +97,64 @@ def _cards(summary: Summary) -> list[tuple[str, str]]:
         spent = sum(value for name, value in summary["timings"].items() if name != "pictures")
         cards.append(("time without pictures, s", f"{spent:.2f}"))
     return cards
+
+
+class Picture(NamedTuple):
+    """A picture as a data URL, with its name and caption; a wide one has the page's width."""
+
+    name: str
+    caption: str
+    source: str
+    wide: bool
+
+
+def _figures(paths: Sequence[Path], edges: set[str]) -> list[Picture]:
+    """Return figures in the order of the registry; name the edge of those in an edge's folder."""
+    if not paths:
+        return []
+    from PIL import Image
+
+    from receding_fenicsx.output.plots.figures import FIGURES
+
+    def entry(path: Path) -> str | None:
+        names = (n for n, e in FIGURES.items() if e.each and path.stem.startswith(f"{n}_"))
+        return path.stem if path.stem in FIGURES else next(names, None)
+
+    order = [*FIGURES, None]
+    found = []
+    for path in sorted(paths, key=lambda path: (order.index(entry(path)), str(path))):
+        with Image.open(path) as image:
+            wide = image.width > 1600  # pixels; narrower ones stand side by side
+        name = entry(path)
+        caption = f"On {path.parent.name}: " if path.parent.name in edges else ""
+        caption += _caption(path) if name is None else FIGURES[name].caption or path.stem
+        found.append(Picture(path.stem, caption, _source("png", path.read_bytes()), wide))
+    return found
+
+
+def _snapshot(path: Path) -> Picture:
+    """Return a picture of the body, reduced in size and as JPEG."""
+    from PIL import Image
+
+    data = io.BytesIO()
+    with Image.open(path) as image:
+        # about 1200 pixels wide; whole pixels are averaged
+        small = image.convert("RGB").reduce(max(1, round(image.width / 1200)))
+        small.save(data, "JPEG", quality=90, subsampling=0)
+    found = re.match(r"cycle(\d+)_leg(\d+)_s([\d.]+)", path.stem)
+    where = f"Cycle {int(found[1])}, leg {found[2]}, s = {float(found[3]):g}. " if found else ""
+    return Picture(path.stem, where + _caption(path), _source("jpeg", data.getvalue()), True)
+
+
+def _caption(path: Path) -> str:
+    """Return the caption of a picture that is no registered figure; its name if it has none."""
+    known = {
+        "accuracy": "Twice the estimated errors of the numbers over time, mesh by mesh.",
+        "max_shear": "Isochromatic fringes: contours of the largest in-plane shear stress.",
+        "von_mises": "Von Mises equivalent stress.",
+    }
+    return next((text for end, text in known.items() if path.stem.endswith(end)), path.stem)
+
+
+def _source(kind: str, data: bytes) -> str:
+    return f"data:image/{kind};base64,{base64.b64encode(data).decode('ascii')}"

@@ -1,4 +1,4 @@
-"""Sections on the run itself: model, warnings, time, memory and versions."""
+"""Sections on the run itself: model, warnings, forces, space errors, time, memory and versions."""
 
 from __future__ import annotations
 
@@ -8,14 +8,12 @@ from typing import Any
 import numpy as np
 
 from receding_fenicsx.evolution.record import Record
-from receding_fenicsx.output.report.forces import loose_warnings
-from receding_fenicsx.output.report.section import Section, Summary
+from receding_fenicsx.output.plots.labels import kind_of
+from receding_fenicsx.output.report.section import Rows, Section, Summary
 from receding_fenicsx.scene.validate import scene_warnings
 
-METHODS = {"events": "exact path (events)", "gauss-seidel": "Gauss-Seidel in load steps"}
 
-
-def _summary(record: Record) -> dict[str, Any]:
+def _model(record: Record) -> dict[str, Any]:
     """Return title, method and size; the names of the scene's units where it has some."""
     scene = record.scene
     units = {k: name for k, name in asdict(scene.units).items() if name} if scene else {}
@@ -35,19 +33,26 @@ def _summary(record: Record) -> dict[str, Any]:
 def model_line(summary: Summary) -> str:
     """Return size of the model, method and number of cycles."""
     spared = {"mirror": ", half of the body modelled", "axisymmetric": ", axisymmetric"}
+    methods = {"events": "exact path (events)", "gauss-seidel": "Gauss-Seidel in load steps"}
     return (
         f"{summary['nodes']} contact nodes ({summary['modelled_nodes']} modelled"
         f"{spared.get(summary['symmetry'], '')}), "
-        f"{METHODS.get(summary['method'], summary['method'])}, "
+        f"{methods.get(summary['method'], summary['method'])}, "
         f"{len(summary['dissipation_per_cycle'])} cycles after first loading"
     )
 
 
-def _title_line(summary: Summary) -> list[str]:
-    return [
+MODEL = Section(
+    "",
+    summary=_model,
+    lines=lambda summary: [
         f"{summary['title'] or 'untitled'}: {summary['nodes']} contact nodes, "
         f"{summary['modelled_nodes']} modelled, method {summary['method']}"
-    ]
+    ],
+)
+
+
+# -- warnings ------------------------------------------------------------------------------------
 
 
 def cut_off_warnings(record: Record) -> list[str]:
@@ -71,15 +76,181 @@ def cut_off_warnings(record: Record) -> list[str]:
     ]
 
 
+def loose_warnings(record: Record) -> list[str]:
+    """Return one line for each bolt that pushes: a real one would come loose."""
+    return [
+        f"bolt '{name}': its force falls to {min(force):.6g}, a push; it is loose there, shorten it"
+        for name, force in _bolts(record).items()
+        if min(force) < -1e-9 * max(force)  # less is round-off
+    ]
+
+
 def _warnings(record: Record) -> dict[str, Any]:
     scene = scene_warnings(record.scene) if record.scene else []
     return {"warnings": [*scene, *cut_off_warnings(record), *loose_warnings(record)]}
 
 
-def _cost_rows(summary: Summary) -> list[list[Any]]:
+WARNINGS = Section(
+    "Warnings",
+    summary=_warnings,
+    rows=lambda summary: [[text] for text in summary.get("warnings") or []],
+    lines=lambda summary: [f"warning: {text}" for text in summary.get("warnings") or []],
+)
+
+
+# -- forces of bolts and of prescribed displacements ---------------------------------------------
+
+
+def _bolts(record: Record) -> dict[str, list[float]]:
+    """Return each bolt's force at the turning points."""
+    names = [bolt.name for bolt in record.scene.bolts] if record.scene else []
+    force = record.turning_points.load_displacement
+    return {name: force[:, record.load_names.index(name)].tolist() for name in names}
+
+
+def _forces(record: Record) -> dict[str, Any]:
+    """Return the keys "bolts" and "forces": each one's force at the turning points.
+
+    The force of a prescribed displacement is the component along it: the work-conjugate load
+    displacement over the size of the displacement at factor 1. A displacement that is no single
+    number has none.
+    """
+    loads = record.scene.loads if record.scene else ()
+    kinds = {load.name: kind_of(record.scene, load.name, record.axisymmetric) for load in loads}
+    conjugate = record.turning_points.load_displacement
+    forces = {
+        name: (conjugate[:, record.load_names.index(name)] / kind.size).tolist()
+        for name, kind in kinds.items()
+        if kind.symbol == "F"
+    }
+    return {key: part for key, part in (("bolts", _bolts(record)), ("forces", forces)) if part}
+
+
+def _force_rows(summary: Summary) -> Rows:
+    return [
+        [f"{what} {name}", min(force), max(force), force[-1]]
+        for what, key in (("bolt", "bolts"), ("displacement", "forces"))
+        for name, force in summary.get(key, {}).items()
+        if force
+    ]
+
+
+def _force_lines(summary: Summary) -> list[str]:
+    found = [f"{who} {low:.4g} to {high:.4g}" for who, low, high, _ in _force_rows(summary)]
+    return [f"smallest and largest force: {', '.join(found)}"] if found else []
+
+
+FORCES = Section(
+    "Forces",
+    summary=_forces,
+    rows=_force_rows,
+    head=lambda _: ["", "smallest", "largest", "last"],
+    lines=_force_lines,
+    form="{:z.6g}",
+)
+
+
+# -- space errors, and the search for a mesh that meets a tolerance ------------------------------
+
+
+def _value(found: Summary, empty: str = "singular") -> str:
+    """Return a number in figures; an infinite one has none."""
+    return empty if found["value"] is None else f"{found['value']:.6g}"
+
+
+def _error(found: Summary, empty: str, key: str = "error") -> str:
+    """Return an estimate in figures, or that it moves on without end."""
+    if key == "error" and found.get("converges") is False:
+        return "does not converge in order"
+    return empty if found[key] is None else f"{found[key]:.1e}"
+
+
+def _doubts(summary: Summary) -> Rows:
+    """Return what is wrong with the estimates, a head and words."""
+    heads = {"errors_warning": "space errors", "errors_failure": "space errors are not known"}
+    return [[head, summary[key]] for key, head in heads.items() if key in summary]
+
+
+def error_rows(summary: Summary) -> Rows:
+    """Return the headline numbers with their estimated space errors, and warnings about these."""
+    rows = []
+    for name, found in (summary.get("errors") or {}).items():
+        order = found.get("order")
+        seen = "" if order is None else f" (observed order {order:.1f})"
+        words = f"{name.replace('_', ' ')} {_value(found)}, estimated space error"
+        rows.append([words, _error(found, "unknown") + seen])
+    return [*rows, *_doubts(summary)]
+
+
+def _error_lines(summary: Summary) -> list[str]:
+    """Return doubts about the estimates, and the largest relative errors on one line."""
+    errors = (summary.get("errors") or {}).items()
+    lines = [f"{head}: {words}" for head, words in _doubts(summary)]
+    wrong = [name for name, found in errors if found.get("converges") is False]
+    if wrong:
+        more = ", ..." * (len(wrong) > 3)
+        lines.append(f"{', '.join(wrong[:3])}{more}: does not converge in order")
+    known = sorted(((e["relative"], name) for name, e in errors if e.get("relative")), reverse=True)
+    if known:
+        listed = ", ".join(f"{name} {relative:.1e}" for relative, name in known[:2])
+        lines.append(f"largest estimated relative space errors: {listed}")
+    return lines
+
+
+def search_rows(summary: Summary) -> Rows:
+    """Return the table of a search: a row for each mesh and number, then meshes without answer."""
+    if "accuracy" not in summary:
+        return []
+    rows: Rows = []
+    for level in summary["accuracy"]["way"]:
+        mesh = [str(level["elements"]), str(level["nodes"])]
+        seconds = f"{level['seconds']:.2f}"
+        for name, found in level["numbers"].items():
+            value = _value(found, "-" if found["converges"] is not False else "singular")
+            rows.append(
+                [*mesh, name, value, _error(found, "-"), _error(found, "-", "relative"), seconds]
+            )
+            mesh, seconds = ["", ""], ""
+    failures = summary["accuracy"]["failures"]
+    return [*rows, *([str(n), "", "no answer", why, "", "", ""] for n, why in failures)]
+
+
+def unmet(summary: Summary) -> str:
+    """Return why a tolerance is not met; "" where it is, or none was asked for."""
+    search = summary.get("accuracy") or {"met": True}
+    if search["met"]:
+        return ""
+    return f"[accuracy] tolerance: {search['tolerance']:g} is not met: {search['reason']}"
+
+
+def verdict(summary: Summary) -> str:
+    """Return how a search ended, in a line."""
+    search = summary["accuracy"]
+    kind = "graded meshes" if search.get("graded") else "meshes"
+    ended = "met: twice each estimate is below it"
+    if not search["met"]:
+        ended = f"NOT met: {search['reason']}"
+    spent = f"{search['seconds']:.3g} s on {len(search['way'])} {kind}"
+    return f"tolerance {search['tolerance']:g} {ended}; {spent}"
+
+
+ERRORS = Section("Space errors", rows=error_rows, lines=_error_lines)
+SEARCH = Section(
+    "Search for the tolerance",
+    rows=search_rows,
+    head=lambda _: ["elements", "nodes", "number", "value", "estimate", "relative", "seconds"],
+    note=lambda summary: f"{verdict(summary)}.",
+    lines=lambda summary: [verdict(summary)] if "accuracy" in summary else [],
+)
+
+
+# -- time, memory and versions -------------------------------------------------------------------
+
+
+def _cost_rows(summary: Summary) -> Rows:
     if "timings" not in summary:
         return []
-    rows = [[f"{name}, s", f"{value:.3f}"] for name, value in summary["timings"].items()]
+    rows: Rows = [[f"{name}, s", f"{value:.3f}"] for name, value in summary["timings"].items()]
     rows.append(["peak memory, MB", f"{summary['peak_memory_MB']:.0f}"])
     return [*rows, ["MPI ranks", summary["ranks"]]]
 
@@ -92,12 +263,5 @@ def _cost_line(summary: Summary) -> list[str]:
     return [f"{sum(times.values()):.1f} s{drawn}, {summary['peak_memory_MB']:.0f} MB"]
 
 
-MODEL = Section("", summary=_summary, lines=_title_line)
-WARNINGS = Section(
-    "Warnings",
-    summary=_warnings,
-    rows=lambda summary: [[text] for text in summary.get("warnings") or []],
-    lines=lambda summary: [f"warning: {text}" for text in summary.get("warnings") or []],
-)
 COSTS = Section("Time and memory", rows=_cost_rows, lines=_cost_line)
 VERSIONS = Section("Versions", rows=lambda summary: list(summary.get("versions", {}).items()))

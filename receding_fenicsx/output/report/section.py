@@ -10,7 +10,18 @@ from receding_fenicsx.evolution.record import Record
 
 Summary = Mapping[str, Any]
 """Contents of ``summary.json``."""
-Rows = Sequence[Sequence[Any]]
+Rows = list[list[Any]]
+
+
+def shown(cell: object, form: str = "{:z.5g}", dash: str = "-") -> str:
+    """Format a cell; None is a dash."""
+    if cell is None:
+        return dash
+    return form.format(cell) if isinstance(cell, float) else str(cell)
+
+
+def _nothing(_: Summary) -> list[Any]:
+    return []
 
 
 @dataclass(frozen=True)
@@ -29,15 +40,8 @@ class Section:
 
     name: str
     summary: Callable[[Record], dict[str, Any]] = lambda _: {}
-    rows: Callable[[Summary], Rows] = lambda _: []
-    head: Callable[[Summary], Sequence[str]] = lambda _: []
+    rows: Callable[[Summary], Rows] = _nothing
+    head: Callable[[Summary], Sequence[str]] = _nothing
     note: Callable[[Summary], str] = lambda _: ""
-    lines: Callable[[Summary], list[str]] = lambda _: []
+    lines: Callable[[Summary], list[str]] = _nothing
     form: str = "{:z.5g}"
-
-
-def shown(cell: object, form: str = "{:z.5g}", dash: str = "-") -> str:
-    """Format a cell; None is a dash."""
-    if cell is None:
-        return dash
-    return form.format(cell) if isinstance(cell, float) else str(cell)

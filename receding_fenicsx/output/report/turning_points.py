@@ -12,7 +12,7 @@ from receding_fenicsx.arrays import aligned
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.measures.axis import on_axis
 from receding_fenicsx.interface.measures.zones import contact_zones
-from receding_fenicsx.measures.corner_exponents import corners_of, is_singular
+from receding_fenicsx.measures.corner_exponents import corners_of
 from receding_fenicsx.measures.half_widths import (
     contact_betas,
     estimated_ends,
@@ -22,22 +22,8 @@ from receding_fenicsx.measures.half_widths import (
 from receding_fenicsx.output.report.section import Rows, Section, Summary
 from receding_fenicsx.scene.units import in_unit
 
-FITTED_LEGS = 32
-"""Largest number of legs of a cycle at whose turning points ends of zones are fitted."""
-FITTED_CYCLES = 20
-"""Number of first cycles at whose turning points ends of zones are fitted, as in the last cycle. A
-fit takes longer than a cycle."""
-MANY_LEGS = 12
-"""Largest number of legs of a cycle whose turning points are all in the table."""
-EXTREMES = ("p_max", "q_min", "q_max")
-"""Extreme tractions of a turning point."""
 CONSOLE_WIDTH = 100
 """Largest number of characters of a line of the console."""
-UNIT_OF_COLUMN = {
-    **dict.fromkeys(("contact half width", "stick half width"), "length"),
-    **dict.fromkeys(("p_max", "|q|_max", "p max", "q min", "q max"), "stress"),
-}
-"""Unit of a column; other columns have none."""
 
 Point = Summary
 """A turning point of the summary."""
@@ -46,24 +32,20 @@ Point = Summary
 def _summary(record: Record) -> dict[str, Any]:
     """Return the turning points in order; with several contact edges one for each edge."""
     edges = record.by_edge()
-    parts = [(name, part, contact_betas(part)) for name, part in edges.items()]
-    return {
-        "turning_points": [
-            ({"edge": name} if len(edges) > 1 else {}) | _turning_point(part, i, betas)
-            for i in range(len(record.turning_points.s))
-            for name, part, betas in parts
-        ]
-    }
+    parts = [
+        ({"edge": name} if len(edges) > 1 else {}, part, contact_betas(part))
+        for name, part in edges.items()
+    ]
+    count = len(record.turning_points.s)
+    points = [edge | _turning_point(part, i, b) for i in range(count) for edge, part, b in parts]
+    return {"turning_points": points}
 
 
 def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
     table = record.turning_points
-    x, state, cycle = record.x, table.state[i], table.cycle
-    found = contact_zones(x, state, record.friction.mean, record.begins_on_axis)
-    fitted = np.count_nonzero(cycle == cycle[i]) <= FITTED_LEGS and (
-        cycle[i] <= FITTED_CYCLES or cycle[i] == cycle[-1]
-    )
-    return {
+    x, cycle = record.x, table.cycle
+    found = contact_zones(x, table.state[i], record.friction.mean, record.begins_on_axis)
+    point = {
         "cycle": int(cycle[i]),
         "leg": int(table.leg[i]),
         "load": dict(zip(record.load_names, table.load[i].tolist(), strict=True)),
@@ -73,32 +55,29 @@ def _turning_point(record: Record, i: int, betas: tuple[float, ...]) -> dict[str
         "p_max": float(table.p[i].max()),
         "q_min": float(table.q[i].min()),
         "q_max": float(table.q[i].max()),
-        **(_below_spacing(record, i, betas) if fitted else {}),
     }
-
-
-def _below_spacing(record: Record, i: int, betas: tuple[float, ...]) -> dict[str, Any]:
-    return {
-        **half_width_estimates(record, i, betas),
-        "zone_ends": estimated_ends(record, i, betas),
-        **corners_of(record, i),
-    }
+    # ends of zones are fitted in the first and the last cycles, if these have few legs: a fit takes
+    # longer than a cycle
+    early = cycle[i] <= 20 or cycle[i] == cycle[-1]
+    if early and np.count_nonzero(cycle == cycle[i]) <= 32:
+        point |= half_width_estimates(record, i, betas)
+        point |= {"zone_ends": estimated_ends(record, i, betas), **corners_of(record, i)}
+    return point
 
 
 def headline_points(summary: Summary) -> list[Point]:
     """Return the turning points of cycles 0, 1 and the last, of many legs those at extreme loads.
 
-    In a cycle of more than ``MANY_LEGS`` these are where a load factor is the smallest or the
-    largest of the cycle, and the end of the cycle.
+    In a cycle of more than 12 legs these are where a load factor is the smallest or the largest of
+    the cycle, and the end of the cycle.
     """
     points = summary["turning_points"]
-    last = max((p["cycle"] for p in points), default=0)
     found = []
-    for cycle in sorted({0, 1, last}):
+    for cycle in sorted({0, 1, _last_cycle(points)}):
         rows = [p for p in points if p["cycle"] == cycle]
         legs = {p["leg"]: p["load"] for p in rows}
         kept = {*legs}
-        if len(legs) > MANY_LEGS:
+        if len(legs) > 12:
             factors = [[load[name] for load in legs.values()] for name in rows[0]["load"]]
             ends = [(v.index(min(v)), v.index(max(v))) for v in factors if min(v) < max(v)]
             kept = {list(legs)[k] for pair in ends for k in pair} | {max(legs)}
@@ -106,14 +85,22 @@ def headline_points(summary: Summary) -> list[Point]:
     return found
 
 
+def _last_cycle(points: Sequence[Point]) -> int:
+    return max((p["cycle"] for p in points), default=0)
+
+
 def _rows(summary: Summary) -> Rows:
     form = length_format(summary)
     rows = []
     for p in headline_points(summary):
         load = ", ".join(f"{name} = {value:z.6g}" for name, value in p["load"].items())
-        half = [p["contact_half_width"], p["stick_half_width"]]
-        below = [_fitted(p.get(f"{k}_half_width_estimate"), form) for k in ("contact", "stick")]
-        widths = [part for pair in zip(half, below, strict=True) for part in pair]
+        widths: list[float | str | None] = []
+        for kind in ("contact", "stick"):
+            fitted, words = p.get(f"{kind}_half_width_estimate"), None
+            if fitted is not None and fitted["fitted"]:
+                low, high = fitted["interval"]
+                words = f"{fitted['value']:{form}} ({low:{form}} to {high:{form}})"
+            widths += [p[f"{kind}_half_width"], words]
         values: list[float | str] = list(extremes_of(p))
         if p.get("p_max_singular"):
             values = ["singular", *("singular" if value else value for value in values[1:])]
@@ -132,17 +119,17 @@ def _head(summary: Summary) -> list[str]:
 def console_table(summary: Summary, most: int) -> list[str]:
     """Return a table of at most so many turning points: of the last cycle, then of cycles 0 and 1.
 
-    It is at most ``CONSOLE_WIDTH`` wide: columns that do not fit are left out. Half widths are the
-    fitted ones where all that are shown are fitted.
+    Columns that do not fit the console are left out. Half widths are the fitted ones where all that
+    are shown are fitted.
     """
     points = headline_points(summary)
-    last = max((p["cycle"] for p in points), default=0)
-    rank = {1: 2, 0: 1, last: 0}
+    rank = {1: 2, 0: 1, _last_cycle(points): 0}
     order = sorted(range(len(points)), key=lambda k: (rank[points[k]["cycle"]], -k))
     # all contact edges of an instant, or none
     edges = len({p.get("edge") for p in points}) or 1
     chosen = [points[k] for k in sorted(order[: max(most // edges * edges, 1)])]
-    traction = _format([p[k] for p in points for k in EXTREMES])
+    traction = _format([p[k] for p in points for k in ("p_max", "q_min", "q_max")])
+    largest = [largest_shown(p, traction) for p in chosen]
     columns = {
         "edge": [p.get("edge", "") for p in chosen],
         "cycle": [str(p["cycle"]) for p in chosen],
@@ -151,8 +138,8 @@ def console_table(summary: Summary, most: int) -> list[str]:
         ],
         "contact half width": _half_widths("contact", chosen, summary),
         "stick half width": _half_widths("stick", chosen, summary),
-        "p_max": [largest_shown(p, traction)[0] for p in chosen],
-        "|q|_max": [largest_shown(p, traction)[1] for p in chosen],
+        "p_max": [p for p, _ in largest],
+        "|q|_max": [q for _, q in largest],
         zones_header(summary): [zones_shown(p, summary) for p in chosen],
     }
     columns = {head: cells for head, cells in columns.items() if any(cells)}
@@ -169,9 +156,9 @@ def console_table(summary: Summary, most: int) -> list[str]:
 def _half_widths(kind: str, points: Sequence[Point], summary: Summary) -> list[str]:
     """Return the cells of a column of half widths; empty ones where none is known."""
     values = [p[f"{kind}_half_width"] for p in points]
-    below = [p.get(f"{kind}_half_width_estimate") for p in points]
-    if all(e is not None and e["fitted"] for e in below):
-        values = [e["value"] for e in below if e is not None]
+    below = [p.get(f"{kind}_half_width_estimate") or {"fitted": False} for p in points]
+    if all(e["fitted"] for e in below):
+        values = [e["value"] for e in below]
     if all(value is None for value in values):
         return [""] * len(points)
     return ["-" if value is None else f"{value:{length_format(summary)}}" for value in values]
@@ -188,50 +175,40 @@ def largest_shown(point: Point, form: str) -> tuple[str, str]:
 
 def extremes_of(point: Point) -> list[float]:
     """Return p_max, q_min and q_max of a turning point, with 0 in place of round-off."""
-    values = [point[key] for key in EXTREMES]
+    values = [point[key] for key in ("p_max", "q_min", "q_max")]
     largest = max(map(abs, values))
     return [value if abs(value) > 1e-12 * largest else 0.0 for value in values]
 
 
 def _in_units(name: str, summary: Summary) -> str:
     """Return the head of a column, with the scene's unit where it has one."""
-    return in_unit(name, (summary.get("units") or {}).get(UNIT_OF_COLUMN.get(name)))
+    kind = "length" if name.endswith("half width") else "stress" if name[0] in "pq|" else ""
+    return in_unit(name, (summary.get("units") or {}).get(kind))
+
+
+def _one_half(point: Point, summary: Summary) -> bool:
+    """Return whether the zones from the centre are shown alone: the others are their mirror."""
+    on_axis = summary["symmetry"] == "axisymmetric" and "p_axis" in point
+    return "edge" not in point and (on_axis or summary["symmetry"] == "mirror")
 
 
 def zones_header(summary: Summary) -> str:
     """Return the header of the column of zones; of a symmetric contact only one half is shown."""
-    points = summary["turning_points"]
-    if any("edge" in p or _off_axis(p, summary) for p in points):
+    if not all(_one_half(point, summary) for point in summary["turning_points"]):
         return "zones"
-    return {
-        "mirror": "zones (x > 0, from the centre)",
-        "axisymmetric": "zones (from the axis)",
-    }.get(summary["symmetry"], "zones")
+    if summary["symmetry"] == "axisymmetric":
+        return "zones (from the axis)"
+    return "zones (x > 0, from the centre)"
 
 
 def zones_shown(point: Point, summary: Summary) -> str:
     """Return the zones of a turning point; of a symmetric contact those from the centre."""
-    zones, symmetry = point["zones"], summary["symmetry"]
-    form = length_format(summary)
-    mirrored = symmetry in ("mirror", "axisymmetric")
-    if not mirrored or "edge" in point or _off_axis(point, summary):
-        first = f"{zones[0][1]:{form}} " if zones else ""
-        return first + " | ".join(f"{name} to {end:{form}}" for name, _, end in zones)
-    centre = 0.0 if symmetry == "axisymmetric" else 0.5 * (zones[0][1] + zones[-1][2])
-    return " | ".join(f"{name} to {end:{form}}" for name, _, end in zones if end > centre)
-
-
-def _off_axis(point: Point, summary: Summary) -> bool:
-    """Return whether the contact of a body of revolution does not begin on the axis."""
-    return summary["symmetry"] == "axisymmetric" and "p_axis" not in point
-
-
-def _fitted(estimate: Point | None, form: str) -> str | None:
-    """Format a fitted half width with its interval; None if nothing was fitted."""
-    if estimate is None or not estimate["fitted"]:
-        return None
-    low, high = estimate["interval"]
-    return f"{estimate['value']:{form}} ({low:{form}} to {high:{form}})"
+    zones, form = point["zones"], length_format(summary)
+    first, centre = f"{zones[0][1]:{form}} " if zones else "", -math.inf
+    if _one_half(point, summary):
+        axis = summary["symmetry"] == "axisymmetric"
+        first, centre = "", 0.0 if axis else 0.5 * (zones[0][1] + zones[-1][2])
+    return first + " | ".join(f"{name} to {end:{form}}" for name, _, end in zones if end > centre)
 
 
 def length_format(summary: Summary) -> str:
@@ -250,33 +227,6 @@ def _format(values: Sequence[float]) -> str:
         return "z.4f"
     places = 4 - math.floor(math.log10(largest))
     return f"z.{places}f" if 0 <= places <= 8 else "z.4e"
-
-
-def corner_rows(summary: Summary) -> list[list[str]]:
-    """Return a row for each different corner and state at the turning points of the table."""
-    last = {
-        (f"{corner['x']:z.4g}", corner["state"]): corner
-        for point in headline_points(summary)
-        for corner in point.get("corners") or []
-    }
-    rows = []
-    for (x, state), corner in last.items():
-        exact, fitted = (
-            "-" if corner[k] is None else f"{corner[k]:z.4f}" for k in ("exponent", "fitted")
-        )
-        origin = (
-            f"closed form, {corner['angle']:g} degrees" if exact != "-" else "no closed form here"
-        )
-        words = f"stresses like d^m, m = {exact} ({origin}), fitted {fitted}"
-        end = "; singular" if is_singular(corner) else ""
-        rows.append([f"corner at {x}, {state}", words + end])
-    return rows
-
-
-def singular_corners(summary: Summary) -> list[str]:
-    """Return the positions of corners with infinite stresses at the turning points of the table."""
-    corners = [c for point in headline_points(summary) for c in point.get("corners") or []]
-    return [f"{x:z.4g}" for x in sorted({c["x"] for c in corners if is_singular(c)})]
 
 
 TURNING_POINTS = Section("Turning points", summary=_summary, rows=_rows, head=_head)

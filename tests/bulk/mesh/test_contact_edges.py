@@ -21,8 +21,7 @@ from receding_fenicsx.interface.mirror import mirror_of
 from receding_fenicsx.interface.system import ContactSystem
 from receding_fenicsx.mpi import on_root
 from receding_fenicsx.output.plots import figures
-from receding_fenicsx.output.report.summary import summarise
-from receding_fenicsx.output.report.text import run_table
+from receding_fenicsx.output.report.summary import run_table, summarise
 from receding_fenicsx.scene.model import Body, Contact, HistoryOptions, Load, Scene, SolverOptions
 from receding_fenicsx.store import hdf5
 from receding_fenicsx.studies.run import condense as condense_scene
