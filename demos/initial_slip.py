@@ -117,7 +117,7 @@ def main() -> None:
     if system is not None:  # on rank 0
         states = rf.steady_states(system, scene, options.samples)
         cells["history.initial_slip"] = random_slips(rf.evolve(system, scene), options.seeds)
-    again = rf.SweepOptions(resume=True, progress=say)
+    again = rf.StudyOptions(resume=True, progress=say)
     table = rf.sweep(scene, cells, folder / "map", measure=numbers, options=again)
     if states is None or table is None:
         return

@@ -65,7 +65,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, help="folder for curves, figures and pictures")
     parser.add_argument("--count", type=int, default=8, help="amplitudes of each curve")
     options = parser.parse_args()
-    out, again = options.out, rf.SweepOptions(overwrite=True)
+    out, again = options.out, rf.StudyOptions(overwrite=True)
     for name, (drive, low, high) in JOINTS.items():
         scene = rf.read_scene(HERE / f"{name}.toml")
         amplitudes = np.geomspace(low, high, options.count)

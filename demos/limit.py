@@ -169,7 +169,7 @@ def main() -> None:
         "history.minimum": np.linspace(0.0, 0.9, options.map[1]),
     }
     begin = time.monotonic()
-    again = rf.SweepOptions(overwrite=True)
+    again = rf.StudyOptions(overwrite=True)
     table = rf.sweep(scene, cells, options.out, options.processes, measure=numbers, options=again)
     if table is None:
         return

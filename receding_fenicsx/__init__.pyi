@@ -63,8 +63,9 @@ from .interface.branches.critical_friction import (
 )
 
 # Sweep
-from .studies.sweep.sweep import sweep as sweep, SweepOptions as SweepOptions
-from .studies.sweep.table import SweepTable as SweepTable
+from .studies.runner import StudyOptions as StudyOptions
+from .studies.sweep import sweep as sweep
+from .studies.sweep_table import SweepTable as SweepTable
 
 # Joints
 from .studies.joint.curve import joint_curve as joint_curve

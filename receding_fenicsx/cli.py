@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
     from receding_fenicsx.scene.model import Scene
+    from receding_fenicsx.studies.runner import StudyOptions
 
 app = App(
     name=PROGRAM,
@@ -129,6 +130,27 @@ class Cases(Study):
     workers: int | None = None
     """run the cases on this number of new processes of this machine (default: on this one). On
     several machines start the command under mpirun instead: rank 0 hands out the cases"""
+    shard: str = "1/1"
+    """i/n: run the i-th of n shares of the cases only; other jobs run the others in the same
+    folder, and the last one writes the results"""
+
+    def options(self, scene: str, say: Say) -> StudyOptions:
+        """Return the options of the study; files among values are in the folder of the scene."""
+        from receding_fenicsx.studies.runner import StudyOptions
+
+        share = re.fullmatch(r"([0-9]+)/([0-9]+)", self.shard)
+        if share is None:
+            raise InputError(f"--shard {self.shard}: must be i/n, such as 1/4")
+        shares = None if self.shard == "1/1" else (int(share[1]), int(share[2]))
+        return StudyOptions(
+            self.overwrite, self.resume, None, Path(scene).parent, shares, progress=say
+        )
+
+    def told(self, file: str) -> str:
+        """Return where the results are, or which share is finished."""
+        path, share = self.out / file, f"share {self.shard} is finished; the last one writes"
+        written = "written to" if path.is_file() else share
+        return f"{written} {path}"
 
 
 # -- commands ------------------------------------------------------------------------------------
@@ -231,7 +253,7 @@ def condense(scene: SceneFile, /, study: Study) -> None:
 
 
 @app.command
-def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str], shard: str = "1/1") -> int:
+def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str]) -> int:
     """Run a scene for every combination of values; write a table.
 
     The folder gets sweep.csv (a row for each case), sweep.json (scene, keys, versions) and
@@ -240,26 +262,15 @@ def sweep(scene: SceneFile, /, study: Cases, *, over: Sequence[str], shard: str 
     Args:
         over: table.key=values, values of one key, as for --set: a list 0,0.25,0.5 or a range
             first:last:number, as in contact.friction=0.1:0.9:9; repeatable for all combinations
-        shard: i/n, run the i-th of n shares of the cases only; other jobs run the others in the
-            same folder, and the last one writes the table
     """
     with study.started(scene) as (read, comm, say):
-        from receding_fenicsx.studies.sweep.sweep import SweepOptions
-        from receding_fenicsx.studies.sweep.sweep import sweep as sweep_scene
-        from receding_fenicsx.studies.sweep.values import read_over
+        from receding_fenicsx.studies.sweep import read_over
+        from receding_fenicsx.studies.sweep import sweep as sweep_scene
 
-        share = re.fullmatch(r"([0-9]+)/([0-9]+)", shard)
-        if share is None:
-            raise InputError(f"--shard {shard}: must be i/n, such as 1/4")
-        shares = None if shard == "1/1" else (int(share[1]), int(share[2]))
-        options = SweepOptions(
-            study.overwrite, study.resume, folder=Path(scene).parent, shard=shares, progress=say
-        )
+        options = study.options(scene, say)
         table = sweep_scene(read, read_over(list(over)), study.out, study.workers, options=options)
     if table is not None:
-        whole = (study.out / "sweep.csv").is_file()
-        told = "written to" if whole else f"share {shard} is finished; the last one writes"
-        print(f"{table!r}\n{told} {study.out / 'sweep.csv'}")
+        print(f"{table!r}\n{study.told('sweep.csv')}")
     none_left = table is not None and len(table.failed) == len(table.rows)
     return int(comm.bcast(none_left))
 
@@ -303,19 +314,16 @@ def joint(
         from receding_fenicsx.scene.toml_file import read_scene
         from receding_fenicsx.store.hdf5 import read_system
         from receding_fenicsx.studies.joint.curve import joint_curve
-        from receding_fenicsx.studies.sweep.sweep import SweepOptions
 
         is_system = scene.endswith(".h5") and not study.set
         read: Any = read_system(Path(scene)) if is_system else read_scene(scene, study.set)
         if not 0.0 < smallest <= largest < np.inf or count < 1:
             raise InputError("joint: needs 0 < --from <= --to, and a --count of at least 1")
         amplitudes, comm = np.geomspace(smallest, largest, count), require_mpi()
-        options = SweepOptions(
-            study.overwrite, study.resume, folder=Path(scene).parent, progress=say
-        )
+        options = study.options(scene, say)
         curve = joint_curve(read, drive, amplitudes, study.out, study.workers, options)
     if curve is not None:
-        print(f"{curve!r}\nwritten to {study.out / 'joint.csv'}")
+        print(f"{curve!r}\n{study.told('joint.csv')}")
     failed = [] if curve is None else [row["error"] for row in curve.table.failed]
     if comm.bcast(curve is not None and len(failed) == len(curve.table)):
         raise SolveError(

@@ -57,7 +57,14 @@ INTERFACE = (
 OUTPUT = (("plots",), ("snapshots", "report"))
 """Rooms of the output."""
 
-STUDIES = (("starts", "tolerance"), ("run",), ("sweep", "shakedown"), ("joint",))
+STUDIES = (
+    ("starts", "tolerance"),
+    ("run",),
+    ("cases", "sweep_table"),
+    ("runner",),
+    ("sweep", "shakedown"),
+    ("joint",),
+)
 """Rooms of the studies."""
 
 FEM = ("dolfinx", "petsc4py", "mpi4py", "gmsh", "ufl", "basix")

@@ -18,7 +18,7 @@ import receding_fenicsx as rf
 from receding_fenicsx import cli
 from receding_fenicsx.studies.joint.backbone import Backbone, first_loading
 from receding_fenicsx.studies.joint.figure import joint_figure
-from receding_fenicsx.studies.sweep.table import SweepTable
+from receding_fenicsx.studies.sweep_table import SweepTable
 
 ROOT = Path(__file__).parents[2]
 CYLINDERS = ROOT / "demos" / "half_planes.toml"
@@ -229,7 +229,7 @@ def test_a_file_of_that_name_is_not_overwritten(overwrite: bool, shared_tmp_path
     if comm.rank == 0:
         (shared_tmp_path / "joint.csv").write_text("mine")
     comm.barrier()
-    options = rf.SweepOptions(overwrite=overwrite)
+    options = rf.StudyOptions(overwrite=overwrite)
     with pytest.raises(rf.InputError, match="is not the folder of a curve"):
         rf.joint_curve(cylinders(40), "Q", [0.1], shared_tmp_path, options=options)
     assert (shared_tmp_path / "joint.csv").read_text() == "mine"

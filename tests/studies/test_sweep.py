@@ -22,8 +22,8 @@ import sweep_measures
 
 import receding_fenicsx as rf
 from receding_fenicsx import cli
-from receding_fenicsx.studies.sweep import processes, worker
-from receding_fenicsx.studies.sweep.values import read_over
+from receding_fenicsx.studies import cases, runner
+from receding_fenicsx.studies.sweep import read_over
 
 BLOCK = str(Path(__file__).parents[2] / "demos" / "block.toml")
 SMALL = ["mesh.contact_elements=10", "history.cycles=2"]
@@ -86,8 +86,8 @@ def test_a_body_is_condensed_once(monkeypatch: pytest.MonkeyPatch) -> None:
         condensed.append(case.mesh.contact_elements)
         return rf.condense(case, *rest, **options)
 
-    monkeypatch.setattr(worker, "condense", counted)
-    monkeypatch.setattr(worker, "_systems", {})
+    monkeypatch.setattr(cases, "condense", counted)
+    monkeypatch.setattr(cases, "_systems", {})
     over = {
         "contact.friction": [0.0, 0.3],
         "contact.initial_gap": [0.0, "0.001*x**2"],
@@ -107,7 +107,7 @@ def test_a_case_that_fails_is_a_row_with_its_reason(shared_tmp_path: Path) -> No
     }
     changed = scene("solver.method=gauss-seidel", "solver.polish=false", "solver.steps_per_leg=4")
     for _ in range(2):  # failures are kept as results are
-        options = rf.SweepOptions(resume=True)
+        options = rf.StudyOptions(resume=True)
         table = rf.sweep(changed, over, shared_tmp_path / "out", options=options)
         if table is None:
             continue
@@ -137,7 +137,7 @@ def kill_here(text):
 
 
 scene = rf.read_scene({block!r}, {small!r})
-options = rf.SweepOptions(resume=True, progress=kill_here)
+options = rf.StudyOptions(resume=True, progress=kill_here)
 rf.sweep(scene, {over!r}, out, workers, options=options)
 """
 
@@ -163,7 +163,7 @@ def test_a_sweep_killed_twice_has_the_table_of_an_undisturbed_one(
     mark = f"SWEEP_MARK={tmp_path}"
     command = [sys.executable, str(program), str(out), "2", "2"]
     environment = {**rf.child_environment(), "SWEEP_MARK": str(tmp_path)}
-    killed = subprocess.run(command, env=environment, check=False, stderr=subprocess.DEVNULL)
+    killed = subprocess.run(command, env=environment, check=False)
     assert killed.returncode == -signal.SIGKILL
     while running_with(mark):  # the new processes end with their parent
         time.sleep(0.02)
@@ -172,7 +172,7 @@ def test_a_sweep_killed_twice_has_the_table_of_an_undisturbed_one(
     assert len(lines(out)) == 4
     assert not (out / "sweep.csv").exists()
     said: list[str] = []
-    options = rf.SweepOptions(resume=True, progress=said.append)
+    options = rf.StudyOptions(resume=True, progress=said.append)
     table = rf.sweep(scene(), OVER, out, options=options)
     assert len(said) == 2 and said[0].startswith("sweep: case 5 of 6, ")
     assert table == undisturbed
@@ -189,7 +189,7 @@ def test_shares_played_apart_at_the_same_time_and_killed_make_the_same_table(
     undisturbed = rf.sweep(scene(), OVER, whole)
 
     def share(number: int, progress: Any = None) -> rf.SweepTable:
-        options = rf.SweepOptions(shard=(number, 3), progress=progress)
+        options = rf.StudyOptions(shard=(number, 3), progress=progress)
         return rf.given(rf.sweep(scene(), OVER, out, options=options))
 
     def another(_: str) -> None:
@@ -199,7 +199,7 @@ def test_shares_played_apart_at_the_same_time_and_killed_make_the_same_table(
         with pytest.raises(rf.InputError, match="another run is using"):
             share(1)
         with pytest.raises(rf.InputError, match="another run is using"):
-            rf.sweep(scene(), OVER, out, options=rf.SweepOptions(resume=True))
+            rf.sweep(scene(), OVER, out, options=rf.StudyOptions(resume=True))
         raise KeyboardInterrupt
 
     tables: list[rf.SweepTable] = []
@@ -214,8 +214,8 @@ def test_shares_played_apart_at_the_same_time_and_killed_make_the_same_table(
     assert (out / "sweep.csv").read_bytes() == (whole / "sweep.csv").read_bytes()
     assert sum(len(lines(out, f"cases.{k}-of-3.jsonl")) for k in (1, 2, 3)) == 6
     # without shares it goes on with what all of them have finished
-    monkeypatch.setattr(processes, "play", lambda task: pytest.fail("played again"))
-    assert rf.sweep(scene(), OVER, out, options=rf.SweepOptions(resume=True)) == undisturbed
+    monkeypatch.setattr(runner, "play", lambda *_: pytest.fail("played again"))
+    assert rf.sweep(scene(), OVER, out, options=rf.StudyOptions(resume=True)) == undisturbed
 
 
 def test_damaged_lines_are_played_again(shared_tmp_path: Path) -> None:
@@ -230,7 +230,7 @@ def test_damaged_lines_are_played_again(shared_tmp_path: Path) -> None:
         (out / "cases.jsonl").write_bytes(kept[0] + bytes(flipped) + kept[2] + kept[3][:100])
     comm.Barrier()
     said: list[str] = []
-    rf.sweep(scene(), OVER, out, options=rf.SweepOptions(resume=True, progress=said.append))
+    rf.sweep(scene(), OVER, out, options=rf.StudyOptions(resume=True, progress=said.append))
     if comm.rank == 0:
         assert len(said) == 4
         assert (out / "sweep.csv").read_bytes() == whole
@@ -238,12 +238,12 @@ def test_damaged_lines_are_played_again(shared_tmp_path: Path) -> None:
 
 
 def test_a_sweep_goes_on_with_more_values_but_nothing_else(shared_tmp_path: Path) -> None:
-    out, resume = shared_tmp_path / "out", rf.SweepOptions(resume=True)
+    out, resume = shared_tmp_path / "out", rf.StudyOptions(resume=True)
     over = {"contact.friction": [0.2]}
     rf.sweep(scene(), over, out)
     for other, keys, measure, word in (
         (scene("material.poisson=0.2"), over, None, r"\[material\] poisson"),
-        (scene(), {"history.minimum": [0.2]}, None, "it is over contact.friction"),
+        (scene(), {"history.minimum": [0.2]}, None, "key: it has contact.friction"),
         (scene(), over, sweep_measures.half, "function measure"),
     ):
         with pytest.raises(rf.InputError, match=f"is a sweep with another.*{word}"):
@@ -254,10 +254,11 @@ def test_a_sweep_goes_on_with_more_values_but_nothing_else(shared_tmp_path: Path
     if table is not None:
         assert len(said) == 1 and table["contact.friction"].tolist() == [0.4, 0.2]
     # a title says nothing of the cases
-    rf.sweep(scene("title=x"), over, out, options=resume)
+    rf.sweep(scene("title=x"), over, out, options=replace(resume, progress=said.append))
+    assert len(said) == (comm.rank == 0)
     with pytest.raises(rf.InputError, match="holds a sweep; continue it"):
         rf.sweep(scene(), over, out)
-    rf.sweep(scene(), over, out, options=rf.SweepOptions(overwrite=True))
+    rf.sweep(scene(), over, out, options=rf.StudyOptions(overwrite=True))
     comm.Barrier()
     assert len(lines(out)) == 1
 
@@ -305,8 +306,8 @@ def test_a_case_whose_process_dies_is_a_row_and_is_tried_again(
     (bad,) = table.failed
     assert bad["contact.friction"] == 0.3 and "process was ended" in bad["error"]
     assert table["f"].tolist()[::2] == [0.2, 0.4] and np.isnan(table["f"][1])
-    monkeypatch.setattr(processes, "play", lambda task: worker.Outcome({"f": 7.0}))
-    again = rf.sweep(scene(), over, out, measure=measure, options=rf.SweepOptions(resume=True))
+    monkeypatch.setattr(runner, "play", lambda *_: cases.Outcome({"f": 7.0}))
+    again = rf.sweep(scene(), over, out, measure=measure, options=rf.StudyOptions(resume=True))
     assert again is not None and again["f"].tolist() == [0.2, 7.0, 0.4]
 
 
@@ -317,7 +318,7 @@ def test_an_interrupted_sweep_tells_how_to_go_on(shared_tmp_path: Path) -> None:
         raise KeyboardInterrupt
 
     with pytest.raises(rf.Interrupted, match=r"after 1 of 6 cases.*by --resume") as caught:
-        rf.sweep(scene(), OVER, out, options=rf.SweepOptions(progress=interrupt))
+        rf.sweep(scene(), OVER, out, options=rf.StudyOptions(progress=interrupt))
     assert caught.value.exit_code == 130
     comm.Barrier()
     assert len(lines(out)) == 1
@@ -404,7 +405,7 @@ def test_what_is_no_folder_of_a_sweep_is_left_alone(
         mine.write_text("mine")
     comm.barrier()
     with pytest.raises(rf.InputError, match=r"is a file; give|is not the folder of a sweep"):
-        rf.sweep(scene(), {"contact.friction": [0.2]}, place, options=rf.SweepOptions(**choice))
+        rf.sweep(scene(), {"contact.friction": [0.2]}, place, options=rf.StudyOptions(**choice))
     assert mine.read_text() == "mine"
 
 

@@ -26,7 +26,7 @@ from receding_fenicsx.store.hdf5 import read_record
 from receding_fenicsx.store.run_folder import SEARCH
 from receding_fenicsx.store.summary_file import read_summary
 from receding_fenicsx.studies import run as study
-from receding_fenicsx.studies.sweep.sweep import sweep
+from receding_fenicsx.studies.sweep import sweep
 
 DEMOS = Path(__file__).parents[2] / "demos"
 COMM = MPI.COMM_WORLD

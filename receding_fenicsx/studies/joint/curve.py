@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import hashlib
 from collections.abc import Mapping, Sequence
 from contextlib import suppress
 from dataclasses import replace
@@ -14,9 +15,9 @@ import numpy as np
 from receding_fenicsx import mpi
 from receding_fenicsx.accuracy.meshes import coarser
 from receding_fenicsx.arrays import Array, as_numbers, check_types
-from receding_fenicsx.atomic import make_folder, new_file
+from receding_fenicsx.atomic import new_file
 from receding_fenicsx.environment import versions
-from receding_fenicsx.errors import InputError, SolveError
+from receding_fenicsx.errors import InputError
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
 from receding_fenicsx.interface.law import State
@@ -38,19 +39,16 @@ from receding_fenicsx.scene.validate import validate
 from receding_fenicsx.store.summary_file import write_summary
 from receding_fenicsx.store.workspace import FolderKind
 from receding_fenicsx.studies import run as study
+from receding_fenicsx.studies.cases import Case, Cell, digest_of_system
 from receding_fenicsx.studies.joint.backbone import NO_DISSIPATION, Backbone, first_loading
 from receding_fenicsx.studies.joint.figure import joint_figure
 from receding_fenicsx.studies.joint.result import JointCurve
-from receding_fenicsx.studies.sweep.folder import PROVENANCE
-from receding_fenicsx.studies.sweep.measure import Cell
-from receding_fenicsx.studies.sweep.sweep import SweepOptions, sweep
-from receding_fenicsx.studies.sweep.table import ERROR, SweepTable
+from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
+from receding_fenicsx.studies.sweep import Grid, grid_of, play_scene
+from receding_fenicsx.studies.sweep_table import SweepTable
 
-TABLE, SUMMARY, PICTURE = "joint.csv", "joint.json", "joint.png"
-"""Files of a curve; the sweeps are in folders of their own beside them."""
-CURVE = FolderKind("curve", (SUMMARY, f"cases/{PROVENANCE}"))
-ROUND_OFF = 1e-12
-"""Dissipation of a cycle, over the work of all loads, below which it is round-off."""
+TABLE, SUMMARY, PICTURE, CASES_OF = "joint.csv", "joint.json", "joint.png", "joint_cases.json"
+"""Files of a curve; the last one says what the finished cases are of."""
 CYCLES = 1000
 """Most cycles that are played where the limit is not found at once."""
 
@@ -71,7 +69,7 @@ def loop_numbers(record: Record, drive: str = "") -> dict[str, Cell]:
         ratio = (load[high] - load[low]) / (conjugate[high] - conjugate[low])
     D, work = float(record.cycles.dissipation[-1]), np.ptp(load) * np.ptp(conjugate)
     energy = np.abs(table.load * table.load_displacement).sum(axis=1).max()
-    none = max(NO_DISSIPATION * work, ROUND_OFF * energy)
+    none = max(NO_DISSIPATION * work, 1e-12 * energy)  # round-off
     still = record.steady.kind == SHAKEDOWN and D <= none
     touching = np.all(table.state[rows] != State.SEPARATION, axis=0)
     return {
@@ -90,7 +88,7 @@ def joint_curve(
     amplitudes: Sequence[float] | Array,
     out: str | Path | None = None,
     workers: int | None = None,
-    options: SweepOptions = SweepOptions(),
+    options: StudyOptions = StudyOptions(),
 ) -> JointCurve | None:
     """Find the limit cycles of a joint over the amplitude; all ranks of an MPI job call this.
 
@@ -101,10 +99,10 @@ def joint_curve(
             other loads are kept with factor 1; without estimate.
         drive: name of the driven load, or "mode:1", "mode:2", ...: a vibration mode of a scene.
         amplitudes: load factors, positive; the drive goes between plus and minus each.
-        out: folder for the table, the figure and the sweeps, from which an interrupted curve goes
-            on. None writes nothing.
+        out: folder for the table, the figure and the finished cases, from which an interrupted
+            curve continues. None writes nothing.
         workers: number of new processes that play the cases.
-        options: overwrite, resume, progress.
+        options: further options.
 
     Returns:
         The curve on rank 0, None on the others.
@@ -119,88 +117,94 @@ def joint_curve(
         scene=(scene, Scene, ContactSystem),
         drive=(drive, str),
         out=(out, str, Path, None),
-        options=(options, SweepOptions),
+        options=(options, StudyOptions),
     )
-    if options.shard is not None:
-        raise InputError("joint: its amplitudes are played together; leave the shard out")
     values = as_numbers(amplitudes, "joint_curve: amplitudes")
     folder = None if out is None else Path(out)
-    if isinstance(scene, ContactSystem):
-        return mpi.on_root(comm, lambda: _of_system(scene, drive, values, folder, options))
-    cyclic = _driven(scene, drive, values)
-    if folder is not None:
-        mpi.on_root(comm, lambda: CURVE.check(folder, options.overwrite, options.resume))
-    # a mode, the preload or the first loading may fail: before anything is written
+    over = {f"history.harmonic.{drive}.amplitude": values.tolist()}
     omega = np.zeros(0)
-    if mode_number(drive):
-        validate(cyclic)
-        found = mpi.on_root(comm, lambda: mode_system(cyclic))
-        system, omega = (None, omega) if found is None else found
+
+    def check_folder() -> None:
+        if folder is not None:
+            again = options.resume or options.shard is not None
+            FolderKind("curve", (CASES_OF,)).check(folder, options.overwrite, again)
+
+    # a mode, the preload or the first loading may fail: before anything is written
+    if isinstance(scene, ContactSystem):
+        held = _preload(scene, drive, values)
+        given, cyclic, title = scene, None, ""
+        system: ContactSystem | None = scene
+        mpi.on_root(comm, check_folder)
+        factors = np.array([held.get(name, 0.0) for name in given.load_names])
+        start = np.array([0.0 * factors, factors] if np.any(factors) else [factors])
+        if given.scene_toml:
+            # bolts and interference have legs of their own
+            known = replace(from_toml(given.scene_toml), history=HistoryOptions())
+            start = preload_path(given, _driven(known, drive, values), drive)
     else:
-        system = study.condense(cyclic, comm, options.progress, whole=True)
+        cyclic, title = _driven(scene, drive, values), scene.title
+        mpi.on_root(comm, check_folder)
+        if mode_number(drive):
+            validate(cyclic)
+            found = mpi.on_root(comm, lambda: mode_system(cyclic))
+            system, omega = (None, omega) if found is None else found
+        else:
+            system = study.condense(cyclic, comm, options.progress, whole=True)
 
     def loaded() -> Backbone:
-        start = preload_path(mpi.given(system), cyclic, drive)
-        return first_loading(mpi.given(system), drive, start, values, cyclic.solver)
+        own = mpi.given(system)
+        path = start if cyclic is None else preload_path(own, cyclic, drive)
+        return first_loading(own, drive, path, values, None if cyclic is None else cyclic.solver)
 
     backbone = mpi.on_root(comm, loaded)
-
-    def swept(which: Scene, name: str) -> SweepTable | None:
-        place = None if folder is None else folder / name
-        over = {f"history.harmonic.{drive}.amplitude": values.tolist()}
-        return sweep(which, over, place, workers, loop_numbers, options)
-
-    table = swept(cyclic, "cases")
     partner = None
-    with suppress(InputError):  # without estimate where no coarser mesh fits
-        partner = comm.bcast(mpi.on_root(comm, lambda: coarser(cyclic)))
-    coarse = None if partner is None else swept(partner, "coarse")
+    if cyclic is not None:
+        with suppress(InputError):  # without estimate where no coarser mesh fits
+            partner = comm.bcast(mpi.on_root(comm, lambda: coarser(cyclic)))
 
-    def finish() -> JointCurve:
-        curve = _curve(drive, values, (mpi.given(table), coarse), mpi.given(backbone))
-        curve = replace(curve, linear=omega)
-        if folder is not None:
-            _write(folder, scene.title, curve)
-        return curve
+    def begin() -> Study[JointCurve]:
+        if cyclic is None:
+            grid = Grid(("amplitude",), (tuple(values.tolist()),), ())
+            body, names = digest_of_system(given), np.array(given.load_names)
+            unit = np.array(names == drive, dtype=float)
+            cases = []
+            for value in values.tolist():
+                loop = start[-1] + np.outer([value, -value, value], unit)
+                history = History(given.load_names, np.vstack([start, loop[0]]), loop, CYCLES)
+                identity = hashlib.sha256(f"{body} {drive} {value!r}".encode()).hexdigest()
+                cases.append(Case(identity, (given, history, drive), (value,)))
+        else:
+            grid = grid_of(cyclic, over, options.folder)
 
-    return mpi.on_root(comm, finish)
+        def combine(runner: Runner) -> JointCurve:
+            if cyclic is None:
+                tables = [grid.table(runner.outcomes(cases, _play_system))]
+            else:
+                grids = [grid, *([grid_of(partner, over)] if partner else [])]
+                all_cases = [c for g in grids for c in g.cases(runner.systems, loop_numbers)]
+                outcomes = runner.outcomes(all_cases, play_scene)
+                n = len(values)
+                tables = [g.table(outcomes[k * n : k * n + n]) for k, g in enumerate(grids)]
+            curve = _curve(drive, values, tables, mpi.given(backbone), omega)
+            if runner.folder is not None and runner.complete:
+                _write(runner.folder, title, curve)
+            return curve
+
+        same = {"drive": drive, "system": "" if cyclic is not None else digest_of_system(given)}
+        results = (TABLE, SUMMARY, PICTURE)
+        # amplitudes may be added, or left out
+        own = scene if isinstance(scene, Scene) else None
+        whose = own and _driven(own, drive, np.ones(1))
+        content = {"amplitudes": values.tolist()}
+        return Study("curve", CASES_OF, whose, combine, same, content, results)
+
+    return run_study(begin, out, workers, options)
 
 
-def _of_system(
-    system: ContactSystem, drive: str, values: Array, folder: Path | None, options: SweepOptions
-) -> JointCurve:
-    """Return the curve of a condensed system."""
-    preload = _preload(system, drive, values)
-    if folder is not None:
-        CURVE.check(folder, options.overwrite, options.resume)
-    held = np.array([preload.get(name, 0.0) for name in system.load_names])
-    start = np.array([0.0 * held, held] if np.any(held) else [held])
-    if system.scene_toml:
-        # bolts and interference have legs of their own
-        scene = replace(from_toml(system.scene_toml), history=HistoryOptions())
-        start = preload_path(system, _driven(scene, drive, values), drive)
-    table = _played(system, drive, start, values)
-    curve = _curve(drive, values, (table, None), first_loading(system, drive, start, values))
-    if folder is not None:
-        _write(folder, "", curve)
-    return curve
-
-
-def _played(system: ContactSystem, drive: str, start: Array, values: Array) -> SweepTable:
-    """Play a system to the limit cycle of each amplitude."""
-    rows: list[dict[str, Any]] = []
-    for value in values.tolist():
-        unit = np.array(system.load_names) == drive
-        loop = start[-1] + np.outer([value, -value, value], unit)
-        history = History(system.load_names, np.vstack([start, loop[0]]), loop, CYCLES)
-        row: dict[str, Any] = {"amplitude": value, ERROR: ""}
-        try:
-            record = evolve(system, history, None, OutputOptions(1, ()), until="limit")
-            row |= loop_numbers(record, drive)
-        except SolveError as error:
-            row[ERROR] = str(error)
-        rows.append(row)
-    return SweepTable(("amplitude",), (tuple(values.tolist()),), tuple(rows))
+def _play_system(system: ContactSystem, history: History, drive: str) -> dict[str, Cell]:
+    """Play a condensed system to its limit cycle."""
+    record = evolve(system, history, None, OutputOptions(1, ()), until="limit")
+    return loop_numbers(record, drive)
 
 
 def _preload(scene: Scene | ContactSystem, drive: str, values: Array) -> dict[str, float]:
@@ -231,19 +235,16 @@ def _driven(scene: Scene, drive: str, values: Array) -> Scene:
 
 
 def _curve(
-    drive: str,
-    amplitude: Array,
-    tables: tuple[SweepTable, SweepTable | None],
-    backbone: Backbone,
+    drive: str, amplitude: Array, tables: list[SweepTable], backbone: Backbone, omega: Array
 ) -> JointCurve:
-    """Return the curve of both sweeps and the first loading."""
+    """Return the curve of the tables on both meshes, or on one, and of the first loading."""
 
     def column(table: SweepTable | None, name: str) -> Array:
         rows = () if table is None else table.rows
         found = np.array([row.get(name) for row in rows], dtype=float)
         return found if len(found) else np.full(len(amplitude), np.nan)
 
-    table, coarse = tables
+    table, coarse = tables[0], tables[1] if len(tables) > 1 else None
     D = column(table, "dissipation")
     alive = np.where(D > 0.0, D, np.nan)
     # a single change may be small by chance
@@ -260,12 +261,12 @@ def _curve(
         kind=tuple(row.get("kind") or "failed" for row in table.rows),
         backbone=backbone,
         table=table,
+        linear=omega,
     )
 
 
 def _write(folder: Path, title: str, curve: JointCurve) -> None:
     """Write table, summary and figure."""
-    make_folder(folder)
     rows = curve.rows()
     with (
         new_file(folder / TABLE, True) as beside,

@@ -9,7 +9,7 @@ import numpy as np
 
 from receding_fenicsx.arrays import Array, described
 from receding_fenicsx.studies.joint.backbone import Backbone
-from receding_fenicsx.studies.sweep.table import ERROR, SweepTable
+from receding_fenicsx.studies.sweep_table import ERROR, SweepTable
 
 FITTED = 3
 """Least number of amplitudes with dissipation for an exponent."""

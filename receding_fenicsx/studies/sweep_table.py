@@ -21,6 +21,8 @@ from receding_fenicsx.scene.checks import suggestion
 if TYPE_CHECKING:
     import pandas as pd
 
+Label = float | int | str | bool
+"""A value of a key as the table shows it."""
 ERROR = "error"
 """Column of the reasons why cases failed."""
 SHOWN_ROWS, SHOWN_MEASURED = 20, 5

@@ -1,0 +1,485 @@
+"""Run the cases of a study on one process or many; an interrupted study continues.
+
+A study is ``cases -> measure -> combine``:
+
+1. cases: a list of :class:`~receding_fenicsx.studies.cases.Case`, each with a digest of all that
+   its outcome depends on, and the arguments of ``measure``;
+2. measure: a function of a module, called in any process with the arguments of one case; it
+   returns a dictionary of JSON values. An error is the outcome of its case;
+3. combine: what rank 0 makes of the outcomes, which are in the order of the cases.
+
+A new study, here of a number over the friction::
+
+    def slip_of(scene: Scene, body: str, systems: Path | None) -> dict[str, Any]:
+        record = evolve(shared_system(scene, body, systems), scene)
+        return {"slip": float(np.abs(record.turning_points.v).max())}
+
+    def slip_study(scene, frictions, out=None, workers=None, options=StudyOptions()):
+        def begin() -> Study[list[Outcome]]:
+            def combine(runner: Runner) -> list[Outcome]:
+                scenes = [with_friction(scene, f) for f in frictions]
+                cases = [
+                    Case(identity_of(s), (s, body_of(s), runner.systems), (f,), body_of(s))
+                    for s, f in zip(scenes, frictions)
+                ]
+                outcomes = runner.outcomes(cases, slip_of)
+                if runner.folder and runner.complete:
+                    write_summary(runner.folder / "slip.json", {...}, overwrite=True)
+                return outcomes
+
+            return Study("slip study", "slip_cases.json", scene, combine, results=("slip.json",))
+
+        return run_study(begin, out, workers, options)
+
+``runner.outcomes`` may be called again, with cases that depend on earlier outcomes. The folder
+holds ``cases.jsonl``, a line for each finished case, and the file named by the study, which says
+what it is of: a study of another scene, or with other ``same``, does not continue it.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import pickle
+import shutil
+import signal
+import zlib
+from collections.abc import Callable, Generator, Iterator, Mapping, Sequence
+from concurrent.futures import FIRST_COMPLETED, BrokenExecutor, Executor, Future, as_completed, wait
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, BinaryIO, Generic, TypeVar
+
+from receding_fenicsx import mpi, workers
+from receding_fenicsx.atomic import make_folder, unwritable
+from receding_fenicsx.environment import versions
+from receding_fenicsx.errors import InputError, RecedingError, SolveError
+from receding_fenicsx.scene.identity import difference, digest
+from receding_fenicsx.scene.model import Scene
+from receding_fenicsx.scene.toml_file import from_toml, to_toml
+from receding_fenicsx.store.summary_file import write_summary
+from receding_fenicsx.store.workspace import FolderKind, interruption, locked
+from receding_fenicsx.studies.cases import Case, Outcome
+from receding_fenicsx.timing import Countdown, Say
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+T = TypeVar("T")
+Measure = Callable[..., Mapping[str, Any]]
+"""Measures one case; called with its ``work``."""
+
+
+@dataclass(frozen=True)
+class StudyOptions:
+    """Options of a study of many cases.
+
+    Attributes:
+        overwrite: replace an earlier study in the folder.
+        resume: continue an earlier study of the same scene; its finished cases are kept, cases may
+            have been added.
+        executor: an executor of ``concurrent.futures`` that runs the cases, such as the
+            ``MPIPoolExecutor`` of ``python -m mpi4py.futures``.
+        folder: folder that paths of files among values are relative to; default: the working
+            directory.
+        shard: number of a share of the cases, from 1, and number of shares: other jobs run the
+            others in the same folder, at the same time or later. The last one writes the results.
+        progress: called on rank 0 with a text after every case.
+    """
+
+    overwrite: bool = False
+    resume: bool = False
+    executor: Executor | None = None
+    folder: Path | None = None
+    shard: tuple[int, int] | None = None
+    progress: Say | None = None
+
+
+@dataclass(frozen=True)
+class Study(Generic[T]):
+    """A study of a scene.
+
+    Attributes:
+        name: what its folder holds, such as "sweep".
+        file: name of the file that says what the study is of.
+        scene: the scene; None without one.
+        combine: runs cases by a :class:`Runner`, and makes the result of their outcomes.
+        same: what must be the same where the study is continued, by its name in messages.
+        content: what else the file says.
+        results: files that are removed while cases are not finished.
+    """
+
+    name: str
+    file: str
+    scene: Scene | None
+    combine: Callable[[Runner], T]
+    same: Mapping[str, Any] = field(default_factory=dict)
+    content: Mapping[str, Any] = field(default_factory=dict)
+    results: tuple[str, ...] = ()
+
+    @property
+    def kind(self) -> FolderKind:
+        """Kind of its folder."""
+        return FolderKind(self.name, (self.file,))
+
+
+def run_study(
+    begin: Callable[[], Study[T]],
+    out: str | Path | None = None,
+    count: int | None = None,
+    options: StudyOptions = StudyOptions(),
+    measure: Callable[..., Any] | None = None,
+) -> T | None:
+    """Run a study; all ranks of an MPI job call this together.
+
+    Under ``mpirun -n R``, rank 0 hands out the cases and the others run them.
+
+    Args:
+        begin: returns the study, called on rank 0 before anything is written.
+        out: folder of the study; None writes nothing.
+        count: number of new processes of this machine that run the cases; default: this process.
+        options: further options.
+        measure: a function of the user's among the arguments of the cases: whether other processes
+            can take it is found before anything is written.
+
+    Returns:
+        What the study has made of its outcomes on rank 0, None on the others.
+
+    Raises:
+        InputError: the folder holds another study, the function cannot be sent, or the options
+            contradict each other.
+        Interrupted: a signal asked to end; the folder can be resumed.
+    """
+    comm = mpi.world()
+    if count is not None:
+        if isinstance(count, bool) or not isinstance(count, int):
+            raise InputError(f"workers = {count!r}: must be a whole number")
+        if not 1 <= count <= 1024:
+            raise InputError(f"workers = {count}: must be from 1 to 1024")
+        if options.executor is not None or comm.size > 1:
+            raise InputError(
+                "workers: the cases are run by the ranks of the MPI job, or by the executor; "
+                "leave workers out"
+            )
+    if options.shard is not None:
+        number, shares = options.shard
+        if out is None or not 1 <= number <= shares:
+            raise InputError(f"shard {number}/{shares}: needs 1 <= number <= count, and a folder")
+        if options.overwrite:
+            raise InputError("--shard and --overwrite: shares use the folder together; omit one")
+    if measure is not None and (count is not None or options.executor or comm.size > 1):
+        import cloudpickle
+
+        try:
+            # new processes of this machine take functions of the main program too
+            (pickle if count is None else cloudpickle).dumps(measure)
+        except Exception as caught:
+            raise InputError(
+                f"measure: cannot be sent to another process ({caught}); make it a function of a "
+                "module, without open files"
+            ) from None
+
+    def run(executor: Executor | None) -> T:
+        study = begin()
+        if out is None:
+            return study.combine(Runner(study, options, None, count, executor))
+        with _opened(Path(out), study, options) as file:
+            runner = Runner(study, options, CaseFile(Path(out), file), count, executor)
+            result = study.combine(runner)
+            if runner.complete:
+                shutil.rmtree(Path(out) / SYSTEMS, ignore_errors=True)
+            return result
+
+    if comm.size == 1 or options.executor is not None:
+        return run(options.executor)
+    from mpi4py.futures import MPICommExecutor
+    from petsc4py import PETSc  # noqa: F401 - its start is collective
+
+    result: T | None = None
+    error: BaseException | None = None
+    with (
+        _signals_on_root_only(comm),
+        MPICommExecutor(comm, root=0) as executor,  # type: ignore[arg-type]
+    ):
+        if executor is not None:
+            try:
+                result = run(executor)
+            except BaseException as caught:
+                error = caught
+
+    def answer() -> T | None:
+        if error is not None:
+            raise error
+        return result
+
+    return mpi.on_root(comm, answer)
+
+
+@contextlib.contextmanager
+def _signals_on_root_only(comm: MPI.Comm) -> Iterator[None]:
+    """Let rank 0 alone answer signals that ask to end: it withdraws the cases not begun."""
+    kept = {}
+    if comm.rank > 0:
+        with contextlib.suppress(ValueError):  # signals belong to the main thread
+            for number in (signal.SIGINT, signal.SIGTERM):
+                kept[number] = signal.signal(number, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        for number, handler in kept.items():
+            signal.signal(number, handler)
+
+
+# -- cases in processes --------------------------------------------------------------------------
+
+Played = Generator[tuple[int, Outcome], None, None]
+"""Numbers of the cases as they finish, and their outcomes."""
+
+
+class Runner:
+    """Runs cases in the folder of a study.
+
+    Attributes:
+        folder: the folder, None without one.
+        systems: folder for the condensed systems of the cases, removed with the last case.
+        complete: whether all cases so far are finished, in whatever share.
+    """
+
+    def __init__(
+        self,
+        study: Study[Any],
+        options: StudyOptions,
+        file: CaseFile | None,
+        count: int | None,
+        executor: Executor | None,
+    ) -> None:
+        """Hold what runs the cases, and the file that keeps them."""
+        self.study, self.options, self.file = study, options, file
+        self.count, self.executor = count, executor
+        self.folder = None if file is None else file.path
+        self.systems = None if file is None else file.path / SYSTEMS
+        self.complete = True
+
+    def outcomes(self, cases: Sequence[Case], measure: Measure) -> list[Outcome]:
+        """Run the cases of this share that are not finished; return the outcomes of all.
+
+        Raises:
+            Interrupted: a signal asked to end.
+        """
+        finished = {} if self.file is None else self.file.read(final=True)
+        # cases of one body follow each other: a process keeps few condensed systems
+        order = sorted(range(len(cases)), key=lambda number: cases[number].body)
+        first, step = self.options.shard or (1, 1)
+        share = order[first - 1 :: step]
+        todo = {k: cases[k] for k in share if cases[k].identity and not cases[k].error}
+        todo = {k: case for k, case in todo.items() if case.identity not in finished}
+        lacking = [c for c in cases if not c.error and c.identity not in finished]
+        for name in self.study.results if lacking and self.folder else ():
+            (self.folder / name).unlink(missing_ok=True)  # type: ignore[operator]
+        done, failed = len(share) - len(todo), 0
+        tell = Countdown(self.options.progress, f"{self.study.name}: case")
+        try:
+            with contextlib.closing(self._play(todo, measure)) as played:
+                for more, (number, outcome) in enumerate(played, 1):
+                    finished[cases[number].identity] = outcome
+                    if self.file is not None:
+                        self.file.add(cases[number], outcome)
+                    failed += bool(outcome.error)
+                    tell(done + more, len(share), f"{failed} failed")
+        except (KeyboardInterrupt, SystemExit) as signalled:
+            if self.folder is None:
+                raise
+            where = f"after {len(finished)} of {len(cases)} cases"
+            raise interruption(signalled, where, self.folder, "them") from None
+        if self.file is not None and step > 1:
+            finished = self.file.read() | finished
+        missing = Outcome({}, "not finished, in another share", final=False)
+        found = [
+            Outcome({}, case.error) if case.error else finished.get(case.identity, missing)
+            for case in cases
+        ]
+        self.complete = self.complete and all(outcome is not missing for outcome in found)
+        return found
+
+    def _play(self, cases: Mapping[int, Case], measure: Measure) -> Played:
+        if self.executor is not None:
+            return _on_executor(self.executor, cases, measure)
+        if self.count is not None:
+            return _on_processes(cases, measure, self.count)
+        return ((number, play(case, measure)) for number, case in cases.items())
+
+
+def play(case: Case, measure: Measure) -> Outcome:
+    """Measure one case; an error is its outcome."""
+    try:
+        return Outcome(dict(measure(*case.work)))
+    except (InputError, SolveError) as error:
+        return Outcome({}, str(error).replace("\n", " "))
+    except Exception as error:
+        text = f"{type(error).__name__}: {error}".replace("\n", " ")
+        return Outcome({}, text, final=False)
+
+
+def _on_executor(executor: Executor, cases: Mapping[int, Case], measure: Measure) -> Played:
+    """Run cases on an executor; those not begun are withdrawn when the caller stops early."""
+    futures: dict[Future[Outcome], int] = {}
+    try:
+        futures |= {executor.submit(play, case, measure): k for k, case in cases.items()}
+        for future in as_completed(futures):
+            yield futures[future], future.result()
+    except BrokenExecutor:
+        raise RecedingError(
+            "a process that ran a case was ended from outside; the finished cases are kept, "
+            "continue by --resume"
+        ) from None
+    finally:
+        for future in futures:
+            future.cancel()
+
+
+def _on_processes(cases: Mapping[int, Case], measure: Measure, count: int) -> Played:
+    """Run cases on new processes of this machine.
+
+    If a process dies, the cases that were begun are run again, each alone; the one whose process
+    dies again has failed.
+    """
+    waiting = list(cases)
+    while waiting:
+        begun = yield from _until_one_dies(cases, measure, waiting, min(count, len(cases)))
+        for number in begun:
+            if (yield from _until_one_dies(cases, measure, [number], 1)):
+                text = "its process was ended from outside, or crashed"
+                yield number, Outcome({}, text, final=False)
+
+
+def _until_one_dies(
+    cases: Mapping[int, Case], measure: Measure, waiting: list[int], count: int
+) -> Generator[tuple[int, Outcome], None, list[int]]:
+    """Run the waiting cases, ``count`` at a time; return those begun when a process dies."""
+    running: dict[Future[Outcome], int] = {}
+    died: list[int] = []
+    try:
+        while running or (waiting and not died):
+            while waiting and not died and len(running) < count:
+                number = waiting.pop(0)
+                job = workers.submit("study", play, cases[number], measure, count=count, loud=True)
+                running[job] = number
+            for job in wait(running, return_when=FIRST_COMPLETED).done:
+                number = running.pop(job)
+                if isinstance(job.exception(), BrokenExecutor):
+                    died.append(number)
+                else:
+                    yield number, job.result()
+    finally:
+        workers.end("study")
+    return died
+
+
+# -- folder of finished cases --------------------------------------------------------------------
+
+CASES, SYSTEMS = "cases.jsonl", "systems"
+"""File of the finished cases; folder of the condensed systems."""
+
+
+class CaseFile:
+    """Finished cases in a folder, a line with a checksum for each."""
+
+    def __init__(self, path: Path, file: BinaryIO) -> None:
+        """Hold the folder and the open file that takes further cases."""
+        self.path, self._file = path, file
+
+    def read(self, final: bool = False) -> dict[str, Outcome]:
+        """Return the outcomes of all shares by the identities of their cases.
+
+        Args:
+            final: leave out cases that may succeed when they are tried again.
+        """
+        found: dict[str, Outcome] = {}
+        for path in sorted(self.path.glob("cases*.jsonl")):
+            for line in path.read_bytes().splitlines():
+                checksum, _, text = line.partition(b" ")
+                if checksum == b"%08x" % zlib.crc32(text):  # else damaged, or still being written
+                    row = json.loads(text)
+                    outcome = Outcome(row["cells"], row["error"], row["final"])
+                    earlier = found.get(row["identity"])
+                    if outcome.final or not (final or (earlier and earlier.final)):
+                        found[row["identity"]] = outcome
+        return found
+
+    def add(self, case: Case, outcome: Outcome) -> None:
+        """Write a finished case to the disk.
+
+        Raises:
+            RecedingError: the disk is full.
+        """
+        row = {"case": case.labels, "identity": case.identity, **asdict(outcome)}
+        text = json.dumps(row, ensure_ascii=False).encode()
+        try:
+            self._file.write(b"%08x %s\n" % (zlib.crc32(text), text))
+            self._file.flush()
+            os.fsync(self._file.fileno())
+        except OSError as error:
+            raise unwritable(Path(self._file.name), error) from None
+
+
+@contextlib.contextmanager
+def _opened(path: Path, study: Study[Any], options: StudyOptions) -> Iterator[BinaryIO]:
+    """Open the folder of a study, a new one or one to continue; yield its file of cases.
+
+    Raises:
+        InputError: the folder holds something else, or a study of another scene or of other values;
+            or another process is using it.
+        RecedingError: the disk is full.
+    """
+    shard = options.shard
+    resume = options.resume or shard is not None
+    if study.kind.check(path, options.overwrite, resume) and resume:
+        _check_same(path, study)
+    make_folder(path)
+    name = CASES if shard is None else f"cases.{shard[0]}-of-{shard[1]}.jsonl"
+    try:
+        with locked(path, shared=shard is not None):
+            if not resume:
+                old = [*(path / name for name in study.results), *path.glob("cases*.jsonl")]
+                for file in old:
+                    file.unlink(missing_ok=True)
+                shutil.rmtree(path / SYSTEMS, ignore_errors=True)
+            content = {
+                "format_version": 1,
+                "title": "" if study.scene is None else study.scene.title,
+                "same": dict(study.same),
+                **study.content,
+                "scene": "" if study.scene is None else to_toml(study.scene),
+                "digest": "" if study.scene is None else digest(study.scene),
+                "versions": versions(),
+            }
+            write_summary(path / study.file, content, overwrite=True)
+            with locked(path / name), open(path / name, "ab") as opened:
+                whole = (path / name).read_bytes()
+                os.truncate(path / name, whole.rfind(b"\n") + 1)  # an unfinished line
+                yield opened
+    except OSError as error:
+        raise unwritable(path, error) from None
+
+
+def _check_same(path: Path, study: Study[Any]) -> None:
+    """Raise InputError if a folder holds another study."""
+    try:
+        found = json.loads((path / study.file).read_text(encoding="utf-8"))
+        scene = from_toml(found["scene"]) if found["scene"] else None
+        same, checksum = dict(found["same"]), found["digest"]
+    except (OSError, ValueError, KeyError, TypeError, InputError):
+        raise InputError(f"{path / study.file}: is damaged; start anew with --overwrite") from None
+    if (scene is None) != (study.scene is None):
+        other: str | None = "scene"
+    else:
+        other = difference(scene, study.scene, frozenset({"title"}))
+    if other is None and study.scene is not None and checksum != digest(study.scene):
+        other = "mesh file"
+    own = json.loads(json.dumps(dict(study.same)))
+    for name, value in same.items() if other is None else ():
+        if own.get(name) != value:
+            other = f"{name}: it has {value}" if value else name
+            break
+    study.kind.check_same(path, other)

@@ -1,0 +1,387 @@
+"""Sweep of a scene over a grid of values.
+
+table = rf.sweep(scene, {"contact.friction": [0.1, 0.2], "history.minimum": [0.0, 0.5]}, "out")
+table["dissipation_last_cycle"], table.grid("steady"), table.to_pandas()
+"""
+
+from __future__ import annotations
+
+import copy
+import hashlib
+import inspect
+import itertools
+import json
+import math
+import re
+import tomllib
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from receding_fenicsx.arrays import check_types, shortened
+from receding_fenicsx.errors import InputError
+from receding_fenicsx.evolution.evolve import evolve
+from receding_fenicsx.evolution.moment import extreme_row
+from receding_fenicsx.evolution.record import Record
+from receding_fenicsx.measures.half_widths import half_widths
+from receding_fenicsx.scene.model import OutputOptions, Scene
+from receding_fenicsx.scene.toml_file import from_raw, parse_value, set_value, to_toml
+from receding_fenicsx.scene.toml_reader import parse_toml
+from receding_fenicsx.studies.cases import (
+    Case,
+    Cell,
+    Outcome,
+    body_of,
+    cells_of,
+    identity_of,
+    shared_system,
+)
+from receding_fenicsx.studies.runner import Runner, Study, StudyOptions, run_study
+from receding_fenicsx.studies.sweep_table import ERROR, Label, SweepTable
+
+TABLE = "sweep.csv"
+"""File of the table in the folder of a sweep."""
+
+Measure = Callable[[Record], Mapping[str, Any]]
+"""Function that takes the numbers of a case from its record."""
+
+
+def sweep(
+    scene: Scene,
+    over: Mapping[str, Any],
+    out: str | Path | None = None,
+    workers: int | None = None,
+    measure: Measure | None = None,
+    options: StudyOptions = StudyOptions(),
+) -> SweepTable | None:
+    """Run a scene for every combination of values; all ranks of an MPI job call this together.
+
+    Cases of the same body, mesh, contact edges, loads and supports share one condensed system. A
+    case that fails is a row with its reason. Under ``mpirun -n R``, rank 0 hands out the cases and
+    the others run them.
+
+    Args:
+        scene: the scene that is changed.
+        over: values of each key "table.key" or "load.NAME.key": a list, or a dictionary of values
+            by the names that the table shows.
+        out: folder for ``sweep.csv``, ``sweep.json`` (what the sweep is of) and ``cases.jsonl``
+            (finished cases, from which an interrupted sweep continues). None writes nothing.
+        workers: number of new processes of this machine that run the cases; default: this process.
+        measure: function that takes a dictionary of numbers and texts from the record of a case;
+            default: the headline numbers. For MPI and executors it must be a function of a module.
+        options: further options.
+
+    Returns:
+        The table on rank 0, None on the others. Rows of other shares that are not finished say so.
+
+    Raises:
+        InputError: a key or a value cannot be used in any combination, the folder holds another
+            sweep, or the options contradict each other. Nothing has been computed then.
+        Interrupted: a signal asked to end; the folder can be resumed.
+    """
+    check_types(
+        "sweep",
+        scene=(scene, Scene),
+        over=(over, Mapping),
+        out=(out, str, Path, None),
+        measure=(measure, Callable, None),
+        options=(options, StudyOptions),
+    )
+
+    def begin() -> Study[SweepTable]:
+        if scene.accuracy.tolerance is not None:
+            raise InputError(
+                "[accuracy] tolerance: a sweep solves all its cases on the scene's mesh; omit it"
+            )
+        grid = grid_of(scene, over, options.folder)
+
+        def combine(runner: Runner) -> SweepTable:
+            table = grid.table(runner.outcomes(grid.cases(runner.systems, measure), play_scene))
+            if runner.folder is not None and runner.complete:
+                table.write_csv(runner.folder / TABLE, overwrite=True)
+            return table
+
+        same = {"key": ", ".join(sorted(grid.keys)), "function measure": _identity(measure)}
+        content = {
+            "over": dict(zip(grid.keys, grid.labels, strict=True)),
+            "cases": len(grid.scenes),
+        }
+        return Study("sweep", "sweep.json", scene, combine, same, content, (TABLE,))
+
+    return run_study(begin, out, workers, options, measure)
+
+
+def _identity(measure: Measure | None) -> str:
+    """Return a text that changes with the function's name and program text."""
+    if measure is None:
+        return ""
+    name = getattr(measure, "__qualname__", type(measure).__qualname__)
+    try:
+        text = inspect.getsource(measure)
+    except (OSError, TypeError):
+        return name
+    return f"{name} {hashlib.sha256(text.encode()).hexdigest()[:16]}"
+
+
+def play_scene(
+    scene: Scene, body: str, systems: Path | None, measure: Measure | None, taken: tuple[str, ...]
+) -> dict[str, Cell]:
+    """Evolve a scene and take its numbers.
+
+    Args:
+        scene: the scene.
+        body: digest of its condensed system.
+        systems: folder of the condensed systems that the processes share.
+        measure: function that takes the numbers of a record, or None for the default ones.
+        taken: names of columns that the table has already.
+    """
+    system = shared_system(scene, body, systems)
+    if measure is None:
+        # turning points only: enough for the columns of measure_record
+        every = scene.output.checkpoint_cycles
+        scene = replace(scene, output=OutputOptions(1, (), checkpoint_cycles=every))
+    return cells_of((measure or measure_record)(evolve(system, scene)), taken)
+
+
+# -- numbers of a case ---------------------------------------------------------------------------
+
+
+def measure_record(record: Record) -> dict[str, Cell]:
+    """Return the headline numbers of a record, with the names of ``summary.json``.
+
+    Half widths and extreme tractions are those of the last cycle at the smallest and the largest
+    load. With several contact edges their names end in ".EDGE".
+
+    Args:
+        record: the record; samples and events are not used.
+    """
+    D, steady = record.cycles.dissipation, record.steady
+    row: dict[str, Cell] = {
+        "cycles": len(D),
+        "dissipation_first_loading": record.dissipation_first_loading,
+        "dissipation_cycle_1": D[0] if len(D) else None,
+        "dissipation_last_cycle": D[-1] if len(D) else None,
+        "steady": steady.kind,
+        "steady_cycle": steady.cycle if steady.reached else None,
+        "steady_period": steady.period if steady.reached else None,
+    }
+    edges = record.by_edge()
+    for name, part in edges.items():
+        end = f".{name}" if len(edges) > 1 else ""
+        row |= {f"{key}{end}": value for key, value in _last_cycle(part).items()}
+    return row | {
+        "residual_max": record.residual_max,
+        "energy_error_max": record.energy_error_max,
+        "events": record.n_events,
+        "sweeps": record.sweeps,
+        "jumps": record.jumps,
+    }
+
+
+def _last_cycle(record: Record) -> dict[str, Cell]:
+    """Return half widths and extreme tractions in the last cycle."""
+    points = record.turning_points
+    rows = np.flatnonzero(points.cycle == points.cycle.max())
+    found: dict[str, Cell] = {}
+    for load in ("minimum", "maximum"):
+        i = extreme_row(points, rows, load)
+        found |= {f"{key}_at_{load}": value for key, value in half_widths(record, i).items()}
+        found[f"p_max_at_{load}"] = points.p[i].max()
+        found[f"q_abs_max_at_{load}"] = np.abs(points.q[i]).max()
+    return found
+
+
+# -- cases ---------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Grid:
+    """All combinations of values; those of the last key vary fastest.
+
+    Attributes:
+        keys: "table.key" or "load.NAME.key", as for ``--set``.
+        labels: the values of each key, as the table shows them.
+        scenes: the scene of each combination, or why it cannot be modelled.
+    """
+
+    keys: tuple[str, ...]
+    labels: tuple[tuple[Label, ...], ...]
+    scenes: tuple[Scene | str, ...]
+
+    def cases(self, systems: Path | None, measure: Measure | None) -> list[Case]:
+        """Return the cases for :func:`play_scene`."""
+        found, taken = [], (*self.keys, ERROR)
+        for labels, scene in zip(itertools.product(*self.labels), self.scenes, strict=True):
+            if isinstance(scene, str):
+                found.append(Case("", (), labels, error=scene))
+                continue
+            body = body_of(scene)
+            work = (scene, body, systems, measure, taken)
+            found.append(Case(identity_of(scene), work, labels, body))
+        return found
+
+    def table(self, outcomes: list[Outcome]) -> SweepTable:
+        """Return the table of the outcomes of all cases."""
+        rows = [
+            {**dict(zip(self.keys, labels, strict=True)), **outcome.cells, ERROR: outcome.error}
+            for labels, outcome in zip(itertools.product(*self.labels), outcomes, strict=True)
+        ]
+        return SweepTable(self.keys, self.labels, tuple(rows))
+
+
+def grid_of(scene: Scene, over: Mapping[str, Any], folder: Path | None = None) -> Grid:
+    """Return the scenes of all combinations of values.
+
+    Args:
+        scene: the scene that is changed.
+        over: a list of values for each key; or a dictionary of values by the names that the table
+            shows.
+        folder: folder that paths of files among the values are relative to.
+
+    Raises:
+        InputError: a key or a value cannot be used in any combination; one line.
+    """
+    if not over:
+        raise InputError('sweep: give keys and values, {"contact.friction": [0.1, 0.2]}')
+    values = {key: _labelled(key, given) for key, given in over.items()}
+    count, most = int(np.prod([float(len(v)) for v in values.values()])), 1_000_000
+    if count > most:
+        raise InputError(f"sweep: has {count} cases; at most {most} are possible")
+    raw, folder = tomllib.loads(to_toml(scene)), folder or Path()
+
+    def changed(chosen: Mapping[str, Any]) -> Scene | str:
+        try:
+            new = copy.deepcopy(raw)
+            for key, value in chosen.items():
+                set_value(new, key, copy.deepcopy(value), "the scene")
+            found = from_raw(new, folder)
+            body_of(found)  # a mesh file may be missing
+        except InputError as error:
+            return str(error).replace("\n", " ")
+        return found
+
+    combined = list(itertools.product(*(v.values() for v in values.values())))
+    scenes = tuple(changed(dict(zip(values, chosen, strict=True))) for chosen in combined)
+    labels = tuple(tuple(v) for v in values.values())
+    numbered = list(zip(itertools.product(*labels), scenes, strict=True))
+    for k, (key, of_key) in enumerate(values.items()):
+        good = {chosen[k] for chosen, found in numbered if isinstance(found, Scene)}
+        for label in set(of_key) - good:
+            alone = changed({key: of_key[label]})
+            if isinstance(alone, str):
+                raise InputError(f"sweep over {key} = {shortened(str(label))}: {alone}")
+    if isinstance(scenes[0], str) and not any(isinstance(found, Scene) for found in scenes):
+        raise InputError(f"sweep over {', '.join(values)}: {scenes[0]}")
+    return Grid(tuple(values), labels, scenes)
+
+
+def _labelled(key: object, given: Any) -> dict[Label, Any]:
+    """Return the values of a key by their labels."""
+    if not isinstance(key, str) or "." not in key:
+        raise InputError(f"sweep over {key}: write table.key, for example contact.friction")
+    if isinstance(given, Mapping):
+        return {str(name): _plain(value) for name, value in given.items()} or _no_values(key)
+    if isinstance(given, str) or not hasattr(given, "__iter__"):
+        raise InputError(f"sweep over {key}: give a list of values, [{given!r}]")
+    found: dict[Label, Any] = {}
+    for value in map(_plain, given):
+        label = value if isinstance(value, str | bool | int | float) else _text(value)
+        if label in found:
+            raise InputError(f"sweep over {key}: the value {label} occurs twice; remove one")
+        found[label] = value
+    return found or _no_values(key)
+
+
+def _no_values(key: str) -> dict[Label, Any]:
+    raise InputError(f"sweep over {key}: has no values; give at least one")
+
+
+def _plain(value: Any) -> Any:
+    """Return a value in the types of parsed TOML."""
+    if isinstance(value, np.generic | np.ndarray):
+        return value.tolist()
+    if isinstance(value, Mapping):
+        return {str(key): _plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def _text(value: Any) -> str:
+    """Return the label of a list or a table."""
+    if isinstance(value, dict) and set(value) == {"file"}:
+        return str(value["file"])
+    return json.dumps(value, default=str)
+
+
+# -- values of the command line ------------------------------------------------------------------
+
+_RANGE = re.compile(r"\s*([^:\s]+)\s*:\s*([^:\s]+)\s*:\s*([^:\s]+)\s*")
+"""First value, last value, number of values."""
+
+
+def read_over(texts: list[str]) -> dict[str, list[Any]]:
+    """Read the arguments ``--over KEY=VALUES``.
+
+    Args:
+        texts: each "table.key=values". Values are separated by commas; each is TOML, a text
+            without quotes, or a range "first:last:number" of evenly spaced values.
+
+    Returns:
+        The values of each key.
+
+    Raises:
+        InputError: a text has no key or no values, a key occurs twice, or a range is not one.
+    """
+    over: dict[str, list[Any]] = {}
+    for text in texts:
+        key, equals, values = (part.strip() for part in text.partition("="))
+        where = f"--over {text}"
+        if not (key and equals and values):
+            raise InputError(
+                f"{where}: write table.key=values, for example contact.friction=0.1:0.9:9 or "
+                "history.minimum=0,0.25,0.5"
+            )
+        if key in over:
+            raise InputError(f"{where}: {key} occurs twice; give all its values at once")
+        over[key] = _values(values, where)
+    return over
+
+
+def _values(text: str, where: str) -> list[Any]:
+    """Return the values of one key."""
+    parts = text.split(",")
+    if not any(_RANGE.fullmatch(part) for part in parts):
+        try:
+            return list(parse_toml(f"values = [{text}]")["values"])
+        except InputError:
+            pass
+    found: list[Any] = []
+    for part in parts:
+        if not part.strip():
+            raise InputError(f"{where}: a value is missing between commas")
+        match = _RANGE.fullmatch(part)
+        found += _range(match, where) if match else [parse_value(part, where)]
+    return found
+
+
+def _range(match: re.Match[str], where: str) -> list[float] | list[int]:
+    """Return evenly spaced values; whole numbers where both ends and all values are such."""
+    first, last, number = match.groups()
+    wrong = InputError(
+        f"{where}: a range is first:last:number, two numbers and a count of 2 to 100000"
+    )
+    try:
+        a, b, n = float(first), float(last), int(number)
+    except ValueError:
+        raise wrong from None
+    if not (math.isfinite(a) and math.isfinite(b) and 2 <= n <= 100_000):
+        raise wrong
+    values = np.linspace(a, b, n)
+    whole = all(re.fullmatch(r"[+-]?\d+", end) for end in (first, last))
+    if whole and np.all(values == np.round(values)):
+        return [int(value) for value in values]
+    return [float(value) for value in values]
