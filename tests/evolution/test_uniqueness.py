@@ -211,10 +211,15 @@ def test_a_path_that_begins_again_from_no_force_has_as_many_solutions_as_it_has_
     assert (unique.leg, unique.s, unique.solutions) == (2, 0.0, 3)
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_no_path_is_certified_that_has_several_continuations(kind: str) -> None:
-    found, instants, _ = tally(range(8, 16), kind)
-    assert found[FALSE] == 0 and instants > 8
+# in the last one the first of four nodes on their limits to be let go sticks all the same
+@pytest.mark.parametrize(
+    ("kind", "first", "last"), [*((k, 8, 16) for k in KINDS), ("pairs", 171, 172)]
+)
+def test_no_path_is_certified_that_has_several_continuations(
+    kind: str, first: int, last: int
+) -> None:
+    found, instants, _ = tally(range(first, last), kind)
+    assert found[FALSE] == 0 and instants >= 8
     # within load steps nothing is proved but of contacts that are definite in all states
     if kind != "load steps":
         assert found["one, not certified"] <= 0.1 * found["one, certified"], found

@@ -335,8 +335,14 @@ def noted(path: Path, i: int, old: int, new: int) -> None:
     while k < count[EVENTS] and event[k, 0] < i:
         k += 1
     if k < count[EVENTS] and event[k, 0] == i:
+        undone = event[k, 2]
         event[k, 2] = new
         if event[k, 1] == new:
+            # it might have gone the other way all the same
+            tie = count[TIES]
+            path.tie_at[tie] = path.place[0]
+            path.tie[tie, 0], path.tie[tie, 1], path.tie[tie, 2] = i, new, undone
+            count[TIES] += 1
             for later in range(k, count[EVENTS] - 1):
                 for part in range(3):
                     event[later, part] = event[later + 1, part]

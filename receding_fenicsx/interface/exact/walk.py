@@ -27,6 +27,7 @@ from receding_fenicsx.interface.exact.round_off import (
     summed,
 )
 from receding_fenicsx.interface.exact.segments import EPSILON, Segment, States
+from receding_fenicsx.interface.exact.ties import ties_at
 from receding_fenicsx.interface.exact.unloading import (
     UNLOADING_EVENTS,
     UNLOADING_REFINEMENTS,
@@ -149,6 +150,13 @@ class Walk:
         path.event[first:last] = np.stack([changed.node, changed.old, changed.new], axis=1)
         count[kernel_data.EVENTS] = last
         path.state[:] = state
+        # nodes that were tried in other states are on limits, also those that keep their own
+        for tie in ties_at(self.segments, self.s, path.y, before, self.force_scale):
+            path.tie_at[count[kernel_data.TIES]], path.tie[count[kernel_data.TIES]] = (
+                tie[0],
+                tie[1:],
+            )
+            count[kernel_data.TIES] += 1
 
     def _sticks_instead(self) -> bool:
         """Let the node that has closed stick, once, where its slip leaves a motion free."""
