@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg.blas import daxpy, dgemm, dscal
+from scipy.linalg.blas import dgemm
 from scipy.linalg.lapack import dgetrf, dgetrs
 
 from receding_fenicsx.arrays import Array
@@ -99,50 +99,8 @@ class PivotMatrix:
         self.row_of[self.row_label] = np.arange(len(self.row_label))
         self.column_of[self.column_label] = np.arange(len(self.column_label))
 
-    def copy(self) -> PivotData:
-        """Return a copy of everything, pending updates applied."""
-        self.apply_pending()
-        return PivotData(
-            self.T.copy(),
-            self.row_label.copy(),
-            self.column_label.copy(),
-            self.age,
-        )
-
-    def exchange(self, out: int, into: int) -> bool:
-        """Exchange the output labelled ``out`` with the input ``into``.
-
-        Returns:
-            False where that is singular, or the column of the input is left out.
-        """
-        i, j, k = self.row_of.item(out), self.column_of.item(into), self.pending
-        if j < 0:
-            return False
-        if k == MAX_PENDING:
-            self.apply_pending()
-            k = 0
-        U, V = self.U, self.V
-        R, C, T = V[k], U[:, k], self.T
-        U[i, :k].dot(V[:k], out=R)
-        U[:, :k].dot(V[:k, j], out=C)
-        # in place, as both are contiguous; BLAS takes less time for so few numbers than numpy does
-        daxpy(T[i], R)
-        daxpy(self._flat, C, n=len(T), offx=j, incx=T.shape[1])
-        D = R.item(j)
-        if -self.singular <= D <= self.singular:
-            return False
-        C[i] = C.item(i) + 1.0
-        R[j] = D - 1.0
-        dscal(-1.0 / D, C)
-        self.pending = k + 1
-        self.row_label[i], self.column_label[j] = into, out
-        self.row_of[into], self.row_of[out] = i, -1
-        self.column_of[out], self.column_of[into] = j, -1
-        self.age += 1
-        return True
-
-    def exchange_many(self, outputs: Indices, inputs: Indices) -> bool:
-        """Exchange several outputs with as many inputs in place; False as for :meth:`exchange`.
+    def exchange(self, outputs: Indices, inputs: Indices) -> bool:
+        """Exchange outputs with as many inputs, given by their labels.
 
         With the pivot block D where their rows R and columns C meet, the blocks become D^-1, -D^-1
         R (the other columns), C D^-1 (the other rows) and T - C D^-1 R (the rest).

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 from receding_fenicsx.arrays import Array
 from receding_fenicsx.interface.exact.balance import BalanceCheck
 from receding_fenicsx.interface.exact.pivot_matrix import SINGULAR_ON_SPRINGS, SingularExchange
-from receding_fenicsx.interface.exact.tableau import ONE_BY_ONE, A, B, Tableau
+from receding_fenicsx.interface.exact.tableau import A, B, Tableau
 from receding_fenicsx.interface.law import (
     BACKWARD,
     FORWARD,
@@ -210,7 +210,7 @@ class Segments:
     def is_near(self, state: States) -> bool:
         """Return whether the tableau is brought to the given states by a few exchanges."""
         tableau = self._tableau
-        return tableau is not None and np.count_nonzero(tableau.state != state) <= ONE_BY_ONE
+        return tableau is not None and np.count_nonzero(tableau.state != state) <= 16
 
     def segment(self, state: States, q: Array, direction: Array) -> Segment:
         """Return the segment with rates (4N,) along a leg; those of low friction are corrected."""

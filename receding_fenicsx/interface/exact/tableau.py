@@ -18,8 +18,6 @@ along any leg.
 
 from __future__ import annotations
 
-from collections import deque
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg.blas import dscal
@@ -55,13 +53,6 @@ EXCHANGES: dict[tuple[int, int], tuple[tuple[int, int], ...]] = {
 
 SMOOTH_EXCHANGES = {(STICK, SEPARATION): ((A, W),), (SEPARATION, STICK): ((W, A),)}
 """The same for a node without friction or held tangentially."""
-
-ONE_BY_ONE = 16
-"""Exchanges up to which they are made one by one; more are made as one block."""
-
-STORED_COPIES = 4
-"""Copies of the tableau stored after large changes of state: a reversal returns near to where the
-last one in the same direction led."""
 
 MAX_AGE = 10
 """Exchanges, in multiples of the tableau's size, after which it is made from scratch, to remove
@@ -136,7 +127,6 @@ class Tableau:
         self.unit = 2.0 ** int(np.frexp(typical)[1])
         self._left_out = np.zeros(0, dtype=np.intp)
         self._all_stuck = self._with_all_stuck(system.r_star.T)
-        self._copies: deque[tuple[NDArray[np.int8], PivotData]] = deque(maxlen=STORED_COPIES)
         self.rebuilds = 0
         self._singular = singular
         self.matrix = PivotMatrix(self._all_stuck, 5 * n, singular)
@@ -179,11 +169,10 @@ class Tableau:
             self.matrix = PivotMatrix(self._all_stuck, 5 * n, self._singular)
         elif self.rebuilds:
             self.matrix.restore(self._all_stuck.without(self._left_out))
-        if outputs and not self.matrix.exchange_many(np.array(outputs), np.array(inputs)):
+        if outputs and not self.matrix.exchange(np.array(outputs), np.array(inputs)):
             raise SingularExchange
         self.matrix.age = 0
         self.state = state.copy()
-        self._copies.clear()
         self.rebuilds += 1
 
     @property
@@ -213,18 +202,6 @@ class Tableau:
             different &= self._limited
         return different.nonzero()[0]
 
-    def _restore_nearest(self, state: NDArray[np.int8], changes: int) -> None:
-        """Continue from a stored copy if fewer than ``changes`` nodes differ there."""
-        candidates = list(self._copies)
-        if not np.any(self.free_v):
-            candidates.append((np.full(len(state), STICK, dtype=np.int8), self._all_stuck))
-        distances = [len(self._different(state, stored)) for stored, _ in candidates]
-        if min(distances, default=changes) < changes:
-            nearest, data = candidates[distances.index(min(distances))]
-            self.state = nearest.copy()  # changed in place by the compiled loop
-            first = data is self._all_stuck
-            self.matrix.restore(data.without(self._left_out) if first else data)
-
     def move_to(self, state: NDArray[np.int8]) -> None:
         """Exchange what differs between the present and the wanted states.
 
@@ -232,25 +209,14 @@ class Tableau:
             SingularExchange: a motion of the body is left without stiffness.
         """
         changing = self._different(state, self.state)
-        changes = len(changing)
-        if changes > ONE_BY_ONE:
-            self._restore_nearest(state, changes)
-            changing = self._different(state, self.state)
         outputs, inputs = exchanges(self.frictional, changing, self.state, state)
         matrix = self.matrix
-        if matrix.age > MAX_AGE * len(matrix.T):
-            done = False
-        elif len(outputs) > ONE_BY_ONE:
-            done = matrix.exchange_many(np.array(outputs), np.array(inputs))
-        else:
-            done = all(map(matrix.exchange, outputs, inputs))
-        if done:
-            self.state = state.copy()
-            if changes > ONE_BY_ONE:
-                self._copies.append((self.state.copy(), matrix.copy()))
-        else:
-            # exchanges one by one may pass singular states on the way to regular ones
+        if matrix.age > MAX_AGE * len(matrix.T) or (
+            outputs and not matrix.exchange(np.array(outputs), np.array(inputs))
+        ):
             self.build(state)
+        else:
+            self.state = state.copy()
 
     def rates(self, direction: Array) -> Array:
         """Return the rates of v, gap, A and B along a leg.

@@ -15,8 +15,7 @@ from receding_fenicsx.interface.exact import loop
 from receding_fenicsx.interface.exact.legs import widen
 from receding_fenicsx.interface.exact.loop import Loop
 from receding_fenicsx.interface.exact.path import EventPath
-from receding_fenicsx.interface.exact.tableau import Tableau
-from receding_fenicsx.interface.law import FORWARD, SEPARATION, STICK
+from receding_fenicsx.interface.law import SEPARATION, STICK
 from receding_fenicsx.interface.system import ContactSystem, Leg
 
 CYCLES = [[0.0], [1.0], *[[0.6], [1.0]] * 6]
@@ -107,25 +106,6 @@ def test_columns_cannot_be_left_out_of_a_tableau_without_stiffness() -> None:
     path.segments.tableau(np.full(system.n, STICK, dtype=np.int8))
     path.segments.leave_out(lifted, np.zeros(0, dtype=np.intp))
     assert_same(play(path, CYCLES, 3), play(PlainPath(system), CYCLES, 3))
-
-
-def test_the_loop_leaves_stored_copies_of_the_tableau_alone() -> None:
-    system = block_system(64, 16)
-    path = EventPath(system)
-    legs = play(path, CYCLES[:3])
-    tableau = path.segments.tableau_at_hand(legs[-1].end.state)
-    # more changes at once than are made one by one: a copy is stored
-    slipping = np.where(np.arange(system.n) < 40, FORWARD, STICK).astype(np.int8)
-    path.segments.tableau(slipping)
-    ends = np.array([0.6]), np.array([1.0])
-    path.trace_leg(legs[-1].end, ends, legs[-1].force_scale)
-    reached = tableau.state.copy()
-    assert not np.array_equal(reached, slipping)
-    path.segments.tableau(np.full(system.n, STICK, dtype=np.int8))
-    rates, expected = (
-        one.rates(np.ones(1)) for one in (path.segments.tableau(reached), Tableau(system, reached))
-    )
-    assert np.abs(rates - expected).max() <= 1e-9 * np.abs(expected).max()
 
 
 def test_rates_that_the_loop_asks_for_are_its_own(monkeypatch: pytest.MonkeyPatch) -> None:

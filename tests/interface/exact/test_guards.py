@@ -250,7 +250,7 @@ def test_a_renewal_that_fails_leaves_no_half_made_tableau(monkeypatch: pytest.Mo
     segments.tableau(state)
     segments.refinements = 2 * BLOCK.n
     with monkeypatch.context() as singular:
-        singular.setattr(PivotMatrix, "exchange_many", lambda *_: False)
+        singular.setattr(PivotMatrix, "exchange", lambda *_: False)
         with pytest.raises(SingularExchange):
             segments.at(state, UP)
     segments.refinements = 0
