@@ -15,13 +15,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.linalg.blas import dgemm
 from scipy.linalg.lapack import dgetrf, dgetrs
 
-from receding_fenicsx.arrays import Array
-
-Indices = NDArray[np.intp]
+from receding_fenicsx.arrays import Array, Ints
 
 MAX_PENDING = 32
 """Rank-one updates of T that are collected before they are applied."""
@@ -53,11 +50,11 @@ class PivotData:
     """
 
     T: Array
-    row_label: Indices
-    column_label: Indices
+    row_label: Ints
+    column_label: Ints
     age: int = 0
 
-    def without(self, inputs: Indices) -> PivotData:
+    def without(self, inputs: Ints) -> PivotData:
         """Return the same without the columns of some inputs."""
         if not len(inputs):
             return self
@@ -99,7 +96,7 @@ class PivotMatrix:
         self.row_of[self.row_label] = np.arange(len(self.row_label))
         self.column_of[self.column_label] = np.arange(len(self.column_label))
 
-    def exchange(self, outputs: Indices, inputs: Indices) -> bool:
+    def exchange(self, outputs: Ints, inputs: Ints) -> bool:
         """Exchange outputs with as many inputs, given by their labels.
 
         With the pivot block D where their rows R and columns C meet, the blocks become D^-1, -D^-1
@@ -143,7 +140,7 @@ class PivotMatrix:
             out += self.U[:, :pending].dot(self.V[:pending, k:].dot(loads))
         return out
 
-    def response(self, inputs: Indices, change: Array) -> Array:
+    def response(self, inputs: Ints, change: Array) -> Array:
         """Return the change (m,) of the outputs when the labelled inputs change, or several."""
         columns, k = self.column_of[inputs], self.pending
         if change.ndim > 1:

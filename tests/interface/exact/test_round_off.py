@@ -14,6 +14,7 @@ from legs import asking
 from models import block_system
 from small import cyclic, small_system, table
 
+from receding_fenicsx.arrays import Ints
 from receding_fenicsx.errors import NoEquilibrium
 from receding_fenicsx.evolution.evolve import evolve
 from receding_fenicsx.evolution.record import Record
@@ -115,7 +116,7 @@ def test_a_bad_tableau_is_renewed(monkeypatch: pytest.MonkeyPatch) -> None:
     exchange = PivotMatrix.exchange
     rng = np.random.default_rng(0)
 
-    def spoilt(self: PivotMatrix, out: int, into: int) -> bool:
+    def spoilt(self: PivotMatrix, out: Ints, into: Ints) -> bool:
         done = exchange(self, out, into)
         of_loads = self.T[:, len(self.column_label) :]
         of_loads *= 1.0 + 1e-9 * rng.standard_normal(of_loads.shape)
