@@ -20,9 +20,8 @@ from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.lcp.contact import Undecided
 from receding_fenicsx.interface.system import ContactState, ContactSystem
 from receding_fenicsx.interface.tolerances import SAME_MARGIN, SAME_RATES, SIMULTANEOUS
-from receding_fenicsx.interface.uniqueness.definite import Certificate
-from receding_fenicsx.interface.uniqueness.patterns import definite
-from receding_fenicsx.interface.uniqueness.sides import Sides, bits_of
+from receding_fenicsx.interface.uniqueness.certificate import Certificate, definite
+from receding_fenicsx.interface.uniqueness.instants import Sides, bits_of
 
 FIRST, LEAST, MOST = "first", "least dissipation", "most dissipation"
 RULES = (FIRST, LEAST, MOST)

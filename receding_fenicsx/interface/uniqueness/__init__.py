@@ -6,7 +6,7 @@ r"""Uniqueness of a path: one solution of every rate problem, or several.
    them (`exact.ties.tied`). A slipping node, one that begins to slip, or a stuck one at its
    friction limit may slip or stick; one without gap and pressure may do anything. Only instants
    that were not met before are looked at.
-2. **Certificate of a set of states** (`definite.Certificate`). Separated nodes, and tangential
+2. **Certificate of a set of states** (`certificate.Certificate`). Separated nodes, and tangential
    freedoms without friction, are condensed out of K. On the slipping nodes, with $Q = -c P$, $c =
    f_\mathrm{forward}$ in forward and $-f_\mathrm{backward}$ in backward slip, $S = \mathrm{sign}\,
    c$ and $C = \mathrm{diag}(c)$, slip rates $z = S \dot v$ and rates $y$ of the active margin
@@ -19,11 +19,11 @@ r"""Uniqueness of a path: one solution of every rate problem, or several.
    definite there is one solution: with friction reduced to t f, $0 \le t \le 1$, every piece of the
    piecewise linear law keeps a positive determinant, so that the number of solutions is that
    without friction, one.
-4. **Few factorisations** (`patterns.certify`). Sets of states of a leg are certified together, by
+4. **Few factorisations** (`certificate.certify`). Sets of states of a leg are certified together,
+by
    one matrix that contains them all: nodes that slip in given directions, and nodes that open;
    nodes that touch may slip the other way too. A group that fails is halved. A set in a pattern
-   that was certified before needs no more work; mostly one pattern holds whole legs
-   (`whole_legs`).
+   that was certified before needs no more work.
 5. **Margin** (`Certificate.margin`). All friction may grow by
    $$\varphi = 1 / \lambda_\mathrm{max}(-\mathrm{sym}(C K_{nt}), K_{tt}),$$
    the smallest over the sets of states. Sets whose margin is larger than ``LARGE_MARGIN`` are

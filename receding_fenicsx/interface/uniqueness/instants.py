@@ -1,4 +1,7 @@
-"""Instants of a leg at which the states are decided anew, and what the nodes may do at each.
+"""Sets of states, and the instants of a leg at which the states are decided anew.
+
+A set of nodes is an integer with bit i for node i, so that unions, differences and the question
+whether one set contains another are single operations, for thousands of sets of states on a leg.
 
 The states at the start of a leg, its events, and the ties of its path tell all: nodes that are on a
 limit at an instant, whether they change their state there or not. The solvers are not involved.
@@ -6,39 +9,119 @@ limit at an instant, whether they change their state there or not. The solvers a
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator
+from itertools import product
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from receding_fenicsx.interface.changes import Changes
-from receding_fenicsx.interface.law import SEPARATION, STICK
-from receding_fenicsx.interface.lcp.contact import Undecided
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.tolerances import SIMULTANEOUS
-from receding_fenicsx.interface.uniqueness.definite import Certificate
-from receding_fenicsx.interface.uniqueness.sides import Change, Sides, States, mask_of, nodes_of
+
+Change = tuple[int, int, int]
+"""Node, old state, new state."""
+
+States = NDArray[np.int8]
 
 
-@dataclass(frozen=True)
-class Instant:
-    """A rate problem on the path.
+def bits_of(chosen: NDArray[np.bool_]) -> int:
+    """Return the integer of a set of nodes, given as a mask."""
+    return int.from_bytes(np.packbits(chosen, bitorder="little").tobytes(), "little")
+
+
+def mask_of(bits: int, n: int) -> NDArray[np.bool_]:
+    """Return the mask of a set among n nodes."""
+    packed = np.frombuffer(bits.to_bytes((n + 7) // 8, "little"), dtype=np.uint8)
+    return np.unpackbits(packed, count=n, bitorder="little").view(np.bool_)
+
+
+def nodes_of(bits: int) -> list[int]:
+    """Return the nodes of a set."""
+    nodes = list[int]()
+    while bits:
+        nodes.append((bits & -bits).bit_length() - 1)
+        bits &= bits - 1
+    return nodes
+
+
+class Sides(NamedTuple):
+    """Disjoint sets of nodes; all others stick.
 
     Attributes:
-        s: place on the leg.
-        sides: states in which every node that may slip does so.
+        forward: nodes in forward slip.
+        backward: nodes in backward slip.
+        open: separated nodes.
+        touching: nodes with neither gap nor pressure, which may take any state.
     """
 
-    s: float
-    sides: Sides
+    forward: int = 0
+    backward: int = 0
+    open: int = 0
+    touching: int = 0
 
-    def undecided(self, certificate: Certificate) -> Undecided:
-        """Return the nodes that the rate problem decides."""
-        touching = np.array(nodes_of(self.sides.touching), dtype=np.intp)
-        n, rubs = certificate.system.n, certificate.frictional
-        forward, backward = (np.flatnonzero(rubs & mask_of(bits, n)) for bits in self.sides[:2])
-        smooth = certificate.smooth[touching]
-        return Undecided(forward, backward, touching[~smooth], touching[smooth])
+    @classmethod
+    def of(cls, state: States) -> Sides:
+        """Return the sides of (N,) states."""
+        every = np.array([[FORWARD], [BACKWARD], [SEPARATION]], dtype=np.int8)
+        packed = np.packbits(state == every, axis=1, bitorder="little")
+        return cls(*(int.from_bytes(row.tobytes(), "little") for row in packed))
+
+    def states(self, n: int) -> States:
+        """Return the (N,) states; touching nodes stick."""
+        state = np.full(n, STICK, dtype=np.int8)
+        for bits, side in zip(self[:3], (FORWARD, BACKWARD, SEPARATION), strict=True):
+            state[mask_of(bits, n)] = side
+        return state
+
+    def of_nodes(self, nodes: int) -> Sides:
+        """Return the sides with slip of these nodes only."""
+        return self._replace(forward=self.forward & nodes, backward=self.backward & nodes)
+
+    def put(self, nodes: int, side: int) -> Sides:
+        """Return the sides after nodes have taken a state; 0 for touching ones."""
+        others = ~nodes
+        return Sides(
+            self.forward & others | (nodes if side == FORWARD else 0),
+            self.backward & others | (nodes if side == BACKWARD else 0),
+            self.open & others | (nodes if side == SEPARATION else 0),
+            self.touching & others | (nodes if side == 0 else 0),
+        )
+
+    @property
+    def touches_few(self) -> bool:
+        """Whether some nodes touch, so few that all their sides are judged one by one."""
+        return 0 < self.touching.bit_count() <= 6
+
+    def explicit(self, rubbing: int) -> Iterator[Sides]:
+        """Yield the sets of states with each touching node on each of its sides.
+
+        These are open, forward and backward slip of the ``rubbing`` nodes; closed and open of the
+        others.
+        """
+        nodes = nodes_of(self.touching)
+        sides = [
+            (SEPARATION, FORWARD, BACKWARD) if rubbing >> i & 1 else (STICK, SEPARATION)
+            for i in nodes
+        ]
+        for chosen in product(*sides):
+            one = self
+            for i, side in zip(nodes, chosen, strict=True):
+                one = one.put(1 << i, side)
+            yield one
+
+    def after(self, changes: Iterable[Change]) -> Sides:
+        """Return the sides after several changes of state, of which the last of a node counts."""
+        changed = [0] * (1 + max(STICK, FORWARD, BACKWARD, SEPARATION))
+        for i, new in {i: new for i, _, new in changes}.items():
+            changed[new] |= 1 << i
+        others = ~sum(changed)
+        return Sides(
+            self.forward & others | changed[FORWARD],
+            self.backward & others | changed[BACKWARD],
+            self.open & others | changed[SEPARATION],
+        )
 
 
 class InstantsOfLegs:
@@ -55,12 +138,12 @@ class InstantsOfLegs:
         events: Changes,
         ties: Changes,
         finite: Callable[[float], bool] = lambda s: False,
-    ) -> list[Instant]:
+    ) -> list[tuple[float, Sides]]:
         """Return the instants of a leg not met before: its start and where states change.
 
-        A node that was slipping, or that begins to, may slip or stick; so may a stuck one on a
-        limit. One that comes into contact or leaves it, or whose slip turns round at once, may do
-        anything.
+        Each is its place s, and the sides on which every node that may slip does so. A node that
+        was slipping, or that begins to, may slip or stick; so may a stuck one on a limit. One that
+        comes into contact or leaves it, or whose slip turns round at once, may do anything.
 
         Args:
             direction: of the leg.
@@ -72,8 +155,8 @@ class InstantsOfLegs:
         """
         met = self._met.setdefault(direction, set())
         now = Sides.of(start)
-        found: list[Instant] = []
-        for s, group in together(events, ties):
+        found: list[tuple[float, Sides]] = []
+        for s, group in _together(events, ties):
             before, made = now, [change for change, is_tie in group if not is_tie]
             if made:
                 now = before.after(made)
@@ -83,12 +166,12 @@ class InstantsOfLegs:
                 sides = _loosest(before, [change for change, _ in group])
             if sides not in met:
                 met.add(sides)
-                found.append(Instant(s, sides))
+                found.append((s, sides))
         return found
 
-    def forget(self, direction: bytes, instants: list[Instant]) -> None:
-        """Let instants count as new where they are met again."""
-        self._met[direction].difference_update(instant.sides for instant in instants)
+    def forget(self, direction: bytes, sides: Sides) -> None:
+        """Let an instant count as new where it is met again."""
+        self._met[direction].discard(sides)
 
 
 def in_order(events: Changes, ties: Changes) -> tuple[Changes, NDArray[np.bool_]]:
@@ -100,13 +183,8 @@ def in_order(events: Changes, ties: Changes) -> tuple[Changes, NDArray[np.bool_]
     return every.select(order), is_tie[order]
 
 
-def together(events: Changes, ties: Changes) -> list[tuple[float, list[tuple[Change, bool]]]]:
-    """Sort events and ties into those that are simultaneous; say of each whether it is a tie.
-
-    Returns:
-        The place of the first of each group, and the group. The first are those at the start, if
-        there are any.
-    """
+def _together(events: Changes, ties: Changes) -> list[tuple[float, list[tuple[Change, bool]]]]:
+    """Return groups of simultaneous events and ties, first at the start; of each whether a tie."""
     every, is_tie = in_order(events, ties)
     groups, last = [(0.0, list[tuple[Change, bool]]())], 0.0
     for (s, i, old, new), tie in zip(every, is_tie.tolist(), strict=True):

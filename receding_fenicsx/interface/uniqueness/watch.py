@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -18,28 +19,26 @@ from receding_fenicsx.interface.law import STICK
 from receding_fenicsx.interface.lcp.all_solutions import all_solutions
 from receding_fenicsx.interface.system import ContactState, ContactSystem, Leg
 from receding_fenicsx.interface.tolerances import JUMP_STEP, SAME_MARGIN, SIMULTANEOUS
-from receding_fenicsx.interface.uniqueness.definite import Certificate
-from receding_fenicsx.interface.uniqueness.first_loading import solutions_from_rest
-from receding_fenicsx.interface.uniqueness.instants import Instant, InstantsOfLegs, in_order
-from receding_fenicsx.interface.uniqueness.patterns import (
-    MOST_TOUCHING,
+from receding_fenicsx.interface.uniqueness.certificate import (
+    Certificate,
     Pattern,
     certify,
     definite,
     grouped,
     halves,
 )
-from receding_fenicsx.interface.uniqueness.sides import Sides, States, bits_of, mask_of
-from receding_fenicsx.interface.uniqueness.whole_legs import WholeLegs
-
-NAMED_NODES = 8
-"""Largest number of nodes that are named at the first doubt."""
+from receding_fenicsx.interface.uniqueness.first_loading import solutions_from_rest
+from receding_fenicsx.interface.uniqueness.instants import (
+    InstantsOfLegs,
+    Sides,
+    States,
+    bits_of,
+    in_order,
+    mask_of,
+)
 
 LARGE_MARGIN = 1.5
 """Margin beyond which sets of states are measured at the ends of legs only."""
-
-LEGS_KEPT = 4096
-"""Legs that are kept, to be known where they come again."""
 
 COUNTED = 8
 """Instants without certificate whose solutions are counted between two checkpoints."""
@@ -60,7 +59,7 @@ class Uniqueness:
             problem.
         cycle, leg, s: place of the first doubt, -1 without one. A path that is not certified and
             has no such place is ``UNKNOWN``: it began before uniqueness was judged.
-        nodes: nodes of the first doubt, at most ``NAMED_NODES``, filled up with -1.
+        nodes: nodes of the first doubt, at most as many as here, filled up with -1.
         static: largest number of solutions found of a static problem, 0 without one.
         proved: static problems are proved to have no other solution.
     """
@@ -71,7 +70,7 @@ class Uniqueness:
     cycle: int = -1
     leg: int = -1
     s: float = -1.0
-    nodes: tuple[int, ...] = (-1,) * NAMED_NODES
+    nodes: tuple[int, ...] = (-1,) * 8
     static: int = 0
     proved: bool = True
 
@@ -82,7 +81,7 @@ class Uniqueness:
         changed = replace(self, certified=False, solutions=max(self.solutions, solutions))
         if not self.certified:
             return changed
-        named = (nodes + (-1,) * NAMED_NODES)[:NAMED_NODES]
+        named = (nodes + self.nodes)[: len(self.nodes)]  # none so far: all are -1
         return replace(changed, cycle=place[0], leg=place[1], s=place[2], nodes=named)
 
 
@@ -113,23 +112,21 @@ class UniquenessWatch:
         self.certificate, self._segments = Certificate(system), Segments(system)
         self._instants = InstantsOfLegs()
         self._patterns: list[Pattern] = []
-        self._whole_legs = WholeLegs(self.certificate, LARGE_MARGIN, self._patterns)
         # of no smaller margin than the one that is found
         self._larger: list[Pattern] = []
         self.indefinite: set[Sides] = set()
         self._measured: set[Sides] = set()
-        self._solved: set[bytes] = set()
         self._jumps: list[float] = []
+        self._doubtful: list[tuple[bytes, Sides]] = []
+        # keys of static problems and of legs that were judged, to be known where they come again
         self._judged: set[tuple[bytes, ...]] = set()
-        self._doubtful: list[tuple[bytes, Instant]] = []
         self._left = COUNTED
 
     def forget_doubts(self) -> None:
         """Judge and count doubtful instants anew, as a run does that is resumed here."""
-        for way, instant in self._doubtful:
-            self._instants.forget(way, [instant])
+        for way, sides in self._doubtful:
+            self._instants.forget(way, sides)
         self._doubtful, self._left = [], COUNTED
-        self._solved.clear()
         self._judged.clear()
 
     def add(
@@ -150,13 +147,15 @@ class UniquenessWatch:
             static: it is one static problem, with slip counted from the start.
         """
         system, n, (a, b) = self.certificate.system, self.certificate.system.n, ends
+        segments, scale = self._segments, leg.force_scale
         self._jumps = [s for s, _ in leg.jumps]
         for s in self._jumps:
             changed = {i for at, i, *_ in leg.events if self._is_finite(at)}
             self.found = self.found.with_doubt((*place, s), tuple(sorted(changed)))
         state, events, ties = start.state, leg.events, leg.ties
         if self.in_steps or not np.any(a):
-            ties = Changes.joined(self._at_start(start, leg.force_scale), ties)
+            values = segments.values(start)
+            ties = Changes.joined(ties_at(segments, 0.0, values, state, scale), ties)
         crossing = zero_crossing(ends)
         if crossing is not None:
             before, after = crossing - SIMULTANEOUS, crossing + SIMULTANEOUS
@@ -167,9 +166,9 @@ class UniquenessWatch:
                 return
             start = ContactState(np.zeros(2 * n), np.zeros(2 * n), state)
         if static or crossing is not None or not np.any(a):
-            gap = self._segments.values(start)[n : 2 * n]
-            near = system.held[n:] | (gap <= self._segments.limit[n : 2 * n] * leg.force_scale)
-            at_rest = not np.any(a) and near.all() and carries_nothing(start, leg.force_scale)
+            gap = segments.values(start)[n : 2 * n]
+            near = system.held[n:] | (gap <= segments.limit[n : 2 * n] * scale)
+            at_rest = not np.any(a) and near.all() and carries_nothing(start, scale)
             if static or crossing is not None or at_rest:
                 self._static((*place, crossing or 0.0), (start, leg.end.state), b, near)
                 state, events, ties = leg.end.state, *[Changes.none()] * 2
@@ -190,10 +189,6 @@ class UniquenessWatch:
         every = stuck.put(self.certificate.rubbing | bits_of(normal[n:]), 0)
         return definite(self.certificate, every, 1.0 + SAME_MARGIN)
 
-    def _at_start(self, start: ContactState, force_scale: float) -> Changes:
-        """Return the nodes on limits at the start of a leg, as ties."""
-        return ties_at(self._segments, 0.0, self._segments.values(start), start.state, force_scale)
-
     def _is_finite(self, s: float) -> bool:
         """Return whether states change at s by a load step or a jump."""
         return self.in_steps or any(0.0 <= s - at <= 2.0 * JUMP_STEP for at in self._jumps)
@@ -207,15 +202,15 @@ class UniquenessWatch:
     ) -> None:
         """Judge a static problem from rest, given with the states at its end."""
         start, end = path
-        key = start.u.tobytes() + load.tobytes()
-        if key in self._solved:
+        key = (start.u.tobytes(), load.tobytes())
+        if key in self._judged:
             return
-        self._solved.add(key)
-        states, proved = solutions_from_rest(self.certificate, start, end, load, near)
+        self._judged.add(key)
+        found = solutions_from_rest(self.certificate, self._segments, start, end, load, near)
+        states, proved = found
         count = max(1, len(states))  # the path has found one
-        found = self.found
-        static = max(found.static, count)
-        self.found = replace(found, static=static, proved=found.proved and proved)
+        static = max(self.found.static, count)
+        self.found = replace(self.found, static=static, proved=self.found.proved and proved)
         if count > 1:
             self.found = self.found.with_doubt(place, _differing(states), count)
 
@@ -240,26 +235,20 @@ class UniquenessWatch:
             # definite sets of states are so whatever the loads
             if (b"", *parts) in self._judged or (way, *parts) in self._judged:
                 return
-            # those at the start, and the others
-            first = int(later.argmax()) if later.any() else len(later)
-            begun, others = every.select(slice(first)), every.select(slice(first, None))
-            at_start, made = is_tie[:first], begun.select(~is_tie[:first])
-            state = start.copy()
-            state[made.node] = made.new
-            if self._whole_legs.hold(way, state, others, later[first:]):
-                events, ties = made, begun.select(at_start)
-        instants = self._instants.new(way, start, events, ties, self._is_finite)
         rubbing = self.certificate.rubbing
-        sets = {id(instant): instant.sides.of_nodes(rubbing) for instant in instants}
+        instants = [
+            (s, sides, sides.of_nodes(rubbing))
+            for s, sides in self._instants.new(way, start, events, ties, self._is_finite)
+        ]
         self.judge(
-            [one for one in sets.values() if (one.forward | one.backward | one.touching) & rubbing]
+            [one for _, _, one in instants if (one.forward | one.backward | one.touching) & rubbing]
         )
-        for instant in instants:
-            if sets[id(instant)] in self.indefinite:
-                self._doubtful.append((way, instant))
-                self._doubt((*place, instant.s), direction, instant)
+        for s, sides, one in instants:
+            if one in self.indefinite:
+                self._doubtful.append((way, sides))
+                self._doubt((*place, s), direction, sides)
         if parts:
-            if len(self._judged) == LEGS_KEPT:
+            if len(self._judged) == 4096:
                 self._judged.clear()
             self._judged.add((way if self.indefinite else b"", *parts))
 
@@ -272,21 +261,21 @@ class UniquenessWatch:
                 return False
         return one not in self.indefinite
 
-    def judge(self, sets: list[Sides]) -> None:
-        """Certify sets of states in which something slips; note those that are not definite."""
-        made: list[Pattern] = []
-        for group in grouped(list(filter(self._is_new, sets))):
-            self._judge(group, made, 0)
-        self._patterns[:0] = made[::-1]
-
-    def _judge(self, sets: list[Sides], made: list[Pattern], seen: int) -> None:
-        """Certify a group: together, else in halves, at last each alone.
+    def judge(self, sets: Sequence[Sides], made: list[Pattern] | None = None) -> None:
+        """Certify sets of states in which something slips; note those that are not definite.
 
         Args:
-            sets: the group.
-            made: patterns made since the sets were new.
-            seen: number of those that hold none of them.
+            sets: the sets of states.
+            made: takes the patterns that are made; they are kept when it is left out.
         """
+        found = [] if made is None else made
+        for group in grouped(list(filter(self._is_new, sets))):
+            self._judge(group, found, 0)
+        if made is None:
+            self._patterns[:0] = found[::-1]
+
+    def _judge(self, sets: list[Sides], made: list[Pattern], seen: int) -> None:
+        """Certify a group together, in halves, at last each alone; ``seen`` hold none of it."""
         while sets := [one for one in sets if not any(other.holds(one) for other in made[seen:])]:
             seen = len(made)
             pattern = certify(self.certificate, sets, LARGE_MARGIN)
@@ -296,10 +285,9 @@ class UniquenessWatch:
                 for half in halves(sets):
                     self._judge(half, made, seen)
                 return
-            elif not self._is_definite(sets[0], made):
-                self.indefinite.add(sets[0])
-                return
             else:
+                if not self._is_definite(sets[0], made):
+                    self.indefinite.add(sets[0])
                 return
 
     def _is_definite(self, one: Sides, made: list[Pattern]) -> bool:
@@ -310,11 +298,10 @@ class UniquenessWatch:
             if pattern is not None:
                 made.append(pattern)
             return pattern is not None
-        if one.touching.bit_count() > MOST_TOUCHING:
+        if not one.touches_few:
             return False
         sides = list(one.explicit(self.certificate.rubbing))
-        for group in grouped(list(filter(self._is_new, sides))):
-            self._judge(group, made, 0)
+        self.judge(sides, made)
         return self.indefinite.isdisjoint(sides)
 
     def _measure(self, one: Sides) -> None:
@@ -331,22 +318,18 @@ class UniquenessWatch:
         if margin > 0.0:  # what slips without stiffness does so whatever the friction
             self.found = replace(self.found, margin=min(least, margin))
 
-    def _doubt(self, place: tuple[int, int, float], direction: Array, instant: Instant) -> None:
+    def _doubt(self, place: tuple[int, int, float], direction: Array, sides: Sides) -> None:
         """Count the solutions of an instant whose matrices are not all definite."""
         judge, states = self.certificate, np.zeros((0, 0), dtype=np.int8)
-        state = instant.sides.states(judge.system.n)
-        if not instant.sides.touching and judge.is_p_matrix(state):
+        system, state = judge.system, sides.states(judge.system.n)
+        if not sides.touching and judge.is_p_matrix(state):
             return
         if self._left:
             self._left -= 1
-            open_ = mask_of(instant.sides.open, judge.system.n)
+            free = judge.free(mask_of(sides.open, system.n))
             with suppress(np.linalg.LinAlgError):
-                found = all_solutions(
-                    judge.system,
-                    direction @ judge.system.r_star,
-                    instant.undecided(judge),
-                    judge.free(open_),
-                )
+                held = direction @ system.r_star
+                found = all_solutions(system, held, judge.undecided(sides), free)
                 if found.complete and len(found.states) == 1:
                     return
                 states = found.states

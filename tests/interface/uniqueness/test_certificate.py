@@ -16,10 +16,13 @@ from receding_fenicsx.interface.changes import Changes
 from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION, STICK
 from receding_fenicsx.interface.lcp.contact import choices
 from receding_fenicsx.interface.system import ContactSystem
-from receding_fenicsx.interface.uniqueness.definite import Certificate
-from receding_fenicsx.interface.uniqueness.instants import Instant, InstantsOfLegs
-from receding_fenicsx.interface.uniqueness.patterns import certify
-from receding_fenicsx.interface.uniqueness.sides import Sides, bits_of, nodes_of
+from receding_fenicsx.interface.uniqueness.certificate import Certificate, certify
+from receding_fenicsx.interface.uniqueness.instants import (
+    InstantsOfLegs,
+    Sides,
+    bits_of,
+    nodes_of,
+)
 from receding_fenicsx.interface.uniqueness.watch import LARGE_MARGIN, Uniqueness, UniquenessWatch
 
 RATES = 4
@@ -95,7 +98,7 @@ def test_a_node_that_drags_an_open_one_along_a_free_slide_has_no_certificate() -
         assert not judge.is_p_matrix(state) and certify(judge, [Sides.of(state)], 1.0) is None
 
 
-def random_instant(seed: int) -> tuple[ContactSystem, Certificate, Instant]:
+def random_instant(seed: int) -> tuple[ContactSystem, Certificate, Sides]:
     """Return a contact of up to four nodes, frictionless and held ones among them, in any state."""
     rng = np.random.default_rng(seed)
     n = 1 + seed % 4
@@ -113,14 +116,14 @@ def random_instant(seed: int) -> tuple[ContactSystem, Certificate, Instant]:
     state = rng.choice(kinds, n, p=[0.1, 0.2, 0.35, 0.35]).astype(np.int8)
     state[~judge.frictional & (state > SEPARATION)] = STICK
     touching = bits_of(rng.random(n) < 0.4)
-    return system, judge, Instant(0.0, Sides.of(state).put(touching, 0))
+    return system, judge, Sides.of(state).put(touching, 0)
 
 
-def counts(system: ContactSystem, judge: Certificate, instant: Instant, seed: int) -> set[int]:
+def counts(system: ContactSystem, judge: Certificate, instant: Sides, seed: int) -> set[int]:
     """Return the numbers of solutions for several load rates, all sets of states being tried."""
     rng = np.random.default_rng(seed)
-    may = choices(instant.undecided(judge))
-    state = instant.sides.states(system.n)
+    may = choices(judge.undecided(instant))
+    state = instant.states(system.n)
     every = [may.get(i, (int(state[i]),)) for i in range(system.n)]
     found = set()
     for _ in range(RATES):
@@ -133,12 +136,12 @@ def test_a_certified_instant_has_one_solution_for_every_load_rate() -> None:
     tally = {"certified": 0, "one": 0, "others": 0}
     for seed in range(120):
         system, judge, instant = random_instant(seed)
-        sets = list(instant.sides.explicit(judge.rubbing))
+        sets = list(instant.explicit(judge.rubbing))
         found = counts(system, judge, instant, seed)
         if all(judge.margin(one.states(system.n))[0] > 1.0 + 1e-9 for one in sets):
             assert found == {1}, seed
             tally["certified"] += 1
-        elif not instant.sides.touching and judge.is_p_matrix(instant.sides.states(system.n)):
+        elif not instant.touching and judge.is_p_matrix(instant.states(system.n)):
             assert found == {1}, seed
         else:
             tally["one" if found == {1} else "others"] += 1
@@ -224,7 +227,7 @@ def test_instants_are_the_start_and_each_place_of_change_and_met_ones_are_left_o
     ]
     events, none = Changes.of(rows), Changes.none()
     found = legs.new(b"x", start, events, none)
-    states = [(i.s, i.sides.states(3).tolist(), nodes_of(i.sides.touching)) for i in found]
+    states = [(s, i.states(3).tolist(), nodes_of(i.touching)) for s, i in found]
     assert states == [
         (0.0, [STICK, FORWARD, SEPARATION], []),
         (0.2, [BACKWARD, STICK, SEPARATION], []),
@@ -233,11 +236,11 @@ def test_instants_are_the_start_and_each_place_of_change_and_met_ones_are_left_o
     assert legs.new(b"x", start, events, none) == []
     assert len(legs.new(b"another direction", start, events, none)) == 3
     judge = Certificate(system)
-    assert len(list(found[2].sides.explicit(judge.rubbing))) == 3
+    assert len(list(found[2][1].explicit(judge.rubbing))) == 3
     # a tie counts as much as a change, and so do changes within round-off of one another
     ties = [(0.2, 2, SEPARATION, SEPARATION), (0.5 - 1e-12, 0, BACKWARD, SEPARATION)]
     found = legs.new(b"x", start, events, Changes.of(ties))
-    states = [(i.s, i.sides.states(3).tolist(), nodes_of(i.sides.touching)) for i in found]
+    states = [(s, i.states(3).tolist(), nodes_of(i.touching)) for s, i in found]
     assert states == [
         (0.2, [BACKWARD, STICK, STICK], [2]),
         (0.5 - 1e-12, [STICK, FORWARD, STICK], [0, 2]),
@@ -251,8 +254,8 @@ def test_slip_that_turns_round_at_one_place_leaves_its_node_touching_in_any_numb
 ) -> None:
     states = [ends[0], *between, ends[1]]
     events = Changes.of((0.3, 0, old, new) for old, new in pairwise(states))
-    _, found = InstantsOfLegs().new(b"x", one(ends[0]), events, Changes.none())
-    assert nodes_of(found.sides.touching) == [0]
+    _, (_, found) = InstantsOfLegs().new(b"x", one(ends[0]), events, Changes.none())
+    assert nodes_of(found.touching) == [0]
 
 
 @pytest.mark.parametrize("loads", ["ab", "ba", "aba"])

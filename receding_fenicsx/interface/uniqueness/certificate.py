@@ -1,0 +1,361 @@
+"""Certificates of sets of states: definiteness of the matrix of the rate problem, and its margin.
+
+**One set.** In a set of states the separated nodes, and the tangential freedoms without friction,
+move at zero reaction; condensed of these the stiffness is K'. With C = diag(c), Q = -c P at the
+slipping nodes, the rates are unique if
+
+    sym(K'_tt + C K'_nt)
+
+on the slipping nodes is positive definite. All friction may grow up to the factor
+
+    phi = 1 / lambda_max(-sym(C K'_nt), K'_tt).
+
+**Many sets by one factorisation.** Take nodes that slip or open, each with one direction of slip,
+and the rows
+
+    v_i = K_t,i + c_i K_n,i   of all of them,    w_i = alpha K_n,i   of those that may open,
+
+on the columns of their tangential and normal freedoms. If the symmetric part of this one matrix is
+positive definite, every set of states in which some of these nodes slip in these directions and
+some of those that may open are open is definite: its matrix is a Schur complement of a principal
+submatrix, and elimination of an open node does not see that the rows v_i and w_i are combinations
+of K_t,i and K_n,i. Nodes that are open in all the sets are condensed out exactly.
+
+Nodes on the edge of contact are judged with slip in either direction. To turn round the slip of a
+node changes one row, and the symmetric part by e k' + k e'. With nodes turned round at once it
+stays positive definite if
+
+    sum of (a . b + |a| |b|) over them < 1,   with L a = e,  L b = -k,
+
+L being the Cholesky factor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+import scipy.linalg as sla
+from numpy.typing import NDArray
+
+from receding_fenicsx.arrays import Array
+from receding_fenicsx.interface.law import BACKWARD, FORWARD, SEPARATION
+from receding_fenicsx.interface.lcp.contact import Undecided
+from receding_fenicsx.interface.rigid_motions import neutral_motions
+from receding_fenicsx.interface.system import ContactSystem
+from receding_fenicsx.interface.tolerances import SAME_MARGIN
+from receding_fenicsx.interface.uniqueness.instants import Sides, States, bits_of, mask_of, nodes_of
+
+SINGULAR = 1e-11
+"""Pivot of a Cholesky factorisation over the diagonal entry, or coupling over the stiffness, below
+which it counts as zero."""
+
+
+class Certificate:
+    """Judges sets of states of one contact; an answer depends on the set alone.
+
+    Attributes:
+        system: the condensed body in 2N form.
+        frictional: (N,) nodes with the full contact law.
+        smooth: (N,) nodes without friction, or held tangentially.
+        rubbing: the frictional nodes, as an integer.
+        loose: freedoms that move at zero reaction in every set of states.
+        coupling: size of K_tn over that of K_nn.
+    """
+
+    def __init__(self, system: ContactSystem) -> None:
+        """Prepare for a system of ``kind = "frictional"``."""
+        n = system.n
+        self.system = system
+        normal = ~system.held[n:]
+        self.frictional = ~system.held[:n] & normal & system.friction.present
+        self.smooth = normal & ~self.frictional
+        self.loose = np.flatnonzero(~system.held[:n] & ~self.frictional)
+        self.rubbing = bits_of(self.frictional)
+        K_tn, K_nn = (float(np.linalg.norm(K)) for K in (system.K[:n, n:], system.K[n:, n:]))
+        self.coupling = max(K_tn / K_nn, SINGULAR) if K_nn else SINGULAR
+        self._factor: tuple[int, tuple[NDArray[np.intp], Array]] | None = None
+
+    def slipping(self, state: States) -> NDArray[np.intp]:
+        """Return the nodes that slip against friction."""
+        return np.flatnonzero(self.frictional & ((state == FORWARD) | (state == BACKWARD)))
+
+    def undecided(self, sides: Sides) -> Undecided:
+        """Return the nodes that the rate problem decides where all on a limit slip or touch."""
+        touching = np.array(nodes_of(sides.touching), dtype=np.intp)
+        forward, backward = (
+            np.flatnonzero(self.frictional & mask_of(bits, self.system.n)) for bits in sides[:2]
+        )
+        smooth = self.smooth[touching]
+        return Undecided(forward, backward, touching[~smooth], touching[smooth])
+
+    def free(self, open_: NDArray[np.bool_]) -> NDArray[np.intp]:
+        """Return the freedoms that move at zero reaction where some nodes are open."""
+        n = self.system.n
+        return np.concatenate(
+            [
+                np.flatnonzero(open_ & self.frictional),
+                self.loose,
+                n + np.flatnonzero(open_ & ~self.system.held[n:]),
+            ]
+        )
+
+    def matrices(self, state: States) -> tuple[Array, Array]:
+        """Return K'_tt and C K'_nt of the slipping nodes.
+
+        Raises:
+            np.linalg.LinAlgError: what moves freely, or together with a slipping node, has a motion
+                without stiffness.
+        """
+        system, slips = self.system, self.slipping(state)
+        m = len(slips)
+        rows = np.concatenate([slips, system.n + slips])
+        K = self.condensed(rows, m, bits_of(state == SEPARATION))
+        # what remains of a motion without stiffness is round-off
+        if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(system.K)[slips]):
+            raise np.linalg.LinAlgError
+        return K[:m], system.friction[slips].at_slip(state[slips])[:, None] * K[m:]
+
+    def condensed(self, rows: NDArray[np.intp], columns: int, open_: int) -> Array:
+        """Return rows of K', of some open nodes, on the first of these freedoms as columns.
+
+        Raises:
+            np.linalg.LinAlgError: what moves freely has a motion without stiffness.
+        """
+        free, factor = self._free_stiffness(open_)
+        K = self.system.K[rows][:, rows[:columns]]
+        if len(free) and len(rows):
+            coupled = self.system.K[free][:, rows]
+            half = sla.solve_triangular(factor, coupled, lower=True, check_finite=False)
+            K -= half.T @ half[:, :columns]
+        return K
+
+    def _free_stiffness(self, open_: int) -> tuple[NDArray[np.intp], Array]:
+        """Return the freedoms free where nodes are open, and the factor of their stiffness."""
+        if self._factor is None or self._factor[0] != open_:
+            K, free = self.system.K, self.free(mask_of(open_, self.system.n))
+            kept = np.ones(len(K), dtype=bool)
+            kept[free] = False
+            stiffness = K[np.ix_(free, free)]
+            motions = neutral_motions(self.system.rigid, kept)[free]
+            if motions.shape[1]:
+                stiffness = stiffness + float(np.diagonal(K).max()) * motions @ motions.T
+            self._factor = open_, (free, cholesky(stiffness))
+        return self._factor[1]
+
+    def margin(self, state: States) -> tuple[float, tuple[int, ...]]:
+        """Return phi of a set of states, and the leading nodes of the critical slip mode.
+
+        It is 0 where something moves without stiffness, infinite where nothing slips or friction
+        only stiffens.
+        """
+        slips = self.slipping(state)
+        try:
+            K_tt, X = self.matrices(state)
+            if not len(slips):
+                return np.inf, ()
+            cholesky(K_tt)
+        except np.linalg.LinAlgError:
+            return 0.0, tuple(slips.tolist())
+        last = len(slips) - 1
+        size, mode = sla.eigh(-0.5 * (X + X.T), K_tt, subset_by_index=[last, last])
+        # below this the eigenvalue is round-off
+        if size[0] <= SINGULAR:
+            return np.inf, ()
+        large = np.abs(mode[:, 0])
+        return float(1.0 / size[0]), tuple(slips[large >= 0.5 * large.max()].tolist())
+
+    def is_p_matrix(self, state: States) -> bool:
+        """Return whether all principal minors of the rate problem are positive, for few nodes."""
+        m = len(self.slipping(state))
+        if m > 12:  # too many principal minors
+            return False
+        try:
+            K_tt, X = self.matrices(state)
+        except np.linalg.LinAlgError:
+            return False
+        scale = 1.0 / np.sqrt(np.diagonal(K_tt))
+        M = scale[:, None] * (K_tt + X) * scale
+        for size in range(1, m + 1):
+            chosen = np.array(list(combinations(range(m), size)))
+            if np.linalg.det(M[chosen[:, :, None], chosen[:, None, :]]).min() <= SAME_MARGIN:
+                return False
+        return True
+
+
+def cholesky(matrix: Array) -> Array:
+    """Return the lower Cholesky factor.
+
+    Raises:
+        np.linalg.LinAlgError: the matrix is not positive definite, or only by round-off.
+    """
+    factor = np.linalg.cholesky(matrix)
+    if np.any(np.diagonal(factor) ** 2 <= SINGULAR * np.diagonal(matrix)):
+        raise np.linalg.LinAlgError
+    return factor
+
+
+@dataclass(frozen=True)
+class Pattern:
+    """Sets of states that are definite together; sets of nodes are integers as in ``Sides``.
+
+    Attributes:
+        forward, backward: nodes that may slip, and where to.
+        opened: nodes that are open in all of its sets.
+        may_open: nodes that are open in some.
+        rubbing: nodes with friction.
+        turning: what it takes to turn round the slip of a node; in all less than 1 is there.
+        either: nodes whose slip may be turned round.
+    """
+
+    forward: int
+    backward: int
+    opened: int
+    may_open: int
+    rubbing: int
+    turning: dict[int, float]
+    either: int
+
+    def holds(self, one: Sides) -> bool:
+        """Return whether all sets of states that the nodes may take are among its sets."""
+        forward, backward, open_, touching = one
+        if self.opened & ~open_ or (open_ | touching) & ~self.may_open:
+            return False
+        # these slip the other way as well, at once
+        nodes = forward & ~self.forward | backward & ~self.backward | touching & self.rubbing
+        if nodes & ~self.either:
+            return False
+        return not nodes & (nodes - 1) or sum(self.turning[i] for i in nodes_of(nodes)) < 1.0
+
+
+def turned(pattern: Sides, one: Sides) -> int:
+    """Return the nodes that slip the other way in a set of states."""
+    return pattern.forward & one.backward | pattern.backward & one.forward
+
+
+def joined(pattern: Sides, one: Sides) -> Sides:
+    """Return a pattern with the slipping nodes of a set of states; those it has keep their way."""
+    forward, backward, *_ = pattern
+    forward, backward = forward | one.forward & ~backward, backward | one.backward & ~forward
+    return Sides(forward, backward, pattern.open | one.open, pattern.touching | one.touching)
+
+
+def grouped(sets: Sequence[Sides]) -> list[list[Sides]]:
+    """Sort sets of states into groups that share directions of slip but for one node of each."""
+    groups: list[list[Sides]] = []
+    united: list[Sides] = []
+    for one in sets:
+        for k, pattern in enumerate(united):
+            other = turned(pattern, one)
+            if not other & (other - 1):
+                break
+        else:
+            k = len(groups)
+            groups.append([])
+            united.append(Sides())
+        groups[k].append(one)
+        united[k] = joined(united[k], one)
+    return groups
+
+
+def halves(sets: Sequence[Sides]) -> tuple[list[Sides], list[Sides]]:
+    """Split a group of at least two: those with fewer open nodes, and the others."""
+    ranked = sorted(range(len(sets)), key=lambda k: sets[k].open.bit_count())
+    few, many = (sorted(part) for part in np.split(ranked, [len(sets) // 2]))
+    return [sets[k] for k in few], [sets[k] for k in many]
+
+
+def certify(judge: Certificate, sets: Sequence[Sides], margin: float) -> Pattern | None:
+    """Certify sets of states with all friction multiplied by a margin.
+
+    Args:
+        judge: certificate of the contact.
+        sets: sets of states, whose slipping nodes are nodes with friction. Directions that differ
+            are those of the first.
+        margin: finite factor.
+
+    Returns:
+        A pattern, or None. It holds all sets unless too many nodes are turned round or touch. For a
+        single set in which none touches None means that it is not definite with this friction.
+    """
+    pattern, either, opened = Sides(), 0, sets[0].open
+    for one in sets:
+        either |= turned(pattern, one)
+        pattern = joined(pattern, one)
+        opened &= one.open
+    may_open, rubbing = pattern.open | pattern.touching, judge.rubbing
+    varying = may_open & ~opened
+    unsigned = varying & rubbing & ~(pattern.forward | pattern.backward)
+    forward, backward = pattern.forward | unsigned, pattern.backward
+    n = judge.system.n
+    state = Sides(forward, backward).states(n)
+    opening = np.flatnonzero(mask_of(varying, n) & ~judge.system.held[n:])
+    try:
+        matrix, K_n = _matrix(judge, (state, opening, opened), margin)
+        lower = cholesky(0.5 * (matrix + matrix.T))
+    except np.linalg.LinAlgError:
+        return None
+    may_turn = np.flatnonzero(mask_of(either | pattern.touching & rubbing, n))
+    turning = _turning(judge, (state, may_turn), (lower, K_n), margin) if len(may_turn) else []
+    weights = dict(zip(may_turn.tolist(), turning, strict=True))
+    either = sum(1 << i for i, weight in weights.items() if weight < 1.0)
+    return Pattern(forward, backward, opened, may_open, rubbing, weights, either)
+
+
+def definite(judge: Certificate, one: Sides, margin: float) -> bool:
+    """Return whether all sets of states that the nodes may take are definite.
+
+    Where too many nodes touch it is not decided, and False.
+    """
+    pattern = certify(judge, [one], margin)
+    if pattern is not None and pattern.holds(one):
+        return True
+    return one.touches_few and all(
+        definite(judge, each, margin) for each in one.explicit(judge.rubbing)
+    )
+
+
+def _matrix(
+    judge: Certificate, nodes: tuple[States, np.ndarray, int], margin: float
+) -> tuple[Array, Array]:
+    """Return the rows v and w, and K_n of the slipping nodes, on the same columns."""
+    (state, may_open, opened), n = nodes, judge.system.n
+    slips = judge.slipping(state)
+    rows = np.concatenate([slips, n + may_open, n + slips])
+    size, m = len(slips) + len(may_open), len(slips)
+    K = judge.condensed(rows, size, opened)
+    if np.any(np.diagonal(K) <= SINGULAR * np.diagonal(judge.system.K)[rows[:size]]):
+        raise np.linalg.LinAlgError
+    c = margin * judge.system.friction[slips].at_slip(state[slips])
+    matrix = K[:size]
+    matrix[:m] += c[:, None] * K[size:]
+    if size > m:
+        largest = np.abs(c).max(initial=0.0)
+        # keeps (1 + alpha) K_tn + C K_nn, the coupling, small against alpha K_nn
+        balanced = np.hypot(1.0, largest / judge.coupling)
+        # weight of the rows w_i over c^2, from which on the slip of a node that may open is turned
+        # round in most cases: there |a| |b| is about c (K_nn / alpha K_tt)^(1/2)
+        matrix[m:] *= max(balanced, 10.0 * largest**2)
+    return matrix, K[size:]
+
+
+def _turning(
+    judge: Certificate,
+    nodes: tuple[States, np.ndarray],
+    factored: tuple[Array, Array],
+    margin: float,
+) -> list[float]:
+    """Return what it takes to turn round the slip of each of some nodes, round-off included."""
+    (state, chosen), (lower, K_n) = nodes, factored
+    friction = judge.system.friction[chosen]
+    now = state[chosen]
+    change = friction.at_slip(np.where(now == FORWARD, BACKWARD, FORWARD)) - friction.at_slip(now)
+    at = np.searchsorted(judge.slipping(state), chosen)
+    e, k = np.zeros((len(lower), len(chosen))), (0.5 * margin * change[:, None] * K_n[at]).T
+    e[at, np.arange(len(chosen))] = 1.0
+    a, b = np.hsplit(sla.solve_triangular(lower, np.hstack([e, -k]), lower=True), 2)
+    size = np.sqrt(np.sum(a * a, axis=0) * np.sum(b * b, axis=0))
+    weights: list[float] = (np.sum(a * b, axis=0) + size + SINGULAR).tolist()
+    return weights
