@@ -196,6 +196,12 @@ def test_refusals_of_nearly_loose_bodies_name_the_softest_motion(number: int) ->
     assert outcome.verdict == UNJUDGED and "as stiff as the stiffest" in outcome.said
 
 
+def test_a_body_is_not_left_where_soft_springs_pull_it_back_as_it_is_unloaded() -> None:
+    """They slide it back in the last 1e-9 of the leg: there is no continuation, or a jump."""
+    outcome = judge(sprung(problem(61001120)))
+    assert outcome.verdict == REFUSED, outcome.said
+
+
 @pytest.mark.parametrize("number", [464364, 621228])
 def test_nodes_that_slip_and_stick_at_one_place_are_no_objection(number: int) -> None:
     assert judge(problem(number)) == Outcome(ACCEPTED, "with jumps")
